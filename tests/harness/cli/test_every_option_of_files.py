@@ -53,7 +53,7 @@ def test_build(notes: Notes, is_default: bool) -> None:
     said(
         done,
         f"FMI {fmi} of the platform {platform}, compiled for {systems}; six actuator forces in, pose and leg lengths "
-        "out; not yet run: `gough-stewart reproduce` runs and compares them",
+        "out; not yet run: `--check` runs and compares them",
         f"FMU of {platform}",
         f"Done in T s. Wrote {Path(out, 'sub', 'a.fmu')} (1.5 kB).",
     )

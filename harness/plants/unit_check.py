@@ -1,0 +1,163 @@
+"""Whether units of the plant do what they say: FMPy's validation, and their reference results in both kinds.
+
+The reference results are in the file, from the equations under another integrator than the unit's.
+"""
+
+import csv
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from ctypes import c_double
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
+
+from gough_stewart.fmu_build.plant.component import IDENTIFIER
+from gough_stewart.fmu_build.plant.reference_results import FOLDER
+from gough_stewart.harness.plants.unit import FmiType, Unit, UnitFile, references, values_of
+from gough_stewart.model import interface
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.vectors import FloatArray
+
+# Of a variable's largest value, or of 1 in its SI unit. Inputs that FMI 3.0 can only hold cost most of it: where
+# friction changes sign within a millimetre per second, accelerations differ by 3e-6.
+BOUND = 1e-5
+# Of the unit's integrator, a hundredth of its default, and of the importer's: what is left is the unit's error.
+_TOLERANCE, _OUTSIDE = 1e-10, 1e-12
+VALIDATION = "validation"
+EXPLANATION = (
+    "Validation by FMPy; largest deviations from the unit's reference results, as a share of a variable's largest "
+    f"value or of 1 in its SI unit: at most {BOUND:.0e} passes."
+)
+KINDS: Mapping[FmiType, str] = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange"}
+# FMI 3.0 holds inputs over a step: at its middle value, with steps so short that the error is below the bound.
+_STEPS_A_ROW = 40
+_Columns = dict[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class UnitCheck:
+    """One check of one file."""
+
+    file: str
+    name: str
+    found: str
+    passed: bool
+    deviation: float | None = None  # from the reference results, as a share
+
+
+def check_units(paths: Iterable[Path | str]) -> Iterator[UnitCheck]:
+    """Three checks of each file, one after the other: validation, Co-Simulation, Model Exchange.
+
+    A failure is a check that has not passed, whatever its reason.
+    """
+    for path in map(Path, paths):
+        problems = validate_fmu(str(path))
+        yield UnitCheck(path.name, VALIDATION, "; ".join(problems) or "no problem", not problems)
+        for kind, name in KINDS.items():
+            try:
+                with UnitFile(path) as file:
+                    deviations = dict(_deviations(file, kind))
+                worst = max(deviations, key=lambda case: deviations[case])
+                found = f"{deviations[worst]:.1e} ({worst})"
+                # NaN does not pass
+                yield UnitCheck(path.name, name, found, deviations[worst] <= BOUND, deviations[worst])
+            except (GoughStewartError, FMICallException, OSError) as error:
+                yield UnitCheck(path.name, name, str(error), passed=False)
+
+
+def _deviations(file: UnitFile, kind: FmiType) -> Iterator[tuple[str, float]]:
+    """By case: the largest deviation from its reference results."""
+    cases = sorted(path for path in (file.folder / FOLDER).glob("*") if path.is_dir())
+    if not cases:
+        raise file.refusal(f"has no reference results in {FOLDER}")
+    for case in cases:
+        expected, inputs, start = (_columns(case / f"{IDENTIFIER}_{each}.csv") for each in ("ref", "in", "start"))
+        time = expected.pop("time")[:, 0]
+        del inputs["time"], start["time"]
+        starts = {name: values[0] for name, values in (inputs | start).items()}
+        deviation = 0.0
+        with Unit(file, kind) as unit:
+            unit.write_by_name(starts)
+            unit.initialise(_TOLERANCE)
+            step = _by_steps(unit, inputs) if kind == "CoSimulation" else _by_integration(unit, inputs)
+            results = values_of(expected, unit.is_fmi2)
+            wanted = np.concatenate(list(expected.values()), axis=1)
+            scale = np.concatenate(
+                [np.full(values.shape[1], max(1.0, np.abs(values).max())) for values in expected.values()]
+            )
+            for k in range(len(time) - 1):
+                try:
+                    step(k, time[k], time[k + 1])
+                except FMICallException as error:
+                    raise file.refusal(f"{case.name}: {unit.take_messages() or error}") from error
+                unit.read(results)
+                # keeps NaN, unlike max()
+                deviation = float(np.maximum(deviation, (np.abs(results.array - wanted[k + 1]) / scale).max()))
+        yield case.name, deviation if np.isfinite(deviation) else np.inf
+
+
+def _columns(path: Path) -> _Columns:
+    """Whole variables (rows, n) of a file, by name; elements are columns in FMI 2.0, one cell in FMI 3.0."""
+    with path.open(newline="") as lines:
+        names, *rows = csv.reader(lines)
+    parts = dict[str, list[FloatArray]]()
+    for name, cells in zip(names, zip(*rows, strict=True), strict=True):
+        parts.setdefault(name.split("[")[0], []).append(np.array([[float(w) for w in cell.split()] for cell in cells]))
+    return {name: np.concatenate(each, axis=1) for name, each in parts.items()}
+
+
+_Step = Callable[[int, float, float], None]
+
+
+def _by_steps(unit: Unit, inputs: _Columns) -> _Step:
+    """Communication steps under inputs that are linear between rows."""
+    buffer, rows = values_of(inputs, unit.is_fmi2), np.concatenate(list(inputs.values()), axis=1)
+    scalars = [each for name in inputs for each in references(name, unit.is_fmi2)]
+
+    def by_rates(k: int, begin: float, end: float) -> None:
+        buffer.array[:] = rows[k]
+        unit.write(buffer)
+        rates = (rows[k + 1] - rows[k]) / (end - begin)
+        unit.fmu.setRealInputDerivatives(scalars, [1] * len(scalars), rates.tolist())
+        unit.do_step(begin, end - begin)
+
+    def by_middle_values(k: int, begin: float, end: float) -> None:
+        step = (end - begin) / _STEPS_A_ROW
+        for m in range(_STEPS_A_ROW):
+            buffer.array[:] = rows[k] + (m + 0.5) / _STEPS_A_ROW * (rows[k + 1] - rows[k])
+            unit.write(buffer)
+            unit.do_step(begin + m * step, step)
+        buffer.array[:] = rows[k + 1]
+        unit.write(buffer)
+
+    return by_rates if unit.is_fmi2 else by_middle_values
+
+
+def _by_integration(unit: Unit, inputs: _Columns) -> _Step:
+    """SciPy integrates the unit's derivatives under inputs that are linear between rows."""
+    from scipy.integrate import solve_ivp
+
+    buffer, rows = values_of(inputs, unit.is_fmi2), np.concatenate(list(inputs.values()), axis=1)
+    n = interface.size_of(interface.STATES)
+    x, xdot = (c_double * n)(), (c_double * n)()
+
+    def integrate(k: int, begin: float, end: float) -> None:
+        def derivatives(t: float, state: FloatArray) -> FloatArray:
+            buffer.array[:] = rows[k] + (t - begin) / (end - begin) * (rows[k + 1] - rows[k])
+            unit.write(buffer)
+            unit.fmu.setTime(t)
+            x[:] = state.tolist()
+            unit.fmu.setContinuousStates(x, n)
+            (unit.fmu.getDerivatives if unit.is_fmi2 else unit.fmu.getContinuousStateDerivatives)(xdot, n)
+            return np.array(xdot)
+
+        unit.fmu.getContinuousStates(x, n)
+        reached = solve_ivp(derivatives, (begin, end), np.array(x), method="DOP853", rtol=_OUTSIDE, atol=_OUTSIDE).y[
+            :, -1
+        ]
+        derivatives(end, reached)
+        unit.fmu.completedIntegratorStep()
+
+    return integrate
