@@ -38,7 +38,10 @@ def ensemble_command(
         bool, typer.Option("--resume", help="Continue an interrupted run in the folder from its finished chunks.")
     ] = False,
     workers: Annotated[
-        int | None, typer.Option(help="Number of processes on this machine. Default: one per core.", metavar="N", min=1)
+        int | None,
+        typer.Option(
+            help="Number of processes on this machine. Default: one thread or process per core.", metavar="N", min=1
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,

@@ -50,8 +50,8 @@ class Chunk(NamedTuple):
     features: str  # processor features of the machine code
 
 
-def chunk(plan: Plan, first: int, last: int) -> Chunk:
-    """Run members first to last − 1: a pure function, with the same result on any machine.
+def chunk(plan: Plan, first: int, last: int, threads: int = 1) -> Chunk:
+    """Run members first to last − 1: a pure function, with the same result on any machine and any number of threads.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def chunk(plan: Plan, first: int, last: int) -> Chunk:
     folds = [*folds_of_loop(running.loop, limits_of_members(batch, running.size)), bands, errors]
     rows_in_blocks = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
     with running.plant:
-        outcomes = observe_all(running.plant, running.law_from, running.loop, rows_in_blocks)
+        outcomes = observe_all(running.plant, running.law_from, running.loop, rows_in_blocks, threads)
         steps = {
             INTEGRATION_ERROR: running.plant.integration_error[: len(batch)],
             INTERNAL_STEPS: running.plant.internal_steps[: len(batch)],

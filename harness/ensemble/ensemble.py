@@ -15,7 +15,7 @@ from gough_stewart.harness.ensemble.chunk import SIZE, check_names
 from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
 from gough_stewart.harness.ensemble.cluster import chunks_there
 from gough_stewart.harness.ensemble.exact_versions import difference, exact_versions
-from gough_stewart.harness.ensemble.local import Range, Workers, chunks_here, cores
+from gough_stewart.harness.ensemble.local import Range, Workers, chunks_here, cores, processes_for
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
@@ -64,7 +64,7 @@ def ensemble(
     resume
         Continue an interrupted run in that folder.
     workers
-        Processes on this machine; by default one per core.
+        Processes on this machine; by default threads, or processes where these save time, one per core.
     scheduler
         The address of a dask.distributed scheduler, whose workers compute instead of processes here.
     progress
@@ -122,16 +122,17 @@ def _run(
 ) -> Ensemble:
     say = status or (lambda _: None)
     say("planning")
-    with _begun_workers(experiment, resume, workers, scheduler) as begun:
+    with _begun_workers(experiment, controller, resume, workers, scheduler) as begun:
         return _computed(experiment, controller, folder, resume, begun, scheduler, progress, say)
 
 
 def _begun_workers(
-    experiment: Experiment, resume: bool, workers: int | None, scheduler: str | None
+    experiment: Experiment, controller: Any, resume: bool, workers: int | None, scheduler: str | None
 ) -> AbstractContextManager[Workers | int]:
     """Processes that import while the run is planned; only their number where it may turn out that none is needed."""
     number, members = workers or cores(), experiment.ensemble.members if experiment.ensemble else None
-    useful = min(number, ceil((members or 0) / SIZE))
+    chunks = ceil((members or 0) / SIZE)
+    useful = min(workers, chunks) if workers else processes_for(chunks, number, experiment, controller)
     return nullcontext(number) if resume or scheduler is not None or useful < 2 else Workers(useful)
 
 

@@ -5,17 +5,22 @@ import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
+from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.ensemble.chunk import chunk
 from gough_stewart.harness.ensemble.chunk_files import ChunkBytes
 from gough_stewart.harness.ensemble.passing import packed, unpacked
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.plan import Plan
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.loop.self_test import loop_kernel
 from gough_stewart.harness.plants.isolated import Isolated
 
 # The first member, and the one after the last.
 Range = tuple[int, int]
+# Python's share of so many chunks takes longer than a process needs to import its modules.
+_CHUNKS_A_PROCESS = 6
 # How often a chunk is tried if its process dies.
 _TRIES = 3
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
@@ -26,6 +31,15 @@ _WAIT = 0.2
 def cores() -> int:
     """The number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def processes_for(chunks: int, number: int, experiment: Experiment, controller: Any = None) -> int:
+    """Processes that are worth their start, of a number of cores: fewer than two if this one is enough.
+
+    Of loops in machine code threads share the work, but for what Python does for each chunk.
+    """
+    is_linear = isinstance(controller, LinearController) if controller is not None else not experiment.controller.code
+    return min(number, chunks // (_CHUNKS_A_PROCESS if is_linear and loop_kernel() is not None else 1))
 
 
 class Worker:
@@ -40,7 +54,7 @@ class Worker:
 
 
 def chunks_here(plan: Plan, ranges: Sequence[Range], workers: "int | Workers") -> Iterator[tuple[Range, ChunkBytes]]:
-    """Finished chunks, in any order, from a number of processes, or from workers that have been started already.
+    """Finished chunks, in any order, from a number of cores, or from workers that have been started already.
 
     Raises
     ------
@@ -49,12 +63,14 @@ def chunks_here(plan: Plan, ranges: Sequence[Range], workers: "int | Workers") -
     """
     if isinstance(workers, Workers):
         yield from workers.chunks(plan, ranges)
-    elif workers == 1 or len(ranges) < 2:
-        for each in ranges:
-            yield each, ChunkBytes.of(chunk(plan, *each))
-    else:
-        with Workers(min(workers, len(ranges))) as started:
+    elif (
+        number := processes_for(len(ranges), workers, plan.prepared.nominal, plan.prepared.preparation.controller)
+    ) > 1:
+        with Workers(number) as started:
             yield from started.chunks(plan, ranges)
+    else:
+        for each in ranges:
+            yield each, ChunkBytes.of(chunk(plan, *each, workers))
 
 
 class Workers:

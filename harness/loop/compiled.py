@@ -6,6 +6,9 @@ of NumPy's loop, which stays the readable reference, to rounding.
 
 import ctypes
 from collections.abc import Callable, Collection, Mapping
+from concurrent.futures import ThreadPoolExecutor, wait
+from itertools import pairwise
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -31,6 +34,8 @@ from gough_stewart.model.vectors import FloatArray
 _WORK = 30_000
 # Rows in one call, where all rows are kept.
 _ROWS = 1024
+# Parts of the members per thread, since some take longer.
+_PARTS = 4
 _TABLES = ("reference", "feedforward", "injection")
 
 
@@ -92,9 +97,20 @@ class CompiledLoop:
         Steps its members in machine code that has the loop.
     law, reading
         Linear controllers before their first sample, and what they read then (N, 24); None for feedforward alone.
+    pool, threads
+        Threads that help with many members, and their number with the calling one.
     """
 
-    def __init__(self, plant: LanesPlant, law: LinearLaw | None, loop: Loop, watch: Watch, reading: FloatArray) -> None:
+    def __init__(
+        self,
+        plant: LanesPlant,
+        law: LinearLaw | None,
+        loop: Loop,
+        watch: Watch,
+        reading: FloatArray,
+        pool: ThreadPoolExecutor,
+        threads: int,
+    ) -> None:
         self._plant, self._loop, self._watch, self._law = plant, loop, watch, law
         self._n, self._steps = plant.shape[0], loop.timing.steps
         self._kept: list[Any] = []  # arrays that the structure points to
@@ -109,6 +125,7 @@ class CompiledLoop:
         c.reference = self._table(loop.reference_rows)
         c.feedforward, c.injection = self._table(_by_row(loop.feedforward)), self._table(_by_row(loop.injection))
         blocks = plant.batch.blocks
+        self._pool, self._parts = pool, 1 if threads == 1 else min(blocks, _PARTS * threads)
         self._ended = np.full(blocks * WIDTH, -1, np.int64)
         self._at_row = np.zeros(blocks, np.int64)
         c.ended, c.at_row = self._pointer(self._ended), self._pointer(self._at_row)
@@ -133,10 +150,23 @@ class CompiledLoop:
         self._draw_noise(row, to)
         run = self._plant.loop_run
         assert run is not None  # whoever made this has asked for it
-        work = ctypes.c_int64(_WORK)
-        try:
-            while not run(reference(batch), ctypes.byref(c), ctypes.c_int64(to), work):
+        of, with_, is_interrupted = reference(batch), ctypes.byref(c), Event()
+
+        def advance(vectors: tuple[int, int]) -> None:
+            numbers = [ctypes.c_int64(each) for each in (*vectors, to, _WORK)]
+            while not is_interrupted.is_set() and not run(of, with_, *numbers):
                 pass
+
+        parts = list(pairwise(np.linspace(0, batch.blocks, self._parts + 1).astype(int).tolist()))
+        started = [self._pool.submit(advance, part) for part in parts[1:]]
+        try:
+            advance(parts[0])
+            for each in started:
+                each.result()
+        except BaseException:
+            is_interrupted.set()
+            wait(started)
+            raise
         finally:
             done = int(self._at_row.min())
             rows.count += done - row
@@ -335,6 +365,7 @@ def run_compiled(
     apply: Callable[[int], FloatArray],
     changes: Collection[int],
     progress: TimeProgress | None = None,
+    threads: int = 1,
 ) -> None:
     """Run a loop to its end or until no member is left.
 
@@ -346,24 +377,27 @@ def run_compiled(
         Applies the changes of a row, if there are any, and gives the inputs (N, 12) of then.
     changes
         Rows that have changes; those of the first one have been applied, to these inputs.
+    threads
+        Their number at the most; results do not depend on it.
     """
     outcomes, rows, steps = watch.outcomes, watch.rows, loop.timing.steps
     rows.host = f"compiled, {plant.features}"
-    own = CompiledLoop(plant, law, loop, watch, reading)
-    plant.set_inputs(acting)
-    plant.freeze(~outcomes.going)
-    own.not_started(plant.begin())
-    stops = sorted({*changes, steps + 1} - {0})
-    row = 0
-    while row <= steps and outcomes.going.any():
-        if row and row in changes:
-            plant.set_inputs(apply(row))
-        room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count
-        to = min(row + room, next(stop for stop in stops if stop > row))
-        own.run(row, to)
-        row = to
-        if rows.count == rows.most:
-            watch.pass_on()
-        if progress is not None:
-            progress(float(loop.timing.times[to - 1]))
-    own.finish()
+    with ThreadPoolExecutor(threads) as pool:
+        own = CompiledLoop(plant, law, loop, watch, reading, pool, threads)
+        plant.set_inputs(acting)
+        plant.freeze(~outcomes.going)
+        own.not_started(plant.begin())
+        stops = sorted({*changes, steps + 1} - {0})
+        row = 0
+        while row <= steps and outcomes.going.any():
+            if row and row in changes:
+                plant.set_inputs(apply(row))
+            room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count
+            to = min(row + room, next(stop for stop in stops if stop > row))
+            own.run(row, to)
+            row = to
+            if rows.count == rows.most:
+                watch.pass_on()
+            if progress is not None:
+                progress(float(loop.timing.times[to - 1]))
+        own.finish()

@@ -63,7 +63,7 @@ class Block:
         """A column (rows, size, N)."""
         return self.of_rows(slice(None), name)
 
-    def of_rows(self, rows: slice, name: str, out: FloatArray | None = None) -> NDArray[Any]:
+    def of_rows(self, rows: slice | NDArray[np.intp], name: str, out: FloatArray | None = None) -> NDArray[Any]:
         """A column at some rows of the block, in `out` if there is one; else a view, or an error that is computed."""
         if name in self._columns:
             values = self._columns[name][1:][rows]

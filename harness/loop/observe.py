@@ -31,7 +31,12 @@ _ROWS_A_REPORT = 64
 
 
 def observe(
-    plant: Plant, law_from: LawFrom | None, loop: Loop, observer: Observer, progress: TimeProgress | None = None
+    plant: Plant,
+    law_from: LawFrom | None,
+    loop: Loop,
+    observer: Observer,
+    progress: TimeProgress | None = None,
+    threads: int = 1,
 ) -> tuple[Outcome, ...]:
     """Run the loop until it ends or cannot continue; either is an outcome of each member, not an error.
 
@@ -49,6 +54,8 @@ def observe(
         With the plant's shape, or one loop for all members.
     progress
         Called with the time [s] from time to time.
+    threads
+        For loops in machine code, at the most; results do not depend on their number.
 
     Raises
     ------
@@ -72,7 +79,7 @@ def observe(
     try:
         # members that have ended may compute NaN, which is not used; in a run of one, warnings are of the user's code
         with np.errstate(over="ignore") if is_alone else np.errstate(all="ignore"):
-            _run(several, law_from, loop, watch, progress)
+            _run(several, law_from, loop, watch, progress, threads)
     except (StepError, ControllerError, PlantError) as error:
         if not outcomes.rows or isinstance(error, SharedMemoryError):
             raise
@@ -87,7 +94,9 @@ def observe(
     return outcomes.at_last()
 
 
-def observe_all(plant: Plant, law_from: LawFrom | None, loop: Loop, observer: Observer) -> tuple[Outcome, ...]:
+def observe_all(
+    plant: Plant, law_from: LawFrom | None, loop: Loop, observer: Observer, threads: int = 1
+) -> tuple[Outcome, ...]:
     """Run many members to their ends as `observe`; after Ctrl-C what ran so far is dropped, and the interrupt goes on.
 
     Raises
@@ -97,13 +106,15 @@ def observe_all(plant: Plant, law_from: LawFrom | None, loop: Loop, observer: Ob
     KeyboardInterrupt
         The run was interrupted.
     """
-    outcomes = observe(plant, law_from, loop, observer)
+    outcomes = observe(plant, law_from, loop, observer, threads=threads)
     if any(outcome.status == "interrupted" for outcome in outcomes):
         raise KeyboardInterrupt
     return outcomes
 
 
-def _run(plant: Plant, law_from: LawFrom | None, loop: Loop, watch: Watch, progress: TimeProgress | None) -> None:
+def _run(
+    plant: Plant, law_from: LawFrom | None, loop: Loop, watch: Watch, progress: TimeProgress | None, threads: int
+) -> None:
     """Run the loop in machine code if plant and controllers allow it, else row by row."""
     if law_from is not None and loop.reference is None:
         raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
@@ -127,7 +138,7 @@ def _run(plant: Plant, law_from: LawFrom | None, loop: Loop, watch: Watch, progr
         if law is None or isinstance(law, LinearLaw):
             for member, error in ({} if law is None else law.failures).items():
                 watch.outcomes.end(watch.outcomes.only(member), "stopped", str(error))
-            run_compiled(plant, law, reading, loop, watch, acting, changed, changes, progress)
+            run_compiled(plant, law, reading, loop, watch, acting, changed, changes, progress, threads)
             return
         law_from = _already(law)
     _run_rows(plant, law_from, loop, watch, acting, changed, progress)

@@ -1,6 +1,7 @@
 """Signals of many runs over time, as quantiles, sampled during the runs without keeping records."""
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -70,29 +71,33 @@ class Bands(Fold):
                 raise RecordError(f"no signal '{name}' for bands{nearest(name, NAMES)}")
         self._names, self._members = tuple(names), members
         self.needs = tuple(dict.fromkeys(name.removesuffix(".norm") for name in names))
-        rows = np.unique(np.linspace(0, timing.steps, min(times, timing.steps + 1)).round().astype(int))
-        self._at = {row: k for k, row in enumerate(rows.tolist())}
-        self._time = timing.times[rows]
-        self.columns = tuple(column for name in self._names for column in _columns(name))
-        size = (len(rows), len(self.columns))
+        self._rows = np.unique(np.linspace(0, timing.steps, min(times, timing.steps + 1)).round().astype(int))
+        self._time = timing.times[self._rows]
+        of_names = [_columns(name) for name in self._names]
+        self.columns = tuple(column for each in of_names for column in each)
+        ends = np.cumsum([0, *map(len, of_names)]).tolist()
+        self._at = {name: slice(*each) for name, each in zip(self._names, pairwise(ends), strict=True)}
+        size = (len(self._rows), len(self.columns))
         self._values = np.full((*size, min(members, max(MOST_MEMBERS - first, 0))), np.nan)
         self._lowest, self._highest = np.full(size, np.nan), np.full(size, np.nan)
-        self._running = np.zeros(len(rows), dtype=np.intp)
+        self._running = np.zeros(len(self._rows), dtype=np.intp)
 
     def rows(self, _state: State, block: Block) -> None:
         """Sample the signals at the sample times in a block, of members that have not ended."""
         running, n = block.running[: self._members], self._values.shape[2]
-        for row in range(block.first, block.first + block.rows):
-            k = self._at.get(row)
-            if k is None:
-                continue
-            values = np.concatenate(
-                [_values(name, block, row - block.first)[:, : self._members] for name in self._names]
-            )
-            values = np.where(running & np.isfinite(values), values, np.nan)
-            self._values[k] = values[:, :n]
-            self._lowest[k], self._highest[k] = np.fmin.reduce(values, axis=1), np.fmax.reduce(values, axis=1)
-            self._running[k] = np.count_nonzero(running)
+        first, last = np.searchsorted(self._rows, (block.first, block.first + block.rows))
+        rows = self._rows[first:last] - block.first
+        if not len(rows):
+            return
+        values = np.empty((len(rows), len(self.columns), self._members))
+        for name, at in self._at.items():
+            values[:, at] = _values(name, block, rows)[..., : self._members]
+        values[~np.isfinite(values)] = np.nan
+        values[..., ~running] = np.nan
+        here = slice(first, last)
+        self._values[here] = values[..., :n]
+        self._lowest[here], self._highest[here] = np.fmin.reduce(values, axis=2), np.fmax.reduce(values, axis=2)
+        self._running[here] = np.count_nonzero(running)
 
     def samples(self) -> BandSamples:
         """The samples so far."""
@@ -151,11 +156,10 @@ def _columns(name: str) -> list[str]:
     return [f"{prefix}.{column}" if prefix else column for column in BY_NAME[variable].scalar_names]
 
 
-def _values(name: str, block: Block, row: int) -> FloatArray:
-    """The signal (size, N) of a name at a row of a block."""
+def _values(name: str, block: Block, rows: NDArray[np.intp]) -> FloatArray:
+    """The signal (rows, size, N) of a name at some rows of a block."""
     column = name.removesuffix(".norm")
     if column not in block:
-        size = 1 if column != name else BY_NAME[name.removeprefix("error.")].size
-        return np.full((size, len(block.running)), np.nan)
-    values: FloatArray = block.of_rows(slice(row, row + 1), column)[0]
-    return values if column == name else np.sqrt((values * values).sum(axis=0, keepdims=True))
+        return np.full((1, 1, 1), np.nan)
+    values: FloatArray = block.of_rows(rows, column)
+    return values if column == name else np.sqrt((values * values).sum(axis=1, keepdims=True))

@@ -9,6 +9,7 @@ import numpy as np
 
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members, margins_of
 from gough_stewart.harness.ensemble.columns import MARGINS
+from gough_stewart.harness.ensemble.local import cores
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
@@ -166,7 +167,7 @@ class Candidates:
         folds = folds_of_loop(running.loop, limits_of_members(batch, running.size), names)
         rows = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
         with running.plant:
-            outcomes = observe_all(running.plant, running.law_from, running.loop, rows)
+            outcomes = observe_all(running.plant, running.law_from, running.loop, rows, cores())
             self.integration_error = max(self.integration_error, float(np.max(running.plant.integration_error[:n])))
         columns = columns_of(rows.results())
         unknown = np.full(n, np.nan)  # margins are not part of runs

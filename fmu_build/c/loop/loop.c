@@ -7,6 +7,8 @@
 
 #include "components.h"
 
+typedef uint8_t flags __attribute__((ext_vector_type(WIDTH), aligned(1)));
+
 /* The members of one vector. */
 typedef struct {
     group plant;
@@ -74,14 +76,20 @@ static void write_some(const vector *v, const rows_of_numbers *to, int64_t row, 
 static void write_flags(const vector *v, const rows_of_flags *to, int64_t row, int64_t element, lanes x, mask where)
 {
     uint8_t *place = to->at + row * to->row + element * to->element + v->first;
-    for (int lane = 0; lane < v->live; lane++)
-        if (where[lane])
-            place[lane] = x[lane] != 0;
+    mask is_set = (x != 0) & 1;
+    if (v->live == WIDTH && !any(~where))
+        *(flags *)place = __builtin_convertvector(is_set, flags);
+    else
+        for (int lane = 0; lane < v->live; lane++)
+            if (where[lane])
+                place[lane] = (uint8_t)is_set[lane];
 }
 
 /* Ends members at a row: it is their last one. */
 static void end(vector *v, mask which, int64_t failure, int64_t row)
 {
+    if (!any(which))
+        return;
     for (int lane = 0; lane < v->live; lane++)
         if (which[lane] && v->plant.running[lane]) {
             v->of->failure[v->first + lane] = failure;
@@ -372,9 +380,9 @@ static void at_row(vector *v, int64_t row)
     check_limits(v, row);
 }
 
-int64_t loop_run(const batch *of, const loop *with, int64_t to, int64_t most_work)
+int64_t loop_run(const batch *of, const loop *with, int64_t first, int64_t end, int64_t to, int64_t most_work)
 {
-    for (int64_t block = 0; block < of->blocks; block++) {
+    for (int64_t block = first; block < end; block++) {
         vector v = {.of = of, .with = with, .first = block * WIDTH};
         if (with->at_row[block] >= to || v.first >= with->members)
             continue;

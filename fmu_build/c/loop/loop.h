@@ -93,11 +93,12 @@ typedef struct {
     rows_of_flags sample_limited;
 } loop;
 
-/* Runs all members to the rows before `to`, each with the step from there, or until about `most_work` internal steps of eight members
-   are done: call it again until it returns 1. Members whose `running` is 0 stay as they are. A member that ends has a
+/* Runs the vectors from `first` to before `end` to the rows before `to`, each with the step from there, or until about
+   `most_work` internal steps of eight members are done: call it again until it returns 1. Calls for different vectors can
+   run in parallel. Members whose `running` is 0 stay as they are. A member that ends has a
    FAILURE, and its row in `ended`.
 
    At a row: readings; if a sample is due, the command; the drives; the row is kept; its limits are checked. */
-OFFERED int64_t loop_run(const batch *of, const loop *with, int64_t to, int64_t most_work);
+OFFERED int64_t loop_run(const batch *of, const loop *with, int64_t first, int64_t end, int64_t to, int64_t most_work);
 
 #endif

@@ -6,6 +6,8 @@ against single steps and closed forms in the other files of this folder.
 
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
@@ -238,6 +240,48 @@ def test_an_interrupt_keeps_the_rows_that_all_members_have_done(monkeypatch: pyt
     assert {each.status for each in part.outcomes} == {"interrupted"}
     assert {each.time for each in part.outcomes} == {float(part.time[-1])}
     assert np.array_equal(part.results, whole.results[:n])
+
+
+def test_threads_do_not_change_a_bit_and_an_interrupt_stops_them_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the rows of one thread, for more threads than vectors too; no thread works after an interrupt."""
+    batch = batch_of("task", ALL, MANY, 41)
+    rows = [rows_with(batch, threads) for threads in (1, 2, 3, 50)]
+    assert all(np.array_equal(rows[0], each) for each in rows[1:])
+    monkeypatch.setattr(compiled, "_WORK", 10)
+    running = batch.in_parallel(STEPPING)
+    run, calls, main = running.plant.loop_run, [], threading.get_ident()
+
+    def interrupted(*arguments: Any) -> int:
+        calls.append(1)
+        if threading.get_ident() == main and len(calls) > 20:
+            raise KeyboardInterrupt
+        assert run is not None
+        return run(*arguments)
+
+    monkeypatch.setattr(LanesPlant, "loop_run", property(lambda _: interrupted))
+    outcomes = observe(running.plant, running.law_from, running.loop, Signals(), threads=3)
+    assert {each.status for each in outcomes} == {"interrupted"}
+    n = len(calls)
+    time.sleep(0.05)
+    assert len(calls) == n
+
+
+class Signals(Observer):
+    """Keeps signals and forces of all rows (rows, 30, N)."""
+
+    def __init__(self) -> None:
+        self.blocks: list[np.ndarray[Any, Any]] = []
+
+    def block(self, rows: Rows) -> None:
+        n = rows.count
+        self.blocks.append(np.concatenate([rows.signals[1 : n + 1], rows.forces[1 : n + 1]], axis=1))
+
+
+def rows_with(batch: Batch, threads: int) -> np.ndarray[Any, Any]:
+    """Signals and forces of all rows (rows, 30, N)."""
+    running, kept = batch.in_parallel(STEPPING), Signals()
+    observe(running.plant, running.law_from, running.loop, kept, threads=threads)
+    return np.concatenate(kept.blocks)
 
 
 def test_rows_reach_observers_in_blocks_without_gaps() -> None:
