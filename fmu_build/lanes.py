@@ -129,6 +129,37 @@ def loop_sources(components: str) -> tuple[dict[str, str], dict[str, str]]:
     return {**units, **own.units}, {**headers, **own.headers, "lanes.c": lanes, "components.h": components}
 
 
+def law_library(function: Any) -> LanesLibrary:
+    """The library of c/law for one traced law, a CasADi Function `law` of `memory`, with the output `next`.
+
+    Raises
+    ------
+    BuildError, OSError
+        As `lanes_library`.
+    RuntimeError
+        As `in_lanes`.
+    """
+    text = in_lanes(function, "static inline void ", exact=True, call="each_{}")
+    return machine_code("law", lambda: _law_sources(function, text), state=digest_of(text.encode()))
+
+
+def _law_sources(function: Any, text: str) -> tuple[dict[str, str], dict[str, str]]:
+    from gough_stewart.fmu_build.sources import c_folder
+    from gough_stewart.fmu_build.tables import GENERATED, defines
+
+    own, lanes = c_folder("law"), c_folder("lanes")
+    sizes = defines({"N_MEMORY": function.numel_in(0), "N_NEXT": function.numel_out(0)})
+    called = sorted(set(re.findall(r"\beach_(\w+)\(", text)))
+    several = {name: "OF_TWO" if name in _OF_TWO else "OF_ONE" for name in called}
+    made = "\n".join(f"{of}({name})" for name, of in several.items())
+    header = f"{GENERATED}\n{sizes}\n\n{made}\n{text}"
+    return dict(own.units), {**own.headers, "elementary.h": lanes.headers["elementary.h"], "law_step.h": header}
+
+
+# Functions of the C library with two arguments.
+_OF_TWO = ("atan2", "copysign", "fmax", "fmin", "fmod", "hypot", "pow", "remainder")
+
+
 def _vector_kernels() -> tuple[Any, ...]:
     from gough_stewart.model import kernel
 
@@ -161,7 +192,7 @@ _ON_VECTORS = (
 _KERNEL = "static __attribute__((noinline)) void kernel_"
 
 
-def in_lanes(function: Any, declarator: str = _KERNEL, *, exact: bool = False) -> str:
+def in_lanes(function: Any, declarator: str = _KERNEL, *, exact: bool = False, call: str = "{}") -> str:
     """The C source of a CasADi Function on vectors of members.
 
     Parameters
@@ -170,6 +201,8 @@ def in_lanes(function: Any, declarator: str = _KERNEL, *, exact: bool = False) -
         The text before its name.
     exact
         Whether divisions are rounded as NumPy's; without it divisors must be finite.
+    call
+        How a function of the C library is called, from its name.
 
     Raises
     ------
@@ -178,7 +211,7 @@ def in_lanes(function: Any, declarator: str = _KERNEL, *, exact: bool = False) -
     """
     from gough_stewart.fmu_build.codegen import Types, function_source
 
-    text = function_source(function, declarator, Types("lanes"), conditions=True, reciprocals=not exact)
+    text = function_source(function, declarator, Types("lanes", call=call), conditions=True, reciprocals=not exact)
     for scalar, vector in (*(() if exact else _RECIPROCALS), *_ON_VECTORS):
         text = re.sub(scalar, vector, text)
     if left := re.search(r".*(\?|[<>!=]=|[<>]|&&|\|\|).*", text):

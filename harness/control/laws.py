@@ -204,6 +204,11 @@ class FunctionLaw:
         self._known = known
         self._command = NO_FORCE
 
+    @property
+    def traced(self) -> Any:
+        """The CasADi function that it calls, which is all that there is to it; None for others."""
+        return self._function.function if isinstance(self._function, CasadiFunction) else None
+
     def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """As `MemberLaw`."""
         by_name = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), reference.copy())

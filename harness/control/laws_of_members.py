@@ -6,7 +6,7 @@ A member's forces do not depend on the other members, to the last bit.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import FunctionType, MappingProxyType
-from typing import Protocol, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -266,6 +266,12 @@ class SeparateLaws:
         self._forces = np.zeros((len(laws) + copies, N_LEGS))
         self.failures: dict[int, ControllerError] = {}
         self.used = tuple(name for name in signals.NAMES if any(law is not None and name in law.used for law in laws))
+
+    @property
+    def traced(self) -> list[Any] | None:
+        """The members' CasADi functions; None if one has another controller, or none."""
+        own = [each.traced if isinstance(each, FunctionLaw) else None for each in self._laws]
+        return None if any(each is None for each in own) else own + own[-1:] * self._copies
 
     @property
     def limited(self) -> BoolArray | None:

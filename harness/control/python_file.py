@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from gough_stewart.harness.control.laws import Controller, LinearController, controller_of
+from gough_stewart.harness.control.python.casadi_function import is_casadi_function
 from gough_stewart.harness.control.python.makers import Design, Maker, called, check_call, is_maker, name_of
 from gough_stewart.harness.control.python.private_modules import PrivateModules, inside
 from gough_stewart.harness.control.python.sample import Sample
@@ -53,8 +54,7 @@ class FromFile(Maker):
         # executed, but not called yet: the first controller may have it
         self._opened = [opened]
 
-    def make(self) -> Any:
-        """See `Maker`."""
+    def _make(self) -> Any:
         try:
             opened = self._opened.pop()
         except IndexError:
@@ -63,12 +63,12 @@ class FromFile(Maker):
         if self._makes(found):
             with inside(opened.modules.folder):
                 found = called(found, self._design)
-        if not callable(found) or is_control_system(found) or inspect.isclass(found):
-            return found  # a linear one, or refused where it is used
+        if not callable(found) or is_control_system(found) or is_casadi_function(found) or inspect.isclass(found):
+            return found  # a linear one, plain operations, or refused where it is used
         return _FileFunction(found, opened.modules, (FromFile.make, (self,)))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_opened": []}
+        return {**super().__getstate__(), "_opened": []}
 
     def _makes(self, found: Any) -> bool:
         return self._is_factory or inspect.isclass(found)

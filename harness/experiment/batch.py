@@ -16,6 +16,7 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.distinct import Distinct
 from gough_stewart.harness.experiment.stages import Planned
 from gough_stewart.harness.loop.actuators import Actuators
+from gough_stewart.harness.loop.law_library import is_traced
 from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
 from gough_stewart.harness.loop.seeds import Seed, Seeds, as_numbers
 from gough_stewart.harness.loop.self_test import loop_kernel
@@ -52,9 +53,9 @@ class Prepared:
 
     @property
     def kernel(self) -> CompiledLanes | None:
-        """What runs its loop in machine code, if it can: with a linear controller, or feedforward alone."""
+        """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
         is_linear = self.controller is None or isinstance(self.controller, LinearController)
-        return loop_kernel() if is_linear else None
+        return loop_kernel() if is_linear or is_traced(self.controller) else None
 
     def law(self, reference: FloatArray, measured: FloatArray) -> Law:
         """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""

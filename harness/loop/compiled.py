@@ -19,6 +19,7 @@ from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.loop.law_library import CompiledLaw
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.loop_library import coefficients_of
 from gough_stewart.harness.loop.rows import AllRows, Rows
@@ -71,7 +72,9 @@ class _Loop(ctypes.Structure):
         ("tolerance", ctypes.c_double),
         ("substeps", ctypes.c_int64),
         *((name, _Table) for name in _TABLES),
-        *((name, ctypes.c_int64) for name in ("kinds", "size", "n_states", "entries")),
+        *((name, ctypes.c_int64) for name in ("kinds", "size", "n_states")),
+        ("law", ctypes.c_void_p),
+        ("entries", ctypes.c_int64),
         *((name, ctypes.c_void_p) for name in ("entry_row", "entry_column")),
         ("values", _Table),
         ("used", ctypes.c_void_p),
@@ -96,7 +99,8 @@ class CompiledLoop:
     plant
         Steps its members in machine code that has the loop.
     law, reading
-        Linear controllers before their first sample, and what they read then (N, 24); None for feedforward alone.
+        Linear or traced controllers before their first sample, and what they read then (N, 24); None for feedforward
+        alone.
     pool, threads
         Threads that help with many members, and their number with the calling one.
     """
@@ -104,7 +108,7 @@ class CompiledLoop:
     def __init__(
         self,
         plant: LanesPlant,
-        law: LinearLaw | None,
+        law: LinearLaw | CompiledLaw | None,
         loop: Loop,
         watch: Watch,
         reading: FloatArray,
@@ -206,7 +210,7 @@ class CompiledLoop:
                 watch.outcomes.end_after(k, row + 1, "diverged", str(plant.failure(k, float(times[row]))))
             batch.failure[k] = Failure.GOES_ON
 
-    def _set_controller(self, law: LinearLaw | None, reading: FloatArray) -> None:
+    def _set_controller(self, law: LinearLaw | CompiledLaw | None, reading: FloatArray) -> None:
         c = self._c
         c.kinds = c.size = c.n_states = c.entries = 0
         measured = self._memory("measured", signals.SIZE)
@@ -220,6 +224,9 @@ class CompiledLoop:
             self._memory("next", N_LEGS)
             return
         measured[:, : self._n] = reading.T
+        if isinstance(law, CompiledLaw):
+            self._set_traced(law)
+            return
         parts = law.parts
         n_states, columns = parts.state.shape[1], parts.matrices.shape[2]
         at = np.argwhere((parts.matrices != 0).any(axis=0))
@@ -237,7 +244,17 @@ class CompiledLoop:
             c.jacobian = self._table(parts.jacobians.reshape(len(parts.jacobians), 36, -1))
             c.inverse = self._table(parts.inverses.reshape(len(parts.inverses), 36, -1))
 
-    def _set_sensors(self, law: LinearLaw | None) -> None:
+    def _set_traced(self, compiled: CompiledLaw) -> None:
+        """A user's law: see c/law/law.h."""
+        c, law = self._c, compiled.law
+        k = len(law.coefficients)
+        c.kinds, c.size, c.n_states, c.law = 2, signals.SIZE, law.n_states, compiled.address
+        c.used = self._pointer(np.arange(signals.SIZE, dtype=np.int64))
+        memory = self._memory("memory", law.function.numel_in(0))
+        memory[len(memory) - k :, : self._n] = law.coefficients
+        self._memory("next", N_LEGS + law.n_states)
+
+    def _set_sensors(self, law: LinearLaw | CompiledLaw | None) -> None:
         c, sensors = self._c, self._loop.sensors
         used = () if law is None else law.used
         self._noise = noise_of(sensors, used)
@@ -283,9 +300,11 @@ class CompiledLoop:
         if not isinstance(rows, AllRows):
             return
         c, law = self._c, self._law
-        state = np.zeros((self._n, 0)) if law is None else law.state
+        state = law.state if isinstance(law, LinearLaw) else np.zeros((self._n, 0))
         rows.begin(() if law is None else law.used, state.shape[1])
-        c.sample_measured, c.sample_state = self._out(rows.measured), self._out(rows.state)
+        c.sample_measured = self._out(rows.measured)
+        if state.size:
+            c.sample_state = self._out(rows.state)
         c.sample_command, c.sample_limited = self._out(rows.command), self._out(rows.limited)
 
     def _set_rows(self, rows: Rows, row: int) -> None:
@@ -357,7 +376,7 @@ def _numbers(values: Any) -> FloatArray:
 
 def run_compiled(
     plant: LanesPlant,
-    law: LinearLaw | None,
+    law: LinearLaw | CompiledLaw | None,
     reading: FloatArray,
     loop: Loop,
     watch: Watch,
@@ -372,7 +391,8 @@ def run_compiled(
     Parameters
     ----------
     law, reading
-        Linear controllers before their first sample, and what they read then (N, 24); None for feedforward alone.
+        Linear or traced controllers before their first sample, and what they read then (N, 24); None for feedforward
+        alone.
     apply
         Applies the changes of a row, if there are any, and gives the inputs (N, 12) of then.
     changes

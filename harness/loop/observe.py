@@ -12,6 +12,7 @@ from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.errors import ControllerError, PlantError, SharedMemoryError
 from gough_stewart.harness.loop.actuators import Drives
 from gough_stewart.harness.loop.compiled import run_compiled
+from gough_stewart.harness.loop.law_library import compiled_form
 from gough_stewart.harness.loop.loop import Change, Loop
 from gough_stewart.harness.loop.outcomes import Outcome, Outcomes
 from gough_stewart.harness.loop.rows import CHECKED, Observer
@@ -135,10 +136,11 @@ def _run(
             encoders.only(law_from.used)
         reading = encoders(0, plant.signals(), 0)
         law = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
-        if law is None or isinstance(law, LinearLaw):
+        own = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
+        if law is None or own is not None:
             for member, error in ({} if law is None else law.failures).items():
                 watch.outcomes.end(watch.outcomes.only(member), "stopped", str(error))
-            run_compiled(plant, law, reading, loop, watch, acting, changed, changes, progress, threads)
+            run_compiled(plant, own, reading, loop, watch, acting, changed, changes, progress, threads)
             return
         law_from = _already(law)
     _run_rows(plant, law_from, loop, watch, acting, changed, progress)

@@ -162,6 +162,30 @@ static void feed(vector *v, int64_t sample, mask due)
         remember(v, w->memory, w->n_states + 2 * w->size + i, excess[i]);
 }
 
+/* y = C x + D u, x+ = A x + B u, element by element. */
+static void multiply(const vector *v)
+{
+    const loop *w = v->with;
+    for (int64_t i = 0; i < N_LEGS + w->n_states; i++)
+        remember(v, w->next, i, (lanes)0.0);
+    for (int64_t k = 0; k < w->entries; k++) {
+        int64_t i = w->entry_row[k];
+        lanes term = at(v, &w->values, 0, k) * remembered(v, w->memory, w->entry_column[k]);
+        remember(v, w->next, i, remembered(v, w->next, i) + term);
+    }
+}
+
+/* A user's law, which gets the time of the sample and the reference's accelerations besides references and readings. */
+static void call_law(const vector *v, int64_t sample)
+{
+    const loop *w = v->with;
+    int64_t row = sample * w->every, next = w->n_states + 2 * w->size;
+    remember(v, w->memory, next, (lanes)((double)row * w->plant_step));
+    for (int i = 0; i < N_ACCELERATIONS; i++)
+        remember(v, w->memory, next + 1 + i, at(v, &w->reference, row, N_SIGNALS + i));
+    w->law(w->memory + v->first, w->next + v->first, v->of->stride);
+}
+
 /* The controller's forces; x goes on where a sample is due. */
 static void control(vector *v, int64_t sample, mask due, lanes force[])
 {
@@ -170,13 +194,10 @@ static void control(vector *v, int64_t sample, mask due, lanes force[])
     if (w->sample_state.at)
         for (int64_t i = 0; i < w->n_states; i++)
             write_some(v, &w->sample_state, sample, i, remembered(v, w->memory, i), due);
-    for (int64_t i = 0; i < N_LEGS + w->n_states; i++)
-        remember(v, w->next, i, (lanes)0.0);
-    for (int64_t k = 0; k < w->entries; k++) {
-        int64_t i = w->entry_row[k];
-        lanes term = at(v, &w->values, 0, k) * remembered(v, w->memory, w->entry_column[k]);
-        remember(v, w->next, i, remembered(v, w->next, i) + term);
-    }
+    if (w->law)
+        call_law(v, sample);
+    else
+        multiply(v);
     for (int64_t i = 0; i < w->n_states; i++) {
         lanes next = remembered(v, w->next, N_LEGS + i);
         remember(v, w->memory, i, choose(due, next, remembered(v, w->memory, i)));

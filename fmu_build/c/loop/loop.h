@@ -48,6 +48,8 @@ typedef struct {
     int64_t kinds;   /* parts of u: errors; references, measurements; these and the excess. 0: no controller */
     int64_t size;    /* number of signals that it uses */
     int64_t n_states;
+    void (*law)(const double *memory, double *next, int64_t stride); /* a user's, see c/law/law.h, with kinds = 2 and
+                                                                        all signals; NULL: the linear one */
     int64_t entries;
     const int64_t *entry_row, *entry_column;
     table values;           /* one row, `entries` elements */
@@ -70,7 +72,7 @@ typedef struct {
     /* memory of the members, (size, M) as the states of the batch */
     double *signals;     /* 24: at the present row */
     double *measured;    /* 24 */
-    double *memory;      /* n_states + size of u: x and u */
+    double *memory;      /* n_states + size of u: x and u; of a user's law what law.h says */
     double *next;        /* 6 + n_states: y and the next x */
     double *pose;        /* 6: in task space */
     double *lengths;     /* 6: at the last sample, in task space */

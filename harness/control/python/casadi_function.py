@@ -26,7 +26,7 @@ class CasadiFunction:
     """A control function that calls a CasADi function; its memory begins at zero."""
 
     def __init__(self, function: "casadi.Function") -> None:
-        self._function, names = function, function.name_in()
+        self.function, names = function, function.name_in()
         self._memory = np.zeros(function.numel_in(names.index(MEMORY)) if MEMORY in names else 0)
 
     def __call__(self, sample: "Sample") -> FloatArray:
@@ -34,9 +34,9 @@ class CasadiFunction:
         wanted = {OF_REFERENCE + name: value for name, value in sample.reference.items()}
         known = {"time": sample.time, MEMORY: self._memory, **sample.measured, **wanted}
         given = {
-            name: np.reshape(np.asarray(known[name], dtype=float), self._function.size_in(k), order="F")
-            for k, name in enumerate(self._function.name_in())
+            name: np.reshape(np.asarray(known[name], dtype=float), self.function.size_in(k), order="F")
+            for k, name in enumerate(self.function.name_in())
         }
-        found = {name: np.asarray(value).ravel(order="F") for name, value in self._function.call(given).items()}
+        found = {name: np.asarray(value).ravel(order="F") for name, value in self.function.call(given).items()}
         self._memory = found.get(MEMORY_NEXT, self._memory)
         return np.asarray(found[FORCE], dtype=float)

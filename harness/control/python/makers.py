@@ -21,7 +21,8 @@ class Maker(ABC):
     Copies that fill a vector of members and records never ask.
     """
 
-    @abstractmethod
+    _ahead: tuple[Any, ...] = ()
+
     def make(self) -> Any:
         """A controller that shares no memory with those made before.
 
@@ -30,6 +31,23 @@ class Maker(ABC):
         ControllerError
             The user's code fails.
         """
+        if self._ahead:
+            (found,), self._ahead = self._ahead, ()
+            return found
+        return self._make()
+
+    def peek(self) -> Any:
+        """The controller that `make` will give next, made by now and not called; otherwise as `make`."""
+        if not self._ahead:
+            self._ahead = (self._make(),)
+        return self._ahead[0]
+
+    @abstractmethod
+    def _make(self) -> Any:
+        """As `make`."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_ahead": ()}
 
 
 @dataclass(frozen=True)
@@ -52,11 +70,10 @@ class Constructed(Maker):
 
     def __init__(self, make: Callable[..., Any], design: Design) -> None:
         check_call(make, design)
-        self._make, self._design = make, design
+        self._maker, self._design = make, design
 
-    def make(self) -> Any:
-        """See `Maker`."""
-        return called(self._make, self._design)
+    def _make(self) -> Any:
+        return called(self._maker, self._design)
 
 
 class Copied(Maker):
@@ -72,8 +89,7 @@ class Copied(Maker):
         # as it is now: what the caller does with it later does not matter
         self.original = _copied(original)
 
-    def make(self) -> Any:
-        """See `Maker`."""
+    def _make(self) -> Any:
         return _copied(self.original)
 
 

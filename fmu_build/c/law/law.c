@@ -1,0 +1,47 @@
+#include "law.h"
+
+#include "elementary.h"
+
+/* no fused operations, so that the law has the bits of the user's */
+#pragma clang fp contract(off) reciprocal(off)
+
+/* The C library's functions, for the range and the bits that a user expects, in place of those for the kernels. */
+#undef sqrt
+#undef sin
+#undef cos
+#undef tanh
+#undef exp
+#undef fabs
+#undef fmin
+#undef fmax
+#undef remainder
+
+#define OF_ONE(name)                                                                                                   \
+    static inline lanes each_##name(lanes x)                                                                           \
+    {                                                                                                                  \
+        for (int lane = 0; lane < WIDTH; lane++)                                                                       \
+            x[lane] = name(x[lane]);                                                                                   \
+        return x;                                                                                                      \
+    }
+
+#define OF_TWO(name)                                                                                                   \
+    static inline lanes each_##name(lanes x, lanes y)                                                                  \
+    {                                                                                                                  \
+        for (int lane = 0; lane < WIDTH; lane++)                                                                       \
+            x[lane] = name(x[lane], y[lane]);                                                                          \
+        return x;                                                                                                      \
+    }
+
+#include "law_step.h"
+
+typedef double anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
+
+void law_step(const double *memory, double *next, int64_t stride)
+{
+    lanes given[N_MEMORY], found[N_NEXT];
+    for (int i = 0; i < N_MEMORY; i++)
+        given[i] = *(const anywhere *)(memory + i * stride);
+    law(given, found);
+    for (int i = 0; i < N_NEXT; i++)
+        *(anywhere *)(next + i * stride) = found[i];
+}
