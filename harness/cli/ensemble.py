@@ -15,7 +15,7 @@ from gough_stewart.harness.cli.options import (
     results_folder,
 )
 from gough_stewart.harness.cli.showing import Showing, shows
-from gough_stewart.harness.cli.terminal import members_bar, show
+from gough_stewart.harness.cli.terminal import members_bar
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.process.files import reserved
 
@@ -53,7 +53,7 @@ def ensemble_command(
     compare: Annotated[
         str | None,
         typer.Option(
-            help="Also run this experiment with the same members, and show the differences: this one minus the first. "
+            help="Also run this experiment with the same members, and show the differences: it minus the first one. "
             "--set changes only the first.",
             metavar="FILE.toml|NAME",
         ),
@@ -66,13 +66,17 @@ def ensemble_command(
     """Run the members of an experiment's [ensemble]: machines that differ, all with the same controller.
 
     Writes **members.parquet** (one row per member: varied quantities, metrics, outcome), **bands.parquet** (quantiles
-    of signals over time), **ensemble.json**, figures, **report.html**, and the records of the worst members in
-    **worst**. `gough-stewart run FILE --member 17` repeats a member exactly.
+    of signals over time), **ensemble.json**, and the records of the worst members in **worst**; with `--report` a page
+    of all and of each worst member, with `--figures` **distribution**, **bands**, **dependence** and **sensitivity**.
+    `gough-stewart run FILE --member 17` repeats a member exactly.
 
     A requirement is on every member, or with "for 95 % of members" on that share of all machines: exit code 3 if it is
     not met, 4 if there are too few members to tell; the report says how many would. Exit code 3 also if no member
     completes its run with a loop that does not grow by itself. Members whose loops grow or oscillate are counted in a
     warning.
+
+    With `--compare`, a requirement is on the second experiment; "first.PATH" is on the first, "difference.PATH" on the
+    second minus the first.
 
     Ctrl-C keeps the finished chunks; the same command with `--resume` continues, and gives the same bytes.
 
@@ -97,7 +101,7 @@ def ensemble_command(
             other = chosen_experiment(compare, None, no_python)
             folder = out or results_folder("ensemble", experiment, "_compared")
             options = {"members": members, "seed": seed, "resume": resume, "workers": workers, "scheduler": scheduler}
-            _compare(command, (chosen, other), (experiment, compare), folder, options, open_it=showing.opens)
+            _compare(command, showing, (chosen, other), (experiment, compare), folder, options)
             return
         with reserved(folder), members_bar() as progress:
             task = progress.add_task("preparing", total=None)
@@ -119,34 +123,42 @@ def ensemble_command(
                 status=lambda what: progress.update(task, description=what),
             )
             command.written.append(folder)
-            progress.update(task, total=None, description="figures and page")
+            progress.update(task, total=None, description="worst members and report")
             from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
-            from gough_stewart.harness.ensemble.files import write_figures, write_report
+            from gough_stewart.harness.ensemble.files import WORST, write_worst
+            from gough_stewart.harness.ensemble.report import FIGURES
 
-            files, report = write_report(found, folder)
-            if showing.figures or showing.as_json:
-                report = found.report()
-            if showing.figures:
-                files += write_figures(report, folder)
-        report = showing.judged(report, requirements)
-        showing.end(command, report, folder, [MEMBERS, BANDS, METADATA, *dict.fromkeys(files)])
+            worst = write_worst(found, folder, pages=showing.page)
+            report = found.report(charts=showing.draws, worst=worst)
+        files = [MEMBERS, BANDS, METADATA, *([WORST] if worst else [])]
+        report = showing.present(
+            command, report, folder, files, requirements=requirements, figures=FIGURES, exits=False
+        )
         _check_some_work(found)
         showing.exit(report)
 
 
 def _compare(
     command: Command,
+    showing: Showing,
     experiments: "tuple[Experiment, Experiment]",
     texts: tuple[str, str],
     folder: Path,
     options: dict[str, Any],
-    *,
-    open_it: bool,
 ) -> None:
     with members_bar() as progress:
         task = progress.add_task("preparing", total=None)
-        from gough_stewart.harness.ensemble.compare import DIFFERENCES, PAGE, compare_sheets, names_of, run_compared
+        from gough_stewart.harness.ensemble.compare import (
+            DIFFERENCES,
+            comparison_report,
+            known_numbers,
+            names_of,
+            run_compared,
+        )
+        from gough_stewart.harness.ensemble.files import write_worst
+        from gough_stewart.harness.ensemble.report import FIGURES
 
+        requirements = showing.requirements(experiments[1].requirements, known_numbers())
         names = names_of(*texts)
         found = run_compared(
             experiments,
@@ -156,10 +168,18 @@ def _compare(
             **options,
             progress=lambda done, total: progress.update(task, completed=done, total=total),
         )
-    show(*compare_sheets(found))
-    command.close([*names, DIFFERENCES, PAGE], folder, open_it=open_it)
+        command.written.append(folder)
+        progress.update(task, total=None, description="worst members and reports")
+        for name, each in zip(names, (found.a, found.b), strict=True):
+            worst = write_worst(each, folder / name, pages=showing.page)
+            showing.write(each.report(charts=showing.draws, worst=worst), folder / name, FIGURES)
+        report = comparison_report(found, charts=showing.draws)
+    report = showing.present(
+        command, report, folder, [*names, DIFFERENCES], requirements=requirements, figures=FIGURES, exits=False
+    )
     for each in (found.a, found.b):
         _check_some_work(each)
+    showing.exit(report)
 
 
 def _check_some_work(found: "Ensemble") -> None:

@@ -16,8 +16,6 @@ from gough_stewart.harness.cli.showing import DATA, PAGE, Showing, shows
 from gough_stewart.harness.cli.terminal import progress_bar
 
 NUMBERS = "margins.json"
-# Pictures of an older analysis, which do not stay beside new numbers.
-FORMER = [f"{name}.{kind}" for name in ("bode", "step") for kind in ("pdf", "png", "svg")]
 
 
 @shows
@@ -53,6 +51,6 @@ def margins_command(
             check_output_folder(folder, [NUMBERS, PAGE, DATA])
             found = margins(chosen)
             report = found.report(charts=showing.draws)
-            write_files(folder, {NUMBERS: margins_file(found)}, FORMER)
+            write_files(folder, {NUMBERS: margins_file(found)})
         requirements = showing.requirements(chosen.requirements, report.numbers)
-        showing.present(command, report, folder, [NUMBERS], requirements=requirements)
+        showing.present(command, report, folder, [NUMBERS], requirements=requirements, figures=("bode", "step"))

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gough_stewart.harness.report.requirements import Known, Required
 
 PAGE, DATA = "report.html", "report.json"
+_KINDS = ("pdf", "png", "svg")  # of figures
 
 _OPTIONS: dict[str, tuple[Any, Any]] = {
     "report": (
@@ -109,6 +110,7 @@ class Showing:
         requirements: "Sequence[str | Required]" = (),
         done: str | None = "Done",
         then: str | None = None,
+        figures: Sequence[str] = (),
         keeps_data: bool = True,
         exits: bool = True,
     ) -> "Report":
@@ -120,6 +122,8 @@ class Showing:
             Written by the command itself.
         requirements
             From `requirements`, or those of the file as they are written, to which the others are added.
+        figures
+            Names of the figures that the command can draw: those of an older result do not stay beside a new one.
         keeps_data
             Write report.json; a folder of files for other tools, often the current one, is left without it.
         exits
@@ -138,7 +142,7 @@ class Showing:
             A requirement is missed or open.
         """
         report = self.judged(report, requirements)
-        written = self._write(report, folder, keeps_data=keeps_data)
+        written = self.write(report, folder, figures, keeps_data=keeps_data)
         self.end(command, report, folder, [*files, *written], done=done, then=then)
         if exits:
             self.exit(report)
@@ -202,7 +206,9 @@ class Showing:
         if states & {"missed", "open"}:
             raise typer.Exit(ExitCode.MISSED if "missed" in states else ExitCode.OPEN)
 
-    def _write(self, report: "Report", folder: Path, *, keeps_data: bool) -> list[str]:
+    def write(
+        self, report: "Report", folder: Path, former: Sequence[str] = (), *, keeps_data: bool = True
+    ) -> list[str]:
         """Write report.json, from which `gough-stewart view` shows the folder, page and figures as one set."""
         from gough_stewart.harness.report.codec import to_json
         from gough_stewart.harness.report.thinning import thinned
@@ -216,7 +222,7 @@ class Showing:
             from gough_stewart.harness.report.page import page_of
 
             files[PAGE] = page_of(report)
-        write_files(folder, files, owned=[PAGE])
+        write_files(folder, files, owned=[PAGE, *(f"{name}.{kind}" for name in former for kind in _KINDS)])
         return list(files)
 
 

@@ -1,6 +1,6 @@
 """Compare two ensembles of the same members: differences and their confidence."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -13,26 +13,32 @@ from scipy.special import stdtrit
 
 from gough_stewart.harness.ensemble.columns import CAUSE, ENDED, MEMBER, OUTCOME, VARIED
 from gough_stewart.harness.ensemble.ensemble import ensemble
-from gough_stewart.harness.ensemble.files import write_report
-from gough_stewart.harness.ensemble.report import ensemble_charts, worst_by
+from gough_stewart.harness.ensemble.report import ensemble_charts, ensemble_numbers, worst_by
 from gough_stewart.harness.ensemble.result import Ensemble
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity
+from gough_stewart.harness.ensemble.sensitivity import sensitivity_if_known
 from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.output.tables import Named, Sheet, number_text
 from gough_stewart.harness.polars_paths import write_to
-from gough_stewart.harness.report.document import Chart, Number, Report, Section, Verdict
-from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.report.sheets import table_of
+from gough_stewart.harness.report.document import (
+    Cell,
+    Chart,
+    Column,
+    Number,
+    Report,
+    Section,
+    Table,
+    Value,
+    Verdict,
+)
+from gough_stewart.harness.report.quantities import SHARE
 from gough_stewart.harness.report.words import percent
-from gough_stewart.harness.results.metric_folds import metric_of, shown_metric
+from gough_stewart.harness.results.metric_folds import METRICS, metric_of
 from gough_stewart.model.process.files import write_files
 from gough_stewart.model.vectors import FloatArray
 
 CONFIDENCE = 0.95
 _RESAMPLES = 1000
-_ENDS = ("_low", "_high")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,30 +90,33 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
     )
 
 
-def compare_sheets(found: Comparison, usual: bool = True) -> list[Sheet]:
-    """Differences with their confidence, and numbers of completed members; at most 80 columns wide."""
-    first, second = found.names
-    ended = Sheet(f"{found.a.members.height} members; A is {first}, B is {second}", ("", "completed in B", "not"))
-    ended.add("completed in A", str(found.both_completed), str(found.only_a))
-    ended.add("not", str(found.only_b), str(found.neither))
-    names = usual_metrics(found.a.members) if usual else list(found.a.metrics)
+def comparison_tables(found: Comparison, names: Sequence[str]) -> list[Table]:
+    """Numbers of completed members, then the differences of these metrics with their confidence."""
+    a, b = found.names
+    ended = Table(
+        f"{found.a.members.height:,} members; A is {a}, B is {b}",
+        (Column(""), Column("completed in B"), Column("not")),
+        (("completed in A", found.both_completed, found.only_a), ("not", found.only_b, found.neither)),
+    )
     table = {row["metric"]: row for row in found.differences.iter_rows(named=True)}
-    sheets = [ended]
-    of = f"of the {found.both_completed} that completed in both"
-    for kind, title, ends in (("mean", "mean difference", True), ("median", "median difference", False)):
-        heads = ("A", "B") if ends else ("less in B",)
-        sheet = Sheet(f"B − A, {title}, {of}", ("", *heads, "B − A", "95 %"))
-        for name in names:
-            if name in table:
-                row, shown = table[name], shown_metric(name)
-                low, mid, high, *means = (
-                    number_text(None if row[key] is None else shown.factor * row[key], 2 if key.endswith(_ENDS) else 3)
-                    for key in (f"{kind}_low", kind, f"{kind}_high", "mean_a", "mean_b")
-                )
-                first_cells = means if ends else [f"{100 * row['less_b']:.0f} %"]
-                sheet.add(Named(shown.text, shown.unit), *first_cells, mid, f"{low} to {high}")
-        sheets.append(sheet)
-    return sheets
+    low, high = Column("from", None, "lower end, 95 % confidence"), Column("to", None, "upper end, 95 % confidence")
+    gap, share = Column("B − A"), Column("less in B", SHARE, "share of the members in which B has the smaller value")
+    heads: dict[str, tuple[Column, ...]] = {
+        "mean": (Column("A"), Column("B"), gap, low, high),
+        "median": (gap, low, high, share),
+    }
+    tables = [ended]
+    for kind, columns in heads.items():
+        rows: list[tuple[Cell, ...]] = []
+        for row in (table[name] for name in names if name in table):
+            metric = metric_of(row["metric"])
+            means = ("mean_a", "mean_b") if kind == "mean" else ()
+            numbers = (row[key] for key in (*means, kind, f"{kind}_low", f"{kind}_high"))
+            cells = [Value(each, replace(metric.quantity, digits=3)) for each in numbers]
+            rows.append((metric.text, *cells, *(() if kind == "mean" else (row["less_b"],))))
+        of = f"of the {found.both_completed:,} that completed in both"
+        tables.append(Table(f"B − A, {kind} difference, {of}; 95 % confidence", (Column(""), *columns), tuple(rows)))
+    return tables
 
 
 def difference(found: Comparison) -> Ensemble:
@@ -179,48 +188,62 @@ def _middle_ranks(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return low, high
 
 
-def comparison_report(found: Comparison, by: str, known: Sensitivity | None = None) -> Report:
+def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
     """How the second experiment differs from the first, member by member, in one metric and then in all."""
-    (first, second), gaps, metric = found.names, difference(found), metric_of(by)
-    row = next((each for each in found.differences.iter_rows(named=True) if each["metric"] == by), None)
-    if row is None or not row["pairs"]:
-        verdict = Verdict(f"No member has a {metric.text} in both {first} and {second}", "marginal")
-    else:
-        signed = replace(metric.quantity, digits=3)
-        ends = f"{signed.text(row['median_low'], unit=False)} to {signed.text(row['median_high'])}"
-        verdict = Verdict(
-            f"{second} changes the {metric.text} by {signed.text(row['median'])} (median of {row['pairs']:,} members; "
-            f"95 % confidence: {ends}); it is less in {percent(row['less_b'])} of them",
-            "told",
-            (
-                Number("", f"{metric.text}, mean of {first}", row["mean_a"], metric.quantity),
-                Number("", f"{metric.text}, mean of {second}", row["mean_b"], metric.quantity),
-                Number(
-                    "",
-                    f"median of {second} − {first}",
-                    row["median"],
-                    metric.quantity,
-                    row["median_low"],
-                    row["median_high"],
-                ),
-            ),
-        )
-    tables = tuple(table_of(sheet) for sheet in compare_sheets(found, usual=False))
+    (first, second), gaps, by = found.names, difference(found), worst_by(found.a)
+    known = sensitivity_if_known(gaps, by)
+    sections = [Section("Differences", tuple(comparison_tables(found, usual_metrics(found.a.members))))]
     named = f"{second} − {first}"
-    charts = [
-        Section(each.title, tuple(replace(p, title=f"{p.title}: {named}") for p in each.parts if isinstance(p, Chart)))
-        for each in ensemble_charts(gaps, by, known)
-    ]
+    if charts:
+        for each in ensemble_charts(gaps, by, known):
+            parts = (replace(p, title=f"{p.title}: {named}") for p in each.parts if isinstance(p, Chart))
+            sections.append(Section(each.title, tuple(parts)))
+        every = comparison_tables(found, found.a.metrics)[1:]
+        sections.append(Section("All metrics", tuple(every), detail=True))
     return Report(
         f"{found.a.title}: {named}",
-        verdict,
-        (Section("Differences", tables), *charts),
+        _verdict(found, by),
+        tuple(sections),
         study="ensemble --compare",
         lead=f"A is {first}, B is {second}; the same {found.a.members.height:,} members in both",
+        numbers=(
+            *ensemble_numbers(found.b),
+            *(replace(each, path=f"first.{each.path}") for each in ensemble_numbers(found.a)),
+            *(replace(each, path=f"difference.{each.path}") for each in ensemble_numbers(gaps)),
+        ),
     )
 
 
-DIFFERENCES, PAGE = "differences.parquet", "compare.html"
+def _verdict(found: Comparison, by: str) -> Verdict:
+    (first, second), metric = found.names, metric_of(by)
+    row = next((each for each in found.differences.iter_rows(named=True) if each["metric"] == by), None)
+    if row is None or not row["pairs"]:
+        return Verdict(f"No member has a {metric.text} in both {first} and {second}", "marginal")
+    signed = replace(metric.quantity, digits=3)
+    ends = f"{signed.text(row['median_low'], unit=False)} to {signed.text(row['median_high'])}"
+    change = f"median of {second} − {first}"
+    return Verdict(
+        f"{second} changes the {metric.text} by {signed.text(row['median'])} (median of {row['pairs']:,} members; "
+        f"95 % confidence: {ends}); it is less in {percent(row['less_b'])} of them",
+        "told",
+        (
+            Number("", f"{metric.text}, mean of {first}", row["mean_a"], metric.quantity),
+            Number("", f"{metric.text}, mean of {second}", row["mean_b"], metric.quantity),
+            Number("", change, row["median"], metric.quantity, row["median_low"], row["median_high"]),
+        ),
+    )
+
+
+def known_numbers() -> list[Number]:
+    """What a requirement on a comparison may name: a metric of the second, of the first, or their difference."""
+    return [
+        Number(f"{prefix}{each.path}", each.text, None, each.quantity)
+        for prefix in ("", "first.", "difference.")
+        for each in METRICS
+    ]
+
+
+DIFFERENCES = "differences.parquet"
 
 
 def run_compared(
@@ -230,7 +253,7 @@ def run_compared(
     say: Callable[[str], None],
     **options: Any,
 ) -> Comparison:
-    """Run both over the first one's `[ensemble]` with the same seed; write both, their differences and a page.
+    """Run both over the first one's `[ensemble]` with the same seed; write both and their differences.
 
     Each has a folder with its name; `options` are those of `ensemble`.
 
@@ -252,16 +275,7 @@ def run_compared(
         say(name)
         both.append(ensemble(experiment, out=folder / name, **options))
     found = compare(both[0], both[1], names)
-    say("figures and pages")
-    for name, each in zip(names, both, strict=True):
-        write_report(each, folder / name)
-    gaps, by = difference(found), worst_by(both[0])
-    try:
-        known = [sensitivity(gaps, by)]
-    except RecordError:  # too few members, or equal values in all
-        known = []
-    page = page_of(comparison_report(found, by, known[0] if known else None))
-    write_files(folder, {DIFFERENCES: lambda path: write_to(path, found.differences.write_parquet), PAGE: page})
+    write_files(folder, {DIFFERENCES: lambda path: write_to(path, found.differences.write_parquet)})
     return found
 
 

@@ -47,6 +47,8 @@ from gough_stewart.harness.results.bands import LEVELS, MOST_MEMBERS, QUANTILES
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.vectors import FloatArray
 
+# The groups of charts.
+FIGURES = ("distribution", "bands", "dependence", "sensitivity")
 # The share of the machines about which the verdict speaks.
 SHARE_TOLD = 0.95
 # The metric of the verdict, which also ranks the worst members: the first of these that exists.
@@ -335,16 +337,29 @@ def ensemble_charts(found: EnsembleData, by: str, known: Sensitivity | None) -> 
 
 def _histogram(found: EnsembleData, name: str) -> Chart:
     metric, values = metric_of(name), counted(found.members, name)
-    low, high = float(values.min()), float(values.max())
+    inside = _without_outliers(values)
+    low, high = float(inside.min()), float(inside.max())
     ends = (low, high) if high > low else (low - 0.5, high + 0.5)
-    counts, edges = np.histogram(values, min(_BINS, max(5, int(np.sqrt(len(values))) + 1)), ends)
+    counts, edges = np.histogram(inside, min(_BINS, max(5, int(np.sqrt(len(values))) + 1)), ends)
+    note = ""
+    if outside := len(values) - len(inside):
+        ends_of_all = f"{metric.quantity.text(values.min(), unit=False)} to {metric.quantity.text(values.max())}"
+        note = f"{metric.text}: {count(outside, 'member')} outside, {ends_of_all} in all."
     marks = tuple(
         Mark(float(np.quantile(values, level)), f"{100 * level:g} %", "vertical", "median")
         for level in (0.05, 0.5, 0.95)
     )
     series = Series("members", NUMBER, counts, "neutral")
     axis = Axis(metric.text, metric.quantity, edges)
-    return Chart(metric.text, axis, (series,), "histogram", y=Axis("members"), marks=marks, group="distribution")
+    return Chart(metric.text, axis, (series,), "histogram", y=Axis("members"), marks=marks, note=note,
+                 group="distribution")  # fmt: skip
+
+
+def _without_outliers(values: FloatArray) -> FloatArray:
+    """The values without the few that would hide how all others are distributed."""
+    low, high = np.quantile(values, (0.005, 0.995))
+    width = high - low
+    return values[(values >= low - 2 * width) & (values <= high + 2 * width)] if width > 0 else values
 
 
 def _band(found: EnsembleData, name: str) -> Chart:

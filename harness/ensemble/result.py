@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 from gough_stewart.harness.ensemble.data import EnsembleData
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from gough_stewart.harness.report.document import Report
 
 
@@ -13,8 +15,15 @@ if TYPE_CHECKING:
 class Ensemble(EnsembleData):
     """An ensemble that has run; displays the quantiles of its metrics, and its failures."""
 
-    def report(self, *, charts: bool = True) -> "Report":
+    def report(self, *, charts: bool = True, worst: "Sequence[int] | Mapping[int, str]" = ()) -> "Report":
         """How many machines complete their runs and how well, what fails, and what makes them differ.
+
+        Parameters
+        ----------
+        charts
+            Also bands over time, histograms and dependence.
+        worst
+            Members to list, or a mapping with the address of each one's page, "" for none.
 
         Returns
         -------
@@ -26,7 +35,7 @@ class Ensemble(EnsembleData):
         from gough_stewart.harness.ensemble.sensitivity import sensitivity_if_known
 
         by = worst_by(self)
-        return ensemble_report(self, by, sensitivity_if_known(self, by), charts=charts)
+        return ensemble_report(self, by, sensitivity_if_known(self, by), worst, charts=charts)
 
     def __repr__(self) -> str:
         """Title and report as in the terminal."""

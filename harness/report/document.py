@@ -363,6 +363,18 @@ class Requirement:
         object.__setattr__(self, "value", _defined(self.value))
         object.__setattr__(self, "margin", _defined(self.margin))
 
+    @property
+    def found(self) -> str:
+        """The value with its margin, and how sure."""
+        value = None if self.value is None else self.quantity.text(self.value)
+        margin = None if self.margin is None else margin_text(self.quantity, self.margin)
+        return "; ".join(filter(None, (", ".join(filter(None, (value, margin))), self.note)))
+
+
+def margin_text(quantity: Quantity, margin: float) -> str:
+    """A margin to a limit, in words if it is beyond."""
+    return f"{quantity.text(abs(margin))} {'beyond' if margin < 0 else 'left'}"
+
 
 Part = Table | Chart | Scene | Note
 

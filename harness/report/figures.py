@@ -8,11 +8,13 @@ import re
 from collections.abc import Sequence
 from functools import partial
 from itertools import groupby
+from textwrap import wrap
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from gough_stewart.harness.output.display_resolution import decimated, least_span
 from gough_stewart.harness.output.plotting import entitle, files_of
@@ -32,16 +34,25 @@ _HIDES = 4e-3
 # Lines that can be told apart in one panel.
 _MOST_LINES = 12
 _MOST_BARS = 20
+# More markers are pixels, also in PDF and SVG.
+_MOST_MARKERS = 2000
+# Characters in a line of a note.
+_NOTE = 100
+# Of a group, so many charts of one kind with the same series are small panels with one legend.
+_SMALL = 3
+# Opacity of one band over another.
+_SHADE = 0.22
 
 
 class _Panel(NamedTuple):
-    """Some of the series of a chart, in axes of their own."""
+    """Some of the series of a chart, in axes of their own; wide, or a small one in a grid."""
 
     chart: Chart
     title: str
     series: tuple[Series, ...]
     is_wide: bool
     least: float = 0.0  # span of the vertical axis
+    names: tuple[str, ...] = ()  # of its series in the legend of the grid
 
 
 def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = None) -> dict[str, bytes]:
@@ -57,7 +68,7 @@ def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = No
     taken: set[str] = set()
     for title, charts in groupby(drawn, key=lambda chart: chart.group or chart.title):
         name = _name(title, taken)
-        panels = [_panels(chart) for chart in charts]
+        panels = _rows(list(charts))
         height = _HEAD + sum(_ROW * (1.5 if row[0].is_wide else -(-len(row) // _COLUMNS)) for row in panels)
         # what did not go well should look like it
         is_well = report.verdict.status in ("good", "told")
@@ -65,6 +76,23 @@ def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = No
         files = files_of(partial(_draw, head, panels), _WIDTH, height, tuple(kinds))
         found |= {f"{name}.{kind}": file for kind, file in files.items()}
     return found
+
+
+def _rows(charts: Sequence[Chart]) -> list[list[_Panel]]:
+    """The panels of a figure: a row for each chart, or a grid for several of one kind with the same series."""
+
+    def look(chart: Chart) -> object:
+        return chart.kind, tuple((each.name, each.role) for each in chart.series)
+
+    rows: list[list[_Panel]] = []
+    for _, alike in groupby(charts, key=look):
+        some = list(alike)
+        if len(some) >= _SMALL and some[0].kind not in ("bars", "heat"):
+            names = tuple(each.name for each in some[0].series)
+            rows.append([_Panel(each, each.y_title, each.series, False, names=names) for each in some])
+        else:
+            rows += [_panels(each) for each in some]
+    return rows
 
 
 def _name(title: str, taken: set[str]) -> str:
@@ -84,9 +112,11 @@ def _panels(chart: Chart) -> list[_Panel]:
         return [_Panel(chart, chart.title, chart.series, True)]
     # an axis that hardly moves compared with the others should look like it
     least = max(_extent(chart.series, component) for component in components) / 50
+    parts = {each: tuple(s for s in chart.series if s.component == each) for each in components}
+    unit = f" [{chart.series[0].quantity.unit}]" if chart.series[0].quantity.unit else ""
     return [
-        _Panel(chart, f"{chart.title}, {each}", tuple(s for s in chart.series if s.component == each), False, least)
-        for each in components
+        _Panel(chart, f"{chart.title}, {each}{unit}", part, False, least, tuple(s.role for s in part))
+        for each, part in parts.items()
     ]
 
 
@@ -106,41 +136,74 @@ def _draw(title: str, rows: Sequence[Sequence[_Panel]], figure: Figure) -> None:
         grid = part.subplots(-(-len(row) // columns), columns, squeeze=False)
         for axes in grid.flat[len(row) :]:
             axes.set_axis_off()
-        for panel, axes in zip(row, grid.flat, strict=False):
-            _draw_panel(axes, panel)
-        if not row[0].is_wide and part is parts[-1]:
-            handles, _ = grid.flat[0].get_legend_handles_labels()
-            roles = [each.role for each in row[0].series]
-            part.legend(handles[: len(roles)], roles, loc="outside lower center", ncols=len(roles), handlelength=3.2)
+        if row[0].is_wide:
+            _draw_wide(grid.flat[0], row[0])
+        else:
+            _draw_small(part, list(grid.flat[: len(row)]), row, has_legend=part is parts[-1])
 
 
-def _draw_panel(axes: Axes, panel: _Panel) -> None:
+def _draw_wide(axes: Axes, panel: _Panel) -> None:
     chart, unit = panel.chart, panel.series[0].quantity.unit
     is_named = chart.kind in ("heat", "bars") or (chart.y is not None and chart.y.name != "")
     axes.set_title(f"{panel.title} [{unit}]" if unit and not is_named else panel.title, parse_math=False)
-    draw = {"heat": _heat, "bars": _bars, "histogram": _histogram}.get(chart.kind, _lines)
-    draw(axes, panel)
+    _draw_panel(axes, panel)
     if chart.y is not None and chart.y.name and chart.kind not in ("heat", "bars"):
         axes.set_ylabel(chart.y_title)
     if chart.kind != "bars":
         axes.set_xlabel(chart.x.title)
+    if chart.note:
+        axes.annotate(_note(chart.note), (0, 0), (0, -34), "axes fraction", "offset points", fontsize=7, va="top")
+    handles, labels = axes.get_legend_handles_labels()
+    if len(labels) > 1:
+        axes.legend(handles, labels, loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0, handlelength=3.2)
+
+
+def _draw_small(part: Any, grid: Sequence[Axes], row: Sequence[_Panel], *, has_legend: bool) -> None:
+    """Draw a grid of panels; what is the same for all is said once: an axis, the legend, the note."""
+    is_one_x = len({panel.chart.x.title for panel in row}) == 1
+    is_one_y = not is_one_x and len({panel.chart.y_title for panel in row}) == 1
+    for k, (panel, axes) in enumerate(zip(row, grid, strict=True)):
+        _draw_panel(axes, panel)
+        axes.tick_params(labelsize=7.5)
+        if panel.chart.x.scale == "linear":
+            axes.xaxis.set_major_locator(MaxNLocator(4))
+        if not is_one_y:
+            axes.set_title(panel.title, fontsize=8.5, parse_math=False)
+        elif k % _COLUMNS == 0:
+            axes.set_ylabel(panel.chart.y_title, fontsize=8.5)
+        if not is_one_x or k + _COLUMNS >= len(row):
+            axes.set_xlabel(panel.chart.x.title, fontsize=8.5)
+    handles, labels = grid[0].get_legend_handles_labels()
+    if has_legend and len(labels) > 1:
+        names = [*row[0].names, *labels[len(row[0].names) :]]
+        note = _note(" ".join(dict.fromkeys(panel.chart.note for panel in row if panel.chart.note)))
+        under: dict[str, Any] = {"title": note, "title_fontsize": 7, "ncols": len(names), "handlelength": 3.2}
+        part.legend(handles, names, loc="outside lower center", **under)
+
+
+def _note(text: str) -> str:
+    """A note on as many lines as it needs; it begins at the left end of axes."""
+    return "\n".join(wrap(text, _NOTE))
+
+
+def _draw_panel(axes: Axes, panel: _Panel) -> None:
+    """Draw the series and marks of a panel, without its words."""
+    chart = panel.chart
+    draw = {"heat": _heat, "bars": _bars, "histogram": _histogram}.get(chart.kind, _lines)
+    draw(axes, panel)
+    if chart.kind != "bars":
         if chart.x.scale == "log":
             axes.set_xscale("log")
         if chart.y is not None and chart.y.scale == "log":
             axes.set_yscale("log")
     _marks(axes, panel)
-    if chart.note:
-        axes.annotate(chart.note, (0, 0), (0, -34), "axes fraction", "offset points", fontsize=7, va="top")
-    handles, labels = axes.get_legend_handles_labels()
-    if len(labels) > 1 and panel.is_wide:
-        axes.legend(handles, labels, loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0, handlelength=3.2)
 
 
 def _style(panel: _Panel, index: int) -> dict[str, Any]:
     """Colour and dashes of a series: by role, or by leg, run or order where several have one role."""
     series = panel.series[index]
     same = [k for k, each in enumerate(panel.series) if each.role == series.role]
-    if len(same) == 1 or series.role in ("reference", "limit"):
+    if len(same) == 1 or series.role in ("reference", "limit", "band"):
         dashes, colour = DASHES.get(series.role, ()), colour_of(series.role)
     else:
         place = series.run if series.run is not None else series.leg - 1 if series.leg else same.index(index)
@@ -160,15 +223,21 @@ def _lines(axes: Axes, panel: _Panel) -> None:
             if chart.kind == "points":
                 axes.errorbar(x, values, [values - low, high - values], fmt="none", ecolor=style["color"], elinewidth=1)
             else:
-                axes.fill_between(x, low, high, color=style["color"], alpha=0.22, linewidth=0)
+                axes.fill_between(x, low, high, color=style["color"], alpha=_SHADE, linewidth=0)
+        if series.role == "band":
+            # bands lie within each other, the widest first
+            above = sum(each.role == "band" for each in panel.series[: k + 1])
+            axes.fill([], [], color=style["color"], alpha=1 - (1 - _SHADE) ** above, label=label)
+            continue
         if chart.kind == "points":
-            axes.plot(x, values, ".", color=style["color"], markersize=3, label=label)
+            is_many = len(x) > _MOST_MARKERS
+            axes.plot(x, values, ".", color=style["color"], markersize=3, label=label, rasterized=is_many)
             continue
         held: dict[str, Any] = {"drawstyle": "steps-post"} if chart.kind == "step" else {}
         marker: dict[str, Any] = {"marker": "o", "markersize": 4} if len(x) == 1 else {}
         order = 3 if series.role == "reference" else 2
         axes.plot(*decimated(x, values, _POINTS), label=label, zorder=order, **style, **held, **marker)
-    axes.margins(x=0)
+    axes.margins(x=0.03 if chart.kind == "points" else 0)
     _span(axes, panel)
 
 
@@ -286,5 +355,7 @@ def _marks(axes: Axes, panel: _Panel) -> None:
         if not low - 2 * (high - low) <= value <= high + 2 * (high - low):
             continue
         draw = axes.axhline if is_across else axes.axvline
-        draw(value, label=None if mark.text in named else mark.text, **style)
-        named.add(mark.text)
+        # in a grid, marks of one role have one entry
+        text = mark.text if panel.is_wide else ", ".join(m.text for m in chart.marks if m.role == mark.role)
+        draw(value, label=None if text in named else text, **style)
+        named.add(text)

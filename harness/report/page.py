@@ -19,6 +19,7 @@ from gough_stewart.harness.report.document import (
     Section,
     Setting,
     Table,
+    margin_text,
 )
 from gough_stewart.harness.report.glossary import explained, with_terms
 from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, three_licence
@@ -38,6 +39,7 @@ from gough_stewart.harness.report.palette import (
     colour_of_six,
 )
 from gough_stewart.harness.report.quantities import TIME
+from gough_stewart.harness.report.requirements import OUTCOMES
 
 PAGE = "report.html"
 _SCENE_SCRIPTS = (
@@ -169,8 +171,7 @@ def _number(number: Number) -> str:
     if number.limit is not None:
         told.append(f"limit {number.quantity.text(number.limit)}")
     if number.margin is not None:
-        beyond = number.margin < 0
-        told.append(f"{'beyond by' if beyond else 'margin'} {number.quantity.text(abs(number.margin))}")
+        told.append(margin_text(number.quantity, number.margin))
     state = ' class="missed"' if number.margin is not None and number.margin < 0 else ""
     small = f"<small>{html.escape('; '.join(told))}</small>" if told else ""
     unit = f' <span class="unit">{html.escape(number.quantity.unit)}</span>' if number.quantity.unit else ""
@@ -184,11 +185,8 @@ def _requirements(requirements: Sequence[Requirement]) -> str:
         return ""
     items = []
     for each in requirements:
-        value = html.escape(each.quantity.text(each.value))
-        margin = f", margin {html.escape(each.quantity.text(each.margin))}" if each.margin is not None else ""
-        note = f" {html.escape(each.note)}" if each.note else ""
         sign = f'<span class="sign" aria-hidden="true">{_SIGNS[each.status]}</span>'
-        said = f"<b>{each.status}</b>: {html.escape(each.text)}; {value}{margin}.{note}"
+        said = f"<b>{OUTCOMES[each.status]}</b>: {html.escape(each.text)}; {html.escape(each.found)}"
         items.append(f'<li class="{each.status}">{sign}{said}</li>')
     return f'<ul class="requirements" aria-label="requirements">{"".join(items)}</ul>'
 

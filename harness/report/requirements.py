@@ -17,6 +17,7 @@ from gough_stewart.harness.errors import RequirementError
 from gough_stewart.harness.report.document import Number, Report, Requirement, Verdicts
 from gough_stewart.harness.report.proportions import CONFIDENCE, share_interval
 from gough_stewart.harness.report.quantities import Quantity
+from gough_stewart.harness.report.words import sentence
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.vectors import FloatArray
 
@@ -28,6 +29,8 @@ _REQUIREMENT = re.compile(
     rf"(?:,?\s*\bwith\s+(?P<confidence>{_SHARE})\s+confidence\s*)?"
 )
 _EXPECTED = "expected PATH <= NUMBER UNIT, as in 'tracking.position.norm_peak <= 1 mm' or '… for 95 % of members'"
+# How each came out, in words.
+OUTCOMES: dict[Verdicts, str] = {"met": "met", "missed": "missed", "open": "cannot be told"}
 # So many members are not proposed to anyone.
 _MOST = 10_000_000
 
@@ -139,7 +142,9 @@ def check_known(requirements: Iterable[Required], known: Iterable[Known]) -> Non
 
 
 def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report:
-    """The report with requirements and how they came out, by which its verdict is bad or marginal.
+    """The report with requirements and how they came out, which its verdict says first.
+
+    It is bad if one is missed, and marginal at best if one cannot be told.
 
     Raises
     ------
@@ -155,7 +160,22 @@ def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report
         verdict = replace(verdict, status="bad")
     elif "open" in states and verdict.status != "bad":
         verdict = replace(verdict, status="marginal")
+    if judged:
+        verdict = replace(verdict, text=f"{_first(judged)}. {verdict.text}")
     return replace(report, verdict=verdict, requirements=(*report.requirements, *judged))
+
+
+def _first(judged: Sequence[Requirement]) -> str:
+    """Those that are not met with what was found, or that all are met; a single one always with what was found."""
+    if len(judged) > 1 and all(each.status == "met" for each in judged):
+        return f"All {len(judged)} requirements met"
+    statuses: tuple[Verdicts, ...] = ("missed", "open", "met") if len(judged) == 1 else ("missed", "open")
+    parts = []
+    for status in statuses:
+        told = [f"{each.text} ({each.found})" for each in judged if each.status == status]
+        if told:
+            parts.append(f"{OUTCOMES[status]}: {', '.join(told)}")
+    return sentence(parts)
 
 
 def judge(wanted: Required, number: Number) -> Requirement:

@@ -14,14 +14,24 @@ from rich.text import Text
 
 from gough_stewart.harness.output.tables import is_number as is_number_like
 from gough_stewart.harness.output.tables import stacked_columns
-from gough_stewart.harness.report.document import Cell, Note, Number, Report, Requirement, Setting, Table, Value
-from gough_stewart.harness.report.quantities import Quantity
+from gough_stewart.harness.report.document import (
+    Cell,
+    Note,
+    Number,
+    Report,
+    Requirement,
+    Setting,
+    Table,
+    Value,
+    margin_text,
+)
+from gough_stewart.harness.report.requirements import OUTCOMES
 
 if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderableType, RenderResult
 
 _STYLES = {"good": "bold green", "marginal": "bold yellow", "bad": "bold red", "told": "bold"}
-_OUTCOMES = {"met": ("met", "green"), "missed": ("missed", "bold red"), "open": ("cannot be told", "bold yellow")}
+_OUTCOMES = {"met": "green", "missed": "bold red", "open": "bold yellow"}
 
 
 def show(report: Report, console: Console) -> None:
@@ -91,12 +101,8 @@ def remark_of(number: Number) -> str:
     if number.limit is not None:
         parts.append(f"limit {quantity.text(number.limit)}")
     if number.margin is not None:
-        parts.append(_margin(quantity, number.margin))
+        parts.append(margin_text(quantity, number.margin))
     return ", ".join(parts)
-
-
-def _margin(quantity: Quantity, margin: float) -> str:
-    return f"{quantity.text(abs(margin))} {'beyond' if margin < 0 else 'left'}"
 
 
 def requirements_of(requirements: Sequence[Requirement]) -> Rows:
@@ -106,11 +112,7 @@ def requirements_of(requirements: Sequence[Requirement]) -> Rows:
     rows.add_column(overflow="fold")
     rows.add_column(overflow="fold")
     for each in requirements:
-        word, style = _OUTCOMES[each.status]
-        found = None if each.value is None else each.quantity.text(each.value)
-        margin = None if each.margin is None else _margin(each.quantity, each.margin)
-        told = ", ".join(filter(None, (found, margin)))
-        rows.add_row(Text(word, style), Text(each.text), Text("; ".join(filter(None, (told, each.note)))))
+        rows.add_row(Text(OUTCOMES[each.status], _OUTCOMES[each.status]), Text(each.text), Text(each.found))
     return rows
 
 
@@ -152,8 +154,7 @@ def row_texts(table: Table, index: int) -> list[Text]:
     row, texts = table.rows[index], [Text(each) for each in table.texts(index)]
     values = [cell for cell in row[1:] if isinstance(cell, Value)]
     units = {each.quantity.unit for each in values}
-    stated = any(column.quantity is not None for column in table.columns[1:])
-    if values and not stated and len(units) == 1 and (unit := units.pop()):
+    if values and len(units) == 1 and (unit := units.pop()):
         texts = [
             Text(cell.quantity.text(cell.value, unit=False)) if k and isinstance(cell, Value) else text
             for k, (cell, text) in enumerate(zip(row, texts, strict=True))

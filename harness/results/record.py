@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _METADATA_KEY = "gough_stewart"
 # The first of these files that is there tells the kind.
 _KINDS: tuple[tuple[str, str, str], ...] = (
-    ("compare.html", "two ensembles compared by `ensemble --compare`", "open compare.html in a browser"),
+    ("differences.parquet", "two ensembles compared by `ensemble --compare`", "`gough-stewart view` it"),
     ("plan.json", "an unfinished ensemble", "continue it with `gough-stewart ensemble … --resume`"),
     ("ensemble.json", "an ensemble", "`gough-stewart view` it, or worst/member-…"),
     ("tuning.json", "a tuning", "run tuned.toml, then view that run"),

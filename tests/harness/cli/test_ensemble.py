@@ -13,7 +13,7 @@ from gough_stewart.harness.results.record import read_record
 from tests.support.commands import invoke
 
 SHORT = ("--set", "loop.duration=0.1", "--set", "ensemble.worst=2")
-TABLES = {"members.parquet", "bands.parquet", "ensemble.json", "report.html"}
+TABLES = {"members.parquet", "bands.parquet", "ensemble.json"}
 
 
 @pytest.fixture(scope="module")
@@ -21,18 +21,17 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     """Sixty-four members of what ships."""
     out = tmp_path_factory.mktemp("ensemble") / "new" / "folder"
     return invoke(
-        "ensemble", "heave_tolerances", *SHORT, "--members", "64", "--workers", "1", "--seed", "5", "--out", str(out)
+        *("ensemble", "heave_tolerances", *SHORT, "--members", "64", "--workers", "1", "--seed", "5", "--report"),
+        *("--out", str(out)),
     ), out
 
 
-def test_it_writes_tables_pictures_a_page_and_the_worst_members(done: tuple[Result, Path]) -> None:
+def test_it_writes_tables_a_page_and_the_worst_members(done: tuple[Result, Path]) -> None:
     result, out = done
     assert result.exit_code == 0, result.output
     assert "64 members: 64 completed" in result.output
     names = {path.name for path in out.iterdir()}
-    assert names >= TABLES
-    assert "chunks" not in names
-    assert "plan.json" not in names
+    assert names == TABLES | {"report.json", "report.html", "worst"}
     assert json.loads((out / "ensemble.json").read_text())["seed"] == 5
     assert len(list((out / "worst").iterdir())) == 2
 
@@ -71,12 +70,24 @@ def test_two_controllers_are_compared_over_the_same_machines(tmp_path: Path) -> 
         first.write("[ensemble]\nmembers = 9\nworst = 1\nplatform_mass = { uniform = [1000, 3000] }\n")
     out = tmp_path / "compared"
     files = [str(tmp_path / f"{name}.toml") for name in ("slow", "fast")]
-    result = invoke("ensemble", files[0], "--compare", files[1], "--workers", "1", "--out", str(out), columns=80)
-    assert result.exit_code == 0, result.output
-    assert max(map(len, result.output.partition("Done in")[0].splitlines())) <= 80
-    assert re.search(r"\d…", result.output) is None, "a number is cut off"
-    assert sorted(path.name for path in out.iterdir()) == ["compare.html", "differences.parquet", "fast", "slow"]
     rms = "tracking.position.norm_rms"
+    wanted = (f"{rms} <= 1 m", f"difference.{rms} < 0 mm", f"first.{rms} < 1 um")
+    options = ("--report", "--figures", *(word for each in wanted for word in ("--require", each)))
+    command = ("ensemble", files[0], "--compare", files[1], "--workers", "1", "--out", str(out))
+    result = invoke(*command, *options, columns=80)
+    assert result.exit_code == 3, result.output
+    assert result.stdout.startswith("Missed: first.tracking")
+    assert result.stderr == f"missed: {wanted[2]}\n"
+    # all but the verdict, which is one line for other programs
+    assert max(map(len, result.output.partition("Done in")[0].splitlines()[1:])) <= 80
+    assert re.search(r"\d…", result.output) is None, "a number is cut off"
+    kinds = ("pdf", "png", "svg")
+    figures = {f"{name}.{kind}" for name in ("distribution", "dependence", "sensitivity") for kind in kinds}
+    own = {"differences.parquet", "fast", "slow", "report.json", "report.html"}
+    assert {path.name for path in out.iterdir()} == own | figures
+    for name in ("slow", "fast"):
+        (page,) = (out / name).glob("worst/*/report.html")
+        assert f'href="worst/{page.parent.name}/report.html"' in (out / name / "report.html").read_text()
     slow, fast = (polars.read_parquet(out / name / "members.parquet") for name in ("slow", "fast"))
     assert slow["varied.platform_mass"].equals(fast["varied.platform_mass"])
     gaps = (fast[rms] - slow[rms]).to_numpy()
@@ -85,6 +96,13 @@ def test_two_controllers_are_compared_over_the_same_machines(tmp_path: Path) -> 
     # 2.306 of a table of Student's t: 97.5 %, eight degrees of freedom
     assert row["mean_high"] - row["mean"] == pytest.approx(2.306 * gaps.std(ddof=1) / 3, rel=1e-3)
     assert f" {1e3 * gaps.mean():.3g} " in result.output
+    states = [each["status"] for each in json.loads((out / "report.json").read_text())["requirements"]]
+    assert states == ["met", "met", "missed"]
+    again = invoke(*command, "--json")
+    assert again.exit_code == 0, again.output
+    found = {each["path"]: each for each in json.loads(again.stdout)["numbers"]}
+    assert found[f"difference.{rms}"]["members"] == pytest.approx(gaps.tolist())
+    assert {path.name for path in out.iterdir()} == own - {"report.html"}
 
 
 WRONG: Mapping[str, tuple[tuple[str, ...], int, str]] = {
@@ -125,17 +143,29 @@ def test_what_cannot_be_is_said_in_a_line(what: str, tmp_path: Path) -> None:
 
 def test_requirements_on_a_share_of_all_machines_end_with_their_own_code(tmp_path: Path) -> None:
     """Expected: shares of the table's own column; ln 0.025/ln 0.95 = 71.9 machines tell if all of them hold it."""
-    few = ("ensemble", "heave_tolerances", *SHORT, "--members", "16", "--workers", "1", "--out", str(tmp_path / "out"))
+    out = tmp_path / "out"
+    few = ("ensemble", "heave_tolerances", *SHORT, "--members", "16", "--workers", "1", "--out", str(out))
     path = "tracking.position.norm_peak"
     wide, narrow = f"{path} <= 1 m for 95 % of members", f"{path} < 0.1 mm for 95 % of members"
     done = invoke(*few, "--require", wide, "--require", f"{path} <= 1 m")
     assert done.exit_code == 4
+    assert done.stdout.startswith(f"Cannot be told: {wide} (")
+    # no page, no figures: they were not asked for
+    assert {each.name for each in out.iterdir()} == TABLES | {"report.json", "worst"}
+    (kept, *_) = (out / "worst").iterdir()
+    assert {each.name for each in kept.iterdir()} == {"record.parquet", "metadata.json"}
     assert "72 members would tell, if all of them hold it" in " ".join(done.stdout.split())
     assert done.stderr.endswith(f"cannot be told: {wide}\n")
-    members = polars.read_parquet(tmp_path / "out" / "members.parquet")[path]
+    members = polars.read_parquet(out / "members.parquet")[path]
     holding = (members < 1e-4).sum()
-    done = invoke(*few, "--require", narrow, "--json")
+    (out / "bands.svg").write_bytes(b"of an older result")
+    done = invoke(*few, "--require", narrow, "--json", "--report")
     assert done.exit_code == (3 if holding < 12 else 4)
+    assert not (out / "bands.svg").exists()
+    assert f"<b>{'missed' if holding < 12 else 'cannot be told'}</b>" in (out / "report.html").read_text()
+    told = json.loads(done.stdout)["verdict"]
+    assert f"{holding} of 16 members hold it" in told["text"]
+    assert told["status"] == ("bad" if holding < 12 else "marginal")
     (found,) = json.loads(done.stdout)["requirements"]
     assert f"{holding} of 16 members hold it" in found["note"]
     assert found["value"] == pytest.approx(sorted(members)[15])

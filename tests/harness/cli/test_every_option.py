@@ -22,7 +22,7 @@ from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.commands import invoke
-from tests.support.noted_calls import Notes, made_report, said, sheet
+from tests.support.noted_calls import Notes, made_report, said
 from tests.support.records import oscillating, waving_record
 
 BAR = Path("bar")
@@ -390,17 +390,23 @@ def test_ensemble(notes: Notes, kind: str) -> None:
         options["progress"](12, 40)
         seen.append(dict(notes.bars[-1]))
 
-    def write(_: Any, folder: Path) -> tuple[list[str], Report]:
-        for name in ("members.parquet", "bands.parquet", "ensemble.json", "report.html"):
+    def write(_: Any, folder: Path, *, pages: bool) -> dict[int, str]:
+        for name in ("members.parquet", "bands.parquet", "ensemble.json"):
             (folder / name).write_bytes(b"x" * 250)
-        return ["report.html"], warned
+        return {17: "there"} if pages else {}
 
     seen: list[dict[str, Any]] = []
     opened = notes.opened()
     notes.replace("harness.ensemble.ensemble.ensemble", found, act)
-    notes.replace("harness.ensemble.files.write_report", act=write)
+    notes.replace("harness.ensemble.files.write_worst", act=write)
     told = (Note("too coarse", "warning"),) if kind == "all" else ()
-    warned = replace(made_report("members"), notes=told)
+    asked: list[dict[str, Any]] = []
+
+    def report(**given: Any) -> Report:
+        asked.append(given)
+        return replace(made_report("members"), notes=told)
+
+    found.report = report
     done = invoke("ensemble", "heave_tolerances", *{
         "all": (*("--members", "40", "--seed", "5", "--out", "o p", "--open", "--resume", "--workers", "3"),
                 *("--set", "loop.duration=0.3", "--no-python")),
@@ -420,8 +426,9 @@ def test_ensemble(notes: Notes, kind: str) -> None:
     assert {key: seen[1][key] for key in ("completed", "total", "description")} == {
         "completed": 12, "total": 40, "description": chosen.title,
     }  # fmt: skip
-    assert notes.bars[-1]["description"] == "figures and page"
-    assert notes.one("write_report") == ((found, Path(out)), {})
+    assert notes.bars[-1]["description"] == "worst members and report"
+    assert notes.one("write_worst") == ((found, Path(out)), {"pages": kind == "all"})
+    assert asked == [{"charts": kind == "all", "worst": {17: "there"} if kind == "all" else {}}]
     warning = "warning: too coarse\n" if kind == "all" else ""
     if kind in ("none", "grows"):
         assert done.exit_code == 3
@@ -432,9 +439,10 @@ def test_ensemble(notes: Notes, kind: str) -> None:
         text += "`run --member K` shows one"
         warning = f"error: no member completed its run with a loop that does not grow: {text}\n"
     assert done.stderr == warning
-    page = [] if kind == "all" else [f"Open {out}/report.html in a browser."]
-    said(done, "members found", "members", f"Done in T s. Wrote to {out} (1 kB):", *page)
-    assert "  members.parquet, bands.parquet, ensemble.json, report.html" in done.stdout.splitlines()
+    done_line = f"Done in T s. Wrote to {out} ({size_of(out)}):"
+    said(done, "members found", "members", done_line)
+    more = "worst, report.json, report.html" if kind == "all" else "report.json"
+    assert f"members.parquet, bands.parquet, ensemble.json, {more}" in " ".join(done.stdout.split())
     assert opened == ([Path(out, "report.html").absolute().as_uri()] if kind == "all" else [])
 
 
@@ -448,11 +456,14 @@ def test_ensembles_compared(notes: Notes, fails: str) -> None:
         status("first")
         options["progress"](3, 8)
         folder.mkdir(parents=True)
-        for name in ("heave_tolerances", "circle", "differences.parquet", "compare.html"):
-            (folder / name).write_bytes(b"x" * 500)
+        (folder / "differences.parquet").write_bytes(b"x" * 500)
 
-    notes.replace("harness.ensemble.compare.run_compared", SimpleNamespace(a=a, b=b), act)
-    notes.replace("harness.ensemble.compare.compare_sheets", [sheet("differences")])
+    for each, name in ((a, "slow"), (b, "fast")):
+        each.report = lambda *, charts, worst, name=name: made_report(f"{name} {charts} {worst}")
+    compared = SimpleNamespace(a=a, b=b)
+    notes.replace("harness.ensemble.compare.run_compared", compared, act)
+    notes.replace("harness.ensemble.compare.comparison_report", made_report("differences"))
+    notes.replace("harness.ensemble.files.write_worst", {3: "there"})
     options = ("--members", "8", "--seed", "2", "--workers", "3", "--resume", "--set", "loop.duration=0.4")
     done = invoke("ensemble", "heave_tolerances", "--compare", "circle", *options)
     out = "results/ensemble_heave_tolerances_compared"
@@ -462,15 +473,21 @@ def test_ensembles_compared(notes: Notes, fails: str) -> None:
     assert (tuple(names), folder) == (("heave_tolerances", "circle"), Path(out))
     assert given == {"members": 8, "seed": 2, "resume": True, "workers": 3, "scheduler": None}
     assert {k: notes.bars[-1][k] for k in ("description", "completed", "total")} == {
-        "description": "first", "completed": 3, "total": 8,
+        "description": "worst members and reports", "completed": 3, "total": None,
     }  # fmt: skip
+    worst = [(of, place) for (of, place), given in notes.calls.pop("write_worst") if given == {"pages": False}]
+    assert worst == [(a, Path(out, "heave_tolerances")), (b, Path(out, "circle"))]
+    for name, of in (("heave_tolerances", "slow"), ("circle", "fast")):
+        kept = from_json(Path(out, name, "report.json").read_bytes())
+        assert kept.verdict.text == f"{of} False {{3: 'there'}} found"
     failed = {"a": "error: none of 2 members completed its run; the first: cause 0\n",
               "b": "error: none of 1 members completed its run; the first: cause 0\n"}  # fmt: skip
     assert done.stderr == failed.get(fails, "")
     assert done.exit_code == (3 if fails else 0)
     done.exit_code = 0
-    said(done, "differences", f"Done in T s. Wrote to {out} (2 kB):", f"Open {out}/compare.html in a browser.")
-    assert notes.one("compare_sheets")[1] == {}
+    assert done.stdout.startswith("differences found\n")
+    assert "heave_tolerances, circle, differences.parquet, report.json" in " ".join(done.stdout.split())
+    assert notes.one("comparison_report") == ((compared,), {"charts": False})
     other = invoke("ensemble", "heave_tolerances", "--compare", "circle", "--out", "elsewhere")
     assert notes.one("run_compared")[0][2] == Path("elsewhere")
     assert "elsewhere" in other.stdout

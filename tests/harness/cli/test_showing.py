@@ -69,7 +69,8 @@ def test_with_json_the_standard_output_is_the_report_alone() -> None:
     done = _invoke("out", "--json", "--require", f"{_PEAK} <= 1 mm")
     assert done.exit_code == 0
     data = json.loads(done.stdout)
-    assert (data["verdict"]["text"], data["requirements"][0]["status"]) == ("Follows within 0.8 mm", "met")
+    met = f"Met: {_PEAK} <= 1 mm (0.8 mm, 0.2 mm left). Follows within 0.8 mm"
+    assert (data["verdict"]["text"], data["requirements"][0]["status"]) == (met, "met")
     assert all(each in done.stderr for each in ("text beside it", "Wrote to out", "warning: near its stroke"))
     # only while it lasts
     assert _invoke("out").stdout.startswith("text beside it")

@@ -6,14 +6,12 @@ import pytest
 from rich.console import Console
 from scipy.stats import sobol_indices
 
-from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
-from gough_stewart.harness.ensemble.figures import ensemble_figures
-from gough_stewart.harness.ensemble.report import ensemble_report, sensitivity_table
+from gough_stewart.harness.ensemble.compare import compare, comparison_report, difference
+from gough_stewart.harness.ensemble.report import FIGURES, ensemble_report, sensitivity_table
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
 from gough_stewart.harness.ensemble.statistics import failures, integration_warning, quantiles, worst_members
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.output.tables import to_terminal
 from gough_stewart.harness.report.document import Table
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.terminal import TerminalTable
@@ -228,7 +226,8 @@ def test_tables_are_whole_in_eighty_columns() -> None:
     both = compare(ensemble, other, ("a_rather_long_name", "another_rather_long_name"))
     console = Console(width=80, color_system=None)
     tables = (part for part in ensemble.report(charts=False).parts() if isinstance(part, Table))
-    for shown_table in (*map(TerminalTable, tables), *map(to_terminal, compare_sheets(both))):
+    compared = (part for part in comparison_report(both, charts=False).parts() if isinstance(part, Table))
+    for shown_table in map(TerminalTable, (*tables, *compared)):
         with console.capture() as shown:
             console.print(shown_table)
         cut = [line for line in shown.get().splitlines() if "…" in line.replace(" … ", "") and "│" in line]
@@ -251,16 +250,14 @@ def test_the_page_links_its_worst_members_and_is_the_same_each_time() -> None:
     assert page == page_of(ensemble_report(ensemble, PEAK, found, pages)).decode()
 
 
-def test_figures_are_the_same_bytes_each_time_and_leave_out_what_is_not_there() -> None:
-    """Expected: four pictures; without bands and inputs those of the figures of merit alone."""
+def test_charts_leave_out_what_is_not_there() -> None:
+    """Expected: without bands and inputs, the distributions of the metrics alone."""
     ensemble = failing()
-    files = ensemble_figures(ensemble, PEAK, sensitivity(ensemble, PEAK))
-    names = ("bands", "histograms", "dependence", "sensitivity")
-    assert set(files) == {f"{name}.png" for name in names}
-    assert all(file.startswith(b"\x89PNG") for file in files.values())
+    found = ensemble_report(ensemble, PEAK, sensitivity(ensemble, PEAK))
+    assert {chart.group for chart in found.charts} == set(FIGURES)
     bare = ensemble.members.select([name for name in ensemble.members.columns if not name.startswith("varied.")])
-    rest = Ensemble(bare, ensemble.bands.clear(), {})
-    assert set(ensemble_figures(rest, PEAK)) == {"histograms.png"}
+    rest = ensemble_report(Ensemble(bare, ensemble.bands.clear(), {}), PEAK)
+    assert {chart.group for chart in rest.charts} == {"distribution"}
 
 
 def test_differences_of_the_same_members_are_far_surer_than_those_of_other_members() -> None:

@@ -8,8 +8,13 @@ import polars
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.ensemble.compare import compare, compare_sheets, difference
-from gough_stewart.harness.ensemble.figures import ensemble_figures
+from gough_stewart.harness.ensemble.compare import (
+    compare,
+    comparison_report,
+    comparison_tables,
+    difference,
+    known_numbers,
+)
 from gough_stewart.harness.ensemble.report import (
     ensemble_report,
     failure_table,
@@ -34,7 +39,6 @@ from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.sheets import sheet_of
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import INPUTS, ensemble_of
-from tests.support.figures import figures_drawn
 from tests.support.page_arrays import data_of, unpacked
 
 PEAK = "tracking.position.norm_peak"
@@ -148,16 +152,6 @@ def test_the_page_of_a_large_ensemble_has_every_member(large: Ensemble) -> None:
     assert "Worst members" not in said
     small = words_of(page_of(ensemble_report(ensemble_of(normal(30)), PEAK)))
     assert not re.search("Quantiles are without|first 10,000|Not completed", small)
-
-
-def test_figures_of_a_large_ensemble_say_what_quantiles_are_of(large: Ensemble) -> None:
-    """Expected: in the title of the bands, as on the page; members that are drawn are the first 3,000."""
-    with figures_drawn(is_rendered=False) as figures:
-        ensemble_figures(large, PEAK)
-    assert " ".join(figures[0].get_suptitle().split()) == (
-        "closed forms: 10100 members; median, 25 to 75 %, 5 to 95 % of the first 10000, extremes"
-    )
-    assert " ".join(figures[2].get_suptitle().split()).endswith("against what varies; 3000 of 10100 members")
 
 
 def test_a_page_without_seed_and_of_another_design_says_so() -> None:
@@ -315,11 +309,21 @@ def test_a_comparison_of_one_pair_has_a_difference_without_interval() -> None:
     assert gap.values("platform_mass").tolist() == a.values("platform_mass").tolist()
     assert gap.values("force.peak") == pytest.approx([-1, -20, -300])
     assert gap.title == "two − one"
-    usual, every = (compare_sheets(found, usual=usual)[1] for usual in (True, False))
-    assert len(usual.rows) <= len(every.rows) == len(found.differences)
-    cells = next(row for row in usual.rows if row[0] == Named("peak force", "N"))
-    assert float(str(cells[3])) == pytest.approx(-20, rel=6e-3)
-    assert cells[4] == "– to –"
+    _, mean, median = comparison_tables(found, usual_metrics(a.members))
+    every = comparison_tables(found, found.a.metrics)[1]
+    assert len(mean.rows) <= len(every.rows) == len(found.differences)
+    (k,) = (k for k, row in enumerate(mean.rows) if row[0] == "peak force")
+    assert mean.texts(k)[3:] == ("-20 N", "–", "–")
+    assert (median.texts(k)[1], median.texts(k)[4]) == ("-20 N", "100")
+    report = comparison_report(found)
+    differences = report.number("difference.force.peak").members
+    assert differences is not None
+    np.testing.assert_allclose(differences, [np.nan, -20, np.nan])
+    for path, each in (("force.peak", b), ("first.force.peak", a)):
+        members = report.number(path).members
+        assert members is not None
+        assert members[1] == each.values("force.peak")[1]
+    assert {each.path for each in report.numbers} <= {each.path for each in known_numbers()}
     renumbered = with_columns(b, member=[0, 1, 7])
     with pytest.raises(RecordError, match="3 and 3 members; expected the same members in both"):
         compare(a, renumbered)

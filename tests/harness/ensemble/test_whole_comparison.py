@@ -59,9 +59,9 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     (folder / "slow.toml").write_text(TOML.replace("BANDWIDTH", "1.5") + VARIED)
     (folder / "fast.toml").write_text(TOML.replace("BANDWIDTH", "5"))
     files = [str(folder / f"{name}.toml") for name in ("slow", "fast")]
-    return invoke("ensemble", files[0], "--compare", files[1], "--workers", "1", "--out", str(folder / "out")), (
-        folder / "out"
-    )
+    return invoke(
+        "ensemble", files[0], "--compare", files[1], "--workers", "1", "--report", "--out", str(folder / "out")
+    ), (folder / "out")
 
 
 @pytest.fixture(scope="module")
@@ -124,10 +124,12 @@ def test_the_printed_differences_are_those_of_the_file(done: tuple[Result, Path]
     rows = {row["metric"]: row for row in polars.read_parquet(done[1] / "differences.parquet").iter_rows(named=True)}
     tables = tables_in(done[0].stdout)
     pairs = max(row["pairs"] for row in rows.values())
-    mean = tables[f"B − A, mean difference, of the {pairs} that completed in both"]
-    median = tables[f"B − A, median difference, of the {pairs} that completed in both"]
-    assert mean[""] == ["A", "B", "B − A", "95 %"]
-    assert median[""] == ["less in B", "B − A", "95 %"]
+    mean, median = (
+        tables[f"B − A, {kind} difference, of the {pairs} that completed in both; 95 % confidence"]
+        for kind in ("mean", "median")
+    )
+    assert mean[""] == ["A", "B", "B − A", "from", "to"]
+    assert median[""] == ["B − A", "from", "to", "less in B [%]"]
     for words, metric, factor in (
         ("position error, peak mm", "tracking.position.norm_peak", 1e3),
         ("orientation error, RMS deg", "tracking.orientation.norm_rms", 180 / np.pi),
@@ -135,17 +137,12 @@ def test_the_printed_differences_are_those_of_the_file(done: tuple[Result, Path]
         ("work, absolute J", "energy.absolute_total", 1.0),
     ):
         row = rows[metric]
-        *cells, interval = mean[words]
-        assert [float(cell) for cell in cells] == [
-            pytest.approx(factor * row[key], rel=6e-3) for key in ("mean_a", "mean_b", "mean")
-        ]
-        ends = [float(each) for each in interval.split(" to ")]
-        assert ends == [pytest.approx(factor * row[key], rel=6e-2) for key in ("mean_low", "mean_high")]
-        share, middle, interval = median[words]
-        assert share == f"{100 * row['less_b']:.0f} %"
-        assert float(middle) == pytest.approx(factor * row["median"], rel=6e-3)
-        ends = [float(each) for each in interval.split(" to ")]
-        assert ends == [pytest.approx(factor * row[key], rel=6e-2) for key in ("median_low", "median_high")]
+        of_mean = ("mean_a", "mean_b", "mean", "mean_low", "mean_high")
+        assert [float(cell) for cell in mean[words]] == [pytest.approx(factor * row[key], rel=6e-3) for key in of_mean]
+        *cells, share = median[words]
+        assert float(share) == pytest.approx(100 * row["less_b"], rel=6e-4)
+        of_median = ("median", "median_low", "median_high")
+        assert [float(cell) for cell in cells] == [pytest.approx(factor * row[key], rel=6e-3) for key in of_median]
 
 
 def data_of(page: Path) -> dict[str, Any]:
@@ -157,14 +154,14 @@ def test_the_page_of_differences_has_each_members_difference(
     done: tuple[Result, Path], both: tuple[polars.DataFrame, polars.DataFrame]
 ) -> None:
     """Expected: B − A of the columns, member by member, where both completed; the median of them is in the verdict."""
-    data = data_of(done[1] / "compare.html")
+    data = data_of(done[1] / "report.html")
     gap = (both[1][FORCE] - both[0][FORCE]).to_numpy()
     sound = [a == b == "completed" for a, b in zip(both[0]["outcome"], both[1]["outcome"], strict=True)]
     points = [chart for chart in data["charts"] if chart["kind"] == "points"]
     (series,) = points[0]["series"]
     values = unpacked(data["arrays"][series["values"]])
     np.testing.assert_allclose(values, np.where(sound, gap, np.nan), rtol=1e-5, atol=1e-3)
-    text = (done[1] / "compare.html").read_text()
+    text = (done[1] / "report.html").read_text()
     assert "fast − slow" in text
     verdict = re.findall(r'<p class="verdict told">.*?</p>', text)[0]
     assert f"{np.median(gap[sound]):.0f} N".replace("-", "−") in verdict

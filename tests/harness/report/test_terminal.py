@@ -47,7 +47,8 @@ def _report() -> Report:
 
 def test_the_verdict_is_the_first_line_then_its_numbers_then_requirements_then_tables() -> None:
     lines = text_of(_report(), 120).splitlines()
-    assert lines[0] == "Follows within 0.8 mm; a leg needs 609 N of its 600 N"
+    follows = "Follows within 0.8 mm; a leg needs 609 N of its 600 N"
+    assert lines[0] == f"Missed: force.peak < 0.6 kN (609 N, 9 N beyond). {follows}"
     assert "set: " not in "\n".join(lines)
     changed = replace(_report(), settings=(Setting("loop.delay", ("2",), "1"), Setting("a.b", ("3 Hz",))))
     assert text_of(changed, 120).splitlines()[2] == "set: loop.delay = 2 (file: 1), a.b = 3 Hz"
@@ -100,7 +101,7 @@ def test_without_a_terminal_the_verdict_is_one_line_without_colours() -> None:
         console = Console(file=out, width=30, force_terminal=force, color_system="standard" if force else None)
         show(report, console)
         first = out.getvalue().splitlines()[0]
-        assert first.startswith("\x1b[1;31mFollows" if force else "Follows")
+        assert first.startswith("\x1b[1;31mMissed: " if force else "Missed: ")
         assert (first == report.verdict.text) is not force
         assert ("\x1b[" in out.getvalue()) is force
 
