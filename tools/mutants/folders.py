@@ -17,6 +17,8 @@ _NEARBY = {
         "tests/harness/export/test_fmu.py",
         "tests/harness/export/test_fmu_samples.py",
         "tests/harness/plants/test_lanes.py",  # the only users of c/lanes
+        "tests/harness/loop/test_compiled_loop.py",  # of c/loop
+        "tests/harness/results/test_folds.py",  # of c/folds
     ),
     "harness": ("tests/test_wrong_arguments.py",),
     "harness/loop": (
