@@ -108,7 +108,7 @@ def test_each_metric_has_its_words_unit_and_factor(path: str) -> None:
 
 
 FOLDERS = {
-    "compare.html": "it has two ensembles compared by `ensemble --compare`; open compare.html in a browser",
+    "differences.parquet": "it has two ensembles compared by `ensemble --compare`; `gough-stewart view` it",
     "plan.json": "it has an unfinished ensemble; continue it with `gough-stewart ensemble … --resume`",
     "ensemble.json": "it has an ensemble; `gough-stewart view` it, or worst/member-…",
     "tuning.json": "it has a tuning; run tuned.toml, then view that run",
