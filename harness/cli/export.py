@@ -1,5 +1,6 @@
 """The command `export`: writes a designed controller as C, FMU and SSP."""
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -124,6 +125,7 @@ def export_command(
             from gough_stewart.harness.export.carried import chosen_parts
             from gough_stewart.harness.export.export import chosen_forms, export
             from gough_stewart.harness.export.report import export_report
+            from gough_stewart.harness.report.document import settings_of
 
         chosen = chosen_experiment(experiment, settings, no_python)
         with wrong_use_if(ExportError):
@@ -156,7 +158,9 @@ def export_command(
             )
         command.written.append(out)
         names = [str(file.relative_to(out)) for file in files]
-        report = export_report(chosen.title, chosen_as, verdicts, said, names)
+        report = replace(
+            export_report(chosen.title, chosen_as, verdicts, said, names), settings=settings_of(chosen.changed)
+        )
         showing.present(command, report, out, names, keeps_data=False)
 
 

@@ -1,6 +1,7 @@
 """The command `identify`: identifies parameters of a platform from a log."""
 
 import shlex
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -144,6 +145,7 @@ def identify_command(
             from gough_stewart.harness.identify.log import read_log
             from gough_stewart.harness.identify.report import estimate_report
             from gough_stewart.harness.identify.retuned import before_and_after
+            from gough_stewart.harness.report.document import settings_of
             from gough_stewart.model.process.files import check_output_folder, write_files
 
         check_output_folder(out, FILES)
@@ -170,6 +172,8 @@ def identify_command(
         command.written.append(out)
         draws = showing.page or showing.figures or showing.as_json
         report = estimate_report(found, nominal.name, more, charts=draws)
+        if chosen is not None:
+            report = replace(report, settings=settings_of(chosen.changed))
         then = None
         if found.not_excited:
             of = f"--platform {shlex.quote(str(platform))}" if platform else f"--preset {preset or nominal.name}"

@@ -77,6 +77,7 @@ def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) ->
     return {
         "title": prepared.nominal.title,
         "experiment": prepared.nominal.model_dump(mode="json"),
+        "settings": plan.settings,
         "members": plan.members,
         "seed": plan.seed,
         "sampling": prepared.choice.sampling,

@@ -34,6 +34,7 @@ from gough_stewart.harness.report.document import (
 from gough_stewart.harness.report.quantities import SHARE
 from gough_stewart.harness.report.words import percent
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of
+from gough_stewart.harness.view.comparison import differing
 from gough_stewart.model.process.files import write_files
 from gough_stewart.model.vectors import FloatArray
 
@@ -205,6 +206,8 @@ def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
         _verdict(found, by),
         tuple(sections),
         study="ensemble --compare",
+        settings=differing({"experiment": each.metadata.get("experiment")} for each in (found.a, found.b)),
+        runs=found.names,
         lead=f"A is {first}, B is {second}; the same {found.a.members.height:,} members in both",
         numbers=(
             *ensemble_numbers(found.b),

@@ -37,6 +37,7 @@ from gough_stewart.harness.report.document import (
     Table,
     Value,
     Verdict,
+    settings_of,
     time_axis,
 )
 from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
@@ -109,6 +110,7 @@ def ensemble_report(
         study="ensemble",
         lead=f"{count(members.height, 'member')}, sampling {sampling}{seed}",
         numbers=ensemble_numbers(found),
+        settings=settings_of(found.metadata.get("settings") or {}),
         notes=_notes(found),
     )
 

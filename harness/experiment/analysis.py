@@ -1,7 +1,8 @@
 """Linear analysis of an experiment: gains, loop transfer, closed-loop modes, margins, figures."""
 
 import json
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,8 @@ class LoopMargins(Margins):
     """Modes of the closed loop, slowest first."""
     loop: Any
     """Loop transfer L (6×6) at the actuators as a python-control system, u = −L u."""
+    changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """What was set of the experiment's file, as `Experiment.changed`."""
 
     def __repr__(self) -> str:
         """The margins of all legs at once, the smallest of one leg, and the slowest mode, one line each."""
@@ -158,6 +161,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         gains=chosen.controller.gains(prepared.platform) if controller is None else None,
         modes=tuple(modes(closed_loop(L))),
         loop=L,
+        changed=chosen.changed,
     )
 
 

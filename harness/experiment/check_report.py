@@ -1,7 +1,8 @@
 """What a check of a motion found, as a report: whether it can be done, the nearest limit, what would fit."""
 
 import math
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from gough_stewart.harness.report.document import (
     Series,
     Status,
     Verdict,
+    settings_of,
     time_axis,
 )
 from gough_stewart.harness.report.words import listed, percent, sentence
@@ -45,6 +47,8 @@ class Checked(Protocol):
     def needs(self) -> Needs: ...
     @property
     def title(self) -> str: ...
+    @property
+    def changed(self) -> Mapping[str, Mapping[str, Any]]: ...
     @property
     def platform_name(self) -> str: ...
     @property
@@ -74,6 +78,7 @@ def check_report(found: Checked, *, charts: bool = True) -> Report:
         tuple(sections),
         study="check",
         lead=f"platform {found.platform_name}, nominal model without load, {_duration(found):.6g} s",
+        settings=settings_of(found.changed),
         numbers=tuple(numbers),
         notes=tuple(notes),
     )

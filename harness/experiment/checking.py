@@ -48,6 +48,11 @@ class MotionCheck:
         return self.experiment.title
 
     @property
+    def changed(self) -> dict[str, dict[str, Any]]:
+        """What was set of the experiment's file."""
+        return self.experiment.changed
+
+    @property
     def platform_name(self) -> str:
         """Name of the platform."""
         return self.platform.name

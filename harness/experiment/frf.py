@@ -1,7 +1,8 @@
 """The frequency response of a loop from the record of a run with an injection, compared with the linear model."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -48,6 +49,8 @@ class FrequencyResponse:
     """L of the linear model (n,), without Coulomb friction; None where there is none."""
     notes: tuple[str, ...]
     """Reasons to doubt the result."""
+    changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """What was set of the experiment's file, as `Experiment.changed`."""
 
     def __repr__(self) -> str:
         """Channel, band, coherence, and the largest difference from the linear model."""
@@ -171,7 +174,8 @@ def frf(
             notes.append("the linear loop is unstable; `gough-stewart margins` shows the cause")
     except GoughStewartError as error:
         notes.append(f"no linear model to compare with: {error}")
-    return FrequencyResponse(own.title, choice.channel, frequency, measured, predicted, tuple(notes))
+    changed = record.metadata.get("settings") or {}
+    return FrequencyResponse(own.title, choice.channel, frequency, measured, predicted, tuple(notes), changed)
 
 
 def _experiment_of(record: Record) -> Experiment:

@@ -1,8 +1,9 @@
 """What a measured frequency response found, as a report: where L is known, its peaks, how it agrees with the model."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from gough_stewart.harness.report.document import (
     Status,
     Table,
     Verdict,
+    settings_of,
 )
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, Quantity
 from gough_stewart.harness.report.words import about, percent, sentence
@@ -44,6 +46,8 @@ class Measured(Protocol):
 
     @property
     def title(self) -> str: ...
+    @property
+    def changed(self) -> Mapping[str, Mapping[str, Any]]: ...
     @property
     def channel(self) -> str: ...
     @property
@@ -77,6 +81,7 @@ def frf_report(found: Measured, *, charts: bool = True) -> Report:
         frf_verdict(found),
         tuple(sections),
         study="frf",
+        settings=settings_of(found.changed),
         lead=f"{len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {found.measured.periods} periods",
         numbers=_numbers(found),
         notes=tuple(Note(text, "warning") for text in found.notes),

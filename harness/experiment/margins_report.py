@@ -1,7 +1,7 @@
 """What the linear analysis of a loop found, as a report: its margins, what limits them, responses as charts."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -31,6 +31,7 @@ from gough_stewart.harness.report.document import (
     Table,
     Value,
     Verdict,
+    settings_of,
     time_axis,
 )
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
@@ -58,6 +59,8 @@ class Analysed(Protocol):
 
     @property
     def title(self) -> str: ...
+    @property
+    def changed(self) -> Mapping[str, Mapping[str, Any]]: ...
     @property
     def sample_time(self) -> float: ...
     @property
@@ -98,6 +101,7 @@ def margins_report(found: Analysed, step: tuple[np.ndarray, np.ndarray] | None =
         tuple(sections),
         study="margins",
         lead=f"sampled every {about(_DELAY, found.sample_time, 4)}, delay of {counted(found.delay, 'sample')}{lag}",
+        settings=settings_of(found.changed),
         numbers=_numbers(found),
         notes=(Note(_LINEAR),),
     )

@@ -38,6 +38,8 @@ class Plan:
     # the controller from Python that replaces the experiment's, in words, and itself, which no file keeps
     controller: str = ""
     given: Given | None = field(default=None, compare=False)
+    # what was set of the experiment's file, as `Experiment.changed`
+    settings: dict[str, Any] = field(default_factory=dict, compare=False)
 
     @property
     def title(self) -> str:
@@ -113,7 +115,8 @@ def plan_of(experiment: Experiment, controller: Any = None) -> Plan:
     folder = str(experiment.folder.absolute())
     said = "" if controller is None else fingerprint(controller)
     given = None if controller is None else Given(controller)
-    return Plan(values, experiment.where, folder, members.count, members.seed, digests(experiment), said, given)
+    count, seed, files = members.count, members.seed, digests(experiment)
+    return Plan(values, experiment.where, folder, count, seed, files, said, given, experiment.changed)
 
 
 @lru_cache(2)

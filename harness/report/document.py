@@ -6,7 +6,7 @@ None, or NaN in an array.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from gough_stewart.harness.report.palette import ROLES, Role
 from gough_stewart.harness.report.quantities import NUMBER, TIME, Quantity
+from gough_stewart.harness.report.words import plain_text
 from gough_stewart.model.vectors import FloatArray
 
 ChartKind = Literal["line", "step", "points", "bars", "histogram", "heat"]
@@ -343,6 +344,19 @@ class Setting:
     values: tuple[str, ...]
     default: str = ""  # in the file
 
+    @property
+    def text(self) -> str:
+        """Key and value, for those of a single run."""
+        return f"{self.key} = {self.values[0]}"
+
+
+def settings_of(changed: Mapping[str, Mapping[str, Any]]) -> tuple[Setting, ...]:
+    """The keys that were set of an experiment's file: their `value`, and that of the `file`, None if it has none."""
+    return tuple(
+        Setting(key, (plain_text(each["value"]),), "" if each["file"] is None else plain_text(each["file"]))
+        for key, each in changed.items()
+    )
+
 
 @dataclass(frozen=True)
 class Requirement:
@@ -425,6 +439,13 @@ class Report:
     def charts(self) -> list[Chart]:
         """All charts."""
         return [part for part in self.parts() if isinstance(part, Chart)]
+
+    @property
+    def changed(self) -> str:
+        """What was set of the experiment's file, with what the file has; "" for nothing or several runs."""
+        if len(self.runs) > 1:
+            return ""
+        return ", ".join(f"{e.text} (file: {e.default})" if e.default else e.text for e in self.settings)
 
     def number(self, path: str) -> Number:
         """The number of a path.

@@ -73,6 +73,7 @@ def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = No
         # what did not go well should look like it
         is_well = report.verdict.status in ("good", "told")
         head = report.title if is_well else f"{report.title} — {report.verdict.text}"
+        head += f" ({', '.join(each.text for each in report.settings)})" if report.changed else ""
         files = files_of(partial(_draw, head, panels), _WIDTH, height, tuple(kinds))
         found |= {f"{name}.{kind}": file for kind, file in files.items()}
     return found

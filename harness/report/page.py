@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from gough_stewart.harness.report.document import (
-    Cell,
     Chart,
     Column,
     Note,
@@ -17,7 +16,6 @@ from gough_stewart.harness.report.document import (
     Requirement,
     Scene,
     Section,
-    Setting,
     Table,
     margin_text,
 )
@@ -132,7 +130,8 @@ def _colours() -> str:
 
 def _head(report: Report) -> str:
     study = f'<p class="study">{html.escape(report.study)}</p>' if report.study else ""
-    lead = f'<p class="lead">{html.escape(report.lead)}</p>' if report.lead else ""
+    leads = [report.lead, f"set: {report.changed}" if report.changed else ""]
+    lead = "".join(f'<p class="lead">{html.escape(each)}</p>' for each in leads if each)
     themes = "".join(
         f'<option value="{value}">{text}</option>'
         for value, text in (("", "as the system"), ("light", "light"), ("dark", "dark"), ("contrast", "high contrast"))
@@ -197,19 +196,11 @@ def _note(note: Note) -> str:
 
 
 def _settings(report: Report) -> str:
-    """What differs from the file, or between the runs."""
-    if not report.settings:
+    """What differs between several runs; of a single one, what was set is in the head."""
+    if not report.settings or len(report.runs) < 2:
         return ""
-    several = len(report.runs) > 1
-    heads = report.runs if several else ("value",)
-    with_default = any(each.default for each in report.settings)
-    columns = [Column("setting"), *map(Column, heads), *([Column("in the file")] if with_default else [])]
-
-    def cells(each: Setting) -> tuple[Cell, ...]:
-        return (each.key, *each.values, *([each.default] if with_default else []))
-
-    title = "What differs between the runs" if several else "Set for this run"
-    table = Table(title, tuple(columns), tuple(map(cells, report.settings)))
+    rows = tuple((each.key, *each.values) for each in report.settings)
+    table = Table("What differs between the runs", tuple(map(Column, ("setting", *report.runs))), rows)
     return f'<section class="part">{table_html(table)}</section>'
 
 

@@ -20,7 +20,6 @@ from gough_stewart.harness.report.document import (
     Number,
     Report,
     Requirement,
-    Setting,
     Table,
     Value,
     margin_text,
@@ -53,8 +52,8 @@ def text_of(report: Report, width: int = 100) -> str:
 def _parts(report: Report) -> Iterable["RenderableType"]:
     if about := ": ".join(filter(None, (report.title, report.lead))):
         yield Text(about, "dim")
-    if report.settings and len(report.runs) < 2:
-        yield Text(f"set: {', '.join(map(_setting, report.settings))}", "dim")
+    if report.changed:
+        yield Text(f"set: {report.changed}", "dim")
     if report.verdict.numbers:
         yield Padding(_numbers(report.verdict.numbers), (0, 0, 0, 2), expand=False)
     if report.requirements:
@@ -72,12 +71,6 @@ def _parts(report: Report) -> Iterable["RenderableType"]:
     for note in report.notes:
         if note.kind == "note":
             yield Text(note.text, "dim")
-
-
-def _setting(setting: Setting) -> str:
-    """A key with its value, and that of the file."""
-    of_file = f" (file: {setting.default})" if setting.default else ""
-    return f"{setting.key} = {setting.values[0]}{of_file}"
 
 
 def _numbers(numbers: Sequence[Number]) -> Rows:

@@ -3,6 +3,9 @@
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 from gough_stewart.harness.report.quantities import LENGTH, Quantity
 
@@ -67,3 +70,17 @@ def sentence(parts: Iterable[str | None]) -> str:
     """Parts of a verdict with semicolons between them, the first with a capital letter."""
     text = "; ".join(part for part in parts if part)
     return text[:1].upper() + text[1:]
+
+
+def plain_text(value: Any) -> str:
+    """A value of a file as text, numbers with six digits."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        rows = [plain_text(each) for each in value]
+        return "; ".join(rows) if value and isinstance(value[0], list) else ", ".join(rows)
+    if isinstance(value, dict):
+        return ", ".join(f"{key} {plain_text(each)}" for key, each in value.items())
+    return str(value)

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.report.document import Cell, Column, Setting, Table, Value
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import FORCE, SHARE, TIME
+from gough_stewart.harness.report.words import plain_text
 from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.harness.results.scene import FLAGS, nearness_to_limits
@@ -32,11 +33,11 @@ def run_table(record: RecordData, platform: Platform) -> Table:
             rows.append((name.replace("_", " "), Value(metadata[name], TIME)))
     if metadata.get("force_limit"):
         rows.append(("force limit", Value(metadata["force_limit"], FORCE)))
-    rows += settings_of(metadata.get("experiment") or {})
+    rows += _settings_of(metadata.get("experiment") or {})
     return Table("Run", (Column(""), Column("")), tuple(rows))
 
 
-def settings_of(experiment: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _settings_of(experiment: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The settings of an experiment, table by table, without empty ones."""
     found = []
     for name in _SECTIONS:
@@ -46,15 +47,6 @@ def settings_of(experiment: Mapping[str, Any]) -> list[tuple[str, str]]:
             if text:
                 found.append((name, text))
     return found
-
-
-def changed_settings(record: RecordData) -> tuple[Setting, ...]:
-    """The keys that the call of the run set, with what the file has."""
-    changed: Mapping[str, Any] = record.metadata.get("settings") or {}
-    return tuple(
-        Setting(key, (plain_text(value["value"]),), "" if value["file"] is None else plain_text(value["file"]))
-        for key, value in changed.items()
-    )
 
 
 def limits_table(record: RecordData, platform: Platform) -> Table | None:
@@ -98,17 +90,3 @@ def versions_table(record: RecordData) -> Table:
     """Versions of the software that wrote the record."""
     rows = tuple((name, str(number)) for name, number in record.metadata.get("versions", {}).items())
     return Table("Versions", (Column("package"), Column("version")), rows, detail=True)
-
-
-def plain_text(value: Any) -> str:
-    """A value of a file as text, numbers with six digits."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, list):
-        rows = [plain_text(each) for each in value]
-        return "; ".join(rows) if value and isinstance(value[0], list) else ", ".join(rows)
-    if isinstance(value, dict):
-        return ", ".join(f"{key} {plain_text(each)}" for key, each in value.items())
-    return str(value)

@@ -6,11 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.report.document import Note, Number, Part, Report, Section, Status, Verdict
+from gough_stewart.harness.report.document import Note, Number, Part, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, LENGTH, NUMBER, SHARE, TIME, Quantity
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, sentence
 from gough_stewart.harness.results.circumstances import (
-    changed_settings,
     limits_table,
     parameters_table,
     run_table,
@@ -248,7 +247,7 @@ def report_of_run(
         study="run",
         lead=_lead(record),
         numbers=run_numbers(found, robustness),
-        settings=changed_settings(record),
+        settings=settings_of(record.metadata.get("settings") or {}),
         notes=tuple(Note(text, "warning") for text in record.metadata.get("warnings", ())),
     )
 

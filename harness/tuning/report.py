@@ -1,11 +1,23 @@
 """What a search found, as a report: the values, how much better they are, and whether that holds on fresh members."""
 
-from typing import Protocol
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import numpy as np
 
 from gough_stewart.harness.output.tables import Sheet
-from gough_stewart.harness.report.document import Axis, Chart, Note, Number, Report, Section, Series, Status, Verdict
+from gough_stewart.harness.report.document import (
+    Axis,
+    Chart,
+    Note,
+    Number,
+    Report,
+    Section,
+    Series,
+    Status,
+    Verdict,
+    settings_of,
+)
 from gough_stewart.harness.report.quantities import NUMBER, of_unit
 from gough_stewart.harness.report.sheets import table_of
 from gough_stewart.harness.report.words import about, counted, listed, percent, sentence
@@ -22,6 +34,8 @@ class Found(Protocol):
 
     @property
     def title(self) -> str: ...
+    @property
+    def changed(self) -> Mapping[str, Mapping[str, Any]]: ...
     @property
     def values(self) -> dict[str, float | int]: ...
     @property
@@ -51,6 +65,7 @@ def tuning_report(found: Found, tables: list[Sheet], statement: str, *, charts: 
         tuple(sections),
         study="tune",
         lead=f"{counted(len(found.search.tried), 'candidate')} tried",
+        settings=settings_of(found.changed),
         numbers=_numbers(found),
         notes=(Note(statement),),
     )

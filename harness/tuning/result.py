@@ -1,6 +1,7 @@
 """The result of a search: values found, their evaluation, and all of it as tables and a statement."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import polars
 
@@ -61,6 +62,11 @@ class Tuning:
     def title(self) -> str:
         """Title of the experiment."""
         return self.experiment.title
+
+    @property
+    def changed(self) -> dict[str, dict[str, Any]]:
+        """What was set of the experiment's file."""
+        return self.experiment.changed
 
     @property
     def is_interrupted(self) -> bool:

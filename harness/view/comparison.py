@@ -1,6 +1,6 @@
 """Several runs side by side, as a report: what differs between their files, their metrics, and their differences."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -22,8 +22,8 @@ from gough_stewart.harness.report.document import (
     Verdict,
 )
 from gough_stewart.harness.report.quantities import LENGTH
-from gough_stewart.harness.report.words import at_most, listed
-from gough_stewart.harness.results.circumstances import parameters_table, plain_text, run_table, versions_table
+from gough_stewart.harness.report.words import at_most, listed, plain_text
+from gough_stewart.harness.results.circumstances import parameters_table, run_table, versions_table
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of, shown_metric
 from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.results.outcome import is_sound, outcome_text
@@ -150,20 +150,18 @@ def has_same_task(records: Sequence[Record]) -> bool:
 
 def differing_settings(records: Sequence[Record]) -> tuple[Setting, ...]:
     """The keys of the runs' files, and the parameters of their machines, that are not the same in all runs."""
-    files = []
-    for record in records:
-        metadata = record.metadata
-        own = {
-            "plant": metadata.get("plant"),
-            "experiment": metadata.get("experiment"),
-            "machine": metadata["platform"],
-        }
-        files.append(dict(_flat(own)))
+    names = ("plant", "experiment")
+    return differing(
+        {**{name: each.metadata.get(name) for name in names}, "machine": each.metadata["platform"]} for each in records
+    )
+
+
+def differing(values: Iterable[Mapping[str, Any]]) -> tuple[Setting, ...]:
+    """The keys, down to single values, that are not the same in all; those of an experiment as in its file."""
+    files = [dict(_flat(each)) for each in values]
     keys = dict.fromkeys(key for each in files for key in each)
     rows = [(key, [plain_text(each[key]) if key in each else "–" for each in files]) for key in keys]
-    return tuple(
-        Setting(key.removeprefix("experiment."), tuple(values)) for key, values in rows if len(set(values)) > 1
-    )
+    return tuple(Setting(key.removeprefix("experiment."), tuple(each)) for key, each in rows if len(set(each)) > 1)
 
 
 def _flat(value: Any, path: str = "") -> list[tuple[str, Any]]:

@@ -23,6 +23,7 @@ class Made:
     """A search of one key from 1 to 6 Hz, 2 Hz before, of 8 mm before and 6 mm after; 9 and 7 on fresh members."""
 
     title: str = "made"
+    changed: dict[str, dict[str, Any]] = field(default_factory=dict)
     values: dict[str, float | int] = field(default_factory=lambda: {"controller.bandwidth": 3.0})
     seen: Evaluation = field(default_factory=lambda: evaluation(6e-3))
     fresh: Evaluation | None = field(default_factory=lambda: evaluation(7e-3))
