@@ -1,35 +1,38 @@
-"""Conditions on a solution: `disk_margin > 0.5`, `stroke.margin >= 10 mm`."""
+"""Conditions on a solution, written as requirements are: `disk_margin > 0.5`, `stroke.margin >= 10 mm`."""
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from gough_stewart.harness.ensemble.columns import MARGINS, SHORT
-from gough_stewart.harness.errors import SearchError
-from gough_stewart.harness.quantities import PLAIN, UNITS, number
+from gough_stewart.harness.errors import RequirementError, SearchError
+from gough_stewart.harness.report.requirements import Required, required
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.interface import nearest
-
-_CONDITION = re.compile(r"\s*([A-Za-z_][\w.]*)\s*(<=|>=|<|>)\s*(\S.*?)\s*")
 
 
 @dataclass(frozen=True)
 class Condition:
     """A metric with an upper or lower bound."""
 
-    text: str
+    wanted: Required
     metric: str  # its full name
-    is_upper: bool  # whether the bound is an upper one
-    is_strict: bool
     bound: float  # in the unit of the metric
+
+    @property
+    def text(self) -> str:
+        """As it was written."""
+        return self.wanted.text
+
+    @property
+    def is_upper(self) -> bool:
+        """Whether the bound is an upper one."""
+        return self.wanted.is_upper
 
     def holds(self, value: float) -> bool:
         """Whether a value meets it; false for NaN."""
-        if self.is_upper:
-            return value < self.bound if self.is_strict else value <= self.bound
-        return value > self.bound if self.is_strict else value >= self.bound
+        return bool(self.wanted.holds(np.array(value), self.bound))
 
     def violation(self, value: float) -> float:
         """The violation by a value, as a share of the bound; 0 if the condition holds."""
@@ -46,33 +49,21 @@ def condition_of(text: str, known: Iterable[str]) -> Condition:
     Raises
     ------
     SearchError
-        Not a condition, or an unknown metric; states what was expected.
+        Not a condition, an unknown metric, a unit of another kind, or a share of members, which is that of the search;
+        states what was expected.
     """
-    parts = _CONDITION.fullmatch(text)
-    if parts is None:
+    try:
+        wanted = required(text)
+        metric = check_metric(wanted.path, known, f"--subject-to '{text}'")
+        bound = wanted.bound_of(metric_of(metric).quantity)
+    except RequirementError as error:
+        raise SearchError(f"--subject-to: {error}") from None
+    if wanted.share is not None:
         raise SearchError(
-            f"--subject-to '{text}': cannot be read; expected METRIC < NUMBER or METRIC > NUMBER, for instance "
-            "disk_margin > 0.5"
+            f"--subject-to '{text}' is on a share of members; expected a condition without one: it is that of "
+            "--over-ensemble for all conditions"
         )
-    name, sign, bound = parts.groups()
-    metric = check_metric(name, known, f"--subject-to '{text}'")
-    try:
-        size = _bound(bound, metric)
-    except ValueError:
-        units = UNITS.get(metric_of(metric).quantity.si, {})
-        expected = f"a number, or one with a unit such as {', '.join(list(units)[:3])}" if units else "a number"
-        raise SearchError(f"--subject-to '{text}': the bound is '{bound}'; expected {expected}") from None
-    return Condition(text.strip(), metric, sign.startswith("<"), "=" not in sign, size)
-
-
-def _bound(text: str, metric: str) -> float:
-    """A plain number is in the unit of the metric itself: 5 for an overshoot of 5 %."""
-    try:
-        return number(float(text), PLAIN)
-    except ValueError:
-        quantity = metric_of(metric).quantity
-        size = number(text, quantity.si)
-        return size if quantity.si == PLAIN else size / (UNITS[quantity.si][quantity.unit] * quantity.factor)
+    return Condition(wanted, metric, bound)
 
 
 def check_metric(name: str, known: Iterable[str], where: str) -> str:

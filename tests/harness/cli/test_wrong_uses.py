@@ -29,7 +29,7 @@ BANDWIDTH = ("--vary", "controller.bandwidth=1..6Hz")
         (("export", "heave_step", "--as", "nope"), "no form 'nope'; expected one of fmu, c, ssp"),
         ((*TUNE, "--vary", "x"), r"--vary x: expected KEY=LOW\.\.HIGH"),
         ((*TUNE, "--vary", "controller.nope=1..2"), r"controller\.nope: .*did you mean|unknown|no such|no key"),
-        ((*TUNE, *BANDWIDTH, "--subject-to", "stroke.margin"), "cannot be read; expected METRIC < NUMBER"),
+        ((*TUNE, *BANDWIDTH, "--subject-to", "stroke.margin"), "cannot be read; expected PATH <= NUMBER UNIT"),
         (("tune", "heave_step", *BANDWIDTH, "--minimise", "nope"), "--minimise: no metric 'nope'"),
         (("run", "heave_step", "--set", "x"), "--set x"),
         (("workspace", "--at", "yaw=400deg"), "yaw is 6.98132 rad, 400°; expected from −180° to 180°"),

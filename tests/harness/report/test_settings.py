@@ -41,7 +41,10 @@ def test_every_study_names_what_was_set_and_what_the_file_has(study: str) -> Non
 
 def test_settings_stand_beside_the_title() -> None:
     chart = Chart("x", Axis("t", values=np.arange(3.0)), (Series("x", LENGTH, np.arange(3.0)),))
-    changed = {"loop.delay": {"value": 2, "file": 1}, "sensors.noise": {"value": {"a": 0.25}, "file": None}}
+    changed: dict[str, dict[str, Any]] = {
+        "loop.delay": {"value": 2, "file": 1},
+        "sensors.noise": {"value": {"a": 0.25}, "file": None},
+    }
     report = Report("heave", Verdict("v", "told"), (Section("s", (chart,)),), settings=settings_of(changed))
     assert text_of(report).splitlines()[1:3] == ["heave", "set: loop.delay = 2 (file: 1), sensors.noise = a 0.25"]
     assert '<p class="lead">set: loop.delay = 2 (file: 1), sensors.noise = a 0.25</p>' in page_of(report).decode()

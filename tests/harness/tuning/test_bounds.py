@@ -120,27 +120,33 @@ def test_a_condition_has_its_metric_side_and_bound(
     """Expected: by hand; a violation is a share of the bound, at most a million, and never 0 where it does not hold."""
     known = ["force.peak", "stroke.margin", "energy.net_total", "saturation.force_limited.any"]
     condition = condition_of(text, [*known, "step_response.z.overshoot_percent"])
-    assert (condition.metric, condition.is_upper, condition.is_strict) == expected[:3]
+    assert (condition.metric, condition.is_upper, condition.wanted.is_strict) == expected[:3]
     assert condition.bound == pytest.approx(expected[3])
     assert condition.text == text.strip()
     at = (condition.bound, condition.bound - 1, condition.bound + 1)
     assert [condition.violation(value) for value in at] == pytest.approx(list(violations))
 
 
+EXPECTED = "expected PATH <= NUMBER UNIT, as in 'tracking.position.norm_peak <= 1 mm' or '… for 95 % of members'"
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (
-            "force.peak > ",
-            "cannot be read; expected METRIC < NUMBER or METRIC > NUMBER, for instance disk_margin > 0.5",
-        ),
-        ("a b < 3", "cannot be read; expected METRIC < NUMBER or METRIC > NUMBER, for instance disk_margin > 0.5"),
-        ("force.peak << 3", "the bound is '< 3'; expected a number, or one with a unit such as N, kN"),
-        ("stroke.margin > inf", "the bound is 'inf'; expected a number, or one with a unit such as m, cm, mm"),
-        ("disk_margin > 5 %", "the bound is '5 %'; expected a number"),
+        ("force.peak > ", f"cannot be read; {EXPECTED}"),
+        ("a b < 3", f"cannot be read; {EXPECTED}"),
+        ("force.peak << 3", f"cannot be read; {EXPECTED}"),
+        ("stroke.margin > inf", f"cannot be read; {EXPECTED}"),
+        ("force.peak < 3 mm", "has the unit 'mm'; expected N, kN"),
+        ("disk_margin > 5 %", "has the unit '%'; expected no unit"),
     ],
 )
 def test_what_is_no_condition_says_what_is_one(text: str, says: str) -> None:
     with pytest.raises(SearchError) as caught:
         condition_of(text, ["force.peak", "stroke.margin"])
-    assert str(caught.value) == f"--subject-to '{text}': {says}"
+    assert str(caught.value) == f"--subject-to: the requirement '{text}' {says}"
+
+
+def test_a_condition_has_no_share_of_its_own() -> None:
+    with pytest.raises(SearchError, match=r"is on a share of members; expected a condition without one"):
+        condition_of("force.peak < 3 N for 90 % of members", ["force.peak"])
