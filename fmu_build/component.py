@@ -37,13 +37,26 @@ class Icon:
     svg: bytes
 
 
+# Value reference of the clock, beyond those of all variables, so that it stays when variables are added.
+CLOCK_REFERENCE = 1000
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A periodic input clock, to which all inputs and outputs belong."""
+
+    name: str
+    description: str
+    interval: float  # [s]
+
+
 @dataclass(frozen=True)
 class Component:
     """Everything that the builder needs to know about a component.
 
     A component with continuous states supports Model Exchange and Co-Simulation, with partial derivatives and time
     derivatives of its outputs. One without is a sampled system and supports Co-Simulation only. Both interpolate
-    inputs.
+    inputs. One with a clock supports Co-Simulation with event mode and Scheduled Execution, in FMI 3.0 only.
     """
 
     identifier: str  # `modelIdentifier`, also the name of the library
@@ -63,6 +76,7 @@ class Component:
     nominal: float = 1.0
     # parameters of the unit itself, after those with partial derivatives
     settings: frozenset[str] = frozenset()
+    clock: Clock | None = None
     # saved states can only be restored by components with the same text here
     saved_form: str = ""
 

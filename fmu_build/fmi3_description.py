@@ -6,7 +6,7 @@ from lxml import etree
 
 from gough_stewart.fmu_build import model_description
 from gough_stewart.fmu_build import model_description as shared
-from gough_stewart.fmu_build.component import Component
+from gough_stewart.fmu_build.component import CLOCK_REFERENCE, Clock, Component
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
 from gough_stewart.fmu_build.model_description import Identity
 
@@ -23,15 +23,25 @@ def fmi3_description(component: Component, identity: Identity) -> bytes:
     root = shared.root(component, "3.0", instantiationToken=identity.token)
     capabilities = {"modelIdentifier": component.identifier} | _CAPABILITIES
     simulation = _CO_SIMULATION
+    if component.clock is not None:
+        etree.SubElement(root, "CoSimulation", capabilities | simulation | {"hasEventMode": "true"})
+        etree.SubElement(root, "ScheduledExecution", capabilities)
+        return _described(root, component)
     if component.has_states:
         capabilities |= _OF_STATES
         simulation = simulation | _CO_SIMULATION_OF_STATES
         etree.SubElement(root, "ModelExchange", capabilities | _MODEL_EXCHANGE)
     etree.SubElement(root, "CoSimulation", capabilities | simulation | _INTERMEDIATE_UPDATE)
+    return _described(root, component)
+
+
+def _described(root: etree._Element, component: Component) -> bytes:
     shared.add_head(root, component)
     variables = etree.SubElement(root, "ModelVariables")
     for row in component.layout.rows:
         _add_array(variables, row, component)
+    if component.clock is not None:
+        _add_clock(variables, component.clock)
     _add_structure(root, component)
     return shared.to_bytes(root)
 
@@ -46,7 +56,10 @@ def _add_array(variables: etree._Element, row: Row, component: Component) -> Non
         array.set("initial", "exact")
         array.set("nominal", shared.number(component.nominal))
     if v.causality in ("input", "output"):
-        array.set("intermediateUpdate", "true")
+        if component.clock is None:
+            array.set("intermediateUpdate", "true")
+        else:
+            array.set("clocks", str(CLOCK_REFERENCE))
     for name, value in (shared.unit_attributes(row) | shared.bound_attributes(row)).items():
         array.set(name, value)
     starts = component.starts.get(v.name)
@@ -56,6 +69,22 @@ def _add_array(variables: etree._Element, row: Row, component: Component) -> Non
         array.set("derivative", str(component.layout.by_name[row.derivative_of].reference))
     for length in v.shape:
         etree.SubElement(array, "Dimension", start=str(length))
+
+
+def _add_clock(variables: etree._Element, clock: Clock) -> None:
+    """The clock; its priority is for Scheduled Execution."""
+    etree.SubElement(
+        variables,
+        "Clock",
+        name=clock.name,
+        valueReference=str(CLOCK_REFERENCE),
+        description=clock.description,
+        causality="input",
+        variability="discrete",
+        intervalVariability="fixed",
+        intervalDecimal=shared.number(clock.interval),
+        priority="0",
+    )
 
 
 def _add_structure(root: etree._Element, component: Component) -> None:
@@ -73,4 +102,5 @@ def _add_structure(root: etree._Element, component: Component) -> None:
 
     add("Output", outputs, running)
     add("ContinuousStateDerivative", derivatives, running)
-    add("InitialUnknown", [*computed, *derivatives], (*running, *PARAMETER_ROLES))
+    # variables of a clock get their values at its first tick
+    add("InitialUnknown", [*computed, *derivatives] if component.clock is None else (), (*running, *PARAMETER_ROLES))

@@ -11,7 +11,7 @@ from gough_stewart.fmu_build.errors import RUNNER, BuildError, check_installed
 from gough_stewart.fmu_build.tables import model_header, model_source, token_source
 
 _LAYERS = {"2.0": "fmi2.c", "3.0": "fmi3.c"}
-_STATELESS = "stateless.c"
+_STATELESS, _CLOCKLESS = "stateless.c", "clockless.c"
 _STANDARD = {
     "2.0": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     "3.0": ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
@@ -34,7 +34,9 @@ class Sources:
 def sources(component: Component, fmi_version: str, token: str) -> Sources:
     """All C files of a unit for one FMI version."""
     layers = c_folder("unit")
-    unused = set(_LAYERS.values()) - {_LAYERS[fmi_version]} | ({_STATELESS} if component.has_states else set())
+    unused = set(_LAYERS.values()) - {_LAYERS[fmi_version]}
+    unused |= {_STATELESS} if component.has_states else set()
+    unused |= {_CLOCKLESS} if component.clock else set()
     units = {name: text for name, text in layers.units.items() if name not in unused} | dict(component.code.units)
     units |= {"model.c": model_source(component), "token.c": token_source(token)}
     headers = {**layers.headers, **component.code.headers, "model.h": model_header(component)}

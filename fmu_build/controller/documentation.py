@@ -32,15 +32,18 @@ def documentation_page(controller: Controller, starts: Mapping[str, Array], fmi_
 
 def _heading(controller: Controller, fmi_version: str) -> str:
     reference = "The reference is an input" if controller.reference else "The reference is part of the unit"
+    kinds = "Co-Simulation with event mode, and Scheduled Execution" if controller.is_clocked else "Co-Simulation"
     return f"""
 <h1>Controller of a Gough–Stewart platform</h1>
-<p>{escape(controller.title)}. Functional mock-up unit for FMI {fmi_version}, Co-Simulation. Inputs are measurements;
-outputs are six actuator forces. {reference}. All quantities are in SI units; a
+<p>{escape(controller.title)}. Functional mock-up unit for FMI {fmi_version}, {kinds}. Inputs are
+measurements; outputs are six actuator forces. {reference}. All quantities are in SI units; a
 force &gt; 0 extends the leg.</p>
 """
 
 
 def _time(controller: Controller, fmi_version: str) -> str:
+    if controller.is_clocked:
+        return _time_of_clock(controller)
     between = (
         "change linearly if their first derivatives are set by <code>fmi2SetRealInputDerivatives</code>"
         if fmi_version == "2.0"
@@ -59,15 +62,44 @@ delay is the same with every importer. <code>output_delay</code> is a whole numb
 feedforward is computed.</li>
 <li>Communication steps can be any fraction or multiple of the sample time, or neither. For samples within a step,
 the inputs are held from its beginning, or {between}.</li>
-<li>While all inputs are exactly zero, as with importers that do not propagate start values, the forces are
-<code>start_force</code>, and the controller's state does not change. Controllers whose inputs are velocities only treat
-zeros as measurements.</li>
-<li>Inputs are checked against ranges that were fixed at the export. While one is out of its range, or frozen where that
-is watched, the forces are safe ones, and the controller's state does not change. <code>input_status</code> and
+{_BAD_INPUTS}
 <code>input_bad_time</code> report it from the next sample on, whatever <code>output_delay</code> is.</li>
 <li>Tunable parameters take effect at the next sample.</li>
 <li>The state can be saved, restored and serialized; after a restore, the unit repeats its results bit by bit. There are
 no continuous states, no events and no derivatives of outputs.</li>
+</ul>
+"""
+
+
+_BAD_INPUTS = """<li>While all inputs are exactly zero, as with importers that do not propagate start values, the forces
+are <code>start_force</code>, and the controller's state does not change. Controllers whose inputs are velocities only
+treat zeros as measurements.</li>
+<li>Inputs are checked against ranges that were fixed at the export. While one is out of its range, or frozen where that
+is watched, the forces are safe ones, and the controller's state does not change. <code>input_status</code> and"""
+
+
+def _time_of_clock(controller: Controller) -> str:
+    return f"""
+<h2>Time</h2>
+<ul>
+<li>The controller runs when its clock <code>sample_clock</code> ticks: at the start time + k ·
+{controller.step_time:.6g} s, and at no other time. The clock is a fixed periodic input clock: the importer activates
+it, and may choose another interval by <code>fmi3SetIntervalDecimal</code> in initialization mode, where the
+controller was not designed for one. All inputs and outputs belong to the clock.</li>
+{_steps(controller)}
+<li>Co-Simulation, in event mode at each tick: <code>fmi3SetClock</code>, set the inputs, get the outputs,
+<code>fmi3UpdateDiscreteStates</code>, <code>fmi3EnterStepMode</code>, <code>fmi3DoStep</code>,
+<code>fmi3EnterEventMode</code>. The first tick is right after initialization. The outputs follow the inputs until
+<code>fmi3UpdateDiscreteStates</code>, which ends the tick. A communication step over a tick is an error.</li>
+<li>Scheduled Execution: set the inputs, <code>fmi3ActivateModelPartition</code>, get the outputs.</li>
+<li>The outputs of a tick are the forces that its inputs determine, {controller.output_delay} samples late by design:
+<code>output_delay</code> is a whole number from {controller.least_output_delay} to {controller.most_output_delay}. With
+0 they depend directly on the inputs. The parameter <code>delay</code> delays nothing: for this many samples ahead the
+feedforward is computed.</li>
+{_BAD_INPUTS}
+<code>input_bad_time</code> report it at the same tick, whatever <code>output_delay</code> is.</li>
+<li>Tunable parameters take effect at the next tick, or at the present one until it ends.</li>
+<li>The state can be saved, restored and serialized, also within a tick.</li>
 </ul>
 """
 

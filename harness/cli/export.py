@@ -50,7 +50,9 @@ def export_command(
     experiment: ExperimentArgument,
     forms: Annotated[
         str,
-        typer.Option("--as", help="What to write: fmu, c, ssp, or several with commas between them.", metavar="FORMS"),
+        typer.Option(
+            "--as", help="What to write: fmu, c, ssp, clocked, or several with commas between them.", metavar="FORMS"
+        ),
     ] = "fmu",
     fmi: FmiOption = None,
     target: TargetOption = None,
@@ -104,7 +106,8 @@ def export_command(
 
     `--as fmu` writes **NAME_controller_fmi2.fmu** and **NAME_controller_fmi3.fmu**, Co-Simulation; `--as c`
     **NAME_controller.c**, **NAME_controller.h** and **example_main.c**, C99 for any processor; `--as ssp` **NAME.ssp**,
-    plant and controller connected, for co-simulation tools.
+    plant and controller connected, for co-simulation tools; `--as clocked` **NAME_controller_clocked_fmi3.fmu**, whose
+    samples are ticks of an FMI 3.0 clock, for importers that tick clocks.
 
     Each form's loop is judged with the delay that it has there, for the experiment's machine and all members of its
     [ensemble]; an unstable one is refused. The files say what was judged and what they leave out.
@@ -133,7 +136,8 @@ def export_command(
             inside = chosen_parts(part.strip() for part in (parts or "").split(",") if part.strip())
         versions = [v.value for v in fmi] if fmi else ("2.0", "3.0")
         targets = chosen_targets(target)
-        steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * number_of_steps(["2.0"], targets)}
+        one = number_of_steps(["2.0"], targets)
+        steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * one, "clocked": one}
         with progress_bar() as progress:
             task = progress.add_task("exporting", total=sum(steps[form] for form in chosen_as))
             judging = progress.add_task("judging the members", total=None, visible=False)

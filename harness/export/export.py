@@ -29,7 +29,7 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.progress import StepProgress
 
-Form = Literal["fmu", "c", "ssp"]
+Form = Literal["fmu", "c", "ssp", "clocked"]
 FORMS: tuple[Form, ...] = get_args(Form)
 EXAMPLE = "example_main.c"
 
@@ -64,10 +64,12 @@ def export(
     forms
         "fmu": `NAME_controller_fmi2.fmu` and `NAME_controller_fmi3.fmu`. "c": `NAME_controller.c`, `.h` and
         `example_main.c`, C99 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMI 2.0 FMUs, connected.
+        "clocked": `NAME_controller_clocked_fmi3.fmu`, FMI 3.0 with a clock that ticks at each sample, for importers
+        that tick clocks.
     out
         Folder, created if needed.
     fmi
-        Versions of the FMU: "2.0", "3.0".
+        Versions of the form "fmu": "2.0", "3.0".
     targets
         Target systems of the FMUs, as for `build`.
     reference
@@ -161,6 +163,15 @@ def export(
             output_delay=output_delay_of(chosen) if law.carried.drives else 1,
         )
         files |= unit_archives(unit, versions, systems, report)
+    if "clocked" in requested:
+        unit = component_of(
+            replace(law, notes=notes["clocked"].inside),
+            f"{name}_controller_clocked",
+            duration,
+            output_delay=0,
+            is_clocked=True,
+        )
+        files |= unit_archives(unit, ("3.0",), systems, report)
     if "ssp" in requested:
         said_inside = notes["ssp"].inside
         unit = component_of(
@@ -220,6 +231,7 @@ def names_of_files(name: str, forms: Iterable[Form], versions: Iterable[str]) ->
         "c": [f"{name}_controller.c", f"{name}_controller.h", EXAMPLE],
         "fmu": [f"{name}_controller_fmi{version[0]}.fmu" for version in versions],
         "ssp": [f"{name}.ssp"],
+        "clocked": [f"{name}_controller_clocked_fmi3.fmu"],
     }
     return [file for form in forms for file in files[form]]
 

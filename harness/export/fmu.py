@@ -13,9 +13,17 @@ from gough_stewart.harness.export.settings import Setting
 
 
 def component_of(
-    designed: Designed, name: str = "controller", stop_time: float = 1.0, *, output_delay: int = 1
+    designed: Designed,
+    name: str = "controller",
+    stop_time: float = 1.0,
+    *,
+    output_delay: int = 1,
+    is_clocked: bool = False,
 ) -> Component:
-    """The controller as input of the FMU builder; `output_delay` [samples] is that of the unit."""
+    """The controller as input of the FMU builder; `output_delay` [samples] is that of the unit.
+
+    One with a clock can have an `output_delay` of 0.
+    """
     # the notes are in the unit's page: they do not change the meaning of its saved states
     plain = controller_sources(replace(designed, notes=()))
     controller = Controller(
@@ -31,6 +39,7 @@ def component_of(
         notes=designed.notes,
         steps_a_sample=designed.carried.steps_a_sample,
         has_rate_limit=designed.carried.drives,
+        is_clocked=is_clocked,
     )
     return controller_component(controller, name)
 

@@ -1,5 +1,6 @@
 #include "sampled.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -50,7 +51,7 @@ const char *component_message(const component *c)
 
 static int is_output_delay(double value)
 {
-    return value >= 1 && value <= MOST_OUTPUT_DELAY && floor(value) == value;
+    return value >= LEAST_OUTPUT_DELAY && value <= MOST_OUTPUT_DELAY && floor(value) == value;
 }
 
 outcome component_check(component *c, int slot, double value)
@@ -68,6 +69,7 @@ outcome component_check(component *c, int slot, double value)
 
 void component_put(component *c, int slot, double value)
 {
+    FORGET_TICK(c);
     if (slot == OUTPUT_DELAY)
         c->s.output_delay = value;
     else if (!is_parameter(slot))
@@ -83,6 +85,11 @@ void component_put_input_rate(component *c, int slot, double rate)
 
 outcome component_get(component *c, int slot, double *value)
 {
+#if HAS_CLOCK
+    int is_report = slot == INPUT_STATUS || slot == INPUT_BAD_TIME;
+    if (c->s.is_ticking != 0 && (is_report || (slot >= FIRST_RESULT && slot < FIRST_RESULT + N_RESULTS)))
+        return get_at_tick(c, slot, value);
+#endif
     if (slot == TIME)
         *value = c->s.time;
     else if (slot == OUTPUT_DELAY)
@@ -154,6 +161,66 @@ double component_time(const component *c)
     return c->s.time;
 }
 
+double step_period(const component *c)
+{
+    return c->s.p.sample_time / STEPS_A_SAMPLE;
+}
+
+double next_step(const component *c)
+{
+    return c->s.start_time + c->s.memory.samples * step_period(c);
+}
+
+double clock_slack(const component *c, double time)
+{
+    double rounding = fmax(1e-6 * step_period(c), 1e-9 * fmax(1, fabs(time)));
+    return fmin(rounding, 0.05 * step_period(c));
+}
+
+outcome check_resolution(component *c, double end)
+{
+    double latest = fmax(fabs(c->s.start_time), end);
+    if (step_period(c) < 1e3 * DBL_EPSILON * latest) {
+        write_message(c->message, "sample_time = %g s rejected; it is too short to be resolved at time %g s",
+                      c->s.p.sample_time, latest);
+        return NOT_POSSIBLE;
+    }
+    return DONE;
+}
+
+/* ---- a step --------------------------------------------------------------------------------------------------- */
+
+double *planned_at(component *c, double step)
+{
+    return c->s.planned[(size_t)fmod(step, N_PLANNED)];
+}
+
+outcome take_step(component *c, controller_memory *memory, double outputs[N_DELAYED])
+{
+    double force[6];
+    unsigned char limited[6];
+    if (!(memory->samples > 0))
+        controller_start(&c->s.p, memory);
+#if HAS_REFERENCE_INPUTS
+    controller_step(&c->s.p, &c->coefficients, memory, c->s.inputs, c->s.inputs + CONTROLLER_N_MEASURED, force, limited);
+#else
+    controller_step(&c->s.p, &c->coefficients, memory, c->s.inputs, force, limited);
+#endif
+    if (memory->input_status >= (double)CONTROLLER_FORCE_NOT_FINITE) {
+        write_message(c->message, "at time %.12g s: the forces are not finite; check that the measurements are within "
+                                  "the platform's workspace", c->s.time);
+        return NOT_POSSIBLE;
+    }
+    for (int k = 0; k < 6; k++) {
+        outputs[k] = force[k];
+        outputs[FORCE_LIMITED - ACTUATOR_FORCE + k] = limited[k];
+#if HAS_RATE_LIMITED
+        outputs[RATE_LIMITED - ACTUATOR_FORCE + k] = memory->rate_limited[k];
+#endif
+    }
+    return DONE;
+}
+
 /* ---- saved states --------------------------------------------------------------------------------------------- */
 
 void component_save(const component *c, double saved[])
@@ -175,11 +242,12 @@ int component_can_restore(const double saved[])
     for (int slot = FIRST_PARAMETER; slot < FIRST_PARAMETER + N_PARAMETERS; slot++)
         if (expected_of_slot(slot, get_parameter(&c, slot)))
             return 0;
-    return is_output_delay(c.s.output_delay) && c.s.memory.samples >= 0;
+    return IS_POSSIBLE_TICK(c.s) && is_output_delay(c.s.output_delay) && c.s.memory.samples >= 0;
 }
 
 void component_restore(component *c, const double saved[])
 {
     memcpy(&c->s, saved, sizeof c->s);
     c->is_prepared = 0;
+    FORGET_TICK(c);
 }

@@ -1,46 +1,22 @@
 /* A communication step of a sampled controller. */
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
 #include "communication.h"
 #include "sampled.h"
 
-/* Time from step to step of the controller. */
-static double period(const component *c)
-{
-    return c->s.p.sample_time / STEPS_A_SAMPLE;
-}
-
-/* Time of its next step. */
-static double next_sample(const component *c)
-{
-    return c->s.start_time + c->s.memory.samples * period(c);
-}
-
-/* Tolerance for the accumulated rounding of an importer's clock. */
-static double slack_at(const component *c, double time)
-{
-    double rounding = fmax(1e-6 * period(c), 1e-9 * fmax(1, fabs(time)));
-    return fmin(rounding, 0.05 * period(c));
-}
-
 static int is_due(const component *c)
 {
-    return next_sample(c) <= c->s.time + slack_at(c, c->s.time);
+    return next_step(c) <= c->s.time + clock_slack(c, c->s.time);
 }
 
 static outcome check_samples(component *c, double end)
 {
-    double sample_time = c->s.p.sample_time, latest = fmax(fabs(c->s.start_time), end);
-    if (period(c) < 1e3 * DBL_EPSILON * latest) {
-        write_message(c->message, "sample_time = %g s rejected; it is too short to be resolved at time %g s",
-                      sample_time, latest);
+    if (check_resolution(c, end) != DONE)
         return NOT_POSSIBLE;
-    }
-    if (!((end - next_sample(c)) / period(c) < MOST_SAMPLES)) {
+    if (!((end - next_step(c)) / step_period(c) < MOST_SAMPLES)) {
         write_message(c->message, "communication step to %.12g s rejected; it has more than %d samples of %g s; "
-                                  "use shorter steps", end, MOST_SAMPLES, period(c));
+                                  "use shorter steps", end, MOST_SAMPLES, step_period(c));
         return NOT_POSSIBLE;
     }
     return DONE;
@@ -54,41 +30,13 @@ static outcome check_inputs(component *c)
     return NOT_POSSIBLE;
 }
 
-/* The outputs that a step determines; steps count from 0. */
-static double *planned_at(component *c, double step)
-{
-    return c->s.planned[(size_t)fmod(step, MOST_STEPS_LATE)];
-}
-
 static outcome take_sample(component *c)
 {
-    double force[6], *planned = planned_at(c, c->s.memory.samples);
-    unsigned char limited[6];
     if (check_inputs(c) != DONE)
         return NOT_POSSIBLE;
-    if (!(c->s.memory.samples > 0)) {
-        controller_start(&c->s.p, &c->s.memory);
+    if (!(c->s.memory.samples > 0))
         memcpy(c->s.acting, c->s.p.start_force, sizeof c->s.p.start_force);
-    }
-#if HAS_REFERENCE_INPUTS
-    controller_step(&c->s.p, &c->coefficients, &c->s.memory, c->s.inputs, c->s.inputs + CONTROLLER_N_MEASURED, force,
-                    limited);
-#else
-    controller_step(&c->s.p, &c->coefficients, &c->s.memory, c->s.inputs, force, limited);
-#endif
-    if (c->s.memory.input_status >= (double)CONTROLLER_FORCE_NOT_FINITE) {
-        write_message(c->message, "at time %.12g s: the forces are not finite; check that the measurements are within "
-                                  "the platform's workspace", c->s.time);
-        return NOT_POSSIBLE;
-    }
-    for (int k = 0; k < 6; k++) {
-        planned[k] = force[k];
-        planned[FORCE_LIMITED - ACTUATOR_FORCE + k] = limited[k];
-#if HAS_RATE_LIMITED
-        planned[RATE_LIMITED - ACTUATOR_FORCE + k] = c->s.memory.rate_limited[k];
-#endif
-    }
-    return DONE;
+    return take_step(c, &c->s.memory, planned_at(c, c->s.memory.samples));
 }
 
 static void advance(component *c, double time)
@@ -112,7 +60,7 @@ static outcome run(component *c, double end, const step_observer *observer)
         outcome sampled = is_due(c) ? take_sample(c) : DONE;
         if (sampled != DONE)
             return sampled;
-        double due = next_sample(c), time = due < end - slack_at(c, end) ? due : end;
+        double due = next_step(c), time = due < end - clock_slack(c, end) ? due : end;
         if (time <= c->s.time) /* more than one sample is due */
             continue;
         advance(c, time);

@@ -70,8 +70,13 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                             .intermediate_update = (any_function)intermediateUpdate,
                             .may_return_early = earlyReturnAllowed,
                             .logs = loggingOn};
-    if (eventModeUsed) {
+    if (eventModeUsed && !HAS_CLOCK) {
         report(&request, STATUS_ERROR, "%s: event mode is not offered by this unit (hasEventMode is false)", __func__);
+        return NULL;
+    }
+    if (!eventModeUsed && HAS_CLOCK) {
+        report(&request, STATUS_ERROR, "%s: this unit has a clock, which ticks in event mode; expected eventModeUsed, or "
+                                       "the unit without a clock", __func__);
         return NULL;
     }
     if (!has_array(&request, __func__, requiredIntermediateVariables, nRequiredIntermediateVariables,
@@ -79,7 +84,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
         return NULL;
     for (size_t k = 0; k < nRequiredIntermediateVariables; k++) {
         fmi3ValueReference reference = requiredIntermediateVariables[k];
-        if (reference >= N_VARIABLES || VARIABLES[reference].role > RESULT) {
+        if (HAS_CLOCK || reference >= N_VARIABLES || VARIABLES[reference].role > RESULT) {
             report(&request, STATUS_ERROR,
                    "%s: value reference %lu is not available in intermediate updates; expected an input or output",
                    __func__, (unsigned long)reference);
@@ -96,20 +101,17 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
                                                fmi3LockPreemptionCallback lockPreemption,
                                                fmi3UnlockPreemptionCallback unlockPreemption)
 {
-    (void)instanceName;
-    (void)instantiationToken;
     (void)resourcePath;
     (void)visible;
-    (void)loggingOn;
-    (void)clockUpdate;
-    (void)lockPreemption;
+    (void)clockUpdate; /* no clock is an output or counts down */
+    (void)lockPreemption; /* there is one partition, which shares nothing */
     (void)unlockPreemption;
     fmi_instance request = {.layer = &FMI_3,
+                            .kind = SCHEDULED_EXECUTION,
                             .environment = instanceEnvironment,
-                            .logger = (any_function)logMessage};
-    report(&request, STATUS_ERROR, "%s: not offered by this unit; it has %sCo-Simulation", __func__,
-           N_STATES > 0 ? "Model Exchange and " : "");
-    return NULL;
+                            .logger = (any_function)logMessage,
+                            .logs = loggingOn};
+    return new_instance(&request, instanceName, instantiationToken);
 }
 
 void fmi3FreeInstance(fmi3Instance instance)
@@ -282,7 +284,7 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte seriali
     return AS_FMI3(deserialize(instance, __func__, serializedState, size, FMUState));
 }
 
-/* ---- events (there are none) ---------------------------------------------------------------------------------- */
+/* ---- events (of clocks) --------------------------------------------------------------------------------------- */
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)
 {
@@ -307,6 +309,9 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
     for (int k = 0; k < 5; k++)
         if (!has_array(instance, __func__, flags[k], 1, "a flag"))
             return fmi3Error;
+    fmi_status updated = update_discrete(instance, __func__);
+    if (updated != STATUS_OK)
+        return AS_FMI3(updated);
     for (int k = 0; k < 5; k++)
         *flags[k] = fmi3False;
     *nextEventTime = 0;
@@ -389,8 +394,7 @@ fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nConti
 
 fmi3Status fmi3EnterStepMode(fmi3Instance instance)
 {
-    is_allowed(instance, __func__, CALL_NOT_OFFERED); /* it leaves event mode, which Co-Simulation does not have here */
-    return fmi3Error;
+    return AS_FMI3(enter_step(instance, __func__));
 }
 
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference valueReferences[],
@@ -437,7 +441,51 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     return AS_FMI3(stepped);
 }
 
-/* ---- not offered: structural parameters, clocks, scheduled execution ------------------------------------------ */
+/* ---- clocks --------------------------------------------------------------------------------------------------- */
+
+fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                        fmi3Clock values[])
+{
+    return AS_FMI3(get_clocks(instance, __func__, valueReferences, nValueReferences, values));
+}
+
+fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
+                        const fmi3Clock values[])
+{
+    return AS_FMI3(set_clocks(instance, __func__, valueReferences, nValueReferences, values));
+}
+
+fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                  size_t nValueReferences, fmi3Float64 intervals[],
+                                  fmi3IntervalQualifier qualifiers[])
+{
+    if (instance && !has_array(instance, __func__, qualifiers, nValueReferences, "qualifiers"))
+        return fmi3Error;
+    fmi_status got = get_intervals(instance, __func__, valueReferences, nValueReferences, intervals);
+    for (size_t k = 0; got == STATUS_OK && k < nValueReferences; k++)
+        qualifiers[k] = fmi3IntervalUnchanged; /* it is that of modelDescription.xml, or the importer's */
+    return AS_FMI3(got);
+}
+
+fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                               size_t nValueReferences, fmi3Float64 shifts[])
+{
+    return AS_FMI3(get_shifts(instance, __func__, valueReferences, nValueReferences, shifts));
+}
+
+fmi3Status fmi3SetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                                  size_t nValueReferences, const fmi3Float64 intervals[])
+{
+    return AS_FMI3(set_intervals(instance, __func__, valueReferences, nValueReferences, intervals));
+}
+
+fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
+                                      fmi3Float64 activationTime)
+{
+    return AS_FMI3(activate(instance, __func__, clockReference, activationTime));
+}
+
+/* ---- not offered: structural parameters, clocks counted in fractions ------------------------------------------ */
 
 static fmi3Status not_offered(const fmi_instance *i, const char *function)
 {
@@ -455,32 +503,6 @@ fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance)
     return not_offered(instance, __func__);
 }
 
-fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                        fmi3Clock values[])
-{
-    (void)valueReferences;
-    (void)values;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
-}
-
-fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                        const fmi3Clock values[])
-{
-    (void)valueReferences;
-    (void)values;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
-}
-
-fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                  size_t nValueReferences, fmi3Float64 intervals[],
-                                  fmi3IntervalQualifier qualifiers[])
-{
-    (void)valueReferences;
-    (void)intervals;
-    (void)qualifiers;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
-}
-
 fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
                                    size_t nValueReferences, fmi3UInt64 counters[], fmi3UInt64 resolutions[],
                                    fmi3IntervalQualifier qualifiers[])
@@ -492,28 +514,12 @@ fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReferen
     return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
 }
 
-fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                               size_t nValueReferences, fmi3Float64 shifts[])
-{
-    (void)valueReferences;
-    (void)shifts;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
-}
-
 fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
                                 size_t nValueReferences, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
 {
     (void)valueReferences;
     (void)counters;
     (void)resolutions;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
-}
-
-fmi3Status fmi3SetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                  size_t nValueReferences, const fmi3Float64 intervals[])
-{
-    (void)valueReferences;
-    (void)intervals;
     return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
 }
 
@@ -542,12 +548,4 @@ fmi3Status fmi3SetShiftFraction(fmi3Instance instance, const fmi3ValueReference 
     (void)counters;
     (void)resolutions;
     return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
-}
-
-fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
-                                      fmi3Float64 activationTime)
-{
-    (void)clockReference;
-    (void)activationTime;
-    return not_offered(instance, __func__);
 }

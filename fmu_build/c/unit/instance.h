@@ -53,6 +53,7 @@ INTERNAL_BEGIN
 fmi_instance *new_instance(const fmi_instance *request, const char *name, const char *token);
 
 fmi_status report(const fmi_instance *i, fmi_status status, const char *format, ...);
+const char *name_of_kind(fmi_kind kind);
 int allows(const fmi_instance *i, fmi_call call);
 /* 1 if the instance exists and the call is allowed in its mode; logs an error if not. */
 int is_allowed(const fmi_instance *i, const char *function, fmi_call call);
@@ -93,6 +94,20 @@ fmi_status change_mode(fmi_instance *i, const char *function, fmi_call call, fmi
 fmi_status enter_continuous(fmi_instance *i, const char *function);
 fmi_status reset(fmi_instance *i, const char *function);
 fmi_status do_step(fmi_instance *i, const char *function, double time, double step, const step_observer *observer);
+
+/* Clocks (clocks.c); `clocks` are value references. */
+fmi_status set_clocks(fmi_instance *i, const char *function, const uint32_t clocks[], size_t n, const _Bool active[]);
+fmi_status get_clocks(const fmi_instance *i, const char *function, const uint32_t clocks[], size_t n, _Bool active[]);
+fmi_status get_intervals(const fmi_instance *i, const char *function, const uint32_t clocks[], size_t n,
+                         double intervals[]);
+fmi_status set_intervals(fmi_instance *i, const char *function, const uint32_t clocks[], size_t n,
+                         const double intervals[]);
+fmi_status get_shifts(const fmi_instance *i, const char *function, const uint32_t clocks[], size_t n, double shifts[]);
+/* Ends the tick of an active clock. */
+fmi_status update_discrete(fmi_instance *i, const char *function);
+fmi_status enter_step(fmi_instance *i, const char *function);
+/* Scheduled execution: a whole tick. */
+fmi_status activate(fmi_instance *i, const char *function, uint32_t clock, double time);
 
 /* Model exchange */
 fmi_status set_time(fmi_instance *i, const char *function, double time);

@@ -67,7 +67,7 @@ fmi_status restore_state(fmi_instance *i, const char *function, const void *save
         return STATUS_ERROR;
     if (s->kind != i->kind)
         return report(i, STATUS_ERROR, "%s: the state is from %s; expected one of the instance's own kind", function,
-                      s->kind == MODEL_EXCHANGE ? "Model Exchange" : "Co-Simulation");
+                      name_of_kind(s->kind));
     i->mode = s->mode;
     component_restore(i->core, s->numbers);
     i->step_status = STATUS_OK;
@@ -152,10 +152,12 @@ fmi_status serialize(const fmi_instance *i, const char *function, const void *sa
 /* 1 if an instance can be in this state: a valid checksum does not guarantee it for bytes from another source. */
 static int is_possible(const saved_state *s)
 {
-    int modes = s->kind == MODEL_EXCHANGE ? BEFORE_START | EVENT | CONTINUOUS | TERMINATED
-                                          : BEFORE_START | STEP | TERMINATED;
+    int modes = BEFORE_START | TERMINATED;
+    modes |= s->kind == MODEL_EXCHANGE ? EVENT | CONTINUOUS
+             : s->kind == CO_SIMULATION ? STEP | IF_CLOCKED(EVENT) : ACTIVATION;
     int mode = (int)s->mode;
-    int is_offered = s->kind == CO_SIMULATION || (s->kind == MODEL_EXCHANGE && N_STATES > 0);
+    int is_offered = s->kind == CO_SIMULATION || (s->kind == MODEL_EXCHANGE && N_STATES > 0) ||
+                     (s->kind == SCHEDULED_EXECUTION && HAS_CLOCK);
     if (!is_offered || !(mode & modes) || (mode & (mode - 1)))
         return 0;
     return component_can_restore(s->numbers);

@@ -82,7 +82,7 @@ static fmi_status check_set(fmi_instance *i, const char *function, int slot, dou
 fmi_status set_values(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                       const double values[], size_t n_values)
 {
-    if (!is_allowed(i, function, CALL_SET_INPUT) || !find_all(i, function, references, n, values, n_values, "values"))
+    if (!is_allowed(i, function, CALL_SET) || !find_all(i, function, references, n, values, n_values, "values"))
         return STATUS_ERROR;
     int first, size;
     size_t at = 0;
