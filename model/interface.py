@@ -23,7 +23,7 @@ from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import Array
 
 Causality = Literal["input", "output", "local", "parameter"]
-Variability = Literal["continuous", "fixed", "tunable"]
+Variability = Literal["continuous", "discrete", "fixed", "tunable"]
 
 
 @dataclass(frozen=True)

@@ -266,7 +266,7 @@ def test_calls_that_do_not_fit_are_refused_and_change_nothing(begun: Clocked) ->
 
 def test_a_tick_that_fails_leaves_the_unit_before_it(begun: Clocked) -> None:
     """Expected: a tunable gain that the controller does not accept, with its own words; then the right one."""
-    begun.set({"gain": [5001.0] * 6})
+    begun.set({"gain": np.full(6, 5001.0)})
     if begun.kind == "CoSimulation":
         begun.activate()
         assert refused(begun.get, "actuator_force") == DISCARD

@@ -119,7 +119,7 @@ def test_an_experiment_without_delay_has_none(tmp_path: Path) -> None:
         gs.export(
             "heave_step",
             {"loop.delay": 0},
-            forms=[form],  # type: ignore[list-item]
+            forms=[form],
             fmi="3.0",
             out=tmp_path / form,
             warn=said.setdefault(form, []).append,
