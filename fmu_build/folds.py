@@ -64,7 +64,7 @@ def folds_sources(kernels: Sequence[FoldKernel]) -> tuple[dict[str, str], dict[s
     header = f"{text}\nstatic const kernel KERNELS[] = {{\n{table}}};\n"
     return dict(own.units), {
         **own.headers,
-        "elementary.h": lanes.headers["elementary.h"],
+        **{name: lanes.headers[name] for name in ("elementary.h", "vectors.h")},
         "fold_kernels.h": header,
     }
 

@@ -139,21 +139,24 @@ def law_library(function: Any) -> LanesLibrary:
     RuntimeError
         As `in_lanes`.
     """
-    text = in_lanes(function, "static inline void ", exact=True, call="each_{}")
-    return machine_code("law", lambda: _law_sources(function, text), state=digest_of(text.encode()))
+    units, headers = law_sources(function)
+    return machine_code("law", lambda: (units, headers), state=digest_of(headers["law_step.h"].encode()))
 
 
-def _law_sources(function: Any, text: str) -> tuple[dict[str, str], dict[str, str]]:
+def law_sources(function: Any) -> tuple[dict[str, str], dict[str, str]]:
+    """Units and headers of c/law for a traced law."""
     from gough_stewart.fmu_build.sources import c_folder
     from gough_stewart.fmu_build.tables import GENERATED, defines
 
+    text = in_lanes(function, "static inline void ", exact=True, call="each_{}")
     own, lanes = c_folder("law"), c_folder("lanes")
     sizes = defines({"N_MEMORY": function.numel_in(0), "N_NEXT": function.numel_out(0)})
     called = sorted(set(re.findall(r"\beach_(\w+)\(", text)))
     several = {name: "OF_TWO" if name in _OF_TWO else "OF_ONE" for name in called}
     made = "\n".join(f"{of}({name})" for name, of in several.items())
     header = f"{GENERATED}\n{sizes}\n\n{made}\n{text}"
-    return dict(own.units), {**own.headers, "elementary.h": lanes.headers["elementary.h"], "law_step.h": header}
+    headers = {name: lanes.headers[name] for name in ("elementary.h", "vectors.h")}
+    return dict(own.units), {**own.headers, **headers, "law_step.h": header}
 
 
 # Functions of the C library with two arguments.

@@ -16,7 +16,7 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.distinct import Distinct
 from gough_stewart.harness.experiment.stages import Planned
 from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.law_library import is_traced
+from gough_stewart.harness.loop.law_library import are_traced
 from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
 from gough_stewart.harness.loop.seeds import Seed, Seeds, as_numbers
 from gough_stewart.harness.loop.self_test import loop_kernel
@@ -55,7 +55,7 @@ class Prepared:
     def kernel(self) -> CompiledLanes | None:
         """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
         is_linear = self.controller is None or isinstance(self.controller, LinearController)
-        return loop_kernel() if is_linear or is_traced(self.controller) else None
+        return loop_kernel() if is_linear or are_traced([self.controller]) else None
 
     def law(self, reference: FloatArray, measured: FloatArray) -> Law:
         """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
@@ -188,8 +188,9 @@ class Batch:
         """
         n, timing = len(self), self.timing[0]
         kernel = loop_kernel() if compiler is not False else None
-        runs_in_c = kernel is not None and all(
-            each is None or isinstance(each, LinearController) for each in self.controller.values
+        values = self.controller.values
+        runs_in_c = kernel is not None and (
+            all(each is None or isinstance(each, LinearController) for each in values) or are_traced(values)
         )
         copies = 0 if runs_in_c else -n % LANES
         filled = self.take([*range(n), *[n - 1] * copies])

@@ -54,7 +54,7 @@ class _Out(ctypes.Structure):
     _fields_ = [(name, ctypes.c_int64 if k else ctypes.c_void_p) for k, name in enumerate(("at", "row", "element"))]
 
 
-_MEMORY = (
+MEMORY = (
     *("signals", "measured", "memory", "next", "pose", "lengths", "command", "excess", "limited", "planned"),
     *("delayed", "target", "driven", "acting", "at_row", "ended"),
 )
@@ -62,7 +62,7 @@ _ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_force_limited", "r
 _SAMPLES_OUT = ("sample_measured", "sample_state", "sample_command", "sample_limited")
 
 
-class _Loop(ctypes.Structure):
+class Structure(ctypes.Structure):
     """`loop` of c/loop/loop.h."""
 
     _fields_ = [
@@ -85,7 +85,7 @@ class _Loop(ctypes.Structure):
         *((name, _Table) for name in ("noise", "sensors", "limits", "drives", "delay")),
         ("most_delay", ctypes.c_int64),
         *((name, _Table) for name in ("shortest", "longest", "farthest")),
-        *((name, ctypes.c_void_p) for name in _MEMORY),
+        *((name, ctypes.c_void_p) for name in MEMORY),
         ("first_row", ctypes.c_int64),
         *((name, _Out) for name in (*_ROWS_OUT, *_SAMPLES_OUT)),
     ]
@@ -118,7 +118,7 @@ class CompiledLoop:
         self._plant, self._loop, self._watch, self._law = plant, loop, watch, law
         self._n, self._steps = plant.shape[0], loop.timing.steps
         self._kept: list[Any] = []  # arrays that the structure points to
-        self._c = c = _Loop()
+        self._c = c = Structure()
         timing = loop.timing
         c.members, c.last, c.every = self._n, self._steps, timing.steps_a_sample
         own = loop.sensors.sample_time
@@ -151,7 +151,7 @@ class CompiledLoop:
         """
         batch, rows, c = self._plant.batch, self._watch.rows, self._c
         self._set_rows(rows, row)
-        self._draw_noise(row, to)
+        self.draw_noise(row, to)
         run = self._plant.loop_run
         assert run is not None  # whoever made this has asked for it
         of, with_, is_interrupted = reference(batch), ctypes.byref(c), Event()
@@ -318,7 +318,17 @@ class CompiledLoop:
             c.row_force_limited = self._out(rows.force_limited[at:])
         c.row_rate_limited = self._out(rows.rate_limited[at:])
 
-    def _draw_noise(self, row: int, to: int) -> None:
+    @property
+    def structure(self) -> Structure:
+        """What machine code gets."""
+        return self._c
+
+    @property
+    def arrays(self) -> dict[int, NDArray[Any]]:
+        """The arrays that the structure points to, by address."""
+        return {each.ctypes.data: each for each in (*self._kept, self._drawn)}
+
+    def draw_noise(self, row: int, to: int) -> None:
         """Draw the noise of the readings in these rows."""
         if not self._noise:
             return

@@ -2,6 +2,7 @@
 
 import ctypes
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -39,13 +40,13 @@ class CompiledLaw:
         return ctypes.cast(self.library.law_step, ctypes.c_void_p).value or 0
 
 
-def is_traced(controller: Controller | None) -> bool:
-    """Whether a controller is, or makes, a CasADi function that machine code can have."""
+def are_traced(controllers: Iterable[Controller | None]) -> bool:
+    """Whether controllers are, or make, CasADi functions that machine code can have together."""
     try:
-        made = controller.peek() if isinstance(controller, Maker) else controller
+        made = [each.peek() if isinstance(each, Maker) else each for each in controllers]
     except ControllerError:  # the run says so
         return False
-    return is_casadi_function(made) and compiled_law([made]) is not None
+    return all(map(is_casadi_function, made)) and compiled_law(made) is not None
 
 
 def compiled_form(law: Law) -> CompiledLaw | None:

@@ -122,11 +122,11 @@ def _run(
     shape = watch.outcomes.going.shape
     acting = members.zeros(shape, interface.size_of(interface.INPUTS))
     acting[..., :6] = loop.start_force
-    changes = _by_row(loop)
+    changes = by_row(loop)
 
     def changed(row: int) -> FloatArray:
         for change in changes.get(row, ()):
-            _apply(change, plant, acting)
+            change_plant(change, plant, acting)
         return acting
 
     changed(0)
@@ -210,7 +210,7 @@ def _step(plant: Plant, time: float, step: float, outcomes: Outcomes) -> bool:
     return True
 
 
-def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
+def change_plant(change: Change, plant: Plant, acting: FloatArray) -> None:
     """Pass parameters to the plant, and the wrench to the inputs (*shape, 12)."""
     if change.parameters:
         if change.members is None:
@@ -222,7 +222,7 @@ def _apply(change: Change, plant: Plant, acting: FloatArray) -> None:
         np.copyto(acting[..., 6:], change.external_wrench, where=concerned)
 
 
-def _by_row(loop: Loop) -> dict[int, list[Change]]:
+def by_row(loop: Loop) -> dict[int, list[Change]]:
     rows: dict[int, list[Change]] = {}
     for change in loop.changes:
         rows.setdefault(loop.timing.row(change.time, "a change"), []).append(change)

@@ -33,6 +33,7 @@ from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES, end_of
 from gough_stewart.model.vectors import FloatArray
 
 _ARRAYS = tuple(field.name for field in fields(Batch))
+BATCH_FIELDS = ("blocks", "stride", *_ARRAYS)
 # The largest number of substeps; a motion that needs more is unsuited to fixed steps.
 MOST_SUBSTEPS = 1024
 
@@ -41,9 +42,7 @@ class _CBatch(ctypes.Structure):
     """`batch` of c/lanes/lanes.h."""
 
     _fields_ = [
-        ("blocks", ctypes.c_int64),
-        ("stride", ctypes.c_int64),
-        *((name, ctypes.c_void_p) for name in _ARRAYS),
+        *((name, ctypes.c_int64 if k < 2 else ctypes.c_void_p) for k, name in enumerate(BATCH_FIELDS)),
     ]
 
 

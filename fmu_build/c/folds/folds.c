@@ -2,8 +2,6 @@
 
 #include "elementary.h"
 
-#include <string.h>
-
 /* the bits of NumPy, which takes one operation after the other */
 #pragma STDC FP_CONTRACT OFF
 #pragma clang fp reciprocal(off)
@@ -39,17 +37,9 @@ typedef struct {
 /* Rows of a vector at a time, after the row before: they stay in the cache. */
 #define CHUNK 16
 
-typedef double anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
-typedef unsigned char flags __attribute__((ext_vector_type(WIDTH), aligned(1)));
-
 static mask least(mask a, mask b)
 {
     return ((a < b) & a) | (~(a < b) & b);
-}
-
-static int any(mask which)
-{
-    return __builtin_reduce_or(which) != 0;
 }
 
 /* How the items of eight members are found: side by side, one for all, or one by one. */

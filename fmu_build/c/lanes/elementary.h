@@ -1,4 +1,4 @@
-/* Elementary functions of eight numbers at once, for the generated kernels. NaN stays NaN; no calls, no branches.
+/* Elementary functions of eight numbers at once, or of one, for the generated kernels. NaN stays NaN; no calls, no branches.
 
    Errors, measured against long double over the ranges where they are used (tests/fmu_build/test_lanes.py), in units of
    2^-53 = 1.1e-16: sin and cos 1.5 absolute for angles up to LARGEST_ANGLE, NaN beyond; tanh 4 relative for all
@@ -8,72 +8,15 @@
 #ifndef ELEMENTARY_H
 #define ELEMENTARY_H
 
-#include <math.h>
-#include <stdint.h>
-#ifdef __AVX512F__
-#include <immintrin.h>
-#endif
-
-#define WIDTH 8
-typedef double lanes __attribute__((ext_vector_type(WIDTH)));
-/* of comparisons: -1 where true, 0 elsewhere; its integers are long or long long, by the system */
-typedef __typeof__((lanes)0.0 == (lanes)0.0) mask;
-typedef __typeof__(((mask)0)[0]) whole;
+#include "vectors.h"
 
 /* for larger angles the number of quarter turns could be wrong */
 #define LARGEST_ANGLE 1e6
-
-static inline mask bits(lanes x)
-{
-    return __builtin_bit_cast(mask, x);
-}
-
-static inline lanes number(mask x)
-{
-    return __builtin_bit_cast(lanes, x);
-}
-
-static inline lanes choose(mask which, lanes yes, lanes no)
-{
-    return number((which & bits(yes)) | (~which & bits(no)));
-}
 
 static inline lanes sq(lanes x)
 {
     return x * x;
 }
-
-#ifdef __AVX512F__
-/* an estimate of 14 bits and two Newton iterations; a division takes four times as long */
-static inline lanes reciprocal(lanes x)
-{
-    lanes r = (lanes)_mm512_rcp14_pd((__m512d)x);
-    r = r + r * (1 - x * r);
-    return r + r * (1 - x * r);
-}
-
-/* 0 is returned unchanged, since its estimate is infinite */
-static inline lanes square_root(lanes x)
-{
-    lanes r = (lanes)_mm512_rsqrt14_pd((__m512d)x);
-    lanes s = x * r, half = 0.5 * r;
-    lanes e = 0.5 - s * half;
-    s = s + s * e;
-    half = half + half * e;
-    s = s + half * (x - s * s);
-    return choose(x == 0, x, s);
-}
-#else
-static inline lanes reciprocal(lanes x)
-{
-    return 1 / x;
-}
-
-static inline lanes square_root(lanes x)
-{
-    return __builtin_elementwise_sqrt(x);
-}
-#endif
 
 /* Adding it leaves the nearest integer in the last bits of the sum. */
 #define ROUNDER 0x1.8p52
@@ -86,7 +29,7 @@ static inline lanes without_quarters(lanes x, mask *quarters)
     r = r - k * 6.123233995736766e-17;
     r = r - k * -1.4973849048591698e-33;
     *quarters = bits(sum);
-    return choose(__builtin_elementwise_abs(x) <= LARGEST_ANGLE, r, (lanes)NAN);
+    return choose(magnitude(x) <= LARGEST_ANGLE, r, (lanes)NAN);
 }
 
 /* sin(r + (number of quarter turns) pi/2) */
@@ -106,7 +49,7 @@ static inline lanes wave(lanes r, mask quarters)
                         z * (2.480158729876456e-05 +
                              z * (-2.7557317271145144e-07 + z * (2.087614614655861e-09 + z * -1.1382623647474604e-11)))));
     lanes w = choose((quarters & 1) != 0, c, s);
-    return number(bits(w) ^ ((quarters & 2) << 62));
+    return number(bits(w) ^ shifted(quarters & 2, 62));
 }
 
 static inline lanes sine(lanes x)
@@ -144,7 +87,7 @@ static inline lanes without_powers(lanes y, lanes *power)
 {
     lanes sum = y * 1.4426950408889634 + ROUNDER, k = sum - ROUNDER;
     lanes r = y - k * 0.6931471805599453;
-    *power = number((bits(sum) + 1023) << 52);
+    *power = number(shifted(bits(sum) + 1023, 52));
     return r - k * 2.3190468138462996e-17;
 }
 
@@ -159,7 +102,7 @@ static inline lanes exponential(lanes x)
 /* e / (e + 2) with e = exp(2 |x|) - 1 = 2^k (exp(r) - 1) + 2^k - 1, |r| <= ln(2)/2; equals 1 from |x| = 20 on */
 static inline lanes hyperbolic_tangent(lanes x)
 {
-    lanes size = __builtin_elementwise_abs(x), power;
+    lanes size = magnitude(x), power;
     lanes p = growth(without_powers(2 * choose(size > 20, (lanes)20.0, size), &power));
     lanes e = power * p + (power - 1);
     lanes t = e * reciprocal(e + 2);
@@ -169,7 +112,7 @@ static inline lanes hyperbolic_tangent(lanes x)
 /* 1 where a mask holds, else 0: the truth values of the generated code */
 static inline lanes truth(mask which)
 {
-    return number(which & bits((lanes)1.0));
+    return choose(which, (lanes)1.0, (lanes)0.0);
 }
 
 static inline lanes is_less(lanes a, lanes b)
@@ -210,7 +153,7 @@ static inline lanes either(lanes a, lanes b)
 /* x where a holds, else 0, whatever x is there */
 static inline lanes if_so(lanes a, lanes x)
 {
-    return number((a != 0) & bits(x));
+    return choose(a != 0, x, (lanes)0.0);
 }
 
 /* -1, 0 or 1 */
@@ -232,7 +175,7 @@ static inline lanes larger_of(lanes a, lanes b)
 /* x minus the nearest multiple of y, of two the even one */
 static inline lanes remainder_of(lanes x, lanes y)
 {
-    return x - __builtin_elementwise_roundeven(x / y) * y;
+    return x - nearest(x / y) * y;
 }
 
 /* the names in the generated code */
@@ -241,7 +184,7 @@ static inline lanes remainder_of(lanes x, lanes y)
 #define cos(x) cosine(x)
 #define tanh(x) hyperbolic_tangent(x)
 #define exp(x) exponential(x)
-#define fabs(x) __builtin_elementwise_abs(x)
+#define fabs(x) magnitude(x)
 #define fmin(x, y) smaller_of(x, y)
 #define fmax(x, y) larger_of(x, y)
 #define sign(x) sign_of(x)

@@ -7,8 +7,11 @@
 /* the generated kernels on `lanes`; included so that the functions above are inlined */
 #include "lanes_kernel.h"
 
-typedef double anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
-typedef whole mask_anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
+#if WIDTH == 1
+#define PREFETCH(at)
+#else
+#define PREFETCH(at) __builtin_prefetch(at)
+#endif
 
 static lanes get(const double *from)
 {
@@ -18,11 +21,6 @@ static lanes get(const double *from)
 static void put(double *to, lanes x)
 {
     *(anywhere *)to = x;
-}
-
-static int any(mask which)
-{
-    return __builtin_reduce_or(which) != 0;
 }
 
 /* Eight members during a step. */
@@ -55,9 +53,9 @@ static void fetch(const batch *of, int64_t block, int parameters)
     if (block >= of->blocks)
         return;
     for (int i = 0; i < parameters; i++)
-        __builtin_prefetch(of->parameters + (block * N_PARAMETERS + i) * WIDTH);
+        PREFETCH(of->parameters + (block * N_PARAMETERS + i) * WIDTH);
     for (int i = 0; i < N_STATES; i++)
-        __builtin_prefetch(of->states + i * of->stride + block * WIDTH);
+        PREFETCH(of->states + i * of->stride + block * WIDTH);
 }
 
 /* Reads everything but the inputs; `parameters` is the number of parameters needed. */
@@ -82,13 +80,13 @@ static int64_t judge(const group *g, int lane, double *side)
 {
     double x[N_STATES], p[N_PARAMETERS], length[N_LEGS], rate[N_LEGS], jacobian[N_LEGS][N_LEGS], rho, determinant;
     for (int i = 0; i < N_STATES; i++)
-        x[i] = g->x[i][lane];
+        x[i] = LANE(g->x[i], lane);
     for (int i = 0; i < N_PARAMETERS; i++)
-        p[i] = g->p[i][lane];
+        p[i] = LANE(g->p[i], lane);
     for (int i = 0; i < N_STATES; i++)
-        if (!__builtin_isfinite(x[i]))
+        if (!(x[i] - x[i] == 0))
             return FAILURE_NOT_FINITE;
-    if (!(__builtin_fabs(x[X_PITCH]) < LARGEST_PITCH))
+    if (!(-LARGEST_PITCH < x[X_PITCH] && x[X_PITCH] < LARGEST_PITCH))
         return FAILURE_PITCHED;
     kernel_legs(x, p, length, rate, jacobian[0], &rho);
     int shortest = 0;
@@ -114,8 +112,8 @@ static void fail(group *g, int lane, int64_t failure, double after, const lanes 
     g->of->failure[member] = failure;
     g->of->failed_after[member] = after;
     for (int i = 0; i < N_STATES; i++)
-        g->of->reached[i * g->of->stride + member] = reached[i][lane];
-    g->running[lane] = 0;
+        g->of->reached[i * g->of->stride + member] = LANE(reached[i], lane);
+    LANE(g->running, lane) = 0;
 }
 
 /* Stops members beyond the pose limits and records the reason. */
@@ -135,20 +133,20 @@ static void check(group *g, lanes after)
        (u, c x u / rho) and the squares of c / rho add up to n: so det J^2 > (16 / limit)^2 is far from singular */
     lanes least = product * (size * size * size) *
                   ((16 / SINGULAR_CONDITION_NUMBER) * (16 / SINGULAR_CONDITION_NUMBER));
-    mask passes = (nothing == 0) & (__builtin_elementwise_abs(g->x[X_PITCH]) < LARGEST_PITCH) &
+    mask passes = (nothing == 0) & (magnitude(g->x[X_PITCH]) < LARGEST_PITCH) &
                   (shortest > (SHORTEST_LEG * SHORTEST_LEG) * size) & (det * det > least) & (g->side * here >= 0);
     mask unsure = g->running & ~passes;
     g->side = choose(g->running & passes, here, g->side);
     if (!any(unsure))
         return;
     for (int lane = 0; lane < WIDTH; lane++) {
-        double side = g->side[lane];
-        if (!unsure[lane])
+        double side = LANE(g->side, lane);
+        if (!HOLDS(unsure, lane))
             continue;
         int64_t failure = judge(g, lane, &side);
-        g->side[lane] = side;
+        LANE(g->side, lane) = side;
         if (failure != FAILURE_GOES_ON)
-            fail(g, lane, failure, after[lane], g->x);
+            fail(g, lane, failure, LANE(after, lane), g->x);
     }
 }
 
@@ -156,11 +154,6 @@ static void check(group *g, lanes after)
 static lanes larger(lanes a, lanes b)
 {
     return choose(a > b, a, b);
-}
-
-static lanes magnitude(lanes x)
-{
-    return __builtin_elementwise_abs(x);
 }
 
 /* Classical RK4: one copy of the kernel in a loop, so that it stays in the instruction cache. */
@@ -192,7 +185,7 @@ static int64_t settle(group *g, mask ran)
     }
     put(of->side + g->first, choose(g->running, g->side, get(of->side + g->first)));
     for (int lane = 0; lane < WIDTH; lane++)
-        failed += ran[lane] != g->running[lane];
+        failed += HOLDS(ran, lane) != HOLDS(g->running, lane);
     return failed;
 }
 
@@ -246,7 +239,7 @@ static void keep_errors(const group *g, lanes error)
 {
     double *kept = g->of->error + g->first;
     lanes largest = get(kept);
-    error = choose(error == error, error, (lanes)__builtin_inf());
+    error = choose(error == error, error, (lanes)INFINITY);
     put(kept, choose(g->running, larger(error, largest), largest));
 }
 
@@ -294,9 +287,9 @@ static lanes factor_of(lanes r)
 {
     lanes known = choose(r <= 2000, r, (lanes)2000.0); /* NaN and infinity become 2000 */
     known = choose(known >= 1e-4, known, (lanes)1e-4);
-    lanes logarithm = __builtin_convertvector(bits(known), lanes) * 0x1p-52 - 1023;
+    lanes logarithm = from_whole(bits(known)) * 0x1p-52 - 1023;
     lanes power = (1023 - 0.2 * logarithm) * 0x1p52;
-    lanes factor = 0.9 * number(__builtin_convertvector(power, mask));
+    lanes factor = 0.9 * number(to_whole(power));
     factor = choose(factor < 5, factor, (lanes)5.0);
     return choose(factor > 0.2, factor, (lanes)0.2);
 }
@@ -334,8 +327,9 @@ static void advance(group *g, double duration, double tolerance)
         mask ends = g->running & (left > 0) &
                     ((taken - begin >= MOST_LANE_STEPS) | (~passes & (proposed < SMALLEST_SHARE * duration)));
         for (int lane = 0; any(ends) && lane < WIDTH; lane++)
-            if (ends[lane])
-                fail(g, lane, error[lane] == error[lane] ? FAILURE_TOO_MANY_STEPS : FAILURE_NOT_FINITE, after[lane], end);
+            if (HOLDS(ends, lane))
+                fail(g, lane, LANE(error, lane) == LANE(error, lane) ? FAILURE_TOO_MANY_STEPS : FAILURE_NOT_FINITE,
+                     LANE(after, lane), end);
     }
     put(of->proposed + g->first, choose(g->running, proposed, get(of->proposed + g->first)));
     put(of->internal_steps + g->first, choose(g->running, taken, get(of->internal_steps + g->first)));

@@ -3,7 +3,9 @@
 #include "elementary.h"
 
 /* no fused operations, so that the law has the bits of the user's */
+#ifdef __clang__
 #pragma clang fp contract(off) reciprocal(off)
+#endif
 
 /* The C library's functions, for the range and the bits that a user expects, in place of those for the kernels. */
 #undef sqrt
@@ -20,7 +22,7 @@
     static inline lanes each_##name(lanes x)                                                                           \
     {                                                                                                                  \
         for (int lane = 0; lane < WIDTH; lane++)                                                                       \
-            x[lane] = name(x[lane]);                                                                                   \
+            LANE(x, lane) = name(LANE(x, lane));                                                                       \
         return x;                                                                                                      \
     }
 
@@ -28,13 +30,11 @@
     static inline lanes each_##name(lanes x, lanes y)                                                                  \
     {                                                                                                                  \
         for (int lane = 0; lane < WIDTH; lane++)                                                                       \
-            x[lane] = name(x[lane], y[lane]);                                                                          \
+            LANE(x, lane) = name(LANE(x, lane), LANE(y, lane));                                                        \
         return x;                                                                                                      \
     }
 
 #include "law_step.h"
-
-typedef double anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
 
 void law_step(const double *memory, double *next, int64_t stride)
 {

@@ -3,11 +3,11 @@
 #include "lanes.c"
 
 /* no fused operations, so that the loop has the bits of NumPy's */
+#ifdef __clang__
 #pragma clang fp contract(off) reciprocal(off)
+#endif
 
 #include "components.h"
-
-typedef uint8_t flags __attribute__((ext_vector_type(WIDTH), aligned(1)));
 
 /* The members of one vector. */
 typedef struct {
@@ -28,7 +28,7 @@ static lanes at(const vector *v, const table *t, int64_t row, int64_t element)
         return get(from + v->first);
     lanes found = (lanes)from[v->first];
     for (int lane = 1; lane < v->live; lane++)
-        found[lane] = from[v->first + lane];
+        LANE(found, lane) = from[v->first + lane];
     return found;
 }
 
@@ -62,15 +62,15 @@ static void write_numbers(const vector *v, const rows_of_numbers *to, int64_t ro
         put(place, x);
     else
         for (int lane = 0; lane < v->live; lane++)
-            place[lane] = x[lane];
+            place[lane] = LANE(x, lane);
 }
 
 static void write_some(const vector *v, const rows_of_numbers *to, int64_t row, int64_t element, lanes x, mask where)
 {
     double *place = to->at + row * to->row + element * to->element + v->first;
     for (int lane = 0; lane < v->live; lane++)
-        if (where[lane])
-            place[lane] = x[lane];
+        if (HOLDS(where, lane))
+            place[lane] = LANE(x, lane);
 }
 
 static void write_flags(const vector *v, const rows_of_flags *to, int64_t row, int64_t element, lanes x, mask where)
@@ -78,11 +78,11 @@ static void write_flags(const vector *v, const rows_of_flags *to, int64_t row, i
     uint8_t *place = to->at + row * to->row + element * to->element + v->first;
     mask is_set = (x != 0) & 1;
     if (v->live == WIDTH && !any(~where))
-        *(flags *)place = __builtin_convertvector(is_set, flags);
+        put_flags(place, is_set);
     else
         for (int lane = 0; lane < v->live; lane++)
-            if (where[lane])
-                place[lane] = (uint8_t)is_set[lane];
+            if (HOLDS(where, lane))
+                place[lane] = (uint8_t)HOLDS(is_set, lane);
 }
 
 /* Ends members at a row: it is their last one. */
@@ -91,10 +91,10 @@ static void end(vector *v, mask which, int64_t failure, int64_t row)
     if (!any(which))
         return;
     for (int lane = 0; lane < v->live; lane++)
-        if (which[lane] && v->plant.running[lane]) {
+        if (HOLDS(which, lane) && HOLDS(v->plant.running, lane)) {
             v->of->failure[v->first + lane] = failure;
             v->with->ended[v->first + lane] = row;
-            v->plant.running[lane] = 0;
+            LANE(v->plant.running, lane) = 0;
         }
 }
 
@@ -245,7 +245,7 @@ static void sample_at(vector *v, int64_t row, int64_t sample, mask due)
         nothing += command[i] * 0;
     }
     keep(v, w->command, N_LEGS, command, due);
-    end(v, due & ~((most <= LARGEST_COMMAND) & (nothing == 0)), FAILURE_COMMAND, row);
+    end(v, due & opposite((most <= LARGEST_COMMAND) & (nothing == 0)), FAILURE_COMMAND, row);
     if (w->limits.at) {
         lanes c[LIMIT_COEFFICIENTS], before[LIMIT_STATES], after[LIMIT_STATES];
         mask goes_on = due & v->plant.running;
@@ -330,7 +330,7 @@ static void check_limits(vector *v, int64_t row)
         lanes sum = (lanes)0.0;
         for (int i = 0; i < 3; i++)
             sum += sq(at(v, &w->reference, row, i) - remembered(v, w->signals, i));
-        end(v, ~(square_root(sum) <= at(v, &w->farthest, 0, 0)), FAILURE_AWAY, row); /* also for NaN */
+        end(v, opposite(square_root(sum) <= at(v, &w->farthest, 0, 0)), FAILURE_AWAY, row); /* also for NaN */
     }
 }
 
@@ -362,10 +362,10 @@ static int64_t step_plant(vector *v, int64_t row)
         settle(&v->plant, ran);
         lanes taken = get(of->internal_steps + v->first) - before;
         for (int lane = 0; lane < WIDTH; lane++)
-            work = taken[lane] > (double)work ? (int64_t)taken[lane] : work;
+            work = LANE(taken, lane) > (double)work ? (int64_t)LANE(taken, lane) : work;
     }
     for (int lane = 0; lane < v->live; lane++)
-        if (ran[lane] && !v->plant.running[lane]) {
+        if (HOLDS(ran, lane) && !HOLDS(v->plant.running, lane)) {
             w->ended[v->first + lane] = row;
             work = MOST_LANE_STEPS;
         }
@@ -389,7 +389,7 @@ static void at_row(vector *v, int64_t row)
         const int64_t *rows = w->sampled.at + sample * w->sampled.row;
         for (int lane = 0; lane < v->live; lane++)
             if (rows[w->sampled.member ? v->first + lane : 0] != row)
-                due[lane] = 0;
+                LANE(due, lane) = 0;
         if (w->kinds && (w->reading_every ? row % w->reading_every == 0 : any(due)))
             read_sensors(v, w->reading_every ? row / w->reading_every : sample, w->size, w->used);
         if (any(due))

@@ -1,0 +1,112 @@
+#include "machine.h"
+
+#include "lanes_table.h"
+#include "loop.h"
+#include "machine_fields.h"
+#include "vectors.h"
+
+#ifdef MACHINE_HAS_LAW
+#include "law.h"
+#endif
+
+/* What a block begins with; `own` is made when it is opened. */
+typedef struct {
+    batch of;
+    loop with;
+    int64_t n_changes, kept;
+    const int64_t *change_rows;
+    const double *change_parameters, *change_inputs;
+    int64_t next_change;
+} own;
+
+typedef char own_has_room[sizeof(own) <= MACHINE_ROOM * sizeof(int64_t) ? 1 : -1];
+
+static own *own_of(int64_t *block)
+{
+    return (own *)(void *)(block + MACHINE_HEAD);
+}
+
+static void *place(int64_t *block, int64_t at)
+{
+    return at ? block + at : 0;
+}
+
+/* generated: each field from its word */
+#define WHOLE(k) fields[k]
+#define NUMBER(k) number(fields[k])
+#define PLACE(k) place(block, fields[k])
+
+static void read_fields(own *o, int64_t *block, const int64_t *fields)
+{
+    MACHINE_READ
+}
+
+int64_t machine_open(int64_t *block, int64_t words)
+{
+    if (words < MACHINE_FIELDS || block[0] != MACHINE_VERSION || block[1] != words || block[2])
+        return MACHINE_OTHER;
+    own *o = own_of(block);
+    read_fields(o, block, block + MACHINE_FIELDS);
+    if (block[MACHINE_FIELDS + MACHINE_LAW_FIELD]) {
+#ifdef MACHINE_HAS_LAW
+        o->with.law = law_step;
+#else
+        return MACHINE_NO_LAW;
+#endif
+    }
+    o->next_change = 0;
+    block[2] = 1;
+    return MACHINE_OPEN;
+}
+
+/* New parameters and inputs from a row on. */
+static void change(own *o)
+{
+    const double *p = o->change_parameters + o->next_change * N_PARAMETERS;
+    const double *u = o->change_inputs + o->next_change * N_INPUTS;
+    memcpy((double *)o->of.parameters, p, N_PARAMETERS * sizeof *p);
+    memcpy((double *)o->of.inputs, u, N_INPUTS * sizeof *u);
+    o->next_change++;
+}
+
+int64_t machine_run(int64_t *block, int64_t to)
+{
+    own *o = own_of(block);
+    int64_t row = o->with.at_row[0], most = row + o->kept;
+    if (!block[2])
+        return row;
+    o->with.first_row = row;
+    to = to < most ? to : most;
+    to = to < o->with.last + 1 ? to : o->with.last + 1;
+    while (row < to) {
+        int64_t stop = to;
+        if (o->next_change < o->n_changes && o->change_rows[o->next_change] == row)
+            change(o);
+        if (o->next_change < o->n_changes && o->change_rows[o->next_change] < to)
+            stop = o->change_rows[o->next_change];
+        while (!loop_run(&o->of, &o->with, 0, 1, stop, INT64_MAX))
+            ;
+        row = stop;
+    }
+    return row;
+}
+
+int64_t machine_first(const int64_t *block)
+{
+    return own_of((int64_t *)block)->with.first_row;
+}
+
+int64_t machine_ended(const int64_t *block)
+{
+    return own_of((int64_t *)block)->with.ended[0];
+}
+
+int64_t machine_failure(const int64_t *block)
+{
+    return own_of((int64_t *)block)->of.failure[0];
+}
+
+void *machine_field(int64_t *block, int64_t field)
+{
+    return field < 0 || field >= MACHINE_N_FIELDS ? 0 : place(block, block[MACHINE_FIELDS + field]);
+}

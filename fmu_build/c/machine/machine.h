@@ -1,0 +1,38 @@
+/* Interface of one machine with its sampled loop, in double precision, as plain C99: the C of c/loop for one member. No
+   state of its own, no allocation, nothing of the C library but memcpy, sqrt and fabs: a native library and WebAssembly
+   give the same bits.
+
+   A machine is one block of 64-bit words, which the caller owns: harness/loop/machine.py makes it from an experiment.
+   1. Copy the block to memory aligned to 8 bytes, and open it there, once. To begin anew, copy it again. An open block
+      cannot be moved.
+   2. Run it, some rows at a time. At each row: readings, the command if a sample is due, the drives; the row is kept,
+      its limits are checked; then the step from there.
+   3. Read and write what fields hold between two calls, for example what acts from outside, or gains. */
+#ifndef MACHINE_H
+#define MACHINE_H
+
+#include <stdint.h>
+
+#if defined(_WIN32)
+#define MACHINE_OFFERED __declspec(dllexport)
+#else
+#define MACHINE_OFFERED __attribute__((visibility("default")))
+#endif
+
+/* results of `machine_open` */
+#define MACHINE_OPEN 0
+#define MACHINE_OTHER 1   /* the block is of another version, cut off, or was opened before */
+#define MACHINE_NO_LAW 2  /* it needs a user's law that was not compiled into this library */
+
+MACHINE_OFFERED int64_t machine_open(int64_t *block, int64_t words);
+/* Runs rows to before `to`, but not more than are kept, and not beyond the end of the run. Returns the next row. */
+MACHINE_OFFERED int64_t machine_run(int64_t *block, int64_t to);
+/* Index of the first row that the last call kept. */
+MACHINE_OFFERED int64_t machine_first(const int64_t *block);
+/* The row at which it ended, or -1; and why: 0, or a FAILURE of lanes_table.h. */
+MACHINE_OFFERED int64_t machine_ended(const int64_t *block);
+MACHINE_OFFERED int64_t machine_failure(const int64_t *block);
+/* What a field holds, by its number of machine_fields.h, such as MACHINE_INPUTS; NULL if the machine has none. */
+MACHINE_OFFERED void *machine_field(int64_t *block, int64_t field);
+
+#endif

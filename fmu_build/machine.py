@@ -1,0 +1,109 @@
+"""C of one machine with its loop, as plain C99 in double precision: the sources of c/loop for one member.
+
+c/machine/machine.h is its interface. It is compiled for any target, also to WebAssembly, with equal bits.
+"""
+
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from gough_stewart.fmu_build.cached import digest_of, kept, state_of_sources
+from gough_stewart.fmu_build.compiler_cache import cache_folder, compiler_environment, compiling
+from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.lanes import loop_sources
+from gough_stewart.fmu_build.targets import native
+from gough_stewart.fmu_build.toolchain import compile_library, place_of
+
+# Of all compilers: no fused operations, which some processors lack.
+FLAGS = ("-O2", "-std=c99", "-g0", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
+_NATIVE = ("-s", "-shared")
+_WASM = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-Wl,--no-entry", "-s")
+_OFFERED = re.compile(r"^MACHINE_OFFERED [\w *]*?(\w+)\(", re.M)
+
+Sources = tuple[dict[str, str], dict[str, str]]
+
+
+def machine_sources(components: str, fields: str, law: Any = None) -> Sources:
+    """Units and headers by file name.
+
+    Parameters
+    ----------
+    components, fields
+        `components.h` of c/loop, and `machine_fields.h`.
+    law
+        A user's, see `law_library`.
+    """
+    from gough_stewart.fmu_build.sources import c_folder
+    from gough_stewart.fmu_build.tables import GENERATED
+
+    units, headers = loop_sources(components)
+    own = c_folder("machine")
+    units = {**units, **own.units}
+    # the kernel of single members with these functions, too
+    units["legs.c"] = units["legs.c"].replace("#include <math.h>", '#include "elementary.h"')
+    units["legs.c"] = re.sub(r"\nstatic double sq\(double x\)\n\{\n.*?\n\}\n", "\n", units["legs.c"], flags=re.S)
+    headers = {**headers, **own.headers, "machine_fields.h": f"{GENERATED}\n{fields}"}
+    headers["vectors.h"] = headers["vectors.h"].replace("#ifndef WIDTH\n#define WIDTH 8\n#endif", "#define WIDTH 1")
+    if law is not None:
+        from gough_stewart.fmu_build.lanes import law_sources
+
+        law_units, law_headers = law_sources(law)
+        units = {**units, **law_units}
+        headers = {
+            **law_headers,
+            **headers,
+            "machine_fields.h": headers["machine_fields.h"] + "\n#define MACHINE_HAS_LAW\n",
+        }
+    return units, headers
+
+
+def machine_library(sources: Sources) -> Path:
+    """The library for this system, from the cache if it was built before.
+
+    Raises
+    ------
+    BuildError, OSError
+        As `machine_code`.
+    """
+    target = native()
+    flags = (*FLAGS, *_NATIVE)
+    return kept(
+        _folder(sources, flags) / f"machine{target.suffix}",
+        lambda: compile_library("machine", *sources, target, flags=flags),
+    )
+
+
+def machine_wasm(sources: Sources) -> Path:
+    """The WebAssembly module, which imports nothing, likewise."""
+    return kept(_folder(sources, _WASM) / "machine.wasm", lambda: _wasm(*sources))
+
+
+def _folder(sources: Sources, flags: tuple[str, ...]) -> Path:
+    texts = "\0".join(f"{name}\0{text}" for each in sources for name, text in sorted(each.items()))
+    key = digest_of(f"{state_of_sources()}\n{flags}\n{texts}".encode())[:24]
+    return cache_folder() / "machine" / key
+
+
+def _wasm(units: Mapping[str, str], headers: Mapping[str, str]) -> bytes:
+    offered = _OFFERED.findall(headers["machine.h"])
+    files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
+    include = place_of(headers)
+    with compiling(), tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
+        out = Path(scratch, "machine.wasm")
+        exports = [f"-Wl,--export={name}" for name in (*offered, "__heap_base")]
+        command = [sys.executable, "-m", "ziglang", "cc", *_WASM, *FLAGS, *exports, "-I", str(include), *files]
+        done = subprocess.run(
+            [*command, "-o", str(out)],
+            cwd=scratch,
+            env=compiler_environment(),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode:
+            raise BuildError(f"the compiler failed for WebAssembly:\n{done.stderr.strip()}")
+        return out.read_bytes()

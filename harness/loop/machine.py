@@ -1,0 +1,271 @@
+"""A machine with its loop as one block of words, for the plain C of c/machine: exports, units, pages.
+
+The block has everything that a run needs: coefficients, tables, noise, changes, start values and memory. The C is the
+same for all loops of shipped components; see c/machine/machine.h.
+"""
+
+import ctypes
+import math
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.fmu_build.machine import Sources, machine_sources
+from gough_stewart.harness.control.laws_of_members import LawFrom
+from gough_stewart.harness.control.linear_law import LinearLaw
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.loop import compiled
+from gough_stewart.harness.loop.compiled import CompiledLoop
+from gough_stewart.harness.loop.law_library import CompiledLaw, compiled_form
+from gough_stewart.harness.loop.loop import Loop
+from gough_stewart.harness.loop.loop_library import components_header
+from gough_stewart.harness.loop.outcomes import Outcomes
+from gough_stewart.harness.loop.rows import Observer, Rows
+from gough_stewart.harness.loop.sensors import Encoders
+from gough_stewart.harness.loop.watch import Watch
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant
+from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model.errors import MembersError
+from gough_stewart.model.vectors import FloatArray
+
+# Of a block: its version, number of words, and whether it is open; then room for what C makes of its fields.
+_HEAD, _ROOM, _VERSION = 4, 320, 1
+_CHANGES = ("n_changes", "kept", "change_rows", "change_parameters", "change_inputs")
+_POINTERS = ("change_rows", "change_parameters", "change_inputs")
+
+
+class Block(NamedTuple):
+    """A machine as words (n,), and the user's law that its C has to have."""
+
+    words: NDArray[np.int64]
+    law: Any = None
+
+
+class _Nobody(Observer):
+    """Looks at no rows."""
+
+    def block(self, rows: Rows) -> None:
+        pass
+
+
+class _Field(NamedTuple):
+    name: str  # of C: `with.reference.at`
+    kind: str  # WHOLE, NUMBER, PLACE, or LAW
+
+
+@cache
+def fields() -> dict[str, int]:
+    """The number of each field, by name: `reference`, `reference.row`, `signals`."""
+    return {each.name.partition(".")[2].removesuffix(".at"): k for k, each in enumerate(_all_fields())}
+
+
+def machine_c(law: Any = None) -> Sources:
+    """Units and headers of c/machine, with a user's law if there is one."""
+    return machine_sources(components_header(), _fields_header(), law)
+
+
+def machine_block(plant: LanesPlant, law_from: LawFrom | None, loop: Loop, kept: int = 64) -> Block:
+    """A run of one member as a block.
+
+    Parameters
+    ----------
+    plant
+        At its start, of one member.
+    kept
+        Rows that a call of `machine_run` keeps, at most.
+
+    Raises
+    ------
+    ControllerError
+        The controller has no plain operations.
+    MembersError
+        The plant cannot start.
+    """
+    steps = loop.timing.steps
+    watch = Watch(loop, Rows.of(loop.timing, 1), _Nobody(), Outcomes(1, loop.timing.times))
+    changes = _changes(plant, loop)
+    reading = Encoders(loop.sensors, None, *plant.shape)(0, plant.signals(), 0)
+    law = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
+    form = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
+    if law is not None and form is None:
+        raise ControllerError(
+            "the controller has no plain operations; expected a linear one, or a CasADi function, which C can have"
+        )
+    plant.set_inputs(changes.inputs[:1])
+    with ThreadPoolExecutor(1) as pool:
+        own = CompiledLoop(plant, form, loop, watch, reading, pool, 1)
+    if failures := plant.begin():
+        raise MembersError(failures)
+    own.draw_noise(0, steps)
+    arrays = own.arrays
+    outputs: dict[str, NDArray[Any]] = {
+        "row_signals": np.zeros((kept, signals.SIZE)),
+        "row_forces": np.zeros((kept, N_LEGS)),
+        "row_force_limited": np.zeros((kept, N_LEGS), np.uint8),
+        "row_rate_limited": np.zeros((kept, N_LEGS), np.uint8),
+    }
+    made = _Words()
+    c = own.structure
+    for name, kind in _all_fields():
+        part, _, rest = name.partition(".")
+        if part == "own":
+            made.own(rest, changes, kept)
+        elif part == "of":
+            made.batch(rest, plant)
+        elif rest.partition(".")[0] in outputs:
+            made.output(rest, outputs[rest.partition(".")[0]])
+        elif kind == "LAW":
+            made.add(int(bool(c.law)))
+        else:
+            made.loop(rest, kind, c, arrays)
+    return Block(made.block(), form.law.function if isinstance(form, CompiledLaw) else None)
+
+
+class _Changes(NamedTuple):
+    """What changes at rows, at the begin (row 0) first."""
+
+    rows: NDArray[np.int64]
+    parameters: FloatArray  # (n, N_PARAMETERS)
+    inputs: FloatArray  # (n, 12)
+
+
+def _changes(plant: LanesPlant, loop: Loop) -> _Changes:
+    """The parameters and inputs from the start and from each change on; the plant has those of the start again."""
+    from gough_stewart.harness.loop.observe import by_row, change_plant
+
+    acting = np.zeros((*plant.shape, 12))
+    acting[:, :N_LEGS] = loop.start_force
+    rows = by_row(loop)
+    batch, found = plant.batch, []
+    first: FloatArray = batch.parameters
+    for row in sorted({0, *rows}):
+        for change in rows.get(row, ()):
+            change_plant(change, plant, acting)
+        found.append((row, batch.parameters[0, :, 0].copy(), acting[0].copy()))
+        if row == 0:
+            first = batch.parameters.copy()
+    batch.parameters[...] = first
+    return _Changes(np.array([row for row, *_ in found], np.int64), *(np.array(each) for each in list(zip(*found))[1:]))  # noqa: B905
+
+
+class _Words:
+    """The words of a block while it is made: its fields, then what they point to."""
+
+    def __init__(self) -> None:
+        self._fields: list[int] = []
+        self._data: list[NDArray[np.int64]] = []
+        self._end = _HEAD + _ROOM + len(_all_fields())
+
+    def add(self, value: int) -> None:
+        self._fields.append(value)
+
+    def number(self, value: float) -> None:
+        self.add(int(np.float64(value).view(np.int64)))
+
+    def array(self, values: NDArray[Any]) -> None:
+        """A place, and the values there; none of an empty array."""
+        raw = np.ascontiguousarray(values).tobytes()
+        raw += bytes(-len(raw) % 8)
+        words = np.frombuffer(raw, np.int64)
+        self.add(self._end if words.size else 0)
+        self._data.append(words)
+        self._end += len(words)
+
+    def own(self, name: str, changes: _Changes, kept: int) -> None:
+        rows, parameters, inputs = (each[1:] for each in changes)
+        values = dict(zip(_CHANGES, (len(rows), kept, rows, parameters, inputs), strict=True))
+        self.array(values[name]) if name in _POINTERS else self.add(int(values[name]))  # type: ignore[arg-type]
+
+    def batch(self, name: str, plant: LanesPlant) -> None:
+        if name in ("blocks", "stride"):
+            self.add(1)
+        elif name == "parameters":
+            self.array(plant.batch.parameters[0, :, 0])
+        else:
+            self.array(getattr(plant.batch, name)[..., 0])
+
+    def output(self, name: str, values: NDArray[Any]) -> None:
+        _, _, part = name.partition(".")
+        if part == "at":
+            self.array(values)
+        else:
+            self.add(values.shape[1] if part == "row" else 1)
+
+    def loop(self, name: str, kind: str, c: Any, arrays: dict[int, NDArray[Any]]) -> None:
+        """A field of the loop: members are left out, and tables begin at their first row."""
+        head, _, part = name.partition(".")
+        value = getattr(c, head)
+        if part:
+            values = arrays.get(value.at or 0)
+            if values is None:
+                self.add(0)
+            elif part == "at":
+                self.array(values[..., 0] if values.ndim > 1 else values)
+            elif part == "row":
+                self.add(math.prod(values.shape[1:-1]))
+            else:
+                self.add(int(part == "element"))
+        elif kind == "NUMBER":
+            self.number(value)
+        elif kind == "WHOLE":
+            self.add(int(value))
+        elif value:
+            values = arrays[value]
+            is_of_members = head in compiled.MEMORY and head not in ("at_row", "ended")
+            self.array(values[:, 0] if is_of_members else values[:1] if head in compiled.MEMORY else values)
+        else:
+            self.add(0)
+
+    def block(self) -> NDArray[np.int64]:
+        head = np.zeros(_HEAD + _ROOM, np.int64)
+        head[:2] = version(), self._end
+        return np.concatenate([head, np.array(self._fields, np.int64), *self._data])
+
+
+@cache
+def version() -> int:
+    """Of the layout of blocks: a digest of the names of all fields."""
+    from gough_stewart.fmu_build.cached import digest_of
+
+    return int(digest_of(f"{_VERSION} {_all_fields()}".encode())[:12], 16)
+
+
+@cache
+def _all_fields() -> tuple[_Field, ...]:
+    found = [_Field(f"of.{name}", "WHOLE" if k < 2 else "PLACE") for k, name in enumerate(BATCH_FIELDS)]
+    for name, kind, *_ in compiled.Structure._fields_:
+        if name == "law":
+            found.append(_Field("with.law", "LAW"))
+        elif isinstance(kind, type) and issubclass(kind, ctypes.Structure):
+            for part in (each[0] for each in kind._fields_):
+                found.append(_Field(f"with.{name}.{part}", "PLACE" if part == "at" else "WHOLE"))
+        else:
+            kinds = {ctypes.c_double: "NUMBER", ctypes.c_void_p: "PLACE"}
+            found.append(_Field(f"with.{name}", kinds.get(kind, "WHOLE")))
+    found += [_Field(f"own.{name}", "PLACE" if name in _POINTERS else "WHOLE") for name in _CHANGES]
+    return tuple(found)
+
+
+def _fields_header() -> str:
+    """`machine_fields.h`: the number of each field, and how C reads them."""
+    from gough_stewart.fmu_build.tables import defines
+
+    known = {f"MACHINE_{name.upper().replace('.', '_')}": k for name, k in fields().items()}
+    sizes = {
+        "MACHINE_HEAD": _HEAD,
+        "MACHINE_ROOM": _ROOM,
+        "MACHINE_FIELDS": _HEAD + _ROOM,
+        "MACHINE_N_FIELDS": len(_all_fields()),
+        "MACHINE_LAW_FIELD": fields()["law"],
+        "MACHINE_VERSION": version(),
+    }
+    reads = " \\\n    ".join(
+        f"o->{name.removeprefix('own.')} = {kind}({k});"
+        for k, (name, kind) in enumerate(_all_fields())
+        if kind != "LAW"
+    )
+    return f"{defines(sizes)}\n\n{defines(known)}\n\n#define MACHINE_READ \\\n    {reads}\n"

@@ -1,0 +1,236 @@
+"""One machine with its loop as plain C, natively and in WebAssembly, against the loop of many in vectors."""
+
+import ctypes
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from playwright._impl._driver import compute_driver_executable
+
+from gough_stewart.fmu_build.lanes import Failure
+from gough_stewart.fmu_build.machine import machine_library, machine_wasm
+from gough_stewart.harness.control.traced_law import traced_law_of
+from gough_stewart.harness.experiment.batch import Batch
+from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.loop import machine
+from gough_stewart.harness.loop.machine import Block, machine_block, machine_c
+from gough_stewart.harness.loop.run import Run, simulate
+from tests.harness.loop import test_compiled_laws as laws
+from tests.harness.loop.test_compiled_loop import ALL, CASES, STEPPING, batch_of
+from tests.support.uneven_loops import experiment_of as uneven_experiment
+
+ROWS = 121
+SIZES = {"row_signals": 24, "row_forces": 6, "row_force_limited": 6, "row_rate_limited": 6}
+
+
+class Machine:
+    """An open block, with the functions of c/machine."""
+
+    def __init__(self, block: Block, law: Any = None) -> None:
+        self._c = ctypes.CDLL(str(machine_library(machine_c(law))))
+        self._c.machine_field.restype = ctypes.c_void_p
+        for name in ("open", "run", "first", "ended", "failure"):
+            getattr(self._c, f"machine_{name}").restype = ctypes.c_int64
+        self.words = block.words.copy()
+        self.status = int(self("open", len(self.words)))
+
+    def __call__(self, name: str, *numbers: int) -> Any:
+        """A function's result."""
+        function = getattr(self._c, f"machine_{name}")
+        return function(ctypes.c_void_p(self.words.ctypes.data), *map(ctypes.c_int64, numbers))
+
+    def field(self, name: str, size: int) -> NDArray[Any]:
+        """What a field holds."""
+        kind = ctypes.c_uint8 if name.endswith("limited") else ctypes.c_double
+        at = self("field", machine.fields()[name])
+        return np.ctypeslib.as_array(ctypes.cast(at, ctypes.POINTER(kind)), (size,))
+
+    def run(self, rows: int) -> dict[str, NDArray[Any]]:
+        """All rows from the present one on."""
+        found: dict[str, list[NDArray[Any]]] = {name: [] for name in SIZES}
+        row = 0
+        while row < rows:
+            end = int(self("run", rows))
+            first = int(self("first"))
+            for name, size in SIZES.items():
+                found[name].append(self.field(name, (end - first) * size).reshape(-1, size).copy())
+            row = end
+        return {name: np.concatenate(each) for name, each in found.items()}
+
+
+class Case(NamedTuple):
+    """A member's loop as a block, and its run among vectors."""
+
+    block: Block
+    run: Run
+
+
+def case_of(batch: Batch) -> Case:
+    """Of one member."""
+    running = batch.in_parallel(STEPPING)
+    run = simulate(running.plant, running.law_from, running.loop)
+    again = batch.in_parallel(STEPPING)
+    return Case(machine_block(again.plant, again.law_from, again.loop, kept=50), run)
+
+
+@cache
+def shipped(name: str) -> Case:
+    """Member 1 of three that differ in everything."""
+    return case_of(batch_of(*CASES[name], 3).take([1]))
+
+
+@cache
+def of_a_user() -> Case:
+    """A law of a user."""
+    tables = {**laws.TABLES, "ensemble": {**laws.ENSEMBLE, "members": 3}}
+    batch = Members(uneven_experiment("pid", **tables), laws.law_of).prepared(0, 3).batch
+    return case_of(batch.take([2]))
+
+
+def assert_same(found: dict[str, NDArray[Any]], run: Run, tolerance: float) -> None:
+    """Rows as those of a run of one member; flags of force limits are by sample there."""
+    rows = len(run.time)
+    for name, theirs in (("row_signals", run.results[:, 0, :24]), ("row_forces", run.inputs[:, 0, :6])):
+        ours = found[name][:rows]
+        scale = np.abs(theirs).max(axis=0)
+        assert (np.abs(ours - theirs).max(axis=0) <= tolerance * scale).all(), name
+    assert np.array_equal(found["row_rate_limited"][:rows], run.rate_limited[:, 0])
+    samples = run.sample_of_row if run.sample_of_row.ndim == 1 else run.sample_of_row[:, 0]
+    assert np.array_equal(found["row_force_limited"][:rows], run.force_limited[samples, 0])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_plain_c_gives_the_rows_of_vectors(name: str) -> None:
+    """Expected: the loop of many, in vectors with fused operations and other roots, to 1e-11 of scale."""
+    case = shipped(name)
+    found = Machine(case.block).run(ROWS)
+    assert len(case.run.time) == ROWS
+    assert_same(found, case.run, 1e-11)
+    assert np.ptp(found["row_signals"], axis=0)[12:18].min() > 1e-4
+    if CASES[name][1] is ALL:
+        assert found["row_rate_limited"].any()
+
+
+def test_a_users_law_is_compiled_with_the_machine() -> None:
+    """Expected: the rows of the loop in vectors; a library without the law says so."""
+    case = of_a_user()
+    assert case.run.host.startswith("compiled, ")
+    assert Machine(case.block).status == 2
+    assert_same(Machine(case.block, case.block.law).run(ROWS), case.run, 1e-11)
+
+
+@pytest.mark.parametrize("name", [*CASES, "of a user"])
+def test_webassembly_has_the_bits_of_native_code(name: str, tmp_path: Path) -> None:
+    """Expected: after a run every word of the block but its head: rows, states, memory, noise.
+
+    A user's law calls the C library's functions, which are others in WebAssembly; they may differ by rounding.
+    """
+    case = of_a_user() if name == "of a user" else shipped(name)
+    law = case.block.law
+    native = Machine(case.block, law)
+    native.run(ROWS)
+    module, file, out = machine_wasm(machine_c(law)), tmp_path / "block", tmp_path / "out"
+    case.block.words.tofile(file)
+    node = compute_driver_executable()[0]
+    script = Path(__file__).parents[2] / "support" / "machine.mjs"
+    subprocess.run([node, str(script), str(module), str(file), str(ROWS), str(out)], check=True, timeout=60)
+    theirs, start = np.fromfile(out, np.int64), machine._HEAD + machine._ROOM
+    assert len(theirs) == len(native.words)
+    if law is None:
+        assert np.array_equal(theirs[start:], native.words[start:])
+    else:
+        ours, others = (each[start:].view(float) for each in (native.words, theirs))
+        assert np.allclose(ours, others, rtol=1e-12, atol=1e-12, equal_nan=True)
+    assert not np.array_equal(native.words[start:], case.block.words[start:])
+
+
+def test_the_module_imports_nothing() -> None:
+    """Expected: by node's reading of it."""
+    script = (
+        "const m = new WebAssembly.Module(require('fs').readFileSync(process.argv[1]));"
+        "console.log(JSON.stringify(WebAssembly.Module.imports(m)))"
+    )
+    command = [compute_driver_executable()[0], "-e", script, str(machine_wasm(machine_c()))]
+    assert subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout.strip() == "[]"
+
+
+def test_a_block_that_does_not_fit_is_refused() -> None:
+    """Expected: status 1 of one that is cut off, of another version, and of one that is open already."""
+    block = shipped("PD").block
+    opened = Machine(block)
+    assert opened.status == 0
+    assert opened("open", len(opened.words)) == 1
+    assert Machine(Block(block.words[:-1])).status == 1
+    other = block.words.copy()
+    other[0] += 1
+    assert Machine(Block(other)).status == 1
+    assert opened("field", -1) is None
+    assert opened("field", len(machine.fields())) is None
+
+
+def test_a_machine_ends_at_its_row_and_for_its_cause() -> None:
+    """Expected: those of the loop in vectors: pushed away from its reference by more than 1 mm."""
+    tables = {**CASES["PD"][1], "limits": {"position_error": "1 mm", "reference": "warn"}}
+    push = {"at": 0.03, "duration": 0.05, "force": ["180 N", "-90 N", "120 N"]}
+    experiment = uneven_experiment(
+        "pd",
+        loop={"duration": 0.12, "sample_time": "4 ms", "plant_step": "1 ms"},
+        disturbance=[push],
+        ensemble={"members": 1, "seed": 1, "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}},
+        **tables,
+    )
+    case = case_of(Members(experiment).prepared(0, 1).batch)
+    (outcome,) = case.run.outcomes
+    ours = Machine(case.block)
+    assert ours("ended") == -1
+    ours.run(ROWS)
+    assert outcome.status == "diverged"
+    assert "from its reference" in str(outcome.cause)
+    assert ours("ended") == round(outcome.time / 1e-3)
+    assert ours("failure") == Failure.AWAY
+
+
+def test_what_acts_from_outside_may_be_written_between_calls() -> None:
+    """Expected: a force of 40 N more on the platform accelerates it by F/m of the whole to first order."""
+    block = shipped("PD").block
+    speeds = []
+    for force in (0.0, 40.0):
+        one = Machine(block)
+        one("run", 1)
+        one.field("inputs", 12)[6:9] += [0.0, 0.0, force]
+        one("run", 3)
+        speeds.append(one.field("signals", 24)[6:12].copy())
+    gained = speeds[1] - speeds[0]
+    assert 0.3 * 40 / 40 * 2e-3 < gained[2] < 40 / 14.5 * 2e-3
+
+
+def test_it_is_plain_c_of_all_compilers(tmp_path: Path) -> None:
+    """Expected: no complaint as C99 of the project's compiler, and of the system's if there is one."""
+    units, headers = machine_c()
+    for file, text in {**units, **headers}.items():
+        (tmp_path / file).write_text(text)
+    compilers = [[sys.executable, "-m", "ziglang", "cc"], *([["gcc"]] if shutil.which("gcc") else [])]
+    for compiler in compilers:
+        options = ["-std=c99", "-O0", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wno-unused-function"]
+        options += ["-Wno-unknown-pragmas", "-Wno-unused-parameter", "-Wno-misleading-indentation"]
+        done = subprocess.run(
+            [*compiler, *options, "-c", *units], cwd=tmp_path, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+
+
+def test_a_law_without_plain_operations_has_no_block() -> None:
+    """Expected: what was found and what C can have."""
+    batch = Members(
+        uneven_experiment("pid", **{**laws.TABLES, "ensemble": {**laws.ENSEMBLE, "members": 1}}), laws.Law
+    ).prepared(0, 1)
+    running = batch.batch.in_parallel(STEPPING)
+    with pytest.raises(Exception, match="expected a linear one, or a CasADi function"):
+        machine_block(running.plant, running.law_from, running.loop)
+    assert traced_law_of([laws.law_of(None, 1e-3)]) is not None
