@@ -39,6 +39,8 @@ class Icon:
 
 # Value reference of the clock, beyond those of all variables, so that it stays when variables are added.
 CLOCK_REFERENCE = 1000
+# Value reference in FMI 3.0 of the first slot; every unit knows its slots by these, besides its variables.
+SCALAR_REFERENCE = 10_000
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,8 @@ class Component:
     # parameters of the unit itself, after those with partial derivatives
     settings: frozenset[str] = frozenset()
     clock: Clock | None = None
+    # describe scalars in FMI 3.0, too, for importers without arrays
+    has_scalars_only: bool = False
     # saved states can only be restored by components with the same text here
     saved_form: str = ""
 

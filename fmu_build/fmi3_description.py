@@ -1,12 +1,11 @@
-"""modelDescription.xml of FMI 3.0: array variables."""
+"""modelDescription.xml of FMI 3.0: array variables, or a scalar for each slot."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from lxml import etree
 
-from gough_stewart.fmu_build import model_description
 from gough_stewart.fmu_build import model_description as shared
-from gough_stewart.fmu_build.component import CLOCK_REFERENCE, Clock, Component
+from gough_stewart.fmu_build.component import CLOCK_REFERENCE, SCALAR_REFERENCE, Clock, Component, Kind
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
 from gough_stewart.fmu_build.model_description import Identity
 
@@ -39,36 +38,52 @@ def _described(root: etree._Element, component: Component) -> bytes:
     shared.add_head(root, component)
     variables = etree.SubElement(root, "ModelVariables")
     for row in component.layout.rows:
-        _add_array(variables, row, component)
+        for name, slots, reference in _described_as(row, component):
+            _add_variable(variables, row, component, name, slots, reference)
     if component.clock is not None:
         _add_clock(variables, component.clock)
     _add_structure(root, component)
     return shared.to_bytes(root)
 
 
-def _add_array(variables: etree._Element, row: Row, component: Component) -> None:
+def _described_as(row: Row, component: Component) -> Iterator[tuple[str, range, int]]:
+    """Name, slots and value reference of each variable for a row: one, or one for each slot."""
+    if not component.has_scalars_only:
+        yield row.variable.name, row.slots, row.reference
+        return
+    for name, slot in zip(row.scalar_names, row.slots, strict=True):
+        yield name, range(slot, slot + 1), SCALAR_REFERENCE + slot
+
+
+def _add_variable(
+    variables: etree._Element, row: Row, component: Component, name: str, slots: range, reference: int
+) -> None:
     v = row.variable
-    array = etree.SubElement(variables, "Float64", name=v.name, valueReference=str(row.reference))
-    array.set("description", v.description)
-    array.set("causality", "independent" if row.role is Role.INDEPENDENT else v.causality)
-    array.set("variability", v.variability)
+    element = etree.SubElement(variables, "Float64", name=name, valueReference=str(reference))
+    element.set("description", v.description)
+    element.set("causality", "independent" if row.role is Role.INDEPENDENT else v.causality)
+    element.set("variability", v.variability)
     if row.role is Role.STATE:
-        array.set("initial", "exact")
-        array.set("nominal", shared.number(component.nominal))
+        element.set("initial", "exact")
+        element.set("nominal", shared.number(component.nominal))
     if v.causality in ("input", "output"):
         if component.clock is None:
-            array.set("intermediateUpdate", "true")
+            element.set("intermediateUpdate", "true")
         else:
-            array.set("clocks", str(CLOCK_REFERENCE))
-    for name, value in (shared.unit_attributes(row) | shared.bound_attributes(row)).items():
-        array.set(name, value)
+            element.set("clocks", str(CLOCK_REFERENCE))
+    for key, value in (shared.unit_attributes(row) | shared.bound_attributes(row)).items():
+        element.set(key, value)
     starts = component.starts.get(v.name)
     if starts is not None:
-        array.set("start", " ".join(map(shared.number, starts.flat)))
+        values = starts.flat[slots.start - row.first : slots.stop - row.first]
+        element.set("start", " ".join(map(shared.number, values)))
     if row.derivative_of is not None:
-        array.set("derivative", str(component.layout.by_name[row.derivative_of].reference))
-    for length in v.shape:
-        etree.SubElement(array, "Dimension", start=str(length))
+        state = component.layout.by_name[row.derivative_of]
+        at = [each for _, _, each in _described_as(state, component)]
+        element.set("derivative", str(at[slots.start - row.first if component.has_scalars_only else 0]))
+    if not component.has_scalars_only:
+        for length in v.shape:
+            etree.SubElement(element, "Dimension", start=str(length))
 
 
 def _add_clock(variables: etree._Element, clock: Clock) -> None:
@@ -95,12 +110,22 @@ def _add_structure(root: etree._Element, component: Component) -> None:
 
     def add(name: str, rows: Iterable[Row], roles: tuple[Role, ...]) -> None:
         for row in rows:
-            knowns = model_description.dependencies_of_row(component, row, roles)
-            unknown = etree.SubElement(structure, name, valueReference=str(row.reference))
-            unknown.set("dependencies", " ".join(map(str, knowns)))
-            unknown.set("dependenciesKind", " ".join(knowns.values()))
+            for reference, knowns in _dependencies(component, row, roles):
+                unknown = etree.SubElement(structure, name, valueReference=str(reference))
+                unknown.set("dependencies", " ".join(map(str, knowns)))
+                unknown.set("dependenciesKind", " ".join(knowns.values()))
 
     add("Output", outputs, running)
     add("ContinuousStateDerivative", derivatives, running)
     # variables of a clock get their values at its first tick
     add("InitialUnknown", [*computed, *derivatives] if component.clock is None else (), (*running, *PARAMETER_ROLES))
+
+
+def _dependencies(component: Component, row: Row, roles: tuple[Role, ...]) -> Iterator[tuple[int, dict[int, Kind]]]:
+    """Dependencies of each variable for a row, all by value reference."""
+    if not component.has_scalars_only:
+        yield row.reference, shared.dependencies_of_row(component, row, roles)
+        return
+    for slot in row.slots:
+        found = shared.dependencies_of_slot(component, slot, roles)
+        yield SCALAR_REFERENCE + slot, {SCALAR_REFERENCE + known: kind for known, kind in found.items()}

@@ -170,7 +170,8 @@ def terminals_and_icons(component: Component, fmi_version: str) -> bytes:
     etree.SubElement(graphics, "CoordinateSystem", box | {"suggestedScalingFactorTo_mm": "0.1"})
     etree.SubElement(graphics, "Icon", box)
     terminals = etree.SubElement(root, "Terminals")
-    for each in component.terminals(fmi_version):
+    # terminals of scalars are those of FMI 2.0
+    for each in component.terminals("2.0" if component.has_scalars_only else fmi_version):
         attributes = {"name": each.name, "matchingRule": "plug", "description": each.description}
         terminal = etree.SubElement(terminals, "Terminal", attributes)
         for member, variable in each.members.items():

@@ -4,7 +4,7 @@ import hashlib
 from collections.abc import Iterable, Mapping
 from textwrap import fill
 
-from gough_stewart.fmu_build.component import CLOCK_REFERENCE, Component
+from gough_stewart.fmu_build.component import CLOCK_REFERENCE, SCALAR_REFERENCE, Component
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
 from gough_stewart.model import interface, platform
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
@@ -32,6 +32,7 @@ def model_header(component: Component) -> str:
         "N_VARIABLES": len(layout.rows),
         "HAS_CLOCK": int(component.clock is not None),
         "CLOCK_REFERENCE": CLOCK_REFERENCE,
+        "SCALAR_REFERENCE": SCALAR_REFERENCE,
     }
     first_result = sizes["N_INPUTS"]
     slots = {

@@ -75,6 +75,14 @@ def test_the_example_holds_its_legs_under_the_new_payload(built: Path, interpret
     assert force[-1] - force[2] == pytest.approx(5 * 9.81 / 6 * 3.353 / 3.109, rel=0.03)
 
 
+def test_two_platforms_in_one_system_move_as_each_alone(built: Path, interpreter: Interpreter) -> None:
+    """Expected: the harness, to 1e-9 m; steps at different times, so that mixed-up connections would show."""
+    lines = interpreter.script(ROOT / "examples/two_platforms.py", cwd=built).stdout.splitlines()
+    moved, differs = ([float(re.findall(p, line)[0]) for line in lines] for p in (r"by (\S+) mm", r"at most (\S+) m"))
+    assert moved[0] > moved[1] > 10
+    assert max(differs) <= 1e-9
+
+
 def test_an_example_without_its_fmu_says_how_to_make_it(tmp_path: Path, interpreter: Interpreter) -> None:
     done = interpreter.script(ROOT / "examples/fmu_in_fmpy.py", cwd=tmp_path)
     assert done.returncode != 0

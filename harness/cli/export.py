@@ -11,6 +11,7 @@ from gough_stewart.harness.cli.command import clear_errors, wrong_use_if
 from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     FmiOption,
+    FmiVersion,
     FolderOption,
     NoPythonOption,
     SetOption,
@@ -55,6 +56,14 @@ def export_command(
         ),
     ] = "fmu",
     fmi: FmiOption = None,
+    ssp_fmi: Annotated[
+        FmiVersion,
+        typer.Option(
+            "--ssp-fmi",
+            help="FMI version of the FMUs in an SSP: 2.0, which all importers of SSP 1.0 support, or 3.0.",
+            metavar=choices(FmiVersion),
+        ),
+    ] = FmiVersion.fmi2,
     target: TargetOption = None,
     reference: Annotated[
         ReferenceSource,
@@ -148,6 +157,7 @@ def export_command(
                 forms=chosen_as,
                 out=out,
                 fmi=versions,
+                ssp_fmi=ssp_fmi.value,
                 targets=targets,
                 reference=reference.value,
                 safe_force=safe_force.value,

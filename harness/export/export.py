@@ -41,6 +41,7 @@ def export(
     forms: Iterable[Form] | Form = ("fmu",),
     out: Path | str = ".",
     fmi: Iterable[str] = ("2.0", "3.0"),
+    ssp_fmi: str = "2.0",
     targets: Iterable[str] = ("native",),
     reference: ReferenceFrom = "inside",
     controller: Any = None,
@@ -63,13 +64,15 @@ def export(
         at home with a sample time of 1 ms.
     forms
         "fmu": `NAME_controller_fmi2.fmu` and `NAME_controller_fmi3.fmu`. "c": `NAME_controller.c`, `.h` and
-        `example_main.c`, C99 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMI 2.0 FMUs, connected.
+        `example_main.c`, C99 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMUs, connected.
         "clocked": `NAME_controller_clocked_fmi3.fmu`, FMI 3.0 with a clock that ticks at each sample, for importers
         that tick clocks.
     out
         Folder, created if needed.
     fmi
         Versions of the form "fmu": "2.0", "3.0".
+    ssp_fmi
+        Version of the FMUs in an SSP: "2.0", which all its importers support, or "3.0".
     targets
         Target systems of the FMUs, as for `build`.
     reference
@@ -135,7 +138,7 @@ def export(
         )
     inside = chosen_parts(parts)
     _check_real(real, requested, inside)
-    versions, systems = chosen_versions(fmi), chosen_targets(targets)
+    versions, (in_ssp,), systems = chosen_versions(fmi), chosen_versions([ssp_fmi]), chosen_targets(targets)
     folder = Path(out)
     check_output_folder(folder, names_of_files(name, requested, versions))
     report = progress or (lambda _text: None)
@@ -187,7 +190,9 @@ def export(
             is_in_a_system=True,
         )
         report("SSP")
-        files[f"{name}.ssp"] = loop_archive(name, plant, unit, duration, law.step, systems, said_inside, report)
+        files[f"{name}.ssp"] = loop_archive(
+            name, plant, unit, duration, law.step, systems, said_inside, fmi_version=in_ssp, progress=report
+        )
     write_files(folder, files)
     for said, texts in (
         (warn, [text for each in notes.values() for text in each.warnings]),

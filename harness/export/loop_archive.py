@@ -1,4 +1,4 @@
-"""The whole loop as SSP: plant and controller as connected FMI 2.0 FMUs in one archive."""
+"""The whole loop as SSP: plant and controller as connected FMUs in one archive."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -23,8 +23,6 @@ from gough_stewart.harness.export.system_structure import (
 from gough_stewart.model.process.progress import StepProgress
 
 PLANT, CONTROLLER = "plant", "controller"
-# The FMI version that all importers of SSP 1.0 support.
-FMI_VERSION = "2.0"
 STRUCTURE = "SystemStructure.ssd"
 PAGE = "documentation/index.html"
 
@@ -37,6 +35,8 @@ def loop_archive(
     step: float,
     targets: Iterable[Target],
     notes: Iterable[str] = (),
+    *,
+    fmi_version: str = "2.0",
     progress: StepProgress | None = None,
 ) -> bytes:
     """The archive: SystemStructure.ssd, both FMUs, their parameters again as an SSV file, and a page.
@@ -49,10 +49,14 @@ def loop_archive(
         Of the master, the controller's clock [s].
     notes
         Paragraphs about the loop, for the page and the description of the system.
+    fmi_version
+        Of both units. All importers of SSP 1.0 support "2.0"; with "3.0" the units describe scalars, too, since
+        connectors of SSP 1.0 have no dimensions.
     """
     targets, notes = tuple(targets), tuple(notes)
+    plant, controller = (replace(each, has_scalars_only=True) for each in (plant, controller))
     units = {
-        unit: next(iter(unit_archives(component, (FMI_VERSION,), targets, progress).values()))
+        unit: next(iter(unit_archives(component, (fmi_version,), targets, progress).values()))
         for unit, component in ((PLANT, plant), (CONTROLLER, controller))
     }
     system = replace(loop_system(name, plant, controller, duration, step), description=" ".join(notes))

@@ -129,11 +129,13 @@ def test_the_exported_loop_in_libcosim(ssp: Path, delay: int, capfd: pytest.Capt
     assert "[warning]" not in log.out + log.err
 
 
-def test_the_exported_loop_in_ecos(ssp: Path, delay: int) -> None:
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_the_exported_loop_in_ecos(version: str, delay: int, tmp_path: Path) -> None:
     try:
         from ecospy.EcosSimulation import EcosSimulation
     except (ImportError, OSError) as missing:
         pytest.skip(f"Ecos does not load here: {missing}")
+    (ssp,) = gs.export("heave_step", {**MISTAKEN, "loop.delay": delay}, forms="ssp", ssp_fmi=version, out=tmp_path)
     expected = lengths_expected(delay)
     simulation = EcosSimulation(MISTAKEN["loop.sample_time"], ssp_path=str(ssp))
     simulation.init()
@@ -142,5 +144,5 @@ def test_the_exported_loop_in_ecos(ssp: Path, delay: int) -> None:
         rows.append([simulation.get_real(f"plant::leg_length[{k}]") for k in range(1, 7)])
         simulation.step()
     error = np.abs(np.array(rows) - expected).max()
-    print(f"the exported loop with a delay of {delay}, Ecos against the harness: {error:.1e} m")
+    print(f"the exported loop with a delay of {delay}, FMI {version}, Ecos against the harness: {error:.1e} m")
     assert error <= 1e-9

@@ -1,4 +1,5 @@
-/* FMI 3.0: the functions of the standard on an instance. Value references are rows of the variable table. */
+/* FMI 3.0: the functions of the standard on an instance. Value references are rows of the variable table, and slots from
+   SCALAR_REFERENCE on, for descriptions without arrays. */
 #include "fmi3Functions.h"
 
 #include <stdlib.h>
@@ -10,6 +11,11 @@
 
 static int slots_of_reference(uint32_t reference, int *first, int *size)
 {
+    if (reference >= SCALAR_REFERENCE && reference - SCALAR_REFERENCE < N_SLOTS) {
+        *first = (int)(reference - SCALAR_REFERENCE);
+        *size = 1;
+        return 1;
+    }
     if (reference >= N_VARIABLES)
         return 0;
     *first = VARIABLES[reference].first;
@@ -84,7 +90,8 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
         return NULL;
     for (size_t k = 0; k < nRequiredIntermediateVariables; k++) {
         fmi3ValueReference reference = requiredIntermediateVariables[k];
-        if (HAS_CLOCK || reference >= N_VARIABLES || VARIABLES[reference].role > RESULT) {
+        int first, size;
+        if (HAS_CLOCK || !slots_of_reference(reference, &first, &size) || variable_of(first)->role > RESULT) {
             report(&request, STATUS_ERROR,
                    "%s: value reference %lu is not available in intermediate updates; expected an input or output",
                    __func__, (unsigned long)reference);

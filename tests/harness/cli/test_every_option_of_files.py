@@ -143,7 +143,8 @@ def test_export(notes: Notes, is_default: bool) -> None:
 
     notes.replace("harness.export.export.export", act=act)
     more = () if is_default else (
-        *("--as", "c, ssp,fmu", "--fmi", "3.0", "--target", "x86_64-windows", "--target", "aarch64-linux"),
+        *("--as", "c, clocked, ssp,fmu", "--fmi", "3.0", "--ssp-fmi", "3.0"),
+        *("--target", "x86_64-windows", "--target", "aarch64-linux"),
         *("--reference", "inputs", "--safe-force", "zero", "--frozen", "50,1.5 mm", "--anyway", "--real", "float"),
         *("--with", "sensors, drives", "--set", "loop.duration=0.7", "--set", "loop.delay=2", "--out", "there"),
     )  # fmt: skip
@@ -151,22 +152,24 @@ def test_export(notes: Notes, is_default: bool) -> None:
     (chosen,), given = notes.one("export")
     loop = (chosen.loop.duration, chosen.loop.delay)
     versions, targets = list(given.pop("fmi")), given.pop("targets")
-    assert list(given.pop("forms")) == (["fmu"] if is_default else ["fmu", "c", "ssp"])
+    assert list(given.pop("forms")) == (["fmu"] if is_default else ["fmu", "c", "ssp", "clocked"])
     if is_default:
         assert (loop, versions, targets) == ((2.0, 1), ["2.0", "3.0"], ["native"])
         other: dict[str, Any] = {"out": Path(), "reference": "inside", "safe_force": "feedforward", "real": "double"}
-        assert given == {**other, "frozen": None, "anyway": False, "parts": ()}
+        assert given == {**other, "ssp_fmi": "2.0", "frozen": None, "anyway": False, "parts": ()}
         total = number_of_steps(versions, targets)
     else:
         assert (loop, versions, targets) == ((0.7, 2), ["3.0"], ["x86_64-windows", "aarch64-linux"])
         other = {"out": Path("there"), "reference": "inputs", "safe_force": "zero", "real": "float"}
-        assert given == {**other, "frozen": (50, 0.0015), "anyway": True, "parts": ("drives", "sensors")}
-        # the C at once; the FMUs; an SSP with two FMUs of version 2.0, and itself
-        total = 1 + number_of_steps(["3.0"], targets) + 1 + 2 * number_of_steps(["2.0"], targets)
+        other |= {"ssp_fmi": "3.0", "frozen": (50, 0.0015), "anyway": True}
+        assert given == {**other, "parts": ("drives", "sensors")}
+        # the C at once; the FMUs; an SSP with two FMUs, and itself; the FMU with a clock
+        total = 1 + number_of_steps(["3.0"], targets) + 1 + 3 * number_of_steps(["2.0"], targets)
     assert done.stderr == "warning: take care\n"
     where = "." if is_default else "there"
-    forms = "FMU" if is_default else "FMU, C and SSP"
-    lines = [f"Written as {forms}; it is stable", "heave step", "Loops of the forms, the least robust first"]
+    forms = "FMU" if is_default else "FMU, C, SSP and clocked FMU"
+    was_set = [] if is_default else ["set: loop.duration = 0.7 (file: 2 s), loop.delay = 2 (file: 1)"]
+    lines = [f"Written as {forms}; it is stable", "heave step", *was_set, "Loops of the forms, the least robust first"]
     said(done, *lines, f"Done in T s. Wrote to {where} (4 kB):")
     assert "  d/a.c, b.h" in done.stdout.splitlines()
     assert notes.bars[-2:] == [
