@@ -15,6 +15,7 @@ from gough_stewart.fmu_build.plant.documentation import documentation_page
 from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
 from gough_stewart.fmu_build.plant.layout import NOMINAL, PLANT
 from gough_stewart.fmu_build.plant.reference_results import reference_cases, reference_files, reference_results
+from gough_stewart.fmu_build.plant.related_files import related_files
 from gough_stewart.fmu_build.plant.tables import plant_header
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface, kernel
@@ -68,7 +69,10 @@ def plant_component(
 
     def documents(fmi_version: str) -> dict[str, bytes]:
         page = {"documentation/index.html": documentation_page(platform, fmi_version, starts)}
-        return page | (reference_files(runs(), IDENTIFIER, fmi_version) if not is_in_a_system else {})
+        if is_in_a_system:
+            return page
+        related = related_files((case.name for case, _ in runs()), IDENTIFIER)
+        return page | reference_files(runs(), IDENTIFIER, fmi_version) | related
 
     return Component(
         identifier=IDENTIFIER,
