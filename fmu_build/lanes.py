@@ -122,11 +122,13 @@ def lanes_sources() -> tuple[dict[str, str], dict[str, str]]:
 def loop_sources(components: str) -> tuple[dict[str, str], dict[str, str]]:
     """Units and headers of c/loop, which includes c/lanes, with the components of the loop as `components.h`."""
     from gough_stewart.fmu_build.sources import c_folder
+    from gough_stewart.fmu_build.ziggurat import ziggurat_header
 
     units, headers = lanes_sources()
     own = c_folder("loop")
     lanes = units.pop("lanes.c")
-    return {**units, **own.units}, {**headers, **own.headers, "lanes.c": lanes, "components.h": components}
+    made = {"lanes.c": lanes, "components.h": components, "ziggurat.h": ziggurat_header()}
+    return {**units, **own.units}, {**headers, **own.headers, **made}
 
 
 def law_library(function: Any) -> LanesLibrary:

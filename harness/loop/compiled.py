@@ -23,7 +23,7 @@ from gough_stewart.harness.loop.law_library import CompiledLaw
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.loop_library import coefficients_of
 from gough_stewart.harness.loop.rows import AllRows, Rows
-from gough_stewart.harness.loop.sensors import noise_of
+from gough_stewart.harness.loop.sensors import Noise, noise_of
 from gough_stewart.harness.loop.watch import Watch
 from gough_stewart.harness.plants import lane_batch, signals
 from gough_stewart.harness.plants.lanes import LanesPlant, reference
@@ -55,7 +55,21 @@ class _Out(ctypes.Structure):
 
 
 MEMORY = (
-    *("signals", "measured", "memory", "next", "pose", "lengths", "command", "excess", "limited", "planned"),
+    *(
+        "signals",
+        "measured",
+        "noise",
+        "streams",
+        "readings",
+        "memory",
+        "next",
+        "pose",
+        "lengths",
+        "command",
+        "excess",
+        "limited",
+        "planned",
+    ),
     *("delayed", "target", "driven", "acting", "at_row", "ended"),
 )
 _ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_force_limited", "row_rate_limited")
@@ -81,8 +95,9 @@ class Structure(ctypes.Structure):
         ("jacobian", _Table),
         ("inverse", _Table),
         ("senses", ctypes.c_void_p),
-        ("first_reading", ctypes.c_int64),
-        *((name, _Table) for name in ("noise", "sensors", "limits", "drives", "delay")),
+        ("n_noisy", ctypes.c_int64),
+        ("noisy", ctypes.c_void_p),
+        *((name, _Table) for name in ("deviations", "sensors", "limits", "drives", "delay")),
         ("most_delay", ctypes.c_int64),
         *((name, _Table) for name in ("shortest", "longest", "farthest")),
         *((name, ctypes.c_void_p) for name in MEMORY),
@@ -151,7 +166,6 @@ class CompiledLoop:
         """
         batch, rows, c = self._plant.batch, self._watch.rows, self._c
         self._set_rows(rows, row)
-        self.draw_noise(row, to)
         run = self._plant.loop_run
         assert run is not None  # whoever made this has asked for it
         of, with_, is_interrupted = reference(batch), ctypes.byref(c), Event()
@@ -257,18 +271,32 @@ class CompiledLoop:
     def _set_sensors(self, law: LinearLaw | CompiledLaw | None) -> None:
         c, sensors = self._c, self._loop.sensors
         used = () if law is None else law.used
-        self._noise = noise_of(sensors, used)
-        self._drawn = np.zeros((1, signals.SIZE, self._n))  # room for the noise of a call
+        noise = noise_of(sensors, used)
+        self._memory("noise", signals.SIZE)
+        self._set_noise(noise)
         steps = np.zeros((signals.SIZE, self._n))
         senses = np.zeros(signals.SIZE, np.int64)
         for name in used:
             at, step = signals.positions([name]), sensors.quantisation.get(name, 0.0)
             steps[at] = step
-            senses[at] = name in self._noise or bool(np.any(step))
+            senses[at] = name in noise or bool(np.any(step))
         c.senses = self._pointer(senses)
         if senses.any():
             found = [coefficients_of(Sensor, {"quantisation": step}, np.nan) for step in steps]
             c.sensors = self._table(np.concatenate(found)[None])
+
+    def _set_noise(self, noise: Mapping[str, Noise]) -> None:
+        c, elements = self._c, [signals.positions([name]) for name in noise]
+        c.n_noisy = len(noise)
+        streams = self._memory("streams", 4 * len(noise)).view(np.int64)
+        c.readings = self._pointer(np.zeros(self._plant.batch.blocks, np.int64))
+        if noise:
+            c.noisy = self._pointer(np.array([(at[0], len(at)) for at in elements], np.int64))
+            deviations = [np.broadcast_to(each.deviation, (self._n,)) for each in noise.values()]
+            c.deviations = self._table(np.array(deviations, dtype=float)[None])
+            streams[:, : self._n] = np.concatenate(
+                [np.broadcast_to(each.words, (4, self._n)) for each in noise.values()]
+            )
 
     def _set_actuators(self) -> None:
         c, actuators, step = self._c, self._loop.actuators, self._loop.timing
@@ -326,22 +354,7 @@ class CompiledLoop:
     @property
     def arrays(self) -> dict[int, NDArray[Any]]:
         """The arrays that the structure points to, by address."""
-        return {each.ctypes.data: each for each in (*self._kept, self._drawn)}
-
-    def draw_noise(self, row: int, to: int) -> None:
-        """Draw the noise of the readings in these rows."""
-        if not self._noise:
-            return
-        every = self._c.reading_every or self._c.every
-        first, last = (
-            (-(-row // every), -(-to // every)) if self._c.reading_every else (row // every, (to - 1) // every + 1)
-        )
-        if len(self._drawn) < last - first:
-            self._drawn = np.zeros((last - first, signals.SIZE, self._n))
-        for name, write in self._noise.items():
-            at = signals.positions([name])
-            write(first, self._drawn[: last - first, at[0] : at[-1] + 1])
-        self._c.noise, self._c.first_reading = _table(self._drawn), first
+        return {each.ctypes.data: each for each in self._kept}
 
     def _memory(self, name: str, size: int) -> FloatArray:
         """Zeros (size, M) that the loop remembers by this name."""

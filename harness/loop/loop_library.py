@@ -60,7 +60,12 @@ def components_header() -> str:
     """`components.h`: the equations on vectors of members, and sizes."""
     from gough_stewart.fmu_build.tables import GENERATED, defines
 
-    sizes: dict[str, Any] = {"LARGEST_COMMAND": LARGEST_NUMBER, "FIRST_LENGTH": LENGTHS.start, "N_ACCELERATIONS": 6}
+    sizes: dict[str, Any] = {
+        "LARGEST_COMMAND": LARGEST_NUMBER,
+        "FIRST_LENGTH": LENGTHS.start,
+        "N_ACCELERATIONS": 6,
+        "MOST_ELEMENTS": 6,
+    }
     texts = []
     for name, component, channels in _COMPONENTS:
         text, n_coefficients, n_states = _traced(component, name, channels)

@@ -85,7 +85,6 @@ def machine_block(plant: LanesPlant, law_from: LawFrom | None, loop: Loop, kept:
     MembersError
         The plant cannot start.
     """
-    steps = loop.timing.steps
     watch = Watch(loop, Rows.of(loop.timing, 1), _Nobody(), Outcomes(1, loop.timing.times))
     changes = _changes(plant, loop)
     reading = Encoders(loop.sensors, None, *plant.shape)(0, plant.signals(), 0)
@@ -100,7 +99,6 @@ def machine_block(plant: LanesPlant, law_from: LawFrom | None, loop: Loop, kept:
         own = CompiledLoop(plant, form, loop, watch, reading, pool, 1)
     if failures := plant.begin():
         raise MembersError(failures)
-    own.draw_noise(0, steps)
     arrays = own.arrays
     outputs: dict[str, NDArray[Any]] = {
         "row_signals": np.zeros((kept, signals.SIZE)),
@@ -215,8 +213,8 @@ class _Words:
             self.add(int(value))
         elif value:
             values = arrays[value]
-            is_of_members = head in compiled.MEMORY and head not in ("at_row", "ended")
-            self.array(values[:, 0] if is_of_members else values[:1] if head in compiled.MEMORY else values)
+            is_memory = head in compiled.MEMORY
+            self.array(values if not is_memory else values[:1] if values.ndim == 1 else values[:, 0])
         else:
             self.add(0)
 

@@ -18,6 +18,12 @@ def stream(seed: Seed, purpose: int) -> Generator:
     return np.random.default_rng([seed, purpose])
 
 
+def words_of(generator: Generator) -> tuple[int, ...]:
+    """State and increment of its PCG64 as four words, each with the upper half first."""
+    state: Any = generator.bit_generator.state["state"]
+    return tuple(part for each in (state["state"], state["inc"]) for part in divmod(each, 1 << 64))
+
+
 def as_numbers(seed: Seeds) -> Any:
     """A seed as plain types: itself, or a sequence's entropy and its spawn key."""
     if isinstance(seed, tuple):

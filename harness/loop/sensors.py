@@ -1,12 +1,14 @@
 """The sensors in a run: what is read, with noise that is reproducible from the seed, and when."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.control.sensor import Sensor, SensorCoefficients
-from gough_stewart.harness.loop.seeds import Seeds, stream
+from gough_stewart.harness.loop.seeds import Seeds, stream, words_of
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.vectors import FloatArray
@@ -102,11 +104,6 @@ class _Noise:
         self._scaled = np.zeros((*self._normal.shape[1:], *members))
         self._block = -1
 
-    def rows(self, first: int, out: FloatArray) -> None:
-        """Write noise (n, size, N) of readings from the first on, which is the last one before, or follows it."""
-        for k, place in enumerate(out):
-            place[...] = self(first + k)
-
     def __call__(self, k: int) -> FloatArray:
         """Noise of reading k; k stays the same or increases by one."""
         block, row = divmod(k, _BLOCK)
@@ -120,12 +117,22 @@ class _Noise:
         return noise
 
 
-def noise_of(sensors: Sensors, names: Iterable[str]) -> dict[str, Callable[[int, FloatArray], None]]:
-    """For those of some signals that have noise: what writes the noise (n, size, N) of consecutive readings.
+class Noise(NamedTuple):
+    """The noise of one signal, for hosts that draw the same numbers themselves."""
 
-    Called with the first reading, which is the last one of the call before or follows it, and where to write.
-    """
-    return {name: _Noise(sensors, name).rows for name in names if _has_noise(sensors, name)}
+    deviation: PerMember
+    words: NDArray[np.uint64]  # (4, N) or (4, 1): of PCG64 the state and the increment, each with the upper half first
+
+
+def noise_of(sensors: Sensors, names: Iterable[str]) -> dict[str, Noise]:
+    """The noise of those of some signals that have any, before the first reading."""
+    found = {}
+    for name in names:
+        if _has_noise(sensors, name):
+            seeds = sensors.seed if isinstance(sensors.seed, tuple) else (sensors.seed,)
+            words = [words_of(stream(seed, signals.NAMES.index(name))) for seed in seeds]
+            found[name] = Noise(sensors.noise[name], np.array(words, np.uint64).T)
+    return found
 
 
 def _has_noise(sensors: Sensors, name: str) -> bool:

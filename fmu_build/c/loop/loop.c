@@ -8,6 +8,7 @@
 #endif
 
 #include "components.h"
+#include "noise.h"
 
 /* The members of one vector. */
 typedef struct {
@@ -98,15 +99,45 @@ static void end(vector *v, mask which, int64_t failure, int64_t row)
         }
 }
 
+/* The noise of a reading, which is the last one or follows it. */
+static void draw_noise(const vector *v, int64_t reading)
+{
+    const loop *w = v->with;
+    const int64_t stride = v->of->stride;
+    if (!w->n_noisy || w->readings[v->first / WIDTH] > reading)
+        return;
+    w->readings[v->first / WIDTH] = reading + 1;
+    for (int64_t k = 0; k < w->n_noisy; k++) {
+        lanes deviation = at(v, &w->deviations, 0, k), x[MOST_ELEMENTS];
+        int64_t n = w->noisy[2 * k + 1];
+        for (int64_t i = 0; i < n; i++)
+            x[i] = (lanes)0.0;
+        for (int lane = 0; lane < v->live; lane++) {
+            int64_t *words = w->streams + 4 * k * stride + v->first + lane;
+            stream s = {(uint64_t)words[0], (uint64_t)words[stride], (uint64_t)words[2 * stride],
+                        (uint64_t)words[3 * stride]};
+            if (!HOLDS(v->plant.running, lane))
+                continue;
+            for (int64_t i = 0; i < n; i++)
+                LANE(x[i], lane) = next_normal(&s);
+            words[0] = (int64_t)s.high;
+            words[stride] = (int64_t)s.low;
+        }
+        for (int64_t i = 0; i < n; i++)
+            remember(v, w->noise, w->noisy[2 * k] + i, x[i] * deviation);
+    }
+}
+
 static void read_sensors(const vector *v, int64_t reading, int64_t n, const int64_t *used)
 {
     const loop *w = v->with;
+    draw_noise(v, reading);
     for (int64_t i = 0; i < n; i++) {
         int64_t element = used[i];
         lanes now = remembered(v, w->signals, element);
         if (w->senses[element]) {
             lanes c[SENSOR_COEFFICIENTS];
-            lanes noise = w->noise.at ? at(v, &w->noise, reading - w->first_reading, element) : (lanes)0.0;
+            lanes noise = remembered(v, w->noise, element);
             for (int k = 0; k < SENSOR_COEFFICIENTS; k++)
                 c[k] = at(v, &w->sensors, 0, element * SENSOR_COEFFICIENTS + k);
             component_sensor(c, &now, &noise, &now);
@@ -423,4 +454,13 @@ int64_t loop_run(const batch *of, const loop *with, int64_t first, int64_t end, 
             return 0;
     }
     return 1;
+}
+
+void loop_normals(int64_t words[4], int64_t n, double *normals)
+{
+    stream s = {(uint64_t)words[0], (uint64_t)words[1], (uint64_t)words[2], (uint64_t)words[3]};
+    for (int64_t i = 0; i < n; i++)
+        normals[i] = next_normal(&s);
+    words[0] = (int64_t)s.high;
+    words[1] = (int64_t)s.low;
 }

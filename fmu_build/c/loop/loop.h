@@ -56,11 +56,12 @@ typedef struct {
     const int64_t *used;    /* positions of its signals among all */
     table jacobian, inverse; /* by sample (36), for task space; NULL for leg space */
 
-    /* sensors: noise by reading since `first_reading` (24), zero where there is none; steps, one row (24) of the
+    /* sensors: signals with noise, and their deviations, one row; one row (24) of the
        coefficients of each signal's sensor */
     const int64_t *senses; /* by signal: whether its sensor does anything */
-    int64_t first_reading;
-    table noise, sensors;
+    int64_t n_noisy;
+    const int64_t *noisy; /* (n_noisy, 2): the first element of each and their number */
+    table deviations, sensors;
 
     /* coefficients of the limits and the drives, one row, NULL if they do nothing; samples of delay, and the most */
     table limits, drives, delay;
@@ -72,6 +73,9 @@ typedef struct {
     /* memory of the members, (size, M) as the states of the batch */
     double *signals;     /* 24: at the present row */
     double *measured;    /* 24 */
+    double *noise;       /* 24: of the present reading, 0 where there is none */
+    int64_t *streams;    /* 4 n_noisy: of random numbers, see noise.h */
+    int64_t *readings;   /* (blocks): whose noise has been drawn */
     double *memory;      /* n_states + size of u: x and u; of a user's law what law.h says */
     double *next;        /* 6 + n_states: y and the next x */
     double *pose;        /* 6: in task space */
@@ -102,5 +106,8 @@ typedef struct {
 
    At a row: readings; if a sample is due, the command; the drives; the row is kept; its limits are checked. */
 OFFERED int64_t loop_run(const batch *of, const loop *with, int64_t first, int64_t end, int64_t to, int64_t most_work);
+
+/* The next normal numbers of a stream, which goes on: see noise.h. */
+OFFERED void loop_normals(int64_t words[4], int64_t n, double *normals);
 
 #endif
