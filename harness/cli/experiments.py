@@ -19,15 +19,15 @@ def experiments_command(
     """List the experiments that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
         from gough_stewart.harness.experiment.file import experiment_names, shipped_experiment, shipped_text
-        from gough_stewart.harness.output.tables import Sheet
+        from gough_stewart.harness.report.document import Column, Table
 
         if name is not None:
             with wrong_use_if(ExperimentError):
                 text = shipped_text(name)
             typer.echo(text, nl=False)
             return
-        sheet = Sheet("", ("name", "platform", "what"))
+        rows = []
         for each in experiment_names():
             experiment = shipped_experiment(each)
-            sheet.add(each, experiment.platform.preset_name, experiment.description)
-        show(sheet)
+            rows.append((each, experiment.platform.preset_name, experiment.description))
+        show(Table("", (Column("name"), Column("platform"), Column("what")), tuple(rows)))

@@ -37,8 +37,8 @@ def frf_command(
 ) -> None:
     """Estimate the frequency responses S, T and L of the leg or mode excited in a run, beside the linear model.
 
-    The run's experiment needs an `[injection]`. Writes **frf.csv** and **frf.parquet** with confidence and coherence,
-    and a Bode plot **frf** as PNG and SVG.
+    The run's experiment needs an `[injection]`. Writes **frf.csv** and **frf.parquet** with confidence and coherence;
+    with `--figures` also the Bode plot **bode**.
 
     Examples
     --------
@@ -57,6 +57,6 @@ def frf_command(
             check_output_folder(folder, FILES)
             found = frf(record, experiment=chosen)
             files = frf_files(found)
-            report = found.report(charts=showing.page or showing.figures or showing.as_json)
+            report = found.report(charts=showing.draws)
         write_files(folder, files)
-        showing.present(command, report, folder, list(files), keeps_data=folder != own)
+        showing.present(command, report, folder, list(files), figures=("bode",), keeps_data=folder != own)

@@ -122,7 +122,7 @@ def identify_command(
     `motor_current[1..6]`, with units in their names where they are not SI: `time [ms]`.
 
     Writes **platform.toml** for `run`; **estimate.json** with values, intervals, correlation, observability and
-    residuals; **fit** and **parameters** as PNG and SVG; and **identify.html**, a page that works offline.
+    residuals; with `--figures` also **parameters**, **fit** and **residuals**.
 
     If the log contradicts the model, or much of it is damaged, the files are written, and the exit code is 3.
 
@@ -166,18 +166,17 @@ def identify_command(
             more = []
             if chosen is not None:
                 progress.update(task, description="before and after")
-                more.append(before_and_after(chosen, nominal, found.platform(nominal)).sheet)
-            files = identification_files(found, nominal, more)
+                more.append(before_and_after(chosen, nominal, found.platform(nominal)).table)
+            files = identification_files(found, nominal)
         write_files(out, files)
         command.written.append(out)
-        draws = showing.page or showing.figures or showing.as_json
-        report = estimate_report(found, nominal.name, more, charts=draws)
+        report = estimate_report(found, nominal.name, more, charts=showing.draws)
         if chosen is not None:
             report = replace(report, settings=settings_of(chosen.changed))
         then = None
         if found.not_excited:
             of = f"--platform {shlex.quote(str(platform))}" if platform else f"--preset {preset or nominal.name}"
             then = f"gough-stewart excite {of} --estimate {shlex.quote(estimate)}"
-        showing.present(command, report, out, list(files), then=then)
+        showing.present(command, report, out, list(files), figures=("parameters", "fit", "residuals"), then=then)
         if found.alarms:
             raise typer.Exit(ExitCode.MISSED)

@@ -1,5 +1,6 @@
 """The command `presets`: lists the shipped platforms."""
 
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -18,7 +19,8 @@ def presets_command(
 ) -> None:
     """List the platforms that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
-        from gough_stewart.harness.output.tables import Sheet
+        from gough_stewart.harness.report.document import Column, Table
+        from gough_stewart.harness.report.quantities import MASS, NUMBER, POSITION
         from gough_stewart.model import kinematics
         from gough_stewart.model.platform_toml import load_preset, preset_names, preset_text
 
@@ -27,11 +29,18 @@ def presets_command(
                 text = preset_text(name)
             typer.echo(text, nl=False)
             return
-        sheet = Sheet("", ("name", "platform kg", "home leg m", "condition", "source"))
+        rows = []
         for each in preset_names():
             p = load_preset(each)
             home = (p, p.home_position, p.home_orientation)
             length = kinematics.leg_geometry(*home).length.mean()
             number = kinematics.conditioning(*home).condition_number
-            sheet.add(each, f"{p.platform_mass:g}", f"{length:.4g}", f"{number:.2f}", p.source)
-        show(sheet)
+            rows.append((each, p.platform_mass, float(length), float(number), p.source))
+        columns = (
+            Column("name"),
+            Column("platform", replace(MASS, digits=6)),
+            Column("home leg", POSITION),
+            Column("condition", replace(NUMBER, digits=3)),
+            Column("source"),
+        )
+        show(Table("", columns, tuple(rows)))

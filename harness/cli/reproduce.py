@@ -15,7 +15,7 @@ from gough_stewart.harness.cli.options import (
     out_option,
     platform_folder,
 )
-from gough_stewart.harness.cli.showing import PAGE, Showing, shows
+from gough_stewart.harness.cli.showing import DATA, PAGE, Showing, shows
 from gough_stewart.harness.cli.terminal import errors, preparing
 from gough_stewart.harness.errors import MissedError, UsageError
 
@@ -53,7 +53,7 @@ def reproduce_command(
     with the energy balance.
 
     Writes **open_loop.csv** (every output, 101 rows), **figure-4.png** to **figure-7.png** (as in the paper),
-    **drift.png**, **report.md**, **report.json**, **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**; with
+    **drift.png**, **report.md**, **comparison.json**, **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**; with
     `--report` also **report.html**. Exit code 3 if a comparison exceeds its bound.
 
     For another platform the case is scaled to its size: time and velocities by Froude scaling, forces about the
@@ -73,13 +73,11 @@ def reproduce_command(
             from gough_stewart.harness.paper.reproduce import FILES, reproduce
             from gough_stewart.model.process.files import check_output_folder, write_files
 
-        check_output_folder(out, [*FILES, PAGE])
+        check_output_folder(out, [*FILES, DATA, PAGE])
         case = _chosen_case(order, preset, platform)
         result = reproduce(case, errors)
         write_files(out, result.files, [PAGE])
-        # its own report.json has more
-        charts = showing.page or showing.figures or showing.as_json
-        showing.present(command, result.document(charts=charts), out, list(result.files), keeps_data=False)
+        showing.present(command, result.document(charts=showing.draws), out, list(result.files))
         if not result.agrees:
             raise MissedError("a comparison misses its bound; see the table above and report.md")
 

@@ -20,7 +20,7 @@ from rich.segment import Segment
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from gough_stewart.harness.output.tables import Sheet
+    from gough_stewart.harness.report.document import Table
 
 # Control characters except newline and tab, and marks that change the writing direction.
 _UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
@@ -100,12 +100,11 @@ def preparing() -> Iterator[None]:
         yield
 
 
-def show(*sheets: "Sheet") -> None:
-    """Print tables that fit the width."""
-    from gough_stewart.harness.output.tables import to_terminal
+def show(table: "Table") -> None:
+    """Print a table that fits the width."""
+    from gough_stewart.harness.report.terminal import TerminalTable
 
-    for sheet in sheets:
-        Terminal().print(to_terminal(sheet))
+    Terminal().print(TerminalTable(table))
 
 
 def warn(message: str) -> None:

@@ -74,8 +74,8 @@ def tune_command(
 ) -> None:
     """Find the numbers of an experiment that minimise a metric, over many machines if it has an [ensemble].
 
-    Writes **tuned.toml**, an experiment for `gough-stewart run`, **tuning.json**, **candidates.csv**, and **search** as
-    PNG and SVG. Ctrl-C ends the search and writes the best so far.
+    Writes **tuned.toml**, an experiment for `gough-stewart run`, **tuning.json** and **candidates.csv**; with
+    `--figures` also **search** and **values**. Ctrl-C ends the search and writes the best so far.
 
     Examples
     --------
@@ -127,15 +127,15 @@ def tune_command(
                 seed=seed,
                 status=status,
             )
-            progress.update(task, description="files and figures", total=None)
+            progress.update(task, description="files and report", total=None)
             files = tuning_files(found, experiment, folder, settings or ())
         write_files(folder, files)
         command.written.append(folder)
-        report = found.report(charts=showing.page or showing.figures or showing.as_json)
+        report = found.report(charts=showing.draws)
         if found.left_out:
             warn(f"{found.left_out} members have impossible parameters and are left out")
         then = f"gough-stewart run {shlex.quote(str(folder / 'tuned.toml'))}"
-        showing.present(command, report, folder, list(files), then=then)
+        showing.present(command, report, folder, list(files), figures=("search", "values"), then=then)
         if found.is_interrupted:
             errors.say(("interrupted", "bold red"), "; the best candidate so far is written")
             raise typer.Exit(ExitCode.INTERRUPTED)

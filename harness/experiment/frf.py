@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 import polars
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from gough_stewart.harness.control.frequency_response import Response, response_of_periods
 from gough_stewart.harness.control.laws import Controller, controller_of, linear_of
@@ -19,18 +17,16 @@ from gough_stewart.harness.control.margins import is_stable, response
 from gough_stewart.harness.control.structured import ComplexArray
 from gough_stewart.harness.errors import ControllerError, RecordError
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.experiment.frf_report import frf_report, loop_is_known
+from gough_stewart.harness.experiment.frf_report import frf_report
 from gough_stewart.harness.experiment.named_files import digests
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.output.colours import COLOURS
-from gough_stewart.harness.output.plotting import entitle, label, pictures
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.results.record import Record, platform_of, read_record
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.vectors import FloatArray
 
-FILES = ("frf.csv", "frf.parquet", "frf.png", "frf.svg")
+FILES = ("frf.csv", "frf.parquet")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -274,66 +270,10 @@ def _notes(record: Record) -> list[str]:
 
 
 def frf_files(found: FrequencyResponse) -> dict[str, bytes]:
-    """Table and Bode figure by file name."""
+    """The table by file name."""
     table, parquet = found.table(), BytesIO()
     table.write_parquet(parquet)
-    title = f"{found.title}: {found.channel}, the others closed"
     return {
         "frf.csv": table.write_csv().encode(),
         "frf.parquet": parquet.getvalue(),
-        **frf_figure(found.frequency, found.measured, found.predicted, title),
     }
-
-
-_THIN: dict[str, Any] = {"color": "#555555", "linewidth": 0.9}
-
-
-def frf_figure(
-    frequency: FloatArray, measured: Response, predicted: ComplexArray | None, title: str
-) -> dict[str, bytes]:
-    """`frf.png` and `frf.svg`: points with 95 % confidence bars, lines for the linear model."""
-
-    def draw(figure: Figure) -> None:
-        entitle(figure, title)
-        (gain, both), (phase, coherence) = figure.subplots(2, 2, sharex=True)
-        known = loop_is_known(measured)
-        L, radius, at = measured.L[known], measured.loop_radius[known], frequency[known]
-        _points(gain, at, np.abs(L), radius, 0, "run")
-        angle = np.degrees(np.unwrap(np.angle(L)))
-        spread = np.degrees(np.arcsin(np.minimum(1.0, radius / np.abs(L))))
-        _points(phase, at, angle, spread, 0, "")
-        _points(both, frequency, np.abs(measured.S), measured.radius, 0, "S")
-        _points(both, frequency, np.abs(measured.T), measured.radius, 1, "T")
-        if predicted is not None:
-            S = 1 / (1 + predicted)
-            style: dict[str, Any] = {"linewidth": 1.1, "zorder": 1}
-            gain.plot(frequency, np.abs(predicted), color=COLOURS[0], label="linear model", **style)
-            # shift by full turns to the nearest phase
-            line = np.degrees(np.unwrap(np.angle(predicted)))
-            line += 360 * np.round(np.median(angle - line[known]) / 360) if known.any() else 0.0
-            phase.plot(frequency, line, color=COLOURS[0], **style)
-            both.plot(frequency, np.abs(S), color=COLOURS[0], **style)
-            both.plot(frequency, np.abs(1 - S), color=COLOURS[1], linestyle="--", **style)
-        coherence.semilogx(frequency, measured.coherence, ".", color=COLOURS[0])
-        coherence.set_ylim(min(0.9, float(measured.coherence.min())) - 0.02, 1.01)
-        for axes in (gain, both):
-            axes.set_xscale("log")
-            axes.set_yscale("log")
-            axes.axhline(1.0, **_THIN)
-            axes.legend()
-        phase.set_xscale("log")
-        phase.axhline(-180.0, **_THIN)
-        label(gain, "gain of L", "1", "")
-        label(phase, "phase of L", "°", "frequency [Hz]")
-        label(both, "|S| and |T|", "1", "")
-        label(coherence, "coherence of S and T", "1", "frequency [Hz]")
-        for axes in (gain, phase, both, coherence):
-            axes.margins(x=0.02)
-
-    return pictures("frf", draw, 9.0, 5.4)
-
-
-def _points(axes: Axes, x: FloatArray, y: FloatArray, radius: FloatArray, colour: int, name: str) -> None:
-    axes.errorbar(
-        x, y, radius, fmt="s^"[colour], markersize=3, color=COLOURS[colour], elinewidth=0.8, label=name or None
-    )

@@ -7,9 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from gough_stewart.harness.identify.estimate import Estimate
-from gough_stewart.harness.identify.names import unit_of
-from gough_stewart.harness.identify.tables import sheets_of
-from gough_stewart.harness.output.tables import Sheet
+from gough_stewart.harness.identify.tables import estimate_tables, quantity_of, residual_quantity
 from gough_stewart.harness.report.document import (
     Axis,
     Chart,
@@ -20,11 +18,11 @@ from gough_stewart.harness.report.document import (
     Section,
     Series,
     Status,
+    Table,
     Verdict,
     time_axis,
 )
-from gough_stewart.harness.report.quantities import NUMBER, SHARE, Quantity, of_unit
-from gough_stewart.harness.report.sheets import table_of
+from gough_stewart.harness.report.quantities import NUMBER, SHARE, of_unit
 from gough_stewart.harness.report.words import counted, listed, percent, sentence
 
 # A parameter whose interval is at most this share of its scale counts as well known.
@@ -33,9 +31,9 @@ WELL_KNOWN = 0.05
 _FEW = 3
 
 
-def estimate_report(found: Estimate, platform: str, more: Sequence[Sheet] = (), *, charts: bool = True) -> Report:
+def estimate_report(found: Estimate, platform: str, more: Sequence[Table] = (), *, charts: bool = True) -> Report:
     """The report of an estimate of a platform; `more` has further tables, such as an experiment before and after."""
-    sections = [Section("Parameters", tuple(map(table_of, [*sheets_of(found), *more])))]
+    sections = [Section("Parameters", (*estimate_tables(found), *more))]
     if charts:
         drawn = [_parameters(found), _correlation(found), *_fit(found)]
         sections.append(Section("Fit", tuple(chart for chart in drawn if chart is not None)))
@@ -96,14 +94,9 @@ def _half(found: Estimate, k: int) -> float:
     return float(found.values[k] - found.interval[k, 0])
 
 
-def _quantity(name: str) -> Quantity:
-    unit = unit_of(name)
-    return replace(of_unit(unit) if unit else NUMBER, digits=6)
-
-
 def _value(found: Estimate, k: int) -> str:
     """As in platform_mass 1216.9 ± 0.4 kg."""
-    quantity, half = _quantity(found.names[k]), _half(found, k)
+    quantity, half = quantity_of(found.names[k]), _half(found, k)
     shown = quantity.factor * half
     # as many decimals as the half width has in two digits
     decimals = max(0, 1 - math.floor(math.log10(shown))) if shown > 0 else 3
@@ -116,7 +109,7 @@ def _numbers(found: Estimate) -> tuple[Number, ...]:
     for k, name in enumerate(found.names):
         low, high = found.interval[k].tolist()
         made.append(
-            Number(f"parameters.{name}", name, float(found.values[k]), _quantity(name), low, high,
+            Number(f"parameters.{name}", name, float(found.values[k]), quantity_of(name), low, high,
                    explanation="with its interval of 95 % confidence")
         )  # fmt: skip
     condition = found.condition_number if math.isfinite(found.condition_number) else None
@@ -132,7 +125,9 @@ def _parameters(found: Estimate) -> Chart | None:
         return None
     series = Series("change from nominal", SHARE, change, "actual", low=change - half, high=change + half)
     axis = Axis("parameter", labels=tuple(found.names))
-    return Chart("change of the parameters, of their scale", axis, (series,), "bars", y=Axis("change", SHARE))
+    return Chart(
+        "change of the parameters, of their scale", axis, (series,), "bars", y=Axis("change", SHARE), group="parameters"
+    )
 
 
 def _correlation(found: Estimate) -> Chart | None:
@@ -144,7 +139,14 @@ def _correlation(found: Estimate) -> Chart | None:
         Axis("parameter", NUMBER, np.arange(n, dtype=float), names),
         Series("correlation", NUMBER, found.correlation),
     )
-    return Chart("correlation of the estimates", axis, (series,), "heat", y=replace(axis, name="with parameter"))
+    return Chart(
+        "correlation of the estimates",
+        axis,
+        (series,),
+        "heat",
+        y=replace(axis, name="with parameter"),
+        group="parameters",
+    )
 
 
 def _fit(found: Estimate) -> list[Chart]:
@@ -154,6 +156,7 @@ def _fit(found: Estimate) -> list[Chart]:
         return []
     quantity, what = of_unit(found.residuals.unit), found.residuals.quantity
     time, measured, fitted = (np.asarray(details[name], dtype=float) for name in ("time", "measured", "fitted"))
+    fine = residual_quantity(found)
     charts = []
     for k in range(measured.shape[1]):
         both = (
@@ -169,11 +172,11 @@ def _fit(found: Estimate) -> list[Chart]:
     ]
     for title, model in (("identified", fitted), ("nominal", np.asarray(details["before"], dtype=float))):
         rest = tuple(
-            Series(f"{what} {k + 1}", quantity, measured[:, k] - model[:, k], "error", leg=k + 1 if k < 6 else None)
+            Series(f"{what} {k + 1}", fine, measured[:, k] - model[:, k], "error", leg=k + 1 if k < 6 else None)
             for k in range(measured.shape[1])
         )
         name = f"residuals, {title} platform"
         charts.append(
-            Chart(name, time_axis(time), rest, marks=tuple(aside), y=Axis("residual", quantity), group="residuals")
+            Chart(name, time_axis(time), rest, marks=tuple(aside), y=Axis("residual", fine), group="residuals")
         )
     return charts

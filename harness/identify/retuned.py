@@ -1,7 +1,7 @@
 """The benefit of an identification: an experiment with the nominal and with the identified platform, compared."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +15,20 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.output.tables import Named, Sheet
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
+from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, FREQUENCY, LENGTH, NOTHING, NUMBER, Quantity
+from gough_stewart.harness.report.terminal import tables_text
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 
 # Margins of the loop with the machine, and their units.
-_MARGINS = {"disk margin α": "", "gain of all legs": "", "phase of all legs": "°", "crossover": "Hz"}
+_MARGINS = {
+    "disk margin α": replace(NUMBER, digits=3),
+    "gain of all legs, up or down": DECIBEL,
+    "phase of all legs, either way": ANGLE,
+    "crossover": FREQUENCY,
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,24 +41,21 @@ class Compared:
 
     def __repr__(self) -> str:
         """The table, as text."""
-        sheet = self.sheet
-        rows = [
-            [c if isinstance(c, str) else f"{c.what} [{c.unit}]".removesuffix(" []") for c in row] for row in sheet.rows
-        ]
-        rows.insert(0, list(sheet.heads))
-        widths = [max(len(row[k]) for row in rows) for k in range(3)]
-        return "\n".join("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)
+        return tables_text([self.table])
 
     @property
-    def sheet(self) -> Sheet:
+    def table(self) -> Table:
         """Errors, feedback and margins side by side."""
-        sheet = Sheet(f"{self.experiments[0].title}: before and after", ("", "before", "after"))
-        for name, unit, factor, value in _MEASURES:
-            sheet.add(Named(name, unit), *(f"{factor * value(r):.4g}" for r in (self.before, self.after)))
+        rows: list[tuple[Cell, ...]] = [
+            (name, *(Value(value(each), quantity) for each in (self.before, self.after)))
+            for name, quantity, value in _MEASURES
+        ]
         found = [_margins(experiment) for experiment in self.experiments]
-        for name, unit in _MARGINS.items():
-            sheet.add(Named(name, unit), *(each[name] for each in found))
-        return sheet
+        for name, quantity in _MARGINS.items():
+            cells = (each if isinstance(each, str) else each[name] for each in found)
+            rows.append((name, *(each if isinstance(each, str) else Value(each, quantity) for each in cells)))
+        title = f"{self.experiments[0].title}: before and after"
+        return Table(title, (Column(""), Column("before"), Column("after")), tuple(rows))
 
 
 def before_and_after(experiment: Experiment | Path | str, nominal: Platform, found: Platform) -> Compared:
@@ -101,19 +105,16 @@ def with_belief(experiment: Experiment, platform: Platform, machine: Platform | 
     return experiment_of(experiment, settings)
 
 
-def _text(cell: str | Named) -> str:
-    return cell if isinstance(cell, str) else f"{cell.what} [{cell.unit}]".removesuffix(" []")
-
-
 def _numbers(platform: Platform) -> dict[str, Any]:
     return {name: value for name, value in plain(platform).items() if name in TABLE}
 
 
-def _margins(experiment: Experiment) -> dict[str, str]:
+def _margins(experiment: Experiment) -> dict[str, float] | str:
+    """The margins by their names; in words if there are none."""
     prepared = prepare(experiment)
     controller = linear_of(prepared.controller)
     if controller is None:
-        return dict.fromkeys(_MARGINS, "–")
+        return NOTHING
     actuators, motion = prepared.loop.actuators, prepared.motion
     place = {} if motion is None else {"position": motion.position[0], "orientation": motion.orientation[0]}
     sample_time = prepared.loop.timing.sample_time
@@ -121,29 +122,25 @@ def _margins(experiment: Experiment) -> dict[str, str]:
     try:
         found = loop_margins(L)
     except UnstableLoopError:
-        return dict.fromkeys(_MARGINS, "unstable")
-    disk = found.disk
-    return {
-        "disk margin α": f"{disk.alpha:.3f}",
-        "gain of all legs": f"× {disk.gain[0]:.3g} to {disk.gain[1]:.3g}",
-        "phase of all legs": f"± {np.degrees(disk.phase):.1f}",
-        "crossover": f"{max(leg.crossover for leg in found.legs):.3g}",
-    }
+        return "unstable"
+    disk, crossover = found.disk, max(leg.crossover for leg in found.legs)
+    # the two gains of a disk margin are inverse to each other
+    numbers = (disk.alpha, float(20 * np.log10(disk.gain[1])), float(disk.phase), crossover)
+    return dict(zip(_MARGINS, numbers, strict=True))
 
 
 def _norm_rms(name: str) -> Callable[[Record], float]:
     return lambda record: float(np.sqrt((record[name] ** 2).sum(axis=1).mean()))
 
 
-_MEASURES: tuple[tuple[str, str, float, Callable[[Record], float]], ...] = (
-    ("position error, RMS", "mm", 1e3, _norm_rms("error.position")),
-    ("position error, peak", "mm", 1e3, lambda r: float(np.linalg.norm(r["error.position"], axis=1).max())),
-    ("orientation error, RMS", "deg", 180 / np.pi, _norm_rms("error.orientation")),
-    ("leg length error, RMS", "mm", 1e3, _norm_rms("error.leg_length")),
+_MEASURES: tuple[tuple[str, Quantity, Callable[[Record], float]], ...] = (
+    ("position error, RMS", LENGTH, _norm_rms("error.position")),
+    ("position error, peak", LENGTH, lambda r: float(np.linalg.norm(r["error.position"], axis=1).max())),
+    ("orientation error, RMS", ANGLE, _norm_rms("error.orientation")),
+    ("leg length error, RMS", LENGTH, _norm_rms("error.leg_length")),
     (
         "feedback's share of the force, RMS",
-        "N",
-        1.0,
+        FORCE,
         lambda r: float(np.sqrt(((r["controller.force"] - r["controller.feedforward"]) ** 2).sum(axis=1).mean())),
     ),
 )

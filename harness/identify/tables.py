@@ -1,67 +1,108 @@
 """An estimate as tables."""
 
+import math
+from dataclasses import replace
+
 from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
 from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.names import unit_of
-from gough_stewart.harness.output.tables import Named, Sheet
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
+from gough_stewart.harness.report.quantities import NUMBER, SHARE, Quantity, of_unit
+
+_TWO, _SHARE = replace(NUMBER, digits=2), replace(SHARE, digits=2)
+# Residuals of a length are micrometres.
+_MICROMETRE = Quantity("m", "µm", 1e6)
 
 
-def sheets_of(estimate: Estimate) -> list[Sheet]:
+def estimate_tables(estimate: Estimate) -> list[Table]:
     """Parameters with their intervals; identifiability; residuals; whether the model fits."""
-    sheets = [_parameters(estimate), _identifiability(estimate), _residuals(estimate)]
+    tables = [_parameters(estimate), _identifiability(estimate), _residuals(estimate)]
     if estimate.diagnosis is not None and estimate.diagnosis.test is not None:
-        sheets.append(_tests(estimate.diagnosis.test))
+        tables.append(_tests(estimate.diagnosis.test))
         if estimate.diagnosis.findings:
-            sheets.append(_findings(estimate.diagnosis))
-    return sheets
+            tables.append(_findings(estimate.diagnosis))
+    return tables
 
 
-def _parameters(estimate: Estimate) -> Sheet:
-    sheet = Sheet("Parameters, with 95 % intervals", ("", "before", "estimate", "±", "± %"))
+def quantity_of(name: str, digits: int = 6) -> Quantity:
+    """How a parameter is written."""
+    unit = unit_of(name)
+    return replace(of_unit(unit) if unit else NUMBER, digits=digits)
+
+
+def residual_quantity(estimate: Estimate) -> Quantity:
+    """How its residuals are written."""
+    unit = estimate.residuals.unit
+    return _MICROMETRE if unit == "m" else of_unit(unit)
+
+
+def _parameters(estimate: Estimate) -> Table:
+    rows: list[tuple[Cell, ...]] = []
     half = estimate.values - estimate.interval[:, 0]
     for k, name in enumerate(estimate.names):
-        value, row = estimate.values[k], (Named(name, unit_of(name)), f"{estimate.nominal[k]:.5g}")
+        value, spread = float(estimate.values[k]), float(half[k])
+        first: list[Cell] = [name, Value(float(estimate.nominal[k]), quantity_of(name, 5))]
+        found = Value(value, quantity_of(name))
         if name in estimate.not_excited:
-            sheet.add(*row, "not excited", "–", "–")
+            rows.append((*first, "not excited", None, None))
         elif name in estimate.at_bound:
-            sheet.add(*row, f"{value:.6g}", "at its bound", "–")
+            rows.append((*first, found, "at its bound", None))
         else:
-            share = f"{100 * half[k] / abs(value):.2g}" if value else "–"
-            sheet.add(*row, f"{value:.6g}", f"{half[k]:.2g}", share)
-    return sheet
+            share = spread / abs(value) if value else None
+            rows.append((*first, found, Value(spread, quantity_of(name, 2)), share))
+    columns = (
+        Column(""),
+        Column("before"),
+        Column("estimate"),
+        Column("±", None, "half of the 95 % confidence interval"),
+        Column("± ", _SHARE, "the same as a share of the value"),
+    )
+    return Table("Parameters, with 95 % intervals", columns, tuple(rows))
 
 
-def _identifiability(estimate: Estimate) -> Sheet:
-    title = f"Identifiability; condition number {estimate.condition_number:.3g}"
-    sheet = Sheet(title, ("combination, relative to scale", "± %"))
-    for k, sigma in enumerate(estimate.singular_values):
-        sheet.add(estimate.combination(k), f"{100 / sigma:.2g}" if k < estimate.rank else "unobservable")
-    return sheet
+def _identifiability(estimate: Estimate) -> Table:
+    columns = (
+        Column("combination, relative to scale"),
+        Column("±", _SHARE, "half of the 95 % confidence interval"),
+    )
+    rows = tuple(
+        (estimate.combination(k), float(1 / sigma) if k < estimate.rank else "unobservable")
+        for k, sigma in enumerate(estimate.singular_values)
+    )
+    return Table(f"Identifiability; condition number {estimate.condition_number:.3g}", columns, rows)
 
 
-def _residuals(estimate: Estimate) -> Sheet:
-    found = estimate.residuals
-    heads = (f"residual [{found.unit}]", "fitted", "validation", "of signal, %", "p of whiteness")
-    sheet = Sheet(f"Residuals of the {found.quantity}", heads)
+def _residuals(estimate: Estimate) -> Table:
+    found, quantity = estimate.residuals, residual_quantity(estimate)
+    columns = (
+        Column("residual"),
+        Column("fitted", quantity, "RMS over the rows of the fit"),
+        Column("validation", quantity, "RMS over rows that were left out of the fit"),
+        Column("of signal", replace(SHARE, digits=3), "RMS of the residual over that of the signal"),
+        Column("p of whiteness", _TWO, "small if residuals follow each other, which noise does not"),
+    )
+    rows = []
     for k, rms in enumerate(found.rms):
-        aside = "–" if found.validation_rms is None else f"{found.validation_rms[k]:.4g}"
-        share = f"{100 * rms / found.signal_rms[k]:.3g}" if found.signal_rms[k] > 0 else "–"
-        white = "–" if found.whiteness is None else f"{found.whiteness[k]:.2g}"
-        sheet.add(f"{found.quantity} {k + 1}", f"{rms:.4g}", aside, share, white)
-    return sheet
+        aside = None if found.validation_rms is None else float(found.validation_rms[k])
+        share = float(rms / found.signal_rms[k]) if found.signal_rms[k] > 0 else None
+        white = None if found.whiteness is None else float(found.whiteness[k])
+        rows.append((f"{found.quantity} {k + 1}", float(rms), aside, share, white))
+    return Table(f"Residuals of the {found.quantity}", columns, tuple(rows))
 
 
-def _tests(test: LackOfFit) -> Sheet:
-    sheet = Sheet(f"What the residuals contain; all tests p = {test.combined:.2g}", ("tested", "p"))
-    for name, p in test.p_values.items():
-        sheet.add(name, f"{p:.2g}")
-    return sheet
+def _tests(test: LackOfFit) -> Table:
+    title = f"What the residuals contain; all tests p = {test.combined:.2g}"
+    return Table(title, (Column("tested"), Column("p", _TWO)), tuple((name, p) for name, p in test.p_values.items()))
 
 
-def _findings(diagnosis: Diagnosis) -> Sheet:
+def _findings(diagnosis: Diagnosis) -> Table:
     others = ": the first is most likely, the others are not separated from it" if len(diagnosis.findings) > 1 else ""
-    sheet = Sheet(f"Diagnosis{others}", ("", "misfit explained"))
-    for finding in diagnosis.findings:
-        sheet.add(finding.text, f"{100 * finding.improvement:.0f} %")
-    return sheet
+    columns = (Column(""), Column("misfit explained", _SHARE))
+    rows = tuple((finding.text, _rounded(finding.improvement)) for finding in diagnosis.findings)
+    return Table(f"Diagnosis{others}", columns, rows)
+
+
+def _rounded(share: float) -> float:
+    """To whole percent: what a hypothesis explains is not known better."""
+    return round(share, 2) if math.isfinite(share) else share

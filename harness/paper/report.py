@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.output.tables import Named, Sheet
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.paper.agreement import Row
 from gough_stewart.harness.paper.open_loop import Trajectory
 from gough_stewart.harness.paper.readings import Reading
-from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Table, Verdict
-from gough_stewart.harness.report.quantities import ANGLE, POSITION, Quantity
-from gough_stewart.harness.report.sheets import table_of
+from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Table, Value, Verdict
+from gough_stewart.harness.report.quantities import ANGLE, ANGULAR_VELOCITY, NUMBER, POSITION, VELOCITY, Quantity
 from gough_stewart.harness.report.words import sentence
 from gough_stewart.harness.results.record import Record, platform_of
 from gough_stewart.harness.results.run_charts import run_charts, scenes, shown
@@ -116,18 +114,36 @@ def to_markdown(report: dict[str, Any]) -> bytes:
         ", ".join(f"{name} {number}" for name, number in report["versions"].items()),
         "## Files",
         "`open_loop.csv` has `time` and every output and local of the interface; `figure-4.png` to `figure-7.png` "
-        "show the same numbers in the layout of the paper's figures; `report.json` has this page as data. The `.fmu` "
-        "files are the plant for other simulators, built for this machine with the platform of this case.",
+        "show the same numbers in the layout of the paper's figures; `comparison.json` has the numbers of this page. "
+        "The `.fmu` files are the plant for other simulators, built for this machine with the platform of this case.",
     ]
     return ("\n\n".join(parts) + "\n").encode()
 
 
-def agreement_sheet(report: dict[str, Any]) -> Sheet:
-    """The comparisons, for the terminal and for a page."""
-    sheet = Sheet("Agreement of the formulations", ("comparison", "measured", "bound", ""))
-    for r in report["agreement"]:
-        sheet.add(Named(r["what"], r["unit"]), f"{r['measured']:.1e}", f"{r['bound']:.0e}", _verdict(r["holds"]))
-    return sheet
+def _agreement_table(report: dict[str, Any]) -> Table:
+    """The comparisons with their bounds."""
+    two = replace(NUMBER, digits=2)
+    columns = (Column("comparison"), Column("measured", two), Column("bound", two), Column("unit"), Column(""))
+    rows = tuple((r["what"], r["measured"], r["bound"], r["unit"], _verdict(r["holds"])) for r in report["agreement"])
+    return Table("Agreement of the formulations", columns, rows)
+
+
+def _motion_table(case: dict[str, Any], result: dict[str, Any]) -> Table:
+    """The state at the start and at the end, component by component."""
+    rows = tuple(
+        (component, Value(start, quantity), Value(end, quantity))
+        for name, (components, quantity) in _STATE.items()
+        for component, start, end in zip(components, case["start"][name], result["end"][name], strict=True)
+    )
+    heads = (Column(""), Column("start"), Column(f"after {case['duration']:.4g} s"))
+    return Table(_capital(case["title"]), heads, rows, group_ends=(2, 5, 8))
+
+
+def _drift_table(drift: dict[str, Any]) -> Table:
+    two = replace(NUMBER, digits=2)
+    columns = (Column("run"), Column("closure gap [m]", two), Column("slip [m/s, rad/s]", two))
+    rows = tuple((label, each["closure_gap_end"], each["slip_end"]) for label, each in drift.items())
+    return Table("Drift of Kane's DAE without and with Baumgarte", columns, rows)
 
 
 def report_of_case(content: dict[str, Any], record: Record | None = None) -> Report:
@@ -136,14 +152,7 @@ def report_of_case(content: dict[str, Any], record: Record | None = None) -> Rep
     With a `record` of the case also its signals over time and the platform in motion.
     """
     case, result = content["case"], content["result"]
-    motion = Sheet(_capital(case["title"]), ("", "start", f"after {case['duration']:.4g} s"))
-    for name, unit in _STATE_UNITS.items():
-        ends = (_numbers(part[name], 5) for part in (case["start"], result["end"]))
-        motion.add(Named(name, unit), *ends)
-    drift = Sheet("Drift of Kane's DAE without and with Baumgarte", ("run", "closure gap m", "slip m/s, rad/s"))
-    for label, d in content["drift"].items():
-        drift.add(label, f"{d['closure_gap_end']:.1e}", f"{d['slip_end']:.1e}")
-    tables = [table_of(motion), table_of(agreement_sheet(content)), table_of(drift)]
+    tables = [_motion_table(case, result), _agreement_table(content), _drift_table(content["drift"])]
     if content["readings"]:
         tables.append(_readings_table(content["readings"]))
     sections = [Section("The case", tuple(tables))]
@@ -238,6 +247,13 @@ def _readings_table(readings: list[dict[str, Any]]) -> Table:
 
 # Characters that CommonMark treats as markup within a line.
 _MARKED = re.compile(r"[\\`*_{}\[\]<>#|~&$]")
+_XYZ = ("x", "y", "z")
+_STATE: dict[str, tuple[tuple[str, ...], Quantity]] = {
+    "position": (_XYZ, POSITION),
+    "orientation": (("roll", "pitch", "yaw"), ANGLE),
+    "velocity": (tuple(f"velocity, {axis}" for axis in _XYZ), VELOCITY),
+    "angular_velocity": (tuple(f"angular velocity, {axis}" for axis in _XYZ), ANGULAR_VELOCITY),
+}
 _STATE_UNITS = {"position": "m", "orientation": "rad", "velocity": "m/s", "angular_velocity": "rad/s"}
 
 

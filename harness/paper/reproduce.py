@@ -48,7 +48,7 @@ FILES = (
     "figure-7.png",
     "drift.png",
     "report.md",
-    "report.json",
+    "comparison.json",
     "gough_stewart_fmi2.fmu",
     "gough_stewart_fmi3.fmu",
 )
@@ -177,7 +177,7 @@ def reproduce(
             "open_loop.csv": csv_of(kernel),
             **pictures,
             "report.md": report.to_markdown(content),
-            "report.json": report.to_json(content),
+            "comparison.json": report.to_json(content),
             **fmus,
         }
         record = record_of_case(case, kernel)

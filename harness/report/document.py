@@ -257,14 +257,24 @@ class Table:
             if len(row) != len(self.columns):
                 raise ValueError(f"row {k + 1} of '{self.title}' has {len(row)} cells; expected {len(self.columns)}")
 
-    def texts(self, row: int) -> tuple[str, ...]:
-        """The cells of a row as shown; units only where the column does not state it."""
-        return tuple(_cell_text(cell, col.quantity) for cell, col in zip(self.rows[row], self.columns, strict=True))
+    def shared_unit(self, row: int) -> str:
+        """The unit of a row whose values have the same one, which is then said once; "" for another row.
+
+        Where columns state units too, this holds for all rows or none, so that they look alike.
+        """
+        units = [{cell.quantity.unit for cell in each[1:] if isinstance(cell, Value)} for each in self.rows]
+        is_mixed = any(column.quantity for column in self.columns[1:]) and any(len(each) > 1 for each in units)
+        return next(iter(units[row])) if len(units[row]) == 1 and not is_mixed else ""
+
+    def texts(self, row: int, *, units: bool = True) -> tuple[str, ...]:
+        """The cells of a row as shown; units only where the column does not state it, or never."""
+        cells = zip(self.rows[row], self.columns, strict=True)
+        return tuple(_cell_text(cell, column.quantity, units=units) for cell, column in cells)
 
 
-def _cell_text(cell: Cell, quantity: Quantity | None) -> str:
+def _cell_text(cell: Cell, quantity: Quantity | None, *, units: bool) -> str:
     if isinstance(cell, Value):
-        return cell.text
+        return cell.quantity.text(cell.value, unit=units)
     if isinstance(cell, bool):
         return "yes" if cell else "no"
     if isinstance(cell, str):

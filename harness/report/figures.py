@@ -24,7 +24,6 @@ from gough_stewart.model.vectors import FloatArray
 
 KINDS = ("pdf", "png", "svg")
 _WIDTH, _ROW, _HEAD = 8.0, 1.9, 0.55  # [inch]
-_COLUMNS = 3
 # Points of a line in a panel of about 400 pixels.
 _POINTS = 800
 # Larger values overflow matplotlib's arithmetic.
@@ -69,7 +68,7 @@ def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = No
     for title, charts in groupby(drawn, key=lambda chart: chart.group or chart.title):
         name = _name(title, taken)
         panels = _rows(list(charts))
-        height = _HEAD + sum(_ROW * (1.5 if row[0].is_wide else -(-len(row) // _COLUMNS)) for row in panels)
+        height = _HEAD + sum(_ROW * _height(row) for row in panels)
         # what did not go well should look like it
         is_well = report.verdict.status in ("good", "told")
         head = report.title if is_well else f"{report.title} — {report.verdict.text}"
@@ -130,17 +129,28 @@ def _extent(series: Sequence[Series], component: str | None = None) -> float:
 
 def _draw(title: str, rows: Sequence[Sequence[_Panel]], figure: Figure) -> None:
     entitle(figure, title)
-    heights = [1.5 if row[0].is_wide else float(-(-len(row) // _COLUMNS)) for row in rows]
-    parts: Any = figure.subfigures(len(rows), 1, height_ratios=heights, squeeze=False)[:, 0]
-    for part, row in zip(parts, rows, strict=True):
-        columns = min(len(row), _COLUMNS)
+    parts: Any = figure.subfigures(len(rows), 1, height_ratios=[_height(row) for row in rows], squeeze=False)[:, 0]
+    for k, (part, row) in enumerate(zip(parts, rows, strict=True)):
+        columns = _columns(row)
         grid = part.subplots(-(-len(row) // columns), columns, squeeze=False)
         for axes in grid.flat[len(row) :]:
             axes.set_axis_off()
         if row[0].is_wide:
             _draw_wide(grid.flat[0], row[0])
         else:
-            _draw_small(part, list(grid.flat[: len(row)]), row, has_legend=part is parts[-1])
+            # panels with the same names below have the same legend
+            has_legend = not any(row[0].names == later[0].names for later in rows[k + 1 :])
+            _draw_small(part, list(grid.flat[: len(row)]), row, has_legend=has_legend)
+
+
+def _columns(row: Sequence[_Panel]) -> int:
+    """Panels side by side: one that is wide, at most three small ones, two of four."""
+    return 2 if len(row) == 4 else min(len(row), 3)
+
+
+def _height(row: Sequence[_Panel]) -> float:
+    """The height of a row, in panels."""
+    return 1.5 if row[0].is_wide else float(-(-len(row) // _columns(row)))
 
 
 def _draw_wide(axes: Axes, panel: _Panel) -> None:
@@ -163,6 +173,7 @@ def _draw_small(part: Any, grid: Sequence[Axes], row: Sequence[_Panel], *, has_l
     """Draw a grid of panels; what is the same for all is said once: an axis, the legend, the note."""
     is_one_x = len({panel.chart.x.title for panel in row}) == 1
     is_one_y = not is_one_x and len({panel.chart.y_title for panel in row}) == 1
+    columns = _columns(row)
     for k, (panel, axes) in enumerate(zip(row, grid, strict=True)):
         _draw_panel(axes, panel)
         axes.tick_params(labelsize=7.5)
@@ -170,9 +181,9 @@ def _draw_small(part: Any, grid: Sequence[Axes], row: Sequence[_Panel], *, has_l
             axes.xaxis.set_major_locator(MaxNLocator(4))
         if not is_one_y:
             axes.set_title(panel.title, fontsize=8.5, parse_math=False)
-        elif k % _COLUMNS == 0:
+        elif k % columns == 0:
             axes.set_ylabel(panel.chart.y_title, fontsize=8.5)
-        if not is_one_x or k + _COLUMNS >= len(row):
+        if not is_one_x or k + columns >= len(row):
             axes.set_xlabel(panel.chart.x.title, fontsize=8.5)
     handles, labels = grid[0].get_legend_handles_labels()
     if has_legend and len(labels) > 1:
@@ -197,6 +208,9 @@ def _draw_panel(axes: Axes, panel: _Panel) -> None:
             axes.set_xscale("log")
         if chart.y is not None and chart.y.scale == "log":
             axes.set_yscale("log")
+        else:
+            # 0.9995 is plainer than -0.0005 with +1 above
+            axes.ticklabel_format(axis="y", useOffset=False)
     _marks(axes, panel)
 
 

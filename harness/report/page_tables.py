@@ -2,7 +2,7 @@
 
 import html
 
-from gough_stewart.harness.output.tables import is_number
+from gough_stewart.harness.report.columns import is_number
 from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.glossary import explained, with_terms
 

@@ -47,7 +47,8 @@ class Quantity:
             return NOTHING
         if math.isinf(value):
             return "∞" if value > 0 else "-∞"
-        shown, least = self.factor * value, LEAST_SPANS.get(self.unit, 0.0)
+        # no negative zero
+        shown, least = self.factor * value + 0.0, LEAST_SPANS.get(self.unit, 0.0)
         if shown and abs(shown) < least:
             return f"< {least:g}"
         text = f"{shown:.{self.digits}g}"

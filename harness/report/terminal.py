@@ -3,7 +3,8 @@
 Charts, scenes and details are for the page. Without a terminal there are no colours, and the verdict is one line.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from io import StringIO
 from typing import TYPE_CHECKING
 
@@ -12,8 +13,8 @@ from rich.padding import Padding
 from rich.table import Table as Rows
 from rich.text import Text
 
-from gough_stewart.harness.output.tables import is_number as is_number_like
-from gough_stewart.harness.output.tables import stacked_columns
+from gough_stewart.harness.report.columns import is_number as is_number_like
+from gough_stewart.harness.report.columns import stacked_columns
 from gough_stewart.harness.report.document import (
     Cell,
     Note,
@@ -43,10 +44,26 @@ def show(report: Report, console: Console) -> None:
 
 def text_of(report: Report, width: int = 100) -> str:
     """The same as text without colours."""
-    console = Console(width=width, color_system=None, file=StringIO(), markup=False, emoji=False, highlight=False)
-    with console.capture() as shown:
+    with _console(width) as (console, lines):
         show(report, console)
-    return "\n".join(line.rstrip() for line in shown.get().splitlines())
+    return "\n".join(lines)
+
+
+def tables_text(tables: Sequence[Table], width: int = 100) -> str:
+    """Tables as text without colours."""
+    with _console(width) as (console, lines):
+        console.print(Group(*map(TerminalTable, tables)))
+    return "\n".join(lines)
+
+
+@contextmanager
+def _console(width: int) -> Iterator[tuple[Console, list[str]]]:
+    """A console without colours, and the lines that were printed to it meanwhile."""
+    console = Console(width=width, color_system=None, file=StringIO(), markup=False, emoji=False, highlight=False)
+    lines: list[str] = []
+    with console.capture() as shown:
+        yield console, lines
+    lines += [line.rstrip() for line in shown.get().splitlines()]
 
 
 def _parts(report: Report) -> Iterable["RenderableType"]:
@@ -144,16 +161,9 @@ class TerminalTable:
 
 def row_texts(table: Table, index: int) -> list[Text]:
     """The cells of a row; a unit that all its numbers share stands beside its first cell."""
-    row, texts = table.rows[index], [Text(each) for each in table.texts(index)]
-    values = [cell for cell in row[1:] if isinstance(cell, Value)]
-    units = {each.quantity.unit for each in values}
-    if values and len(units) == 1 and (unit := units.pop()):
-        texts = [
-            Text(cell.quantity.text(cell.value, unit=False)) if k and isinstance(cell, Value) else text
-            for k, (cell, text) in enumerate(zip(row, texts, strict=True))
-        ]
-        texts[0] = Text.assemble(texts[0], " ", (unit, "dim"))
-    return texts
+    unit = table.shared_unit(index)
+    texts = [Text(each) for each in table.texts(index, units=not unit)]
+    return [Text.assemble(texts[0], " ", (unit, "dim")), *texts[1:]] if unit else texts
 
 
 def _is_number(cells: Sequence[Cell]) -> bool:

@@ -72,6 +72,11 @@ def sentence(parts: Iterable[str | None]) -> str:
     return text[:1].upper() + text[1:]
 
 
+def number_text(value: float | None, digits: int = 4) -> str:
+    """A number with at most this many significant digits."""
+    return Quantity("", "", digits=digits).number(value)
+
+
 def plain_text(value: Any) -> str:
     """A value of a file as text, numbers with six digits."""
     if isinstance(value, np.ndarray):

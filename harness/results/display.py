@@ -3,33 +3,36 @@
 import base64
 import html
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from gough_stewart.harness.output.tables import Named, Sheet, number_text, to_html
-from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.document import Cell, Column, Report, Table, Value
+from gough_stewart.harness.report.notebook import table_to_html
+from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
-from gough_stewart.harness.results.tables import metrics_sheets
+from gough_stewart.harness.results.tables import metrics_tables
 
-_ERRORS = {"position": ("mm", 1e3), "orientation": ("deg", 180 / np.pi), "leg_length": ("mm", 1e3)}
+_ERRORS = {"position": LENGTH, "orientation": ANGLE, "leg_length": LENGTH}
 _MEASURED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force")
 
 
 def record_text(record: RecordData) -> str:
     """Title, run settings, size and peak errors, one per line."""
-    sheet = _circumstances(record)
-    width = max(len(_head(row[0])) for row in sheet.rows)
-    return "\n".join([sheet.title, *(f"  {_head(row[0]):{width}}  {row[1]}" for row in sheet.rows)])
+    table = _circumstances(record)
+    rows = [table.texts(k) for k in range(len(table.rows))]
+    width = max(len(name) for name, _ in rows)
+    return "\n".join([table.title, *(f"  {name:{width}}  {text}" for name, text in rows)])
 
 
 def record_html(record: RecordData, report_of: Callable[[], Report]) -> str:
     """The same as a table, with metrics and the pose figure if the record has the columns they need."""
-    parts = [to_html(_circumstances(record))]
+    parts = [table_to_html(_circumstances(record))]
     is_whole = {"outcome", "platform"} <= record.metadata.keys() and all(name in record for name in _MEASURED)
     if is_whole and record.table.height:
-        parts += [to_html(sheet) for sheet in metrics_sheets(metrics(record))]
+        parts += map(table_to_html, metrics_tables(metrics(record)))
         picture = base64.b64encode(_pose(report_of())).decode()
         title = html.escape(str(record.metadata.get("title", "untitled")), quote=True)
         parts.append(f'<img alt="pose over time: {title}" width="800" src="data:image/png;base64,{picture}">')
@@ -43,26 +46,24 @@ def _pose(report: Report) -> bytes:
     return figures(report, ("png",), "pose").get("pose.png", b"")
 
 
-def _circumstances(record: RecordData) -> Sheet:
+def _circumstances(record: RecordData) -> Table:
     """How the run was made, and its peak errors."""
-    known, sheet = record.metadata, Sheet(f"Record: {record.metadata.get('title', 'untitled')}", ("", ""))
+    known = record.metadata
+    found: list[tuple[Cell, ...]] = []
     if "platform" in known:
-        sheet.add("platform", str(known["platform"].get("name", "unnamed")))
+        found.append(("platform", str(known["platform"].get("name", "unnamed"))))
     if known.get("plant"):
-        sheet.add("plant", str(known["plant"]))
+        found.append(("plant", str(known["plant"])))
     if "outcome" in known:
-        sheet.add("outcome", outcome_text(outcome_of(record) if "platform" in known else known["outcome"]))
+        found.append(("outcome", outcome_text(outcome_of(record) if "platform" in known else known["outcome"])))
     rows, columns = record.table.shape
-    sheet.add("table", f"{rows} rows, {columns} columns")
+    found.append(("table", f"{rows} rows, {columns} columns"))
     if rows and "time" in record:
-        sheet.add(Named("time", "s"), f"{number_text(record['time'][0], 6)} to {number_text(record['time'][-1], 6)}")
-    for name, (unit, factor) in _ERRORS.items():
+        first, last = (replace(TIME, digits=6).text(float(record["time"][k]), unit=k < 0) for k in (0, -1))
+        found.append(("time", f"{first} to {last}"))
+    for name, quantity in _ERRORS.items():
         error = np.abs(record[f"error.{name}"]) if f"error.{name}" in record else np.zeros(0)
         finite = error[np.isfinite(error)]
         if finite.size:
-            sheet.add(Named(f"peak error of {name.replace('_', ' ')}", unit), number_text(factor * finite.max()))
-    return sheet
-
-
-def _head(cell: str | Named) -> str:
-    return f"{cell.what} [{cell.unit}]" if isinstance(cell, Named) else cell
+            found.append((f"peak error of {name.replace('_', ' ')}", Value(float(finite.max()), quantity)))
+    return Table(f"Record: {known.get('title', 'untitled')}", (Column(""), Column("")), tuple(found))

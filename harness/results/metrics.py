@@ -23,21 +23,25 @@ class Metrics(dict[str, Any]):
 
     def __str__(self) -> str:
         """The tables that `gough-stewart run` prints."""
-        from gough_stewart.harness.output.tables import text_of
-        from gough_stewart.harness.results.tables import metrics_table
+        from gough_stewart.harness.report.terminal import tables_text
+        from gough_stewart.harness.results.tables import metrics_tables
 
-        return text_of(metrics_table(self))
+        return "\n".join([*self._remarks(), tables_text(metrics_tables(self))])
 
     def _repr_html_(self) -> str:
         from html import escape
 
-        from gough_stewart.harness.output.tables import to_html
-        from gough_stewart.harness.results.outcome import is_sound, outcome_text
-        from gough_stewart.harness.results.tables import metrics_sheets
+        from gough_stewart.harness.report.notebook import table_to_html
+        from gough_stewart.harness.results.tables import metrics_tables
 
-        outcome = self["outcome"]
-        remark = "" if is_sound(outcome) else f"<p><strong>{escape(outcome_text(outcome))}</strong></p>"
-        return "".join([remark, *map(to_html, metrics_sheets(self))])
+        remarks = (f"<p><strong>{escape(each)}</strong></p>" for each in self._remarks())
+        return "".join([*remarks, *map(table_to_html, metrics_tables(self))])
+
+    def _remarks(self) -> list[str]:
+        """The outcome, if the run did not complete, or its loop oscillates or grows."""
+        from gough_stewart.harness.results.outcome import is_sound, outcome_text
+
+        return [] if is_sound(self["outcome"]) else [outcome_text(self["outcome"])]
 
 
 def metrics(record: RecordData) -> Metrics:

@@ -28,11 +28,11 @@ _KINDS: tuple[tuple[str, str, str], ...] = (
     ("ensemble.json", "an ensemble", "`gough-stewart view` it, or worst/member-…"),
     ("tuning.json", "a tuning", "run tuned.toml, then view that run"),
     ("workspace.csv", "a workspace", "open workspace.html in a browser"),
-    ("estimate.json", "an identification", "open identify.html in a browser"),
+    ("estimate.json", "an identification", "`gough-stewart view` it"),
     ("excitation.toml", "an excitation", "run excitation.toml, then view that run"),
     ("check.json", "a motion check", "`gough-stewart view` it"),
     ("margins.json", "margins", "`gough-stewart view` it"),
-    ("frf.csv", "a frequency response", "look at frf.png"),
+    ("frf.csv", "a frequency response", "`gough-stewart view` it, or its record"),
     ("open_loop.csv", "the paper's case", "open report.html, which `reproduce --report` writes, in a browser"),
     ("report.html", "a page", "open report.html in a browser"),
 )

@@ -3,32 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rich.console import Group, RenderableType
-from rich.text import Text
-
-from gough_stewart.harness.output.tables import Sheet, to_terminal
 from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
-from gough_stewart.harness.report.sheets import sheet_of
 from gough_stewart.harness.results.metric_folds import metric_of
-from gough_stewart.harness.results.outcome import is_sound, outcome_text
 
 _LEGS = tuple(Column(f"{i}") for i in range(1, 7))
 _POSE = (("position", ("x", "y", "z"), LENGTH), ("orientation", ("roll", "pitch", "yaw"), ANGLE))
-
-
-def metrics_table(metrics: dict[str, Any]) -> RenderableType:
-    """Tables for the terminal, after the outcome if the run did not complete, or its loop oscillates or grows."""
-    parts: list[RenderableType] = []
-    outcome = metrics["outcome"]
-    if not is_sound(outcome):
-        parts.append(Text(outcome_text(outcome), "bold red"))
-    return Group(*parts, *map(to_terminal, metrics_sheets(metrics)))
-
-
-def metrics_sheets(metrics: Mapping[str, Any]) -> list[Sheet]:
-    """The tables for notebooks and older pages."""
-    return [sheet_of(table) for table in metrics_tables(metrics)]
 
 
 def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:

@@ -1,32 +1,39 @@
 """What a search found, as a report: the values, how much better they are, and whether that holds on fresh members."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
-from gough_stewart.harness.output.tables import Sheet
 from gough_stewart.harness.report.document import (
     Axis,
+    Cell,
     Chart,
+    Column,
     Note,
     Number,
     Report,
     Section,
     Series,
     Status,
+    Table,
+    Value,
     Verdict,
     settings_of,
 )
+from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, of_unit
-from gough_stewart.harness.report.sheets import table_of
 from gough_stewart.harness.report.words import about, counted, listed, percent, sentence
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.search import Search
+from gough_stewart.model.vectors import FloatArray
 
 # A value so near to a bound, of the range, may be better beyond it.
 _NEAR = 0.01
+_KEPT: Role = "actual"
+_BROKEN: Role = "bad"
 
 
 class Found(Protocol):
@@ -54,11 +61,11 @@ class Found(Protocol):
     def fresh_members(self) -> int: ...
 
 
-def tuning_report(found: Found, tables: list[Sheet], statement: str, *, charts: bool = True) -> Report:
+def tuning_report(found: Found, statement: str, *, charts: bool = True) -> Report:
     """The report of a search."""
-    sections = [Section("Values", tuple(map(table_of, tables)))]
+    sections = [Section("Values", (_values(found), _worth(found)))]
     if charts:
-        sections.append(Section("Search", (_chart(found),)))
+        sections.append(Section("Search", (_chart(found), *_landscape(found))))
     return Report(
         found.title,
         tuning_verdict(found),
@@ -109,7 +116,10 @@ def tuning_verdict(found: Found) -> Verdict:
         f"not held on fresh members: {listed(broken)}" if broken else None,
         "interrupted, and not tried on fresh members" if found.search.is_interrupted else None,
     ]
-    is_better = before is None or after.value < before.value
+    was_allowed = before is not None and goal.violation(before) == 0
+    if before is not None and not was_allowed:
+        parts.insert(1, "the values before break a condition")
+    is_better = not was_allowed or before is None or after.value < before.value
     status: Status = "bad" if broken or not is_better else "marginal" if near or found.search.is_interrupted else "good"
     return Verdict(sentence(parts), status, _numbers(found)[:2])
 
@@ -128,6 +138,69 @@ def _numbers(found: Found) -> tuple[Number, ...]:
         quantity = of_unit(axis.unit) if axis.unit else NUMBER
         made.append(Number(f"values.{axis.key}", axis.key, float(found.values[axis.key]), quantity, limit=None))
     return tuple(made)
+
+
+def _values(found: Found) -> Table:
+    """What was tuned, before and after, and its range."""
+    rows: list[tuple[Cell, ...]] = []
+    for axis in found.search.axes:
+        quantity = replace(of_unit(axis.unit) if axis.unit else NUMBER, digits=5)
+        ends = (axis.now, found.values[axis.key], axis.low, axis.high)
+        rows.append((axis.key, *(Value(None if each is None else float(each), quantity) for each in ends)))
+    return Table("Tuned", tuple(map(Column, ("", "was", "is", "from", "to"))), tuple(rows))
+
+
+def _worth(found: Found) -> Table:
+    """The metric and the conditions before and after, also on fresh members."""
+    heads, over = ["was", "is"], found.members > 1
+    evaluations = [found.before, found.seen]
+    if found.fresh is not None:
+        heads += ["was, fresh", "is, fresh"]
+        evaluations += [found.before_fresh, found.fresh]
+    goal = found.search.goal
+    names = [goal.metric, *(condition.metric for condition in goal.conditions)]
+    rows: list[tuple[Cell, ...]] = []
+    for k, metric in enumerate(map(metric_of, names)):
+        values = (None if each is None else (each.value, *each.conditions)[k] for each in evaluations)
+        rows.append((metric.text, *(Value(each, metric.quantity) for each in values)))
+    failed = "members that failed" if over else "runs that failed"
+    rows.append((failed, *(None if each is None else each.failed for each in evaluations)))
+    of = f", {percent(goal.quantile)} of {found.members} members" if over else ""
+    return Table(f"Worth{of}", tuple(map(Column, ("", *heads))), tuple(rows))
+
+
+def _landscape(found: Found) -> list[Chart]:
+    """The metric of all candidates over each key: of those that meet all conditions, and of the others."""
+    goal, tried = found.search.goal, found.search.tried
+    metric = metric_of(goal.metric)
+    values = np.array([each.value for each in tried])
+    kept = np.isfinite(values) & np.array([goal.violation(each) == 0 for each in tried])
+    seen = np.isfinite(values) & (values <= _most(values[kept]))
+    note = f"{counted(above, 'candidate')} above." if (above := int(np.count_nonzero(~seen))) else ""
+    charts = []
+    for k, axis in enumerate(found.search.axes):
+        series = tuple(
+            Series(name, metric.quantity, np.where(seen & which, values, np.nan), role)
+            for name, which, role in (("meets all conditions", kept, _KEPT), ("breaks a condition", ~kept, _BROKEN))
+            if (seen & which).any()
+        )
+        points = np.array([each.point[k] for each in tried], dtype=float)
+        x = Axis(
+            axis.key, of_unit(axis.unit) if axis.unit else NUMBER, points, scale="log" if axis.is_log else "linear"
+        )
+        y = Axis(metric.text, metric.quantity)
+        if series:
+            title = f"{metric.text} by {axis.key}"
+            charts.append(Chart(title, x, series, "points", y=y, note=note, group="values"))
+    return charts
+
+
+def _most(values: FloatArray) -> float:
+    """An upper end of the axis, so that a few large values do not hide the others."""
+    if not len(values):
+        return np.inf
+    low, middle, high = np.quantile(values, (0, 0.5, 1))
+    return float(min(high, middle + 4 * (middle - low))) if middle > low else float(high)
 
 
 def _chart(found: Found) -> Chart:

@@ -1,4 +1,4 @@
-"""The result of a search: values found, their evaluation, and all of it as tables and a statement."""
+"""The result of a search: values found, their evaluation, and all of it as a report."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,11 +6,10 @@ from typing import Any
 import polars
 
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.output.tables import Named, Sheet, number_text, quantity_text
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.notebook import to_html
 from gough_stewart.harness.report.terminal import text_of
-from gough_stewart.harness.results.metric_folds import shown_metric
+from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.report import tuning_report
 from gough_stewart.harness.tuning.search import Search
@@ -50,7 +49,7 @@ class Tuning:
         Report
             Verdict, the values as numbers, tables, and with `charts` all candidates.
         """
-        return tuning_report(self, tuning_sheets(self), statement(self), charts=charts)
+        return tuning_report(self, statement(self), charts=charts)
 
     def __repr__(self) -> str:
         return "\n".join([f"Tuning: {self.title}", text_of(self.report(charts=False))])
@@ -91,37 +90,10 @@ class Tuning:
         return polars.DataFrame(columns, strict=False)
 
 
-def tuning_sheets(found: Tuning) -> list[Sheet]:
-    """The values, and their evaluation next to that of the original experiment; at most 80 columns wide."""
-    values = Sheet("Tuned", ("", "was", "is", "from", "to"))
-    for axis in found.search.axes:
-        row = [number_text(each, 5) for each in (axis.now, found.values[axis.key], axis.low, axis.high)]
-        values.add(Named(axis.key, axis.unit), *row)
-    heads = ["was", "is"]
-    pairs = [(found.before, found.seen)]
-    if found.fresh is not None:
-        heads += ["was, fresh", "is, fresh"]
-        pairs.append((found.before_fresh, found.fresh))
-    of = f", {100 * found.search.goal.quantile:g} % of {found.members} members" if found.search_is_over_members else ""
-    worth = Sheet(f"Worth{of}", ("", *heads))
-    evaluations = [each for pair in pairs for each in pair]
-    goal = found.search.goal
-    worth.add(_named(goal.metric), *(_cell(goal.metric, each, None) for each in evaluations))
-    for k, condition in enumerate(goal.conditions):
-        worth.add(_named(condition.metric), *(_cell(condition.metric, each, k) for each in evaluations))
-    failed = "members that failed" if found.search_is_over_members else "runs that failed"
-    worth.add(failed, *("–" if each is None else str(each.failed) for each in evaluations))
-    return [values, worth]
-
-
 def statement(found: Tuning) -> str:
     """The value on the members of the search and on fresh members."""
-    shown = shown_metric(found.search.goal.metric)
-
-    def text(each: Evaluation) -> str:
-        return f"{number_text(shown.factor * each.value)} {shown.unit}".rstrip()
-
-    seen = f"{shown.text}: {text(found.seen)}"
+    metric = metric_of(found.search.goal.metric)
+    seen = f"{metric.text}: {metric.quantity.text(found.seen.value)}"
     if found.fresh is None:
         why = "the search was interrupted" if found.is_interrupted else "nothing is random, so other runs are the same"
         return f"{seen} in the search; not evaluated again: {why}."
@@ -134,18 +106,5 @@ def statement(found: Tuning) -> str:
     by = f"the {found.members} members" if found.search_is_over_members else "the one run"
     return (
         f"{seen} on {by} of the search; {100 * found.search.goal.quantile:g} % of {found.fresh_members} fresh members "
-        f"have at most {text(found.fresh)}.{also}"
+        f"have at most {metric.quantity.text(found.fresh.value)}.{also}"
     )
-
-
-def _named(metric: str) -> Named:
-    shown = shown_metric(metric)
-    return Named(shown.text, shown.unit)
-
-
-def _cell(metric: str, found: Evaluation | None, k: int | None) -> str:
-    if found is None:
-        return "–"
-    value = found.value if k is None else found.conditions[k]
-    shown = shown_metric(metric)
-    return quantity_text(shown.factor * value, shown.unit)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.output.tables import quantity_text
 from gough_stewart.harness.report.document import (
     Axis,
     Cell,
@@ -21,7 +20,7 @@ from gough_stewart.harness.report.document import (
     Table,
     Verdict,
 )
-from gough_stewart.harness.report.quantities import LENGTH
+from gough_stewart.harness.report.quantities import LENGTH, Quantity
 from gough_stewart.harness.report.words import at_most, listed, plain_text
 from gough_stewart.harness.results.circumstances import parameters_table, run_table, versions_table
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of, shown_metric
@@ -119,7 +118,7 @@ def _row(path: str, values: Sequence[float | None], marks: bool) -> tuple[Cell, 
     head = f"{shown.text} [{shown.unit}]" if shown.unit else shown.text
     return (
         head,
-        *(f"{_BEST if k in tops else ''}{quantity_text(value, shown.unit)}" for k, value in enumerate(scaled)),
+        *(f"{_BEST if k in tops else ''}{Quantity('', shown.unit).number(value)}" for k, value in enumerate(scaled)),
     )
 
 
@@ -132,7 +131,7 @@ def best(path: str, values: Sequence[float | None]) -> set[int]:
         return set()
     most = max(sign * value for value in known.values())
     unit = shown_metric(path).unit
-    texts = {k: quantity_text(value, unit) for k, value in known.items()}
+    texts = {k: Quantity("", unit).number(value) for k, value in known.items()}
     top = {texts[k] for k, value in known.items() if sign * value == most}
     found = {k for k, text in texts.items() if text in top}
     return found if len(found) < len(known) else set()

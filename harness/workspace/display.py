@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gough_stewart.harness.output.tables import number_text
+from gough_stewart.harness.report.words import number_text
 from gough_stewart.model.parameters import LIMITS, TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH

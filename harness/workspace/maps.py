@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt
 
-from gough_stewart.harness.output.tables import number_text
+from gough_stewart.harness.report.words import number_text
 from gough_stewart.harness.workspace.display import (
     Result,
     Shown,

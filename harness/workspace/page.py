@@ -9,7 +9,7 @@ from matplotlib.colors import to_hex
 from numpy.typing import NDArray
 
 from gough_stewart.harness.output.pages import asset, packed, plotly
-from gough_stewart.harness.output.tables import to_html
+from gough_stewart.harness.report.notebook import table_to_html
 from gough_stewart.harness.report.offline import document
 from gough_stewart.harness.workspace.display import (
     Result,
@@ -24,7 +24,7 @@ from gough_stewart.harness.workspace.display import (
 from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.isosurface import surface_of
 from gough_stewart.harness.workspace.maps import LIMIT_COLOURS, colour_map, limits_behind, norm_of
-from gough_stewart.harness.workspace.tables import sheets_of, size_text
+from gough_stewart.harness.workspace.tables import size_text, workspace_tables
 from gough_stewart.model.workspace import Limit
 from gough_stewart.model.workspace_grid import Workspace, home_of
 
@@ -55,9 +55,8 @@ def workspace_page(workspace: Workspace) -> bytes:
         legend=_legend(workspace),
         hint=hint,
         tables="".join(
-            f'<div tabindex="0" role="group" aria-label="table">{to_html(sheet)}</div>'
-            for sheet in sheets_of(workspace)
-            if sheet.rows
+            f'<div tabindex="0" role="group" aria-label="table">{table_to_html(table)}</div>'
+            for table in workspace_tables(workspace)
         ),
         footer=html.escape(
             f"{platform.source}. Largest payload: a point mass at the platform frame's origin, held at rest. Force "

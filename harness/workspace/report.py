@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from gough_stewart.harness.report.document import Axis, Chart, Note, Number, Part, Report, Section, Series, Verdict
-from gough_stewart.harness.report.quantities import SHARE, Quantity, of_unit
-from gough_stewart.harness.report.sheets import table_of
+from gough_stewart.harness.report.document import Axis, Chart, Note, Number, Report, Section, Series, Verdict
+from gough_stewart.harness.report.quantities import SHARE, of_unit
 from gough_stewart.harness.report.words import counted, listed, percent, sentence
 from gough_stewart.harness.workspace.display import (
     fixed_text,
@@ -15,14 +14,13 @@ from gough_stewart.harness.workspace.display import (
     swept_text,
 )
 from gough_stewart.harness.workspace.explained import notices
-from gough_stewart.harness.workspace.tables import sheets_of, size_text
+from gough_stewart.harness.workspace.tables import quantity_of, size_text, workspace_tables
 from gough_stewart.model.workspace_grid import COORDINATES, Workspace
 
 
 def workspace_report(workspace: Workspace, *, charts: bool = True) -> Report:
     """The report of a sweep."""
-    tables: list[Part] = [table_of(sheet) for sheet in sheets_of(workspace) if sheet.rows]
-    sections = [Section("Workspace", tuple(tables))]
+    sections = [Section("Workspace", tuple(workspace_tables(workspace)))]
     if charts:
         sections.append(Section("Maps", tuple(_maps(workspace))))
     return Report(
@@ -80,7 +78,7 @@ def _numbers(workspace: Workspace) -> tuple[Number, ...]:
     if reached.any():
         for result in results_of(workspace):
             values = np.where(reached, result.values, np.nan)
-            quantity = Quantity("", result.shown.unit, result.shown.factor)
+            quantity = quantity_of(result.shown)
             worst = float(np.nanmax(values) if result.is_best_low else np.nanmin(values))
             made.append(Number(f"worst.{result.name}", f"worst {result.title}", worst, quantity,
                                explanation="over all poses that can be reached"))  # fmt: skip
@@ -98,7 +96,7 @@ def _maps(workspace: Workspace) -> list[Chart]:
     charts = []
     for result in results_of(workspace):
         values = np.where(reached, result.values[level], np.nan)
-        quantity = Quantity("", result.shown.unit, result.shown.factor)
+        quantity = quantity_of(result.shown)
         series = Series(result.title, quantity, values.T)
         charts.append(Chart(f"{result.title}{of_slice}", axes[0], (series,), "heat", y=axes[1], group="maps"))
     return charts

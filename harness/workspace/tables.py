@@ -1,10 +1,13 @@
 """Tables of a workspace: its limits, its results, and every pose as CSV."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars as pl
-from numpy.typing import NDArray
 
-from gough_stewart.harness.output.tables import Named, Sheet, number_text
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
+from gough_stewart.harness.report.quantities import SHARE, Quantity, of_unit
+from gough_stewart.harness.report.words import number_text
 from gough_stewart.harness.workspace.display import (
     Result,
     Shown,
@@ -19,9 +22,16 @@ from gough_stewart.model.workspace import Limit
 from gough_stewart.model.workspace_grid import COORDINATES, Workspace
 
 
-def sheets_of(workspace: Workspace) -> list[Sheet]:
-    """Tables of swept coordinates, limits of the platform, limits exceeded, and least and largest results."""
-    return [_swept(workspace), _limits(workspace), _extremes(workspace)]
+def workspace_tables(workspace: Workspace) -> list[Table]:
+    """Swept coordinates, limits of the platform and what they keep it from, and where results are best and worst."""
+    tables = [_swept(workspace), _limits(workspace), _extremes(workspace)]
+    return [table for table in tables if table.rows]
+
+
+def quantity_of(shown: Shown, digits: int = 4) -> Quantity:
+    """How a coordinate or a result is written."""
+    unit = "deg" if shown.unit == "°" else shown.unit
+    return Quantity(of_unit(unit).si, unit, shown.factor, digits=digits)
 
 
 def workspace_csv(workspace: Workspace) -> bytes:
@@ -42,40 +52,46 @@ def workspace_csv(workspace: Workspace) -> bytes:
     return pl.DataFrame(columns).write_csv().encode()
 
 
-def _swept(workspace: Workspace) -> Sheet:
-    sheet = Sheet("Swept", ("", "from", "to", "points", "reached from", "to", "range"))
+def _swept(workspace: Workspace) -> Table:
+    rows: list[tuple[Cell, ...]] = []
     reached = workspace.qualities.reachable
     for axis, (name, values) in enumerate(workspace.swept.items()):
-        shown = shown_coordinate(workspace, name)
+        quantity = quantity_of(shown_coordinate(workspace, name))
         others = tuple(k for k in range(reached.ndim) if k != axis)
-        rows = np.flatnonzero(reached.any(axis=others))
-        ends = [shown.text(values[k]) for k in (rows[0], rows[-1])] if rows.size else ["–", "–"]
+        there = np.flatnonzero(reached.any(axis=others))
+        ends = [_without_rounding(values[k]) for k in (there[0], there[-1])] if there.size else [None, None]
         origin = "computed" if name in workspace.found else "assumed" if name in workspace.assumed else "given"
-        sheet.add(name, shown.text(values[0]), shown.text(values[-1]), str(len(values)), *ends, origin)
-    return sheet
+        low, high, *reaches = (Value(each, quantity) for each in (*map(_without_rounding, values[[0, -1]]), *ends))
+        rows.append((name, low, high, len(values), *reaches, origin))
+    heads = ("", "from", "to", "points", "reached from", "reached to", "range")
+    return Table("Swept", tuple(map(Column, heads)), tuple(rows))
 
 
-def _limits(workspace: Workspace) -> Sheet:
-    sheet = Sheet("Limits of the platform", ("", "value", "keeps from"))
+def _without_rounding(value: float) -> float:
+    """A coordinate of the grid, whose middle is 0 up to rounding."""
+    return round(float(value), 12) + 0.0
+
+
+def _limits(workspace: Workspace) -> Table:
     code = workspace.qualities.limit
     kept = {
         "leg_length_min": (Limit.LEG_TOO_SHORT,),
         "leg_length_max": (Limit.LEG_TOO_LONG,),
         "joint_angle_max": (Limit.BASE_JOINT, Limit.PLATFORM_JOINT),
     }
+    rows: list[tuple[Cell, ...]] = []
     for name, value in limit_values(workspace).items():
         if name in kept and value != "not stated":
-            sheet.add(limit_title(name), value, _percent(np.isin(code, kept[name])))
+            rows.append((limit_title(name), value, float(np.isin(code, kept[name]).mean())))
         else:
-            sheet.add(limit_title(name), value, "" if name not in kept else "nothing")
-    for limit in (Limit.SINGULAR, Limit.PITCH):
-        if limit in limits_met(workspace):
-            sheet.add(limit.text, "", _percent(code == limit))
-    return sheet
-
-
-def _percent(there: NDArray[np.bool_]) -> str:
-    return f"{100 * there.mean():.3g} % of the grid"
+            rows.append((limit_title(name), value, "" if name not in kept else "nothing"))
+    rows += [
+        (limit.text, "", float((code == limit).mean()))
+        for limit in (Limit.SINGULAR, Limit.PITCH)
+        if limit in limits_met(workspace)
+    ]
+    keeps = Column("keeps from", replace(SHARE, digits=3), "share of the poses of the grid")
+    return Table("Limits of the platform", (Column(""), Column("value"), keeps), tuple(rows))
 
 
 def size_text(workspace: Workspace) -> str:
@@ -108,29 +124,26 @@ def extent_text(size: float, dimensions: int) -> str:
     return f"{number_text(size * 1e3**dimensions)} mm{power}"
 
 
-def _extremes(workspace: Workspace) -> Sheet:
-    shown = {name: shown_coordinate(workspace, name) for name in workspace.swept}
-    heads = [f"{name} / {each.unit}" for name, each in shown.items()]
-    sheet = Sheet("Where it can be reached", ("", "", "value", *heads))
+def _extremes(workspace: Workspace) -> Table:
+    places = [Column(name, quantity_of(shown_coordinate(workspace, name), 3)) for name in workspace.swept]
+    rows: list[tuple[Cell, ...]] = []
+    ends = []
     reached = workspace.qualities.reachable
-    if not reached.any():
-        return sheet
-    for result in results_of(workspace):
+    for result in results_of(workspace) if reached.any() else ():
         values = np.where(reached, result.values, np.nan)
         lowest, highest = int(np.nanargmin(values)), int(np.nanargmax(values))
         best, worst = (lowest, highest) if result.is_best_low else (highest, lowest)
-        named = Named(result.title, result.shown.unit)
-        sheet.add(named, "best", *_value_and_place(workspace, result, best), ends_group=result.ends_at_border)
+        rows.append((result.title, "best", *_value_and_place(workspace, result, best)))
         # margins are 0 at the border
         if not result.ends_at_border:
-            sheet.add("", "worst", *_value_and_place(workspace, result, worst), ends_group=True)
-    return sheet
+            rows.append((result.title, "worst", *_value_and_place(workspace, result, worst)))
+        ends.append(len(rows) - 1)
+    columns = (Column(""), Column(""), Column("value"), *places)
+    return Table("Where it can be reached", columns, tuple(rows), group_ends=tuple(ends))
 
 
-def _value_and_place(workspace: Workspace, result: Result, k: int) -> tuple[str, ...]:
-    """A value and its swept coordinates, all in display units, without the units."""
+def _value_and_place(workspace: Workspace, result: Result, k: int) -> tuple[Cell, ...]:
+    """A value and its swept coordinates."""
     at = np.unravel_index(k, workspace.shape)
-    places = []
-    for i, (name, values) in zip(at, workspace.swept.items(), strict=True):
-        places.append(Shown("", shown_coordinate(workspace, name).factor).text(values[i], 3))
-    return (Shown("", result.shown.factor).text(float(result.values.flat[k])), *places)
+    places = [_without_rounding(values[i]) for i, values in zip(at, workspace.swept.values(), strict=True)]
+    return (Value(float(result.values.flat[k]), quantity_of(result.shown)), *places)

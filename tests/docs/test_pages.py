@@ -63,7 +63,7 @@ LEFT_BY = {
     "docs/control.md": "results/mine/pose.png",
     "docs/ensembles.md": "results/tuned/tuned.toml",
     "docs/export.md": "heave_step.o",
-    "docs/identify.md": "results/identified/identify.html",
+    "docs/identify.md": "results/identified/estimate.json",
     "docs/motion.md": "results/fitted/record.csv",
     "docs/view.md": "compared.html",
     "docs/workspace.md": "results/volume/workspace.html",

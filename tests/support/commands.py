@@ -5,7 +5,8 @@ from unittest.mock import patch
 from typer.testing import CliRunner, Result
 
 from gough_stewart.harness.cli import app as cli
-from gough_stewart.harness.output import tables
+from gough_stewart.harness.report.document import Table
+from gough_stewart.harness.report.terminal import TerminalTable
 from tests.support.whole_tables import check_is_whole
 
 
@@ -14,16 +15,16 @@ def invoke(*arguments: str, columns: int = 200) -> Result:
 
     Every table that the command shows is also printed in 80 and in 60 columns, and compared with what is in it.
     """
-    sheets: list[tables.Sheet] = []
+    shown: list[Table] = []
 
-    def noted(sheet: tables.Sheet) -> tables.TerminalTable:
-        sheets.append(sheet)
-        return tables.TerminalTable(sheet)
+    def noted(self: TerminalTable, table: Table) -> None:
+        shown.append(table)
+        self.table = table
 
     runner = CliRunner(env={"COLUMNS": str(columns), "NO_COLOR": "1", "TERM": "dumb"})
-    with patch.object(tables, "to_terminal", noted):
+    with patch.object(TerminalTable, "__init__", noted):
         done = runner.invoke(cli.app, list(arguments), catch_exceptions=False)
-    for sheet in sheets:
+    for table in shown:
         for width in (80, 60):
-            check_is_whole(sheet, width)
+            check_is_whole(table, width)
     return done

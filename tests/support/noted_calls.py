@@ -9,7 +9,6 @@ from rich.progress import Progress
 from typer.testing import Result
 
 from gough_stewart.harness.cli import terminal
-from gough_stewart.harness.output.tables import Sheet
 from gough_stewart.harness.report.document import Column, Report, Section, Table, Verdict
 
 
@@ -67,12 +66,6 @@ class Notes:
     def one(self, name: str) -> tuple[tuple[Any, ...], dict[str, Any]]:
         (call,) = self.calls.pop(name)
         return call
-
-
-def sheet(title: str) -> Sheet:
-    made = Sheet(title, ("", "value"))
-    made.add("row", title + "!")
-    return made
 
 
 def made_report(title: str) -> Report:

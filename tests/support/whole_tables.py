@@ -3,25 +3,29 @@
 from rich.console import Console
 from rich.text import Text
 
-from gough_stewart.harness.output.tables import Named, Sheet, TerminalTable
+from gough_stewart.harness.report.document import Table
+from gough_stewart.harness.report.terminal import TerminalTable
+from tests.support.tables_shown import heads_of, rows_of
 
 
-def printed(sheet: Sheet, width: int) -> str:
+def printed(table: Table, width: int) -> str:
     """As a terminal of this width shows it."""
     console = Console(width=width, color_system=None, legacy_windows=False)
     with console.capture() as capture:
-        console.print(TerminalTable(sheet))
+        console.print(TerminalTable(table))
     return capture.get()
 
 
-def check_is_whole(sheet: Sheet, width: int) -> None:
+def check_is_whole(table: Table, width: int) -> None:
     """No line is too wide; numbers stand in one piece and in order; names and sentences are there, perhaps folded.
 
-    Expected: the cells of the sheet. Every table that is printed begins with the names.
+    Expected: the cells of the table. Every table that is printed begins with the names.
     """
-    text = printed(sheet, width)
+    text = printed(table, width)
     assert max((Text(line).cell_len for line in text.splitlines()), default=0) <= width, text
-    expected = [[head, *(_plain(row[k]) for row in sheet.rows)] for k, head in enumerate(sheet.heads)]
+    expected = [
+        [head, *(row[k] for row in rows_of(table)[: table.first_shown])] for k, head in enumerate(heads_of(table))
+    ]
     names, *others = expected
     found: list[list[str]] = []
     for part in _tables(text):
@@ -47,10 +51,6 @@ def _tables(text: str) -> list[list[list[str]]]:
             for k, piece in enumerate(pieces):
                 tables[-1][k] += [piece.strip()] if piece.strip() else []
     return tables
-
-
-def _plain(cell: str | Named) -> str:
-    return f"{cell.what} {cell.unit}" if isinstance(cell, Named) else cell
 
 
 def _joined(pieces: list[str]) -> str:

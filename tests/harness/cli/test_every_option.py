@@ -271,7 +271,7 @@ def test_tune(notes: Notes, kind: str) -> None:
     assert (*files[:3], list(files[3])) == (found, name, Path(out), settings)
     assert shown == ["best none yet", "best 1.235 mm"]
     generations = expected["generations"]
-    bar = {"description": "files and figures", "total": None, "completed": 5, "done": 0}
+    bar = {"description": "files and report", "total": None, "completed": 5, "done": 0}
     assert notes.bars[-1] == bar or notes.bars[-1] == {**bar, "total": generations}
     place = f"'{out}/tuned.toml'" if " " in out else f"{out}/tuned.toml"
     errors = {

@@ -63,13 +63,13 @@ def test_a_log_that_contradicts_the_model_is_written_with_an_alarm_and_exit_code
     wrong = Sensing(force_gain=(1.02, 1.0, 1.0, 1.0, 1.0, 1.0))
     log = written(machine_log(course=Course(duration=6.0), sensing=wrong), tmp_path / "log.csv")
     options = ("--preset", "motion_base", "--estimate", f"{NAMES},platform_inertia", "--out", str(tmp_path / "out"))
-    done = invoke("identify", log, "--validation", "0.3", *options)
+    done = invoke("identify", log, "--validation", "0.3", "--report", *options)
     assert done.exit_code == ExitCode.MISSED
     assert "warning: the log contradicts the model" in done.stderr
     found = json.loads((tmp_path / "out" / "estimate.json").read_text("utf-8"))
     assert len(found["alarms"]) == 1
     assert found["diagnosis"]["alarm"]
-    page = (tmp_path / "out" / "identify.html").read_text("utf-8")
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert '<p class="note warning">' in page
     assert (tmp_path / "out" / "platform.toml").is_file()
 

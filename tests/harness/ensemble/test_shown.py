@@ -34,12 +34,11 @@ from gough_stewart.harness.ensemble.statistics import (
 )
 from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.output.tables import Named
 from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.report.sheets import sheet_of
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import INPUTS, ensemble_of
 from tests.support.page_arrays import data_of, unpacked
+from tests.support.tables_shown import heads_of, rows_of
 
 PEAK = "tracking.position.norm_peak"
 
@@ -175,7 +174,7 @@ def test_the_worst_members_are_found_by_their_numbers() -> None:
     table = worst_table(found, worst, "stroke.margin")
     assert table.title == "Worst members by stroke margin"
     heads = ("platform_mass [kg]", "controller.bandwidth", "base_points[1,2] [m]", "leg_coulomb_friction [N]")
-    assert sheet_of(table).heads == ("member", "outcome", "stroke margin [mm]", *heads)
+    assert heads_of(table) == ("member", "outcome", "stroke margin [mm]", *heads)
     for member, row in zip(worst, table.rows, strict=True):
         k = 139 - member
         assert row[:2] == (member, "diverged" if member == 100 else "completed")
@@ -233,17 +232,18 @@ def test_all_metrics_are_shown_or_the_usual_ones() -> None:
         tracking__leg_length__peak=np.full(40, np.nan), step_response__z__final_error=np.ones(40),
         force__rms=np.ones(40), margins__stable=np.zeros(40),
     )  # fmt: skip
-    usual = sheet_of(quantile_table(found.members, usual_metrics(found.members)))
-    assert [row[0] for row in usual.rows] == [
-        *(Named("position error, RMS", "mm"), Named("position error, peak", "mm")),
-        *(Named("orientation error, peak", "deg"), Named("z: overshoot", "%"), Named("z: settling time", "s")),
-        *(Named("peak force", "N"), Named("peak power", "W"), Named("work, absolute", "J")),
-        *(Named("stroke margin", "mm"), Named("force limited", "%"), "stable", "disk margin"),
+    usual = rows_of(quantile_table(found.members, usual_metrics(found.members)))
+    assert [row[0] for row in usual] == [
+        *("position error, RMS mm", "position error, peak mm"),
+        *("orientation error, peak deg", "z: overshoot %", "z: settling time s"),
+        *("peak force N", "peak power W", "work, absolute J"),
+        *("stroke margin mm", "force limited %", "stable", "disk margin"),
     ]
-    every = sheet_of(quantile_table(found.members, found.metrics))
-    assert len(every.rows) == len(found.metrics) == len(found.members.columns) - 4 - 4 - 2
-    assert every.heads == ("", "5 %", "25 %", "50 %", "75 %", "95 %", "members")
-    cells = next(row for row in every.rows if row[0] == Named("z: settling time", "s"))
+    table = quantile_table(found.members, found.metrics)
+    every = rows_of(table)
+    assert len(every) == len(found.metrics) == len(found.members.columns) - 4 - 4 - 2
+    assert heads_of(table) == ("", "5 %", "25 %", "50 %", "75 %", "95 %", "members")
+    cells = next(row for row in every if row[0] == "z: settling time s")
     values = found.members["step_response.z.settling_time"].drop_nulls().to_numpy()
     assert [float(str(cell)) for cell in cells[1:6]] == pytest.approx(
         np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95]).tolist(), rel=6e-3

@@ -18,8 +18,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.setting_file import text_with_settings
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, shares_along
 from gough_stewart.harness.motion.limits.shares_tables import shares_tables
-from gough_stewart.harness.output.tables import text_of, to_terminal
-from gough_stewart.harness.report.sheets import sheet_of
+from gough_stewart.harness.report.terminal import tables_text
 from gough_stewart.model.parameters import TABLE
 from tests.support.uneven import UNEVEN
 
@@ -169,7 +168,7 @@ def test_limits_of_motion_warn_before_a_run_that_is_to_go_on() -> None:
 def test_tables_hold_the_peaks_of_all_legs_in_80_columns() -> None:
     """Expected: every largest share and time of the numbers, to four digits."""
     found = check(experiment({"leg_velocity_max": 0.7, "leg_acceleration_max": 3.0}))
-    text = "\n".join(text_of(to_terminal(sheet_of(table))) for table in shares_tables(found.shares, found.needs))
+    text = tables_text(shares_tables(found.shares, found.needs))
     assert max(map(len, text.splitlines())) <= 80
     numbers = as_dict(found)
     for name, values in numbers["limits"].items():

@@ -20,7 +20,6 @@ from gough_stewart.harness.report.document import Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain, read_record
 from tests.support.commands import invoke
-from tests.support.figures import data_of, figures_drawn
 from tests.support.uneven import UNEVEN
 
 PARTS = {name: value for name, value in plain(UNEVEN).items() if name not in ("name", "source")}
@@ -135,8 +134,6 @@ def test_the_command_writes_table_and_picture_beside_the_record(shipped: Record,
         assert table["frequency"].to_numpy() == pytest.approx(found.frequency, rel=1e-15)
         assert table["L.gain"].to_numpy() == pytest.approx(np.abs(found.measured.L), rel=1e-15)
         assert table["predicted.T.phase"].len() == len(found.frequency)
-    assert (tmp_path / "frf.svg").read_text().startswith("<?xml")
-    assert (tmp_path / "frf.png").stat().st_size > 10_000
 
 
 def test_text_and_table_have_the_numbers_of_the_response(shipped: Record) -> None:
@@ -213,59 +210,42 @@ def _degrees(value: Any) -> float:
     return float(np.angle(value) * 180 / np.pi)
 
 
-def test_the_figure_shows_points_with_their_circles_and_the_model(shipped: Record, tmp_path: Path) -> None:
-    """Expected: each axes' points from the response, bars of the radii, lines of the linear model."""
-    (tmp_path / "record.parquet").write_bytes(shipped.to_parquet())
-    with figures_drawn() as figures:
-        assert invoke("frf", str(tmp_path)).exit_code == 0
+def test_charts_show_points_with_their_circles_and_the_model(shipped: Record) -> None:
+    """Expected: points from the response, intervals of the radii, lines of the linear model."""
     found = frf(shipped)
     assert found.predicted is not None
     measured, f, S = found.measured, found.frequency, 1 / (1 + found.predicted)
-    (figure,) = figures
-    assert figure.get_suptitle() == f"{shipped.metadata['title']}: leg 3, the others closed"
-    gain, both, phase, coherence = figure.axes
-    titles = [axes.get_title(loc="left") for axes in figure.axes]
-    assert titles == ["gain of L", "|S| and |T|", "phase of L", "coherence of S and T"]
-    assert [axes.get_ylabel() for axes in figure.axes] == ["[1]", "[1]", "[°]", "[1]"]
-    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "frequency [Hz]", "frequency [Hz]"]
-    angle = np.degrees(np.unwrap(np.angle(measured.L)))
-    spread = np.degrees(np.arcsin(np.minimum(1, measured.loop_radius / np.abs(measured.L))))
+    charts = {chart.title: chart for chart in found.report().charts}
+    assert {chart.group for chart in charts.values()} == {"bode"}
+    series = {(title, each.name): each for title, chart in charts.items() for each in chart.series}
     sees = (measured.loop_radius < np.abs(measured.L)) & (measured.radius < 0.5 * np.abs(measured.S))
-    drawn = [
-        (gain, 0, np.abs(measured.L), measured.loop_radius, "run"),
-        (phase, 0, angle, spread, None),
-        (both, 0, np.abs(measured.S), measured.radius, "S"),
-        (both, 1, np.abs(measured.T), measured.radius, "T"),
-    ]
-    colours = []
-    for axes, k, values, radius, name in drawn:
-        container: Any = axes.containers[k]
-        points, _, (bars,) = container
-        colours.append(points.get_color())
+    titles = list(charts)
+    angle = np.unwrap(np.angle(measured.L[sees]))
+    spread = np.arcsin(np.minimum(1, measured.loop_radius / np.abs(measured.L)))[sees]
+    gain, phase, of_S, of_T, coherence = titles
+    for title, name, values, radius, there in (
+        (gain, "run", np.abs(measured.L)[sees], measured.loop_radius[sees], sees),
+        (phase, "run", angle, spread, sees),
+        (of_S, "run", np.abs(measured.S), measured.radius, np.ones(len(f), dtype=bool)),
+        (of_T, "run", np.abs(measured.T), measured.radius, np.ones(len(f), dtype=bool)),
+    ):
+        one = series[title, name]
+        assert charts[title].x.values.tolist() == f.tolist()
+        assert one.low is not None
+        assert one.high is not None
         # an L whose circle has 0 in it is not drawn
-        there = sees if axes in (gain, phase) else np.ones(len(f), dtype=bool)
-        np.testing.assert_allclose(data_of(points), [f[there], values[there]], rtol=1e-12)
-        ends = np.array([segment[:, 1] for segment in bars.get_segments()])
-        np.testing.assert_allclose(ends, np.column_stack([values - radius, values + radius])[there], rtol=1e-9)
-        assert container.get_label() == name or (name is None and container.get_label().startswith("_"))
-    lines = {
-        (axes, line.get_color()): data_of(line)[1] for axes in (gain, both, phase) for line in _models(axes, len(f))
-    }
-    np.testing.assert_allclose(lines[gain, colours[0]], np.abs(found.predicted), rtol=1e-12)
-    np.testing.assert_allclose(lines[both, colours[2]], np.abs(S), rtol=1e-12)
-    np.testing.assert_allclose(lines[both, colours[3]], np.abs(1 - S), rtol=1e-12)
-    turns = (lines[phase, colours[1]] - np.degrees(np.angle(found.predicted))) / 360
+        assert np.isnan(one.values[~there]).all()
+        ends = np.column_stack([one.low, one.high])[there]
+        np.testing.assert_allclose(one.values[there], values, rtol=1e-12)
+        np.testing.assert_allclose(ends, np.column_stack([values - radius, values + radius]), rtol=1e-9)
+    models = {title: charts[title].series[1].values for title in (gain, phase, of_S, of_T)}
+    np.testing.assert_allclose(models[gain], np.abs(found.predicted), rtol=1e-12)
+    np.testing.assert_allclose(models[of_S], np.abs(S), rtol=1e-12)
+    np.testing.assert_allclose(models[of_T], np.abs(1 - S), rtol=1e-12)
+    turns = (models[phase] - np.angle(found.predicted)) / (2 * np.pi)
     assert np.abs(turns - np.round(turns)).max() < 1e-9
-    assert abs(np.median(angle - lines[phase, colours[1]])) < 180
-    (dots,) = coherence.get_lines()
-    np.testing.assert_allclose(data_of(dots), [f, measured.coherence], rtol=1e-12)
-    low, high = coherence.get_ylim()
-    assert low < min(measured.coherence) <= 1 < high
-
-
-def _models(axes: Any, size: int) -> list[Any]:
-    """The lines of axes without markers, as long as there are frequencies."""
-    return [line for line in axes.get_lines() if line.get_marker() == "None" and len(data_of(line)[0]) == size]
+    assert abs(np.median(angle - models[phase][sees])) < np.pi
+    np.testing.assert_allclose(charts[coherence].series[0].values, measured.coherence, rtol=1e-12)
 
 
 def test_runs_that_ended_jittered_or_have_an_unstable_model_are_doubted() -> None:

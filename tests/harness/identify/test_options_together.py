@@ -6,7 +6,6 @@ from functools import cache
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 import polars
@@ -208,8 +207,7 @@ def _identified(row: dict[str, Any], folder: Path) -> dict[str, Any]:
         options += ["--holds-force"] if source == "held" else []
         options += ["--validate", str(paths[-1])] if aside else ["--validation", str(row["validation"])]
         given = [str(path) for path in paths[: len(logs)]]
-        with patch("gough_stewart.harness.identify.files.identification_figures", lambda _estimate: {}):
-            done = invoke("identify", *given, *options, "--out", str(folder / "out"))
+        done = invoke("identify", *given, *options, "--out", str(folder / "out"))
         found: dict[str, Any] = json.loads((folder / "out" / "estimate.json").read_text("utf-8"))
         assert done.exit_code == (ExitCode.MISSED if found["alarms"] else ExitCode.DONE), done.stderr
         return found | {"platform": gs.load_platform(folder / "out" / "platform.toml")}

@@ -10,10 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.identify import files
 from gough_stewart.harness.identify.diagnosis.diagnosis import CommonGain, Diagnosis, Finding
 from gough_stewart.harness.identify.diagnosis.finding_text import finding_text
 from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
@@ -21,11 +19,12 @@ from gough_stewart.harness.identify.estimate import Estimate, Residuals
 from gough_stewart.harness.identify.files import FILES, identification_files
 from gough_stewart.harness.identify.names import unit_of
 from gough_stewart.harness.identify.report import estimate_report
-from gough_stewart.harness.identify.tables import sheets_of
-from gough_stewart.harness.output.tables import Named, Sheet
+from gough_stewart.harness.identify.tables import estimate_tables
+from gough_stewart.harness.report.document import Column, Table
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.model.platform_toml import platform_from_toml
 from tests.support.page_arrays import data_of, unpacked
+from tests.support.tables_shown import heads_of, rows_of
 from tests.support.uneven import UNEVEN
 
 NAMES = ("platform_mass", "leg_viscous_friction[2]", "platform_com[3]", "leg_coulomb_friction", "force_gain[4]")
@@ -101,27 +100,27 @@ HALF = np.array([3.919928, 5.879892, NAN, NAN, 0.01959964])
 
 
 def test_tables_have_every_number_in_its_place() -> None:
-    parameters, identifiability, residuals, tests, findings = sheets_of(ESTIMATE)
+    parameters, identifiability, residuals, tests, findings = estimate_tables(ESTIMATE)
     assert parameters.title == "Parameters, with 95 % intervals"
-    assert parameters.heads == ("", "before", "estimate", "±", "± %")
-    assert parameters.rows == [
-        (Named("platform_mass", "kg"), "1200", "1516.9", "3.9", "0.26"),
-        (Named("leg_viscous_friction[2]", "N.s/m"), "500", "431.7", "5.9", "1.4"),
-        (Named("platform_com[3]", "m"), "0.15", "not excited", "–", "–"),
-        (Named("leg_coulomb_friction", "N"), "100", "0", "at its bound", "–"),
-        (Named("force_gain[4]", ""), "1", "1.021", "0.02", "1.9"),
+    assert heads_of(parameters) == ("", "before", "estimate", "±", "±  [%]")
+    assert rows_of(parameters) == [
+        ("platform_mass kg", "1200", "1516.9", "3.9", "0.26"),
+        ("leg_viscous_friction[2] N.s/m", "500", "431.7", "5.9", "1.4"),
+        ("platform_com[3] m", "0.15", "not excited", "–", "–"),
+        ("leg_coulomb_friction N", "100", "0", "at its bound", "–"),
+        ("force_gain[4]", "1", "1.021", "0.02", "1.9"),
     ]
     assert identifiability.title == "Identifiability; condition number 1.6e+03"
-    assert identifiability.heads == ("combination, relative to scale", "± %")
-    assert identifiability.rows == [
+    assert heads_of(identifiability) == ("combination, relative to scale", "± [%]")
+    assert rows_of(identifiability) == [
         ("0.90 platform_mass + 0.31 force_gain[4] − 0.30 leg_viscous_friction[2]", "0.12"),
         ("0.80 leg_viscous_friction[2] − 0.60 platform_com[3]", "2"),
         ("0.99 leg_coulomb_friction + 0.10 platform_com[3]", "25"),
         ("0.95 force_gain[4] − 0.30 platform_com[3]", "unobservable"),
     ]
     assert residuals.title == "Residuals of the force of leg"
-    assert residuals.heads == ("residual [N]", "fitted", "validation", "of signal, %", "p of whiteness")
-    assert residuals.rows == [
+    assert heads_of(residuals) == (*("residual", "fitted [N]", "validation [N]", "of signal [%]", "p of whiteness"),)
+    assert rows_of(residuals) == [
         ("force of leg 1", "10.01", "20.1", "1", "0.91"),
         ("force of leg 2", "11.02", "21.2", "2.2", "0.82"),
         ("force of leg 3", "12.03", "22.3", "3.01", "0.73"),
@@ -130,22 +129,22 @@ def test_tables_have_every_number_in_its_place() -> None:
         ("force of leg 6", "15.06", "25.6", "–", "0.46"),
     ]
     assert tests.title == "What the residuals contain; all tests p = 0.0042"
-    assert tests.heads == ("tested", "p")
-    assert tests.rows == [("gain of forces", "1.2e-05"), ("joints", "0.034"), ("whiteness", "0.56")]
+    assert heads_of(tests) == ("tested", "p")
+    assert rows_of(tests) == [("gain of forces", "1.2e-05"), ("joints", "0.034"), ("whiteness", "0.56")]
     assert findings.title == "Diagnosis: the first is most likely, the others are not separated from it"
-    assert findings.heads == ("", "misfit explained")
-    assert findings.rows == [("forces of leg 4 read high", "88 %"), ("forces have offsets", "43 %")]
+    assert heads_of(findings) == ("", "misfit explained [%]")
+    assert rows_of(findings) == [("forces of leg 4 read high", "88"), ("forces have offsets", "43")]
 
 
 def test_tables_without_validation_tests_or_findings_say_so() -> None:
     bare = replace(ESTIMATE, residuals=replace(ESTIMATE.residuals, validation_rms=None, whiteness=None))
-    rows = sheets_of(bare)[2].rows
+    rows = rows_of(estimate_tables(bare)[2])
     assert [row[2:] for row in rows[:2]] == [("–", "1", "–"), ("–", "2.2", "–")]
     one = replace(bare, diagnosis=replace(DIAGNOSIS, findings=(FINDING,)))
-    assert sheets_of(one)[-1].title == "Diagnosis"
-    assert len(sheets_of(replace(bare, diagnosis=replace(DIAGNOSIS, findings=())))) == 4
-    assert len(sheets_of(replace(bare, diagnosis=replace(DIAGNOSIS, test=None)))) == 3
-    assert len(sheets_of(replace(bare, diagnosis=None))) == 3
+    assert estimate_tables(one)[-1].title == "Diagnosis"
+    assert len(estimate_tables(replace(bare, diagnosis=replace(DIAGNOSIS, findings=())))) == 4
+    assert len(estimate_tables(replace(bare, diagnosis=replace(DIAGNOSIS, test=None)))) == 3
+    assert len(estimate_tables(replace(bare, diagnosis=None))) == 3
 
 
 def test_the_file_of_numbers_has_all_of_them() -> None:
@@ -354,13 +353,13 @@ def test_a_finding_says_which_leg_how_much_and_which_way(
     assert finding_text(family, names, np.array(values), np.array(errors)) == text
 
 
-def _page(estimate: Estimate, more: tuple[Sheet, ...] = ()) -> tuple[str, dict[str, Any]]:
+def _page(estimate: Estimate, more: tuple[Table, ...] = ()) -> tuple[str, dict[str, Any]]:
     page = page_of(estimate_report(estimate, "my <base>", more))
     return page.decode(), data_of(page)
 
 
 def test_the_page_has_the_numbers_that_its_charts_show() -> None:
-    text, data = _page(ESTIMATE, (Sheet("Before and after", ("", "x"), [("row", "17.25")]),))
+    text, data = _page(ESTIMATE, (Table("Before and after", (Column(""), Column("x")), (("row", 17.25),)),))
     charts = {chart["title"]: chart for chart in data["charts"]}
 
     def values(title: str, series: int = 0, name: str = "values") -> np.ndarray:
@@ -408,63 +407,11 @@ def test_a_page_says_notes_without_an_alarm() -> None:
     assert '<p class="note note">a &lt; note</p><p class="note note">another</p>' in text
 
 
-def test_the_figure_of_parameters_shows_changes_and_correlation() -> None:
-    figure = Figure()
-    files._parameters(figure, ESTIMATE)
-    left, right = figure.axes[:2]
-    points = left.containers[0]
-    change = 100 * np.array([316.9 / 1200, -68.3 / 250, NAN, -1.25, 0.021])
-    assert_allclose(points[0].get_xdata(), change)
-    assert_allclose(points[0].get_ydata(), np.arange(5))
-    lengths = np.array([np.ptp(line[:, 0]) if len(line) else NAN for line in points[2][0].get_segments()])
-    half = 100 * HALF / ESTIMATE.scale
-    assert_allclose(lengths[[0, 1, -1]], 2 * half[[0, 1, -1]], rtol=1e-6)
-    assert [tick.get_text() for tick in left.get_yticklabels()] == list(NAMES)
-    assert left.yaxis_inverted()
-    assert left.get_xlabel() == "identified − nominal [% of scale]"
-    assert any(np.array_equal(line.get_xdata(), [0.0, 0.0]) for line in left.lines)
-    image = right.images[0]
-    assert image.get_clim() == (-1, 1)
-    np.testing.assert_array_equal(np.ma.filled(np.ma.asarray(image.get_array()), NAN), ESTIMATE.correlation)
-    assert [tick.get_text() for tick in right.get_xticklabels()] == list(NAMES)
-
-
-@pytest.mark.parametrize(("unit", "shown", "factor"), [("N", "N", 1.0), ("m", "µm", 1e6)])
-def test_the_figure_of_the_fit_shows_every_leg_before_and_after(unit: str, shown: str, factor: float) -> None:
-    figure = Figure()
-    files._fit(figure, replace(ESTIMATE, residuals=replace(ESTIMATE.residuals, unit=unit)))
-    above, middle, below = figure.axes
-    for k in range(6):
-        lines: list[Any] = list(above.lines[2 * k : 2 * k + 2])
-        assert lines[0].get_label() == str(k + 1)
-        for line, values in zip(lines, (_MEASURED, _FITTED), strict=True):
-            assert_allclose(line.get_xdata(), _TIME)
-            assert_allclose(line.get_ydata(), values[:, k])
-            assert line.get_color() == lines[0].get_color()
-        assert_allclose(np.asarray(middle.lines[k].get_ydata()), factor * (_MEASURED - _BEFORE)[:, k])
-        assert_allclose(np.asarray(below.lines[k].get_ydata()), factor * (_MEASURED - _FITTED)[:, k])
-    assert len({line.get_color() for line in below.lines}) == 6
-    assert [axes.get_ylabel() for axes in figure.axes] == [f"[{unit}]", f"[{shown}]", f"[{shown}]"]
-    titles = ["measured, fitted", "residuals, nominal platform", "residuals, identified platform"]
-    assert [axes.get_title() for axes in figure.axes] == titles
-    assert (above.get_xlabel(), below.get_xlabel()) == ("", "time [s]")
-    for axes in figure.axes:
-        spans = [patch.get_extents().transformed(axes.transData.inverted()) for patch in axes.patches]
-        assert_allclose([(span.x0, span.x1) for span in spans], [(7.5, 7.9), (8.1, 8.6)])
-    assert figure.get_suptitle() == "Force of leg: measured (lines) and fitted (dots); residuals"
-
-
 def test_files_are_those_that_are_announced_and_the_platform_is_the_one_that_was_found() -> None:
     """Expected: found values, nominal ones of what is not excited, and none of the instruments'."""
     estimate = replace(ESTIMATE, details={})
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gough_stewart.harness.identify.files.identification_figures", lambda _e: {"fit.png": b"x"})
-        files = identification_files(estimate, NOMINAL)
-    assert list(files) == ["platform.toml", "estimate.json", "fit.png", "identify.html"]
-    assert set(FILES) == {"platform.toml", "estimate.json", "identify.html", "fit.png", "fit.svg"} | {
-        "parameters.png",
-        "parameters.svg",
-    }
+    files = identification_files(estimate, NOMINAL)
+    assert tuple(files) == FILES == ("platform.toml", "estimate.json")
     assert files["estimate.json"] == estimate.to_json()
     found = platform_from_toml(files["platform.toml"].decode())
     assert found.platform_mass == 1516.9
@@ -488,20 +435,3 @@ def test_units_are_those_of_the_interface() -> None:
     units = {"delay": "s", "base_tilt[2]": "rad", "force_offset[3]": "N", "leg_length_offset[6]": "m"}
     units |= {"platform_inertia[1,2]": "kg.m2", "leg_friction_velocity": "m/s", "gravity[3]": "m/s2"}
     assert {name: unit_of(name) for name in units} == units
-
-
-def test_figures_are_drawn_over_time_only_where_there_is_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    drawn: list[tuple[Any, ...]] = []
-
-    def noted(name: str, _draw: Any, width: float, height: float) -> dict[str, bytes]:
-        drawn.append((name, width, height))
-        return {f"{name}.png": b"", f"{name}.svg": b""}
-
-    monkeypatch.setattr(files, "pictures", noted)
-    assert list(files.identification_figures(replace(ESTIMATE, details={"poses": 1}))) == [
-        "parameters.png",
-        "parameters.svg",
-    ]
-    assert list(files.identification_figures(ESTIMATE))[2:] == ["fit.png", "fit.svg"]
-    # a row of 0.28 inches for each parameter
-    assert drawn[0] == ("parameters", 10.0, pytest.approx(1.6 + 5 * 0.28))

@@ -27,6 +27,7 @@ from gough_stewart.harness.report.document import Table
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case
 from tests.support.lagrangian import Pose, legs_along
+from tests.support.tables_shown import rows_of
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 CASE = OpenLoopCase("uneven *case*", UNEVEN, STATE, INPUTS.actuator_force, 0.3)
@@ -239,19 +240,21 @@ def test_tables_of_the_terminal_have_every_number(content: dict[str, Any]) -> No
     motion, agreed, drift, other = (part for part in found.parts() if isinstance(part, Table))
     assert motion.title == "Uneven *case*"
     assert [column.name for column in motion.columns] == ["", "start", "after 0.3 s"]
-    assert list(motion.rows) == [
-        ("position [m]", "(0.12, -0.09, 2.97)", "(0.1, -0.2, 3.25)"),
-        ("orientation [rad]", "(0.09, -0.14, 0.21)", "(0, 0.5, 0.625)"),
-        ("velocity [m/s]", "(0.21, -0.13, 0.08)", "(1, 2, 3)"),
-        ("angular_velocity [rad/s]", "(-0.11, 0.17, 0.26)", "(4, 5, 6)"),
+    assert rows_of(motion) == [
+        *(("x m", "0.12", "0.1"), ("y m", "-0.09", "-0.2"), ("z m", "2.97", "3.25")),
+        *(("roll deg", "5.157", "0"), ("pitch deg", "-8.021", "28.65"), ("yaw deg", "12.03", "35.81")),
+        *(("velocity, x m/s", "0.21", "1"), ("velocity, y m/s", "-0.13", "2"), ("velocity, z m/s", "0.08", "3")),
+        ("angular velocity, x deg/s", "-6.303", "229.2"),
+        ("angular velocity, y deg/s", "9.74", "286.5"),
+        ("angular velocity, z deg/s", "14.9", "343.8"),
     ]
     assert agreed.title == "Agreement of the formulations"
-    assert list(agreed.rows) == [
-        ("first thing [m, rad]", "2.5e-09", "1e-08", "ok"),
-        ("second thing [relative]", "3.4e-05", "2e-06", "MISSED"),
+    assert rows_of(agreed) == [
+        ("first thing", "2.5e-09", "1e-08", "m, rad", "ok"),
+        ("second thing", "3.4e-05", "2e-06", "relative", "MISSED"),
     ]
-    assert [column.name for column in drift.columns] == ["run", "closure gap m", "slip m/s, rad/s"]
-    assert list(drift.rows) == [("loose", "2.0e-05", "5.0e-04"), ("tight", "7.0e-08", "1.0e-07")]
+    assert [column.name for column in drift.columns] == ["run", "closure gap [m]", "slip [m/s, rad/s]"]
+    assert rows_of(drift) == [("loose", "2e-05", "0.0005"), ("tight", "7e-08", "1e-07")]
     assert list(other.rows) == [
         ("a point: decided so", "other way", 3.125, 0.01234, 0.56789),
         ("another: thus", "not thus", None, None, None),
@@ -565,7 +568,7 @@ def test_a_reproduction_has_all_parts_and_says_whether_it_agrees(
         *(f"figure-{k}.png" for k in (4, 5, 6, 7)),
         "drift.png",
         "report.md",
-        "report.json",
+        "comparison.json",
         "a.fmu",
         "b.fmu",
         "report.html",
@@ -581,7 +584,7 @@ def test_a_reproduction_has_all_parts_and_says_whether_it_agrees(
     assert repr(found).startswith(
         "<Reproduction: 10 of 11 comparisons within their bounds; files open_loop.csv, figure-4"
     )
-    assert json.loads(found.files["report.json"]) == found.report
+    assert json.loads(found.files["comparison.json"]) == found.report
     assert found.files["report.md"] == report.to_markdown(found.report)
     assert found.report["readings"] == []
     assert found.report["published_forces"] is None

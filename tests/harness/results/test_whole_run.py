@@ -200,10 +200,10 @@ def test_a_record_says_what_it_is(record: gs.Record, expected: dict[str, Any]) -
         "plant": "model",
         "outcome": "completed at 0.8 s",
         "table": f"321 rows, {len(record.table.columns)} columns",
-        "time [s]": "7.3 to 8.1",
-        "peak error of position [mm]": f"{peaks['position']:.4g}",
-        "peak error of orientation [deg]": f"{peaks['orientation']:.4g}",
-        "peak error of leg length [mm]": f"{peaks['leg_length']:.4g}",
+        "time": "7.3 to 8.1 s",
+        "peak error of position": f"{peaks['position']:.4g} mm",
+        "peak error of orientation": f"{peaks['orientation']:.4g} deg",
+        "peak error of leg length": f"{peaks['leg_length']:.4g} mm",
     }
     captions = [str(each.text) for each in html.fragment_fromstring(later._repr_html_()).iter("caption")]
     assert captions == ["Record: in trouble", "Tracking error", "Step response", "Legs"]

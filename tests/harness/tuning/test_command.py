@@ -4,7 +4,6 @@ import json
 import re
 import tomllib
 import xml.etree.ElementTree as ET
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -58,11 +57,9 @@ def test_the_files_have_every_number_of_the_search(folder: Path, found: gs.Tunin
     out = folder / "out"
     assert {each.name for each in out.iterdir()} == {
         "tuned.toml",
-        "report.json",
         "tuning.json",
         "candidates.csv",
-        "search.png",
-        "search.svg",
+        "report.json",
     }
     assert all(each.name in shown for each in out.iterdir())
     table = polars.read_csv(out / "candidates.csv")
@@ -133,8 +130,8 @@ def test_tables_and_statement_show_the_numbers_in_their_units(found: gs.Tuning, 
     rows = {line[0]: line[1:] for line in lines}
     values = found.values
     assert lines[0][-4:] == ["was", "is", "from", "to"]
-    assert [float(x) for x in rows["controller.bandwidth [Hz]"]] == [3, values["controller.bandwidth"], 2, 5]
-    assert [float(x) for x in rows["plant.leg_armature [kg]"]] == [1.7, values["plant.leg_armature"], 0.5, 6]
+    assert [float(x) for x in rows["controller.bandwidth Hz"]] == [3, values["controller.bandwidth"], 2, 5]
+    assert [float(x) for x in rows["plant.leg_armature kg"]] == [1.7, values["plant.leg_armature"], 0.5, 6]
     assert "Worth, 60 % of 3 members" in shown
     assert lines[3][-4:] == ["was", "is", "was, fresh", "is, fresh"]
     order: list[Any] = [found.before, found.seen, found.before_fresh, found.fresh]
@@ -142,9 +139,9 @@ def test_tables_and_statement_show_the_numbers_in_their_units(found: gs.Tuning, 
     def close(cells: list[str], numbers: list[float]) -> None:
         assert [float(cell) for cell in cells] == pytest.approx(numbers, rel=6e-4)
 
-    close(rows["position error, peak [mm]"], [1e3 * each.value for each in order])
-    close(rows["RMS force [N]"], [each.conditions[0] for each in order])
-    close(rows["stroke margin [mm]"], [1e3 * each.conditions[1] for each in order])
+    close(rows["position error, peak mm"], [1e3 * each.value for each in order])
+    close(rows["RMS force N"], [each.conditions[0] for each in order])
+    close(rows["stroke margin mm"], [1e3 * each.conditions[1] for each in order])
     close(rows["members that failed"], [each.failed for each in order])
     assert found.fresh is not None
     said = re.search(
@@ -201,60 +198,22 @@ def _texts(path: Path) -> list[str]:
     return re.findall(r"<!-- (.*?) -->", path.read_text())
 
 
-def test_the_figure_shows_every_candidate_in_its_place(folder: Path, shown: str) -> None:
-    """Expected: the numbers of candidates.csv, which are pixels by a straight line; the first key by its logarithm."""
+def test_charts_have_every_candidate(folder: Path, shown: str, found: gs.Tuning) -> None:
+    """Expected: the numbers of candidates.csv, by each key, and the best so far of those that are kept."""
     assert shown
     rows = polars.read_csv(folder / "out" / "candidates.csv")
-    kept, value = rows["kept"].to_numpy(), 1e3 * rows["value"].to_numpy()
-    number = np.arange(1, 13)
-    root = ET.parse(folder / "out" / "search.svg").getroot()  # our own file
-    left, right = (next(g for g in root.iter(f"{_SVG}g") if g.get("id") == f"axes_{k}") for k in (1, 2))
-    dots, crosses, best = marks_of(left)
-    low, middle = np.quantile(value[kept], (0, 0.5))
-    visible = np.isfinite(value) & (value <= min(value[kept].max(), middle + 4 * (middle - low)))
-    x = along(
-        np.concatenate([dots[0][:, 0], crosses[0][:, 0]]),
-        np.concatenate([number[visible & kept], number[visible & ~kept]]),
-        1,
-    )
-    y = along(
-        np.concatenate([dots[0][:, 1], crosses[0][:, 1]]),
-        np.concatenate([value[visible & kept], value[visible & ~kept]]),
-        -1,
-    )
-    # the line of the best so far: its level at each candidate
+    kept, value = rows["kept"].to_numpy(), rows["value"].to_numpy()
+    every, *landscape = found.report().charts
     so_far = np.minimum.accumulate(np.where(kept, value, np.inf))
-    first = int(np.flatnonzero(kept)[0])
-    corners = np.array(best[2])
-    assert corners[0] == pytest.approx([np.polyval(x, number[first]), np.polyval(y, so_far[first])], abs=0.05)
-    assert corners[-1] == pytest.approx([np.polyval(x, 12), np.polyval(y, so_far[-1])], abs=0.05)
-    # after each candidate the line is level until the next
-    for at, to in pairwise(corners):
-        assert at[0] == to[0] or at[1] == to[1]
-        assert at[0] != to[0] or to[1] >= at[1]
-    bandwidth, armature = np.log(rows[_KEYS[0]].to_numpy()), rows[_KEYS[1]].to_numpy()
-    marks = marks_of(right)
-    collection = next(
-        mark for mark in marks if any("fill" in style for style in mark[1]) and len(mark[0]) == kept.sum()
-    )
-    lines = [mark for mark in marks if mark is not collection]
-    crosses, circle = lines[0], lines[1]
-    columns = [np.concatenate([each[~kept], each[kept]]) for each in (bandwidth, armature)]
-    places = np.concatenate([crosses[0], collection[0]])
-    across, up = along(places[:, 0], columns[0], 1), along(places[:, 1], columns[1], -1)
-    chosen = int(np.flatnonzero(kept)[value[kept].argmin()])
-    assert circle[0][0] == pytest.approx(
-        [np.polyval(across, bandwidth[chosen]), np.polyval(up, armature[chosen])], abs=0.05
-    )
-    fills = [re.search(r"fill: (#\w+)", style) for style in collection[1]]
-    colours = [found[1] for found in fills if found is not None]
-    assert colours[value[kept].argmin()] == "#fde725"  # the yellow end of viridis
-    texts = _texts(folder / "out" / "search.svg")
-    assert "12 candidates for the position error, peak" in texts
-    assert "position error, peak [mm]; line: the best so far" in texts
-    assert "controller.bandwidth [Hz]" in texts
-    assert "plant.leg_armature [kg]" in texts
-    assert "candidate" in texts
+    np.testing.assert_allclose(every.series[0].values, np.where(np.isfinite(value), value, np.nan))
+    np.testing.assert_allclose(every.series[1].values, np.where(np.isfinite(so_far), so_far, np.nan))
+    assert [(chart.x.name, chart.x.scale) for chart in landscape] == [(_KEYS[0], "log"), (_KEYS[1], "linear")]
+    for chart, key in zip(landscape, _KEYS, strict=False):
+        np.testing.assert_allclose(chart.x.values, rows[key].to_numpy())
+        for series, which in zip(chart.series, (kept, ~kept), strict=True):
+            there = ~np.isnan(series.values)
+            np.testing.assert_allclose(series.values[there], value[there])
+            assert not (there & ~which).any()
 
 
 def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
@@ -302,20 +261,6 @@ def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
     assert f"z: rise time: {best['value']:.4g} s in the search; not evaluated again: nothing is random" in done.stdout
     assert "runs that failed" in done.stdout
     assert "\nWorth\n" in done.stdout
-    kept = np.array([row["kept"] for row in rows])
-    x, y = (np.array([row[name] for row in rows]) for name in ("controller.bandwidth", "value"))
-    root = ET.parse(out / "search.svg").getroot()  # our own file
-    right = next(g for g in root.iter(f"{_SVG}g") if g.get("id") == "axes_2")
-    dots, crosses = (mark[0] for mark in marks_of(right))
-    limit = min(y[kept].max(), np.median(y[kept]) + 4 * (np.median(y[kept]) - y[kept].min()))
-    if np.median(y[kept]) == y[kept].min():
-        limit = y[kept].max()
-    visible = np.isfinite(y) & (y <= limit)
-    places = np.concatenate([dots, crosses])
-    assert (len(dots), len(crosses)) == ((visible & kept).sum(), (visible & ~kept).sum())
-    along(places[:, 0], np.concatenate([x[visible & kept], x[visible & ~kept]]), 1)
-    along(places[:, 1], np.concatenate([y[visible & kept], y[visible & ~kept]]), -1)
-    assert "controller.bandwidth [Hz]" in _texts(out / "search.svg")
 
 
 def test_progress_and_status_count_what_is_done(folder: Path) -> None:

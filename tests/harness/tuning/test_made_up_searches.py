@@ -2,8 +2,6 @@
 
 import json
 import math
-import re
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -20,7 +18,6 @@ from gough_stewart.harness.tuning.conditions import condition_of
 from gough_stewart.harness.tuning.files import tuning_files
 from gough_stewart.harness.tuning.search import Search
 from gough_stewart.harness.tuning.space import Axis, axes_of
-from tests.harness.tuning.test_command import along, marks_of
 from tests.support.uneven_loops import experiment_of
 
 METRIC, KNOWN = "tracking.position.norm_peak", ("tracking.position.norm_peak", "force.rms", "stroke.margin")
@@ -176,45 +173,26 @@ def test_the_statement_names_the_members_and_what_does_not_hold(parts: dict[str,
 
 
 @pytest.mark.parametrize("keys", [1, 3])
-def test_figures_show_candidates_by_one_or_two_of_the_keys(keys: int) -> None:
-    """Expected: dots where conditions hold, crosses where not, each at its key and value, or at its first two keys."""
+def test_charts_show_candidates_by_each_key(keys: int) -> None:
+    """Expected: dots where conditions hold and where not, each at its key and value; large values are counted."""
     search = searched(keys)
-    found = files_of(keys)["search.svg"].decode()
-    root = ET.fromstring(found)  # our own file
-    groups = {str(group.get("id")): group for group in root.iter("{http://www.w3.org/2000/svg}g")}
-    value = 1e3 * np.array([each.value for each in search.tried])
+    every, *landscape = tuned(search).report().charts
+    value = np.array([each.value for each in search.tried])
     points = np.array([each.point for each in search.tried], dtype=float)
     kept = np.array(KEPT)
-    shown = np.isfinite(value) & (value <= 5 + 4 * 2.5)  # of the kept: the median, and four times from it to the least
-    marks = marks_of(groups["axes_2"])
-    if keys == 1:
-        dots, crosses = (mark[0] for mark in marks)
-        order = [np.flatnonzero(shown & kept), np.flatnonzero(shown & ~kept)]
-        assert [len(dots), len(crosses)] == [len(each) for each in order] == [3, 2]
-        places = np.concatenate([dots, crosses])
-        along(places[:, 0], points[np.concatenate(order), 0], 1)
-        along(places[:, 1], value[np.concatenate(order)], -1)
-    else:
-        coloured = next(mark for mark in marks if len(mark[0]) == kept.sum() and "fill" in mark[1][0])
-        crosses, circle = (mark[0] for mark in marks if mark is not coloured)
-        places = np.concatenate([crosses, coloured[0]])
-        columns = np.concatenate([points[~kept], points[kept]])
-        across, up = along(places[:, 0], np.log(columns[:, 0]), 1), along(places[:, 1], columns[:, 1], -1)
-        # one circle, around the best
-        assert circle == pytest.approx(np.array([[np.polyval(across, np.log(2.3)), np.polyval(up, 0)]]), abs=0.05)
-    left = marks_of(groups["axes_1"])
-    number = np.arange(1, 8)
-    order = [np.flatnonzero(shown & kept), np.flatnonzero(shown & ~kept)]
-    assert [len(mark[0]) for mark in left[:2]] == [3, 2]
-    places = np.concatenate([left[0][0], left[1][0]])
-    along(places[:, 0], number[np.concatenate(order)], 1)
-    along(places[:, 1], value[np.concatenate(order)], -1)
-    texts = re.findall(r"<!-- (.*?) -->", found)
-    for text in ("7 candidates for the position error, peak", "candidate", "controller.bandwidth [Hz]"):
-        assert text in texts
-    assert ("loop.delay" in texts) == (keys > 1)
-    kind = "circle: the best, crosses break a condition" if keys > 1 else "crosses break a condition"
-    assert f"landscape; {kind}" in texts
+    shown = np.isfinite(value) & (value <= 5e-3 + 4 * 2.5e-3)  # of the kept: the median, and four times to the least
+    assert [chart.x.name for chart in landscape] == [text.partition("=")[0] for text in VARY[:keys]]
+    for k, chart in enumerate(landscape):
+        assert (chart.kind, chart.group, chart.x.scale) == ("points", "values", "log" if k == 0 else "linear")
+        assert chart.x.values.tolist() == points[:, k].tolist()
+        assert [each.name for each in chart.series] == ["meets all conditions", "breaks a condition"]
+        for series, which in zip(chart.series, (kept, ~kept), strict=True):
+            np.testing.assert_array_equal(series.values, np.where(shown & which, value, np.nan))
+        assert chart.note == "2 candidates above."
+    assert every.x.values.tolist() == list(range(1, 8))
+    np.testing.assert_array_equal(every.series[0].values, np.where(np.isfinite(value), value, np.nan))
+    best = np.minimum.accumulate(np.where(kept, value, np.inf))
+    np.testing.assert_array_equal(every.series[1].values, np.where(np.isfinite(best), best, np.nan))
 
 
 def test_reasons_of_candidates_that_are_impossible_are_told() -> None:

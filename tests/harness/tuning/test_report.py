@@ -43,14 +43,19 @@ def searched(**more: Any) -> Search:
 
 def test_fresh_members_carry_the_verdict() -> None:
     """Expected: from 9 to 7 mm is 22 % less; the search's own 6 mm is a number, not the verdict."""
-    report = tuning_report(Made(), [], "said")
+    report = tuning_report(Made(), "said")
     assert report.verdict.text == (
         "Position error, RMS, 90 % of 40 fresh members: from 9 mm to 7 mm (22 % less); with controller.bandwidth 3 Hz"
     )
     assert report.verdict.status == "good"
     assert (report.number("value").value, report.number("fresh").value) == (6e-3, 7e-3)
-    (chart,) = report.charts
+    chart, landscape = report.charts
     assert [series.name for series in chart.series] == ["candidates", "best so far"]
+    (kept,) = landscape.series
+    assert (landscape.x.name, landscape.x.quantity.unit, landscape.note) == (
+        "controller.bandwidth", "Hz", "1 candidate above.",
+    )  # fmt: skip
+    np.testing.assert_array_equal(kept.values, [8e-3, np.nan, 6e-3])
     np.testing.assert_array_equal(chart.series[1].values, [8e-3, 8e-3, 6e-3])
 
 

@@ -99,12 +99,12 @@ def test_conditions_bound_the_optimum(found: gs.Tuning) -> None:
         ([f"{DAMPING}=0.3..1", f"{DAMPING}=0.4..1"], RMS, [], r"is repeated"),
         ([], RMS, [], r"nothing to vary"),
         ([f"{DAMPING}=0.3..1"], "tracking.position.norm_rsm", [], r"no metric .*norm_rms"),
-        ([f"{DAMPING}=0.3..1"], RMS, ["disk_margin ~ 2"], r"cannot be read; expected METRIC < NUMBER"),
+        ([f"{DAMPING}=0.3..1"], RMS, ["disk_margin ~ 2"], r"cannot be read; expected PATH <= NUMBER UNIT"),
         (
             [f"{DAMPING}=0.3..1"],
             RMS,
             ["stroke.margin > 10 kg"],
-            r"the bound is '10 kg'; expected a number, or one with",
+            r"has the unit 'kg'; expected m, cm, mm",
         ),
         ([f"{DAMPING}=0.3..1"], RMS, ["force.peek < 10"], r"no metric 'force.peek'"),
         (

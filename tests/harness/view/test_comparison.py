@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.harness.output.tables import quantity_text
 from gough_stewart.harness.report.document import Chart, Report, Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain
@@ -105,13 +104,6 @@ def test_values_that_read_alike_are_equally_good() -> None:
     assert best("stroke.margin", [3.0, None, -5.0]) == {0}
     assert best("step_response.z.final_error", [-3.0, 2.0]) == {1}
     assert best("energy.net_total", [1.0, 2.0]) == set()
-
-
-def test_what_is_less_than_the_least_of_its_unit_is_shown_as_less() -> None:
-    """Expected: of 1.9e-11 mm that it is below 0.001 mm; all else as it is."""
-    assert quantity_text(-1.9e-11, "mm") == "< 0.001"
-    assert [quantity_text(value, "mm") for value in (0.0, 0.001, -0.5, None)] == ["0", "0.001", "-0.5", "–"]
-    assert quantity_text(1e-9, "") == "1e-09"
 
 
 def test_what_differs_between_the_files_comes_first() -> None:

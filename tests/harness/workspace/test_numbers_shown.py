@@ -16,7 +16,6 @@ from lxml import etree
 from matplotlib.colors import to_hex
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.harness.output.tables import Named, Sheet
 from gough_stewart.harness.workspace.display import (
     Shown,
     clearance,
@@ -29,7 +28,7 @@ from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.isosurface import surface_of
 from gough_stewart.harness.workspace.maps import LIMIT_COLOURS
 from gough_stewart.harness.workspace.page import workspace_page
-from gough_stewart.harness.workspace.tables import extent_text, sheets_of, size_text, workspace_csv
+from gough_stewart.harness.workspace.tables import extent_text, size_text, workspace_csv, workspace_tables
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
@@ -37,6 +36,7 @@ from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, PoseQualities, evaluate_poses
 from gough_stewart.model.workspace_grid import Workspace, sweep
+from tests.support.tables_shown import heads_of, rows_of
 from tests.support.uneven import UNEVEN
 
 NAMES = ("x", "y", "z", "roll", "pitch", "yaw")
@@ -122,10 +122,6 @@ def seen(request: pytest.FixtureRequest) -> Seen:
     return Seen(request.param)
 
 
-def rows_of(sheet: Sheet) -> list[tuple[str, ...]]:
-    return [tuple(f"{c.what} {c.unit}".strip() if isinstance(c, Named) else c for c in row) for row in sheet.rows]
-
-
 def test_lengths_of_legs_decide_between_too_short_and_too_long() -> None:
     """Expected: |t + R p − b| with SciPy's rotations, where no other limit comes first."""
     found = Seen("map")
@@ -148,27 +144,32 @@ def test_lengths_of_legs_decide_between_too_short_and_too_long() -> None:
 
 def test_swept_ranges(seen: Seen) -> None:
     """Expected: ends of the grid, and of what can be reached with any other coordinates; where the range comes from."""
-    sheet = sheets_of(seen.space)[0]
-    assert (sheet.title, sheet.heads) == ("Swept", ("", "from", "to", "points", "reached from", "to", "range"))
+    table = workspace_tables(seen.space)[0]
+    assert (table.title, heads_of(table)) == (
+        "Swept",
+        ("", "from", "to", "points", "reached from", "reached to", "range"),
+    )
     expected = []
     for axis, (name, values) in enumerate(seen.swept.items()):
         there = [values[index[axis]] for index in seen.reached()]
         origin = {"y": "computed", "yaw": "computed", "roll": "assumed"}.get(name, "given")
         if seen.force == "kN":
             origin = {"x": "computed", "y": "given"}[name]
-        ends = [seen.shown(each, name) for each in (values[0], values[-1], min(there), max(there))]
-        expected.append((name, *ends[:2], str(len(values)), *ends[2:], origin))
-    assert rows_of(sheet) == expected
+        unit = "deg" if name in NAMES[3:] else seen.length
+        texts = [seen.shown(each, name) for each in (values[0], values[-1], min(there), max(there))]
+        ends = [text.rstrip("°").partition(" ")[0] for text in texts]
+        expected.append((f"{name} {unit}", *ends[:2], str(len(values)), *ends[2:], origin))
+    assert rows_of(table) == expected
 
 
 def test_shares_of_the_grid_that_limits_keep_from(seen: Seen) -> None:
     """Expected: shares of poses by their own limit; both kinds of joints count; a limit not stated keeps none."""
-    sheet = sheets_of(seen.space)[1]
-    assert (sheet.title, sheet.heads) == ("Limits of the platform", ("", "value", "keeps from"))
+    shown = workspace_tables(seen.space)[1]
+    assert (shown.title, heads_of(shown)) == ("Limits of the platform", ("", "value", "keeps from [%]"))
     codes, platform = [int(q.limit) for q in seen.each.values()], seen.space.platform
 
     def share(*limits: Limit) -> str:
-        return f"{100 * sum(codes.count(int(limit)) for limit in limits) / len(codes):.3g} % of the grid"
+        return f"{100 * sum(codes.count(int(limit)) for limit in limits) / len(codes):.3g}"
 
     speed, joints = seen.length + "/s", share(Limit.BASE_JOINT, Limit.PLATFORM_JOINT)
     factor = 1e3 if seen.length == "mm" else 1.0
@@ -191,7 +192,7 @@ def test_shares_of_the_grid_that_limits_keep_from(seen: Seen) -> None:
     for limit, text in ((Limit.SINGULAR, "beyond a singular pose"), (Limit.PITCH, "pitch at ±90°")):
         if int(limit) in codes:
             expected.append((text, "", share(limit)))
-    assert rows_of(sheet) == expected
+    assert rows_of(shown) == expected
     by_name = {name: value for name, value, _ in expected[:7]}
     names = ("shortest leg", "longest leg", "joint angle from home", "actuator force")
     assert limits_text(seen.space) == ", ".join(f"{name} {by_name[name]}" for name in names)
@@ -199,12 +200,12 @@ def test_shares_of_the_grid_that_limits_keep_from(seen: Seen) -> None:
 
 def test_the_best_and_worst_of_every_result_and_where(seen: Seen) -> None:
     """Expected: least and largest over the poses that can be reached; margins end at the border and have no worst."""
-    sheet = sheets_of(seen.space)[2]
-    units = ["°" if name in NAMES[3:] else seen.length for name in seen.swept]
-    heads = [f"{name} / {unit}" for name, unit in zip(seen.swept, units, strict=True)]
-    assert sheet.title == "Where it can be reached"
-    assert sheet.heads == ("", "", "value", *heads)
-    rows, ends = rows_of(sheet), set(sheet.group_ends)
+    table = workspace_tables(seen.space)[2]
+    units = ["deg" if name in NAMES[3:] else seen.length for name in seen.swept]
+    heads = [f"{name} [{unit}]" for name, unit in zip(seen.swept, units, strict=True)]
+    assert table.title == "Where it can be reached"
+    assert heads_of(table) == ("", "", "value", *heads)
+    rows, ends = rows_of(table), set(table.group_ends)
     reached, k = seen.reached(), 0
     for result, values in seen.results().items():
         title, is_best_low, ends_at_border = RESULTS[result]
@@ -212,7 +213,7 @@ def test_the_best_and_worst_of_every_result_and_where(seen: Seen) -> None:
         for word, least in (("best", is_best_low), ("worst", not is_best_low))[: 1 if ends_at_border else 2]:
             extreme = (min if least else max)(values[index] for index in reached)
             name, said, value, *place = rows[k]
-            assert name == (f"{title} {unit}".strip() if word == "best" else "")
+            assert name == f"{title} {unit}".strip().replace("°", "deg")
             assert said == word
             assert value == (f"{extreme * factor:.0f}" if extreme * factor >= 1e4 else f"{extreme * factor:.4g}")
             places = [
@@ -468,13 +469,13 @@ def test_the_page_says_each_thing_in_its_place(seen: Seen) -> None:
     assert swatches == [
         (None, f"background:{LIMIT_COLOURS[Limit(code)]}") if code else ("reachable", None) for code in codes
     ]
-    sheets = [sheet for sheet in sheets_of(space) if sheet.rows]
+    expected = workspace_tables(space)
     tables = tree.findall(".//section[@class='tables']/div")
-    assert len(tables) == len(sheets) == 3
-    for table, sheet in zip(tables, sheets, strict=True):
+    assert len(tables) == len(expected) == 3
+    for table, each in zip(tables, expected, strict=True):
         words = " ".join(" ".join(table.itertext()).split())
-        assert sheet.title in words
-        for row in rows_of(sheet):
+        assert each.title in words
+        for row in rows_of(each):
             assert " ".join(" ".join(row).split()) in words
     footer = tree.findtext(".//footer") or ""
     source = space.platform.source
@@ -496,7 +497,7 @@ def test_an_empty_region_has_no_swatch_and_no_table_of_results() -> None:
     assert len(tree.findall(".//section[@class='tables']/div")) == 2
     assert [one.text for one in tree.findall(".//p[@class='notice']")] == notices(space)
     assert (tree.findtext(".//footer") or "").startswith("Largest payload")
-    rows = rows_of(sheets_of(space)[0])
+    rows = rows_of(workspace_tables(space)[0])
     assert [row[4:6] for row in rows] == [("–", "–")] * 2
 
 
@@ -527,7 +528,7 @@ def test_a_value_is_shown_with_its_unit_and_without_a_negative_zero() -> None:
     degrees, metres, plain = Shown("°", 180 / np.pi), Shown("mm", 1e3), Shown("", 1.0)
     assert [degrees.text(x) for x in (np.pi / 6, -1e-14, -0.5)] == ["30°", "0°", "-28.65°"]
     assert [metres.text(x, 3) for x in (0.123456, -0.0, 1e-13)] == ["123 mm", "0 mm", "0 mm"]
-    assert [plain.text(x) for x in (2.0, 1234.56, np.inf)] == ["2", "1235", "inf"]
+    assert [plain.text(x) for x in (2.0, 1234.56, np.inf)] == ["2", "1235", "∞"]
 
 
 def test_the_clearance_is_the_least_of_its_margins_in_their_own_scales() -> None:

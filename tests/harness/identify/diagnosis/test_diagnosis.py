@@ -11,7 +11,7 @@ from gough_stewart.harness.identify.diagnosis.lack_of_fit import lack_of_fit, pr
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.report import estimate_report
-from gough_stewart.harness.identify.tables import sheets_of
+from gough_stewart.harness.identify.tables import estimate_tables
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.model.platform_toml import platform_to_toml
 from tests.harness.identify import machine as logs_of_another
@@ -144,5 +144,5 @@ def test_files_tables_and_page_have_the_diagnosis() -> None:
     assert plain["findings"][0]["text"].startswith(said)
     assert plain["findings"][0]["parameters"]["force_gain[3]"]["interval"][0] < 1.02
     assert any(said in alarm for alarm in found.alarms)
-    assert any(said in str(row) for sheet in sheets_of(found) for row in sheet.rows)
+    assert any(said in str(row) for table in estimate_tables(found) for row in table.rows)
     assert said in page_of(estimate_report(found, believed.name)).decode()

@@ -1,34 +1,34 @@
 """Tables in terminals of any width."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gough_stewart.harness.output.tables import (
-    Column,
-    Named,
-    Sheet,
-    is_number,
-    is_prose,
-    number_text,
-    quantity_text,
-    stacked_columns,
-    text_of,
-    to_html,
-    to_terminal,
-)
+from gough_stewart.harness.report import columns as layout
+from gough_stewart.harness.report.columns import is_number, is_prose, stacked_columns
+from gough_stewart.harness.report.document import Cell, Column, Table, Value
+from gough_stewart.harness.report.notebook import table_to_html
+from gough_stewart.harness.report.quantities import Quantity
+from gough_stewart.harness.report.terminal import tables_text
+from gough_stewart.harness.report.words import number_text
 from tests.support.whole_tables import check_is_whole, printed
 
 
-def legs(number: str) -> Sheet:
-    sheet = Sheet("Legs", ("", *"123456", "all"))
-    sheet.add(Named("actuator force, of its limit", "%"), *[number] * 7)
-    return sheet
+def table(title: str, heads: tuple[str, ...], *rows: tuple[Cell, ...], ends: tuple[int, ...] = ()) -> Table:
+    return Table(title, tuple(map(Column, heads)), rows, group_ends=ends)
+
+
+def legs(number: float) -> Table:
+    share = Quantity("", "%")
+    row: tuple[Cell, ...] = ("actuator force, of its limit", *[Value(number, share)] * 7)
+    return table("Legs", ("", *"123456", "all"), row)
 
 
 def test_names_fold_before_columns_move() -> None:
     """Expected: one table with all seven numbers, which unfolded would be 90 wide."""
-    text = printed(legs("12.34"), 80)
+    text = printed(legs(12.34), 80)
     assert text.count("12.34") == 7
     assert text.count("┏") == 1
     assert max(map(len, text.splitlines())) <= 80
@@ -36,7 +36,7 @@ def test_names_fold_before_columns_move() -> None:
 
 def test_numbers_that_fill_the_line_go_on_in_a_table_below() -> None:
     """Expected: legs 1 to 3, and below them legs 4 to 6 with all; every head once, the name in both."""
-    lines = printed(legs("0.007151"), 80).splitlines()
+    lines = printed(legs(0.007151), 80).splitlines()
     heads = ["".join(line.replace("┃", " ").split()) for line in lines if line.startswith("┃")]
     assert heads == ["123", "456all"]
     assert sum("actuator force" in line for line in lines) == 2
@@ -52,27 +52,30 @@ _numbers = st.one_of(
 
 
 @st.composite
-def _sheets(draw: st.DrawFn) -> Sheet:
+def _tables(draw: st.DrawFn) -> Table:
     columns = draw(st.integers(0, 9))
-    sheet = Sheet("T", ("", *draw(st.lists(_words, min_size=columns, max_size=columns))))
+    heads = ("", *draw(st.lists(_words, min_size=columns, max_size=columns)))
+    rows: list[tuple[Cell, ...]] = []
     for _ in range(draw(st.integers(1, 5))):
-        name = draw(st.one_of(_names, st.builds(Named, _names, st.sampled_from(["mm", "%"]))))
-        sheet.add(name, *draw(st.lists(_numbers, min_size=columns, max_size=columns)), ends_group=draw(st.booleans()))
-    return sheet
+        unit = Quantity("", draw(st.sampled_from(["", "mm", "%"])))
+        cells = st.one_of(_numbers, st.builds(Value, st.floats(1e-2, 1e9), st.just(unit)))
+        rows.append((draw(_names), *draw(st.lists(cells, min_size=columns, max_size=columns))))
+    ends = tuple(draw(st.sets(st.integers(0, len(rows) - 1))))
+    return table("T", heads, *rows, ends=ends)
 
 
 @settings(max_examples=60, deadline=None)
-@given(_sheets(), st.integers(40, 120))
-def test_no_width_cuts_or_breaks_a_number(sheet: Sheet, width: int) -> None:
-    """Expected: every cell of the sheet, read back from between the lines that were printed."""
-    check_is_whole(sheet, width)
+@given(_tables(), st.integers(40, 120))
+def test_no_width_cuts_or_breaks_a_number(made: Table, width: int) -> None:
+    """Expected: every cell of the table, read back from between the lines that were printed."""
+    check_is_whole(made, width)
 
 
 def test_sentences_fold_and_stand_at_the_left() -> None:
-    sheet = Sheet("", ("outcome", "members", "cause"))
-    sheet.add("diverged", "3", "the platform is 0.31 m from its reference; the bound is 0.05 m, at most by far")
-    check_is_whole(sheet, 60)
-    assert "│ the platform" in printed(sheet, 60)
+    cause = "the platform is 0.31 m from its reference; the bound is 0.05 m, at most by far"
+    made = table("", ("outcome", "members", "cause"), ("diverged", 3, cause))
+    check_is_whole(made, 60)
+    assert "│ the platform" in printed(made, 60)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +95,7 @@ def test_sentences_fold_and_stand_at_the_left() -> None:
 )
 def test_what_is_too_small_to_be_looked_at_is_only_less(value: float | None, unit: str, text: str) -> None:
     """Expected: a thousandth of a millimetre or milliradian as the least."""
-    assert quantity_text(value, unit) == text
+    assert Quantity("", unit).number(value) == text
 
 
 @pytest.mark.parametrize(
@@ -115,13 +118,17 @@ def test_numbers_have_so_many_digits_and_large_ones_are_whole(value: float | Non
     assert number_text(value, digits) == text
 
 
-def uneven() -> Sheet:
+def uneven() -> Table:
     """Two columns of numbers, one of sentences, a group that ends, an empty head, and texts like markup."""
-    sheet = Sheet("Legs [of] <a> machine", ("", "leg 1", "leg 2", "note", ""))
-    sheet.add(Named("peak <force>", "N & m"), "12.5", "-7", "of the longest leg in the second half of the run", "7")
-    sheet.add("flags", "–", "3", "", "x", ends_group=True)
-    sheet.add("", "1", "22222", "<b>x", "11")
-    return sheet
+    unit, long = Quantity("", "N & m"), "of the longest leg in the second half of the run"
+    return table(
+        "Legs [of] <a> machine",
+        ("", "leg 1", "leg 2", "note", ""),
+        ("peak <force>", Value(12.5, unit), Value(-7, unit), long, Value(7, unit)),
+        ("flags", None, 3, "", "x"),
+        ("", 1, 22222, "<b>x", 11),
+        ends=(1,),
+    )
 
 
 WIDE = """\
@@ -156,22 +163,18 @@ def test_a_table_in_wide_and_in_narrower_terminals_letter_by_letter() -> None:
 
     A column without a head has no numbers to compare; a group ends with a line; sixteen rows more hide nothing.
     """
-    sheet = uneven()
-    assert "".join(f"{line.rstrip()}\n" for line in printed(sheet, 110).splitlines()) == WIDE
-    assert "".join(f"{line.rstrip()}\n" for line in printed(sheet, 71).splitlines()) == FOLDED
-    # a terminal of another kind is never wider than 100
-    assert text_of(to_terminal(sheet)) == WIDE.rstrip("\n")
-    assert max(map(len, text_of("word " * 60).splitlines())) == 99
-    untitled = Sheet("", sheet.heads, sheet.rows, sheet.group_ends)
-    assert printed(untitled, 110).splitlines()[0].startswith("┏")
+    made = uneven()
+    assert "".join(f"{line.rstrip()}\n" for line in printed(made, 110).splitlines()) == WIDE
+    assert "".join(f"{line.rstrip()}\n" for line in printed(made, 71).splitlines()) == FOLDED
+    # as text, it is at most 100 wide
+    assert tables_text([made, made]) == WIDE + WIDE.rstrip("\n")
+    assert printed(replace(made, title=""), 110).splitlines()[0].startswith("┏")
 
 
 def test_heads_do_not_decide_on_which_side_a_column_stands() -> None:
     """Expected: words at the left below a number, numbers at the right below a sentence."""
-    sheet = Sheet("", ("", "3", "a head of many words, far over eighteen"))
-    sheet.add("first at", "never", "1.5")
-    sheet.add("second", "–", "22.75")
-    lines = printed(sheet, 200).splitlines()
+    heads = ("", "3", "a head of many words, far over eighteen")
+    lines = printed(table("", heads, ("first at", "never", 1.5), ("second", "–", 22.75)), 200).splitlines()
     assert "│ never │" in lines[3]
     assert "│ –     │" in lines[4]
     assert lines[3].endswith("  1.5 │")
@@ -180,7 +183,7 @@ def test_heads_do_not_decide_on_which_side_a_column_stands() -> None:
 
 def test_a_table_of_a_page_tag_by_tag() -> None:
     """Expected: written by hand; heads of columns and rows have their scope, empty ones are no heads."""
-    assert to_html(uneven()) == (
+    assert table_to_html(uneven()) == (
         "<table><caption>Legs [of] &lt;a&gt; machine</caption>"
         '<thead><tr><td></td><th scope="col">leg 1</th><th scope="col">leg 2</th><th scope="col">note</th><td></td>'
         '</tr></thead><tbody><tr><th scope="row">peak &lt;force&gt; <span class="unit">N &amp; m</span></th>'
@@ -229,7 +232,7 @@ def test_widths_of_columns_and_shares_of_tables() -> None:
     assert stacked_columns(columns, 30) == [[(0, 15), *each] for each in single]
     assert stacked_columns(columns, 3) == [[(0, 1), *each] for each in single]
     assert stacked_columns(columns[:1], 12) == [[(0, 8)]]
-    assert stacked_columns(columns[:1], 40) == [[Column(0, 20)]]
+    assert stacked_columns(columns[:1], 40) == [[layout.Column(0, 20)]]
 
 
 def test_room_goes_first_to_what_lacks_most() -> None:
