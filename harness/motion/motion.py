@@ -15,7 +15,7 @@ from gough_stewart.model.rotations import (
     angular_velocity_from_orientation_rate,
     orientation_rate_from_angular_velocity,
 )
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import Array, FloatArray
 
 # Times are multiples of a step up to rounding: a jump at 0.2 s takes effect in the row at 0.19999999999 s [s].
 ROUNDING = 1e-9
@@ -143,9 +143,9 @@ def pose_at_start(motion: Motion) -> FloatArray:
     return np.concatenate([motion.position[0], motion.orientation[0]])
 
 
-def slower(motion: Motion, scale: float) -> Motion:
+def slower(motion: Motion, scale: float | Array) -> Motion:
     """The same poses s times later: v/s, ω/s, v̇/s², ω̇/s²."""
-    if scale == 1:
+    if not isinstance(scale, np.ndarray) and scale == 1:
         return motion
     position, orientation, *rates = motion
     velocity, spin, acceleration, angular = rates

@@ -29,9 +29,9 @@ class Profile(NamedTuple):
             self.acceleration * other.value + 2 * self.rate * other.rate + self.value * other.acceleration,
         )
 
-    def faded(self, time: Array, fade_in: float) -> "Profile":
-        """Multiplied by a quintic from 0 to 1 over the fade-in [s]; unchanged for 0 s."""
-        return self.times(quintic(time, fade_in)) if fade_in > 0 else self
+    def faded(self, time: Array, fade_in: float | Array) -> "Profile":
+        """Multiplied by a quintic from 0 to 1 over the fade-in [s]; unchanged for 0 s, which no symbol is."""
+        return self.times(quintic(time, fade_in)) if isinstance(fade_in, np.ndarray) or fade_in > 0 else self
 
 
 def step(time: Array) -> Profile:
@@ -40,7 +40,7 @@ def step(time: Array) -> Profile:
     return Profile(value, 0 * value, 0 * value)
 
 
-def quintic(time: Array, duration: float) -> Profile:
+def quintic(time: Array, duration: float | Array) -> Profile:
     """From 0 to 1 over the duration, at rest at both ends: 10 s³ − 15 s⁴ + 6 s⁵, s = t/duration."""
     s = minimum(maximum(time / duration, 0.0), 1.0)
     value = s**3 * (10 - 15 * s + 6 * s**2)

@@ -3,19 +3,21 @@
 #include "lanes_table.h"
 #include "loop.h"
 #include "machine_fields.h"
+#include "planning.h"
 #include "vectors.h"
 
 #ifdef MACHINE_HAS_LAW
 #include "law.h"
 #endif
 
-/* What a block begins with; `own` is made when it is opened. */
+/* What is made of a block's fields when it is opened; it stands before them. */
 typedef struct {
     batch of;
     loop with;
     int64_t n_changes, kept;
     const int64_t *change_rows;
     const double *change_parameters, *change_inputs;
+    planned plan; /* kind -1: it has tables */
     int64_t next_change;
 } own;
 
@@ -69,6 +71,34 @@ static void change(own *o)
     o->next_change++;
 }
 
+/* A table whose first row is that of an index. */
+static const double *beginning(const double *at, int64_t index, int64_t row)
+{
+    return (const double *)((uintptr_t)at - (uintptr_t)(index * row) * sizeof(double));
+}
+
+/* Computes the reference of rows and what their samples need. */
+static void plan(own *o, int64_t row, int64_t to)
+{
+    planned *p = &o->plan;
+    loop *w = &o->with;
+    int64_t first = row / w->every, last = (to - 1) / w->every;
+    for (int64_t k = first * w->every; k < to; k++)
+        plan_reference(p, (double)k * w->plant_step, p->reference + (k - first * w->every) * N_REFERENCE);
+    for (int64_t k = first; k <= last; k++) {
+        double time = (double)(k * w->every) * w->plant_step;
+        plan_forces(p, time, p->forces + (k - first) * N_LEGS);
+        if (p->jacobians)
+            plan_maps_at(p, time, p->jacobians + (k - first) * 36, p->inverses + (k - first) * 36);
+    }
+    w->reference.at = beginning(p->reference, first * w->every, N_REFERENCE);
+    w->feedforward.at = beginning(p->forces, first, N_LEGS);
+    if (p->jacobians) {
+        w->jacobian.at = beginning(p->jacobians, first, 36);
+        w->inverse.at = beginning(p->inverses, first, 36);
+    }
+}
+
 int64_t machine_run(int64_t *block, int64_t to)
 {
     own *o = own_of(block);
@@ -78,6 +108,8 @@ int64_t machine_run(int64_t *block, int64_t to)
     o->with.first_row = row;
     to = to < most ? to : most;
     to = to < o->with.last + 1 ? to : o->with.last + 1;
+    if (o->plan.kind >= 0 && row < to)
+        plan(o, row, to);
     while (row < to) {
         int64_t stop = to;
         if (o->next_change < o->n_changes && o->change_rows[o->next_change] == row)

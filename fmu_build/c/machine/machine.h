@@ -2,12 +2,14 @@
    state of its own, no allocation, nothing of the C library but memcpy, sqrt and fabs: a native library and WebAssembly
    give the same bits.
 
-   A machine is one block of 64-bit words, which the caller owns: harness/loop/machine.py makes it from an experiment.
+   A machine is one block of 64-bit words, which the caller owns: harness/export/machine.py makes it from an experiment.
    1. Copy the block to memory aligned to 8 bytes, and open it there, once. To begin anew, copy it again. An open block
       cannot be moved.
    2. Run it, some rows at a time. At each row: readings, the command if a sample is due, the drives; the row is kept,
       its limits are checked; then the step from there.
-   3. Read and write what fields hold between two calls, for example what acts from outside, or gains. */
+   3. Read and write what fields hold between two calls, for example what acts from outside (MACHINE_INPUTS), gains
+      (MACHINE_VALUES), or a motion (MACHINE_PLAN_GIVEN, if MACHINE_PLAN_KIND is 0): pose, rates and accelerations at the
+      time MACHINE_PLAN_GIVEN_AT, from which the reference and the forces of feedforward are extrapolated. */
 #ifndef MACHINE_H
 #define MACHINE_H
 

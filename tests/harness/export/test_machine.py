@@ -13,13 +13,16 @@ import pytest
 from numpy.typing import NDArray
 from playwright._impl._driver import compute_driver_executable
 
+import gough_stewart as gs
 from gough_stewart.fmu_build.lanes import Failure
 from gough_stewart.fmu_build.machine import machine_library, machine_wasm
 from gough_stewart.harness.control.traced_law import traced_law_of
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.loop import machine
-from gough_stewart.harness.loop.machine import Block, machine_block, machine_c
+from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.export import machine
+from gough_stewart.harness.export.machine import Block, machine_block, machine_c, machine_of
+from gough_stewart.harness.export.plan_c import kinds
 from gough_stewart.harness.loop.run import Run, simulate
 from tests.harness.loop import test_compiled_laws as laws
 from tests.harness.loop.test_compiled_loop import ALL, CASES, STEPPING, batch_of
@@ -135,12 +138,7 @@ def test_webassembly_has_the_bits_of_native_code(name: str, tmp_path: Path) -> N
     law = case.block.law
     native = Machine(case.block, law)
     native.run(ROWS)
-    module, file, out = machine_wasm(machine_c(law)), tmp_path / "block", tmp_path / "out"
-    case.block.words.tofile(file)
-    node = compute_driver_executable()[0]
-    script = Path(__file__).parents[2] / "support" / "machine.mjs"
-    subprocess.run([node, str(script), str(module), str(file), str(ROWS), str(out)], check=True, timeout=60)
-    theirs, start = np.fromfile(out, np.int64), machine._HEAD + machine._ROOM
+    theirs, start = in_webassembly(case.block, tmp_path), machine._HEAD + machine._ROOM
     assert len(theirs) == len(native.words)
     if law is None:
         assert np.array_equal(theirs[start:], native.words[start:])
@@ -148,6 +146,116 @@ def test_webassembly_has_the_bits_of_native_code(name: str, tmp_path: Path) -> N
         ours, others = (each[start:].view(float) for each in (native.words, theirs))
         assert np.allclose(ours, others, rtol=1e-12, atol=1e-12, equal_nan=True)
     assert not np.array_equal(native.words[start:], case.block.words[start:])
+
+
+WORDS = {"position_amplitude": ["8 mm", "-5 mm", "6 mm"], "orientation_amplitude": ["1 deg", "0.5 deg", "-0.7 deg"]}
+CHANGES = {"position_change": ["8 mm", "-5 mm", "6 mm"], "orientation_change": ["1 deg", "0.5 deg", "-0.7 deg"]}
+SLOWER = {"time_scale": 1.3, "amplitude_scale": 0.7}
+MOTIONS: dict[str, dict[str, Any]] = {
+    "hold": {"type": "hold"},
+    "step": {"type": "step", **CHANGES, "at": "0.031 s"},
+    "point_to_point": {"type": "point_to_point", **CHANGES, "at": "0.01 s", "duration": "0.07 s", **SLOWER},
+    "sine": {"type": "sine", **WORDS, "frequency": "4 Hz", "phase": "30 deg"},
+    "sine_faded": {"type": "sine", **WORDS, "frequency": "4 Hz", "phase": "30 deg", "fade_in": "50 ms", **SLOWER},
+    "chirp": {"type": "chirp", **WORDS, "from_frequency": "1 Hz", "to_frequency": "6 Hz", "duration": "80 ms"},
+    "chirp_faded": {
+        **{"type": "chirp", **WORDS, "from_frequency": "2 Hz", "to_frequency": "5 Hz", "duration": "90 ms"},
+        **{"fade_in": "60 ms", **SLOWER},
+    },
+    **{f"circle_{plane}": {"type": "circle", "radius": "5 mm", "frequency": "3 Hz", "plane": plane, **SLOWER}
+       for plane in ("xy", "xz", "yz")},
+    **{f"circle_{plane}_faded": {"type": "circle", "radius": "5 mm", "frequency": "3 Hz", "plane": plane,
+       "fade_in": "40 ms"} for plane in ("xy", "xz", "yz")},
+}  # fmt: skip
+
+
+@cache
+def planned(kind: str, name: str, feedforward: str) -> tuple[Block, gs.Record]:
+    """A loop that follows a motion, and its run; the delay is two samples of four rows."""
+    experiment = uneven_experiment(
+        name,
+        loop={"duration": 0.12, "sample_time": "4 ms", "plant_step": "1 ms", "delay": 2},
+        limits={"reference": "warn", "position_error": "5 m"},
+        reference=MOTIONS[kind],
+        sensors={"noise": {"leg_length": "2 um"}, "seed": 3},
+    )
+    controller = experiment.controller.model_copy(update={"feedforward": feedforward})
+    experiment = experiment.model_copy(update={"controller": controller})
+    return machine_of(experiment, prepare(experiment), kept=23), gs.run(experiment)
+
+
+def rows_of(record: gs.Record) -> NDArray[Any]:
+    """All signals, as c/loop has them."""
+    names = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity")
+    return np.concatenate([record[name] for name in names], axis=1)
+
+
+@pytest.mark.parametrize("kind", MOTIONS)
+def test_a_machine_computes_its_motion_and_forces(kind: str) -> None:
+    """Expected: the rows of `run`, whose references and feedforward NumPy computes in advance, to 1e-10 of scale."""
+    name, feedforward = ("task", "computed_torque") if "faded" in kind else ("pd", "gravity")
+    block, record = planned(kind, name, feedforward)
+    assert kinds()[block.words[machine._HEAD + machine._ROOM + machine.fields()["plan_kind"]]] == kind
+    found, theirs = Machine(block).run(ROWS), rows_of(record)
+    scale = np.abs(theirs).max(axis=0)
+    assert (np.abs(found["row_signals"] - theirs) <= 1e-10 * scale).all()
+    forces = record["actuator_force"]
+    assert np.abs(found["row_forces"] - forces).max() <= 1e-10 * np.abs(forces).max()
+    assert len(block.words) < 8000
+
+
+@pytest.mark.parametrize(
+    ("name", "duration"), [("fastest_path", 0.15), ("recorded_ride", 0.15), ("impulse", 0.6), ("saturation", 0.6)]
+)
+def test_shipped_experiments_as_machines(name: str, duration: float) -> None:
+    """Expected: the rows of `run`, of pieces of paths and tables, with disturbances and limits, to 1e-9 of SI units."""
+    experiment = gs.load_experiment(name, {"loop.duration": duration})
+    found = Machine(machine_of(experiment, prepare(experiment)))
+    theirs = rows_of(gs.run(experiment))
+    ours = found.run(len(theirs))["row_signals"]
+    assert np.abs(ours - theirs).max() <= 1e-9
+    assert np.ptp(theirs, axis=0)[12:18].max() > 1e-5
+
+
+def test_a_motion_may_be_given_from_outside() -> None:
+    """Expected: with constant accelerations of the pose, x + v h + a h²/2 at each row; angles alike, by their rates."""
+    block, _ = planned("hold", "pd", "gravity")
+    one = Machine(block)
+    fields = machine.fields()
+    motion = np.array([0.01, -0.02, 3.1, 0.0, 0.0, 0.02, 0.1, -0.2, 0.3, 0.0, 0.0, 0.4, 1.0, 2.0, -3.0, 0.0, 0.0, 5.0])
+    given = Block(one.words.copy())
+    given.words[:] = block.words
+    given.words[machine._HEAD + machine._ROOM + fields["plan_kind"]] = kinds().index("given")
+    two = Machine(given)
+    two.field("plan_given", 18)[:] = motion
+    two.field("plan_given_at", 1)[:] = 0.002
+    two("run", 9)
+    reference = two.field("plan_reference", 9 * 30).reshape(9, 30)
+    h = np.arange(9) * 1e-3 - 0.002
+    for k, at in ((0, 0), (1, 1), (2, 2), (5, 5)):
+        expected = motion[at] + motion[6 + at] * h + motion[12 + at] * h * h / 2
+        assert reference[:, k] == pytest.approx(expected, abs=1e-14)
+    assert reference[:, 11] == pytest.approx(0.4 + 5 * h, abs=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["sine_faded", "circle_yz"])
+def test_webassembly_plans_with_native_bits(kind: str, tmp_path: Path) -> None:
+    """Expected: every word of the block but its head, with references, forces and Jacobians that each computed."""
+    block, _ = planned(kind, "task", "computed_torque") if "faded" in kind else planned(kind, "pd", "gravity")
+    native = Machine(block)
+    native.run(ROWS)
+    start = machine._HEAD + machine._ROOM
+    assert np.array_equal(in_webassembly(block, tmp_path)[start:], native.words[start:])
+
+
+def in_webassembly(block: Block, folder: Path) -> NDArray[np.int64]:
+    """The words of a block after a run in node."""
+    module, file, out = machine_wasm(machine_c(block.law)), folder / "block", folder / "out"
+    block.words.tofile(file)
+    script = Path(__file__).parents[2] / "support" / "machine.mjs"
+    command = [compute_driver_executable()[0], str(script), str(module), str(file), str(ROWS), str(out)]
+    subprocess.run(command, check=True, timeout=60)
+    return np.fromfile(out, np.int64)
 
 
 def test_the_module_imports_nothing() -> None:

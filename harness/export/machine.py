@@ -1,6 +1,6 @@
 """A machine with its loop as one block of words, for the plain C of c/machine: exports, units, pages.
 
-The block has everything that a run needs: coefficients, tables, noise, changes, start values and memory. The C is the
+The block has everything that a run needs: coefficients, motion, noise, changes, start values and memory. The C is the
 same for all loops of shipped components; see c/machine/machine.h.
 """
 
@@ -14,9 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.machine import Sources, machine_sources
+from gough_stewart.harness.control.controllers import OpenLoop
+from gough_stewart.harness.control.feedforward import Feedforward
 from gough_stewart.harness.control.laws_of_members import LawFrom
 from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.experiment.batch import Prepared
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.plan_c import FEEDFORWARD, N_MOTION, Plan, plan_header, planned_motion
 from gough_stewart.harness.loop import compiled
 from gough_stewart.harness.loop.compiled import CompiledLoop
 from gough_stewart.harness.loop.law_library import CompiledLaw, compiled_form
@@ -26,16 +31,41 @@ from gough_stewart.harness.loop.outcomes import Outcomes
 from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.sensors import Encoders
 from gough_stewart.harness.loop.watch import Watch
+from gough_stewart.harness.motion.motion import ROUNDING
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant
+from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant, lanes_plant
 from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError
 from gough_stewart.model.vectors import FloatArray
 
 # Of a block: its version, number of words, and whether it is open; then room for what C makes of its fields.
 _HEAD, _ROOM, _VERSION = 4, 320, 1
-_CHANGES = ("n_changes", "kept", "change_rows", "change_parameters", "change_inputs")
-_POINTERS = ("change_rows", "change_parameters", "change_inputs")
+_CHANGES = (
+    ("n_changes", "WHOLE"),
+    ("kept", "WHOLE"),
+    ("change_rows", "PLACE"),
+    ("change_parameters", "PLACE"),
+    ("change_inputs", "PLACE"),
+)
+# `planned` of c/machine/planning.h.
+_PLAN = (
+    ("kind", "WHOLE"),
+    ("coefficients", "PLACE"),
+    ("n_pieces", "WHOLE"),
+    ("begins", "PLACE"),
+    ("pieces", "PLACE"),
+    ("end", "NUMBER"),
+    ("platform", "PLACE"),
+    ("feedforward", "WHOLE"),
+    ("ahead", "NUMBER"),
+    ("given", "PLACE"),
+    ("given_at", "PLACE"),
+    ("reference", "PLACE"),
+    ("forces", "PLACE"),
+    ("jacobians", "PLACE"),
+    ("inverses", "PLACE"),
+)
 
 
 class Block(NamedTuple):
@@ -65,16 +95,30 @@ def fields() -> dict[str, int]:
 
 def machine_c(law: Any = None) -> Sources:
     """Units and headers of c/machine, with a user's law if there is one."""
-    return machine_sources(components_header(), _fields_header(), law)
+    return _shipped_c() if law is None else machine_sources(*_headers(), law)
 
 
-def machine_block(plant: LanesPlant, law_from: LawFrom | None, loop: Loop, kept: int = 64) -> Block:
+@cache
+def _shipped_c() -> Sources:
+    return machine_sources(*_headers())
+
+
+@cache
+def _headers() -> tuple[str, str, str]:
+    return components_header(), _fields_header(), plan_header()
+
+
+def machine_block(
+    plant: LanesPlant, law_from: LawFrom | None, loop: Loop, plan: Plan | None = None, kept: int = 64
+) -> Block:
     """A run of one member as a block.
 
     Parameters
     ----------
     plant
         At its start, of one member.
+    plan
+        What it follows, which C computes row by row if it has this kind of motion; otherwise tables.
     kept
         Rows that a call of `machine_run` keeps, at most.
 
@@ -106,12 +150,17 @@ def machine_block(plant: LanesPlant, law_from: LawFrom | None, loop: Loop, kept:
         "row_force_limited": np.zeros((kept, N_LEGS), np.uint8),
         "row_rate_limited": np.zeros((kept, N_LEGS), np.uint8),
     }
+    planned = _planned(plan, loop, own.structure, kept)
     made = _Words()
     c = own.structure
     for name, kind in _all_fields():
         part, _, rest = name.partition(".")
         if part == "own":
-            made.own(rest, changes, kept)
+            made.value(kind, {**changes.words, "kept": kept}[rest])
+        elif part == "plan":
+            made.value(kind, planned.get(rest.removeprefix("plan_"), -1 if rest == "plan_kind" else 0))
+        elif planned and rest.partition(".")[0] in _TABLES:
+            made.planned_table(rest, planned)
         elif part == "of":
             made.batch(rest, plant)
         elif rest.partition(".")[0] in outputs:
@@ -123,12 +172,45 @@ def machine_block(plant: LanesPlant, law_from: LawFrom | None, loop: Loop, kept:
     return Block(made.block(), form.law.function if isinstance(form, CompiledLaw) else None)
 
 
+# Tables of the loop that a plan replaces, and where C computes them.
+_TABLES = {"reference": "reference", "feedforward": "forces", "jacobian": "jacobians", "inverse": "inverses"}
+
+
+def _planned(plan: Plan | None, loop: Loop, c: Any, kept: int) -> dict[str, Any]:
+    """The fields of `planned`; none without a plan, or if C lacks its motion."""
+    motion = None if plan is None else planned_motion(plan.reference)
+    if plan is None or motion is None:
+        return {}
+    every = loop.timing.steps_a_sample
+    samples = kept // every + 2
+    parameters = [np.ravel(getattr(plan.platform, v.name)) for v in interface.PLATFORM_PARAMETERS]
+    maps = {name: np.zeros((samples, 36)) for name in ("jacobians", "inverses") if c.inverse.at}
+    return {
+        **motion._asdict(),
+        "n_pieces": len(motion.begins),
+        "platform": np.concatenate(parameters).astype(float),
+        "feedforward": FEEDFORWARD.index(plan.feedforward),
+        "ahead": plan.ahead,
+        "given": np.zeros(N_MOTION),
+        "given_at": np.zeros(1),
+        "reference": np.zeros((kept + every, 30)),
+        "forces": np.zeros((samples, N_LEGS)),
+        **maps,
+    }
+
+
 class _Changes(NamedTuple):
     """What changes at rows, at the begin (row 0) first."""
 
     rows: NDArray[np.int64]
     parameters: FloatArray  # (n, N_PARAMETERS)
     inputs: FloatArray  # (n, 12)
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """What is after the begin, by field."""
+        rows, parameters, inputs = (each[1:] for each in self)
+        return {"n_changes": len(rows), "change_rows": rows, "change_parameters": parameters, "change_inputs": inputs}
 
 
 def _changes(plant: LanesPlant, loop: Loop) -> _Changes:
@@ -173,10 +255,20 @@ class _Words:
         self._data.append(words)
         self._end += len(words)
 
-    def own(self, name: str, changes: _Changes, kept: int) -> None:
-        rows, parameters, inputs = (each[1:] for each in changes)
-        values = dict(zip(_CHANGES, (len(rows), kept, rows, parameters, inputs), strict=True))
-        self.array(values[name]) if name in _POINTERS else self.add(int(values[name]))  # type: ignore[arg-type]
+    def value(self, kind: str, value: Any) -> None:
+        """A field by its kind; a place without an array is none."""
+        if kind == "NUMBER":
+            self.number(value)
+        elif kind == "PLACE":
+            self.array(np.asarray(value) if np.ndim(value) else np.zeros(0))
+        else:
+            self.add(int(value))
+
+    def planned_table(self, name: str, planned: dict[str, Any]) -> None:
+        """A table that C fills: its place is set in a call."""
+        head, _, part = name.partition(".")
+        values = planned.get(_TABLES[head])
+        self.add(0 if values is None or part in ("at", "member") else values.shape[1] if part == "row" else 1)
 
     def batch(self, name: str, plant: LanesPlant) -> None:
         if name in ("blocks", "stride"):
@@ -244,7 +336,8 @@ def _all_fields() -> tuple[_Field, ...]:
         else:
             kinds = {ctypes.c_double: "NUMBER", ctypes.c_void_p: "PLACE"}
             found.append(_Field(f"with.{name}", kinds.get(kind, "WHOLE")))
-    found += [_Field(f"own.{name}", "PLACE" if name in _POINTERS else "WHOLE") for name in _CHANGES]
+    found += [_Field(f"own.{name}", kind) for name, kind in _CHANGES]
+    found += [_Field(f"plan.plan_{name}", kind) for name, kind in _PLAN]
     return tuple(found)
 
 
@@ -260,10 +353,32 @@ def _fields_header() -> str:
         "MACHINE_N_FIELDS": len(_all_fields()),
         "MACHINE_LAW_FIELD": fields()["law"],
         "MACHINE_VERSION": version(),
+        "N_MOTION": N_MOTION,
+        "MOTION_ROUNDING": ROUNDING,
     }
     reads = " \\\n    ".join(
-        f"o->{name.removeprefix('own.')} = {kind}({k});"
+        f"o->{name.removeprefix('own.').replace('plan.plan_', 'plan.')} = {kind}({k});"
         for k, (name, kind) in enumerate(_all_fields())
         if kind != "LAW"
     )
     return f"{defines(sizes)}\n\n{defines(known)}\n\n#define MACHINE_READ \\\n    {reads}\n"
+
+
+def machine_of(experiment: Experiment, prepared: Prepared, kept: int = 64) -> Block:
+    """A run of an experiment as a block, with its plan.
+
+    Raises
+    ------
+    ControllerError, MembersError
+        As `machine_block`.
+    """
+    choice, loop = experiment.plant, prepared.loop
+    kind: Feedforward = getattr(experiment.controller, "feedforward", "none")
+    ahead = (experiment.loop.delay + 0.5) * loop.timing.sample_time
+    plan = None
+    # constant forces are not planned from a motion
+    if prepared.reference is not None and not isinstance(experiment.controller, OpenLoop):
+        plan = Plan(prepared.reference, prepared.platform, kind, ahead)
+    plant = lanes_plant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=prepared.kernel)
+    with plant, prepared.law_in_a_run() as law_from:
+        return machine_block(plant, law_from, loop, plan, kept)
