@@ -294,9 +294,11 @@ class CompiledLoop:
             c.noisy = self._pointer(np.array([(at[0], len(at)) for at in elements], np.int64))
             deviations = [np.broadcast_to(each.deviation, (self._n,)) for each in noise.values()]
             c.deviations = self._table(np.array(deviations, dtype=float)[None])
-            streams[:, : self._n] = np.concatenate(
-                [np.broadcast_to(each.words, (4, self._n)) for each in noise.values()]
-            )
+            for k, each in enumerate(noise.values()):
+                own = streams[4 * k : 4 * k + 4]
+                self._plant.seed_streams(each.entropy, own)
+                if len(each.entropy) < self._n:  # one stream for all
+                    own[:, 1 : self._n] = own[:, :1]
 
     def _set_actuators(self) -> None:
         c, actuators, step = self._c, self._loop.actuators, self._loop.timing

@@ -18,10 +18,29 @@ def stream(seed: Seed, purpose: int) -> Generator:
     return np.random.default_rng([seed, purpose])
 
 
-def words_of(generator: Generator) -> tuple[int, ...]:
-    """State and increment of its PCG64 as four words, each with the upper half first."""
-    state: Any = generator.bit_generator.state["state"]
-    return tuple(part for each in (state["state"], state["inc"]) for part in divmod(each, 1 << 64))
+def entropy_of(seed: Seed, purpose: int) -> list[int]:
+    """The 32-bit words of entropy and spawn keys from which `stream` is seeded, as NumPy assembles them.
+
+    The lowest word of a number first; entropy is filled up to four words if there are keys.
+    """
+    if not isinstance(seed, SeedSequence):
+        return [*_parts(seed), *_parts(purpose)]
+    entropy: Any = seed.entropy
+    own = [part for each in np.ravel(np.asarray(entropy, dtype=object)).tolist() for part in _parts(each)]
+    keys = [part for key in (*seed.spawn_key, purpose) for part in _parts(key)]
+    return [*own, *[0] * (_POOL - len(own)), *keys]
+
+
+# Words of a SeedSequence's pool.
+_POOL = 4
+
+
+def _parts(number: int) -> list[int]:
+    """A number >= 0 in 32-bit words."""
+    found = [int(number) % (1 << 32)]
+    while number := int(number) >> 32:
+        found.append(number % (1 << 32))
+    return found
 
 
 def as_numbers(seed: Seeds) -> Any:

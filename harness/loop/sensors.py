@@ -5,10 +5,9 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.harness.control.sensor import Sensor, SensorCoefficients
-from gough_stewart.harness.loop.seeds import Seeds, stream, words_of
+from gough_stewart.harness.loop.seeds import Seeds, entropy_of, stream
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.vectors import FloatArray
@@ -121,18 +120,17 @@ class Noise(NamedTuple):
     """The noise of one signal, for hosts that draw the same numbers themselves."""
 
     deviation: PerMember
-    words: NDArray[np.uint64]  # (4, N) or (4, 1): of PCG64 the state and the increment, each with the upper half first
+    entropy: list[list[int]]  # of each member's stream, or of the common one; see `entropy_of`
 
 
 def noise_of(sensors: Sensors, names: Iterable[str]) -> dict[str, Noise]:
-    """The noise of those of some signals that have any, before the first reading."""
-    found = {}
-    for name in names:
-        if _has_noise(sensors, name):
-            seeds = sensors.seed if isinstance(sensors.seed, tuple) else (sensors.seed,)
-            words = [words_of(stream(seed, signals.NAMES.index(name))) for seed in seeds]
-            found[name] = Noise(sensors.noise[name], np.array(words, np.uint64).T)
-    return found
+    """The noise of those of some signals that have any."""
+    seeds = sensors.seed if isinstance(sensors.seed, tuple) else (sensors.seed,)
+    purposes = {name: signals.NAMES.index(name) for name in names if _has_noise(sensors, name)}
+    return {
+        name: Noise(sensors.noise[name], [entropy_of(seed, purpose) for seed in seeds])
+        for name, purpose in purposes.items()
+    }
 
 
 def _has_noise(sensors: Sensors, name: str) -> bool:

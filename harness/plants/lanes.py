@@ -11,6 +11,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.lanes import CONTROLLED, WIDTH, Failure, LanesLibrary, lanes_library
@@ -80,6 +81,15 @@ class CompiledLanes:
     def results(self, batch: Batch, out: FloatArray) -> None:
         """See `LaneKernel`."""
         self.library.lanes_results(reference(batch), ctypes.c_void_p(out.ctypes.data))
+
+
+def seed_streams(library: ctypes.CDLL, entropy: Sequence[Sequence[int]], words: NDArray[np.int64]) -> None:
+    """See `LanesPlant.seed_streams`."""
+    flat = np.array([part for each in entropy for part in each], np.uint32)
+    sizes = np.array([len(each) for each in entropy], np.int64)
+    numbers = (ctypes.c_int64(each) for each in (len(sizes), words.strides[0] // words.itemsize))
+    at = [ctypes.c_void_p(each.ctypes.data) for each in (flat, sizes, words)]
+    library.loop_seed(*at[:2], *numbers, at[2])
 
 
 def reference(batch: Batch) -> Any:
@@ -158,6 +168,11 @@ class LanesPlant(Plant):
     def loop_run(self) -> Callable[..., int] | None:
         """The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`."""
         return self._kernel.loop_run if isinstance(self._kernel, CompiledLanes) else None
+
+    def seed_streams(self, entropy: Sequence[Sequence[int]], words: NDArray[np.int64]) -> None:
+        """Write streams of random numbers into rows (4, n or more); see `loop_seed` of c/loop."""
+        assert isinstance(self._kernel, CompiledLanes)  # whoever has the loop's machine code
+        seed_streams(self._kernel.library, entropy, words)
 
     def begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state; they do not run."""

@@ -464,3 +464,14 @@ void loop_normals(int64_t words[4], int64_t n, double *normals)
     words[0] = (int64_t)s.high;
     words[1] = (int64_t)s.low;
 }
+
+void loop_seed(const uint32_t *entropy, const int64_t *sizes, int64_t n, int64_t stride, int64_t *words)
+{
+    for (int64_t k = 0; k < n; k++) {
+        stream s = seeded(entropy, sizes[k]);
+        const uint64_t found[] = {s.high, s.low, s.increment_high, s.increment_low};
+        for (int i = 0; i < 4; i++)
+            words[i * stride + k] = (int64_t)found[i];
+        entropy += sizes[k];
+    }
+}

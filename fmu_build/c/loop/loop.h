@@ -110,4 +110,8 @@ OFFERED int64_t loop_run(const batch *of, const loop *with, int64_t first, int64
 /* The next normal numbers of a stream, which goes on: see noise.h. */
 OFFERED void loop_normals(int64_t words[4], int64_t n, double *normals);
 
+/* `n` streams (4, n), in rows that are `stride` apart, from the entropy of each, one after the other: a number of 32-bit
+   words each, as NumPy's SeedSequence assembles them. */
+OFFERED void loop_seed(const uint32_t *entropy, const int64_t *sizes, int64_t n, int64_t stride, int64_t *words);
+
 #endif

@@ -36,6 +36,52 @@ static inline uint64_t next_word(stream *s)
     return mixed >> turn | mixed << (-turn & 63);
 }
 
+/* The mixing of NumPy's SeedSequence (O'Neill, Developing a seed_seq alternative, 2015), 32 bits at a time. */
+#define POOL 4
+
+static inline uint32_t hashed(uint32_t x, uint32_t *constant, uint32_t factor)
+{
+    x ^= *constant;
+    *constant *= factor;
+    x *= *constant;
+    return x ^ x >> 16;
+}
+
+static inline uint32_t mixed(uint32_t x, uint32_t y)
+{
+    uint32_t found = 0xca01f9ddu * x - 0x4973f715u * y;
+    return found ^ found >> 16;
+}
+
+/* The stream of PCG64 from `n` words of entropy and spawn keys, as SeedSequence assembles them. */
+static stream seeded(const uint32_t *entropy, int64_t n)
+{
+    uint32_t pool[POOL], constant = 0x43b0d7e5u, half[8];
+    uint64_t whole[4];
+    for (int i = 0; i < POOL; i++)
+        pool[i] = hashed(i < n ? entropy[i] : 0, &constant, 0x931e8875u);
+    for (int from = 0; from < POOL; from++)
+        for (int to = 0; to < POOL; to++)
+            if (from != to)
+                pool[to] = mixed(pool[to], hashed(pool[from], &constant, 0x931e8875u));
+    for (int64_t from = POOL; from < n; from++)
+        for (int to = 0; to < POOL; to++)
+            pool[to] = mixed(pool[to], hashed(entropy[from], &constant, 0x931e8875u));
+    constant = 0x8b51f9ddu;
+    for (int i = 0; i < 8; i++)
+        half[i] = hashed(pool[i % POOL], &constant, 0x58f38dedu);
+    for (int i = 0; i < 4; i++)
+        whole[i] = (uint64_t)half[2 * i + 1] << 32 | half[2 * i];
+    /* PCG64: from zero one step, plus the first two words, one step; the other two, doubled plus one, are the increment */
+    stream s = {0, 0, whole[2] << 1 | whole[3] >> 63, whole[3] << 1 | 1};
+    next_word(&s);
+    uint64_t low = s.low + whole[1];
+    s.high += whole[0] + (low < s.low);
+    s.low = low;
+    next_word(&s);
+    return s;
+}
+
 /* from 0 to 1, without 1 */
 static inline double next_share(stream *s)
 {

@@ -138,6 +138,11 @@ int64_t machine_failure(const int64_t *block)
     return own_of((int64_t *)block)->of.failure[0];
 }
 
+void machine_seed(const uint32_t *entropy, int64_t n, int64_t words[4])
+{
+    loop_seed(entropy, &n, 1, 1, words);
+}
+
 void *machine_field(int64_t *block, int64_t field)
 {
     return field < 0 || field >= MACHINE_N_FIELDS ? 0 : place(block, block[MACHINE_FIELDS + field]);

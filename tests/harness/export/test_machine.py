@@ -24,6 +24,8 @@ from gough_stewart.harness.export import machine
 from gough_stewart.harness.export.machine import Block, machine_block, machine_c, machine_of
 from gough_stewart.harness.export.plan_c import kinds
 from gough_stewart.harness.loop.run import Run, simulate
+from gough_stewart.harness.loop.seeds import entropy_of
+from gough_stewart.harness.plants.signals import NAMES
 from tests.harness.loop import test_compiled_laws as laws
 from tests.harness.loop.test_compiled_loop import ALL, CASES, STEPPING, batch_of
 from tests.support.uneven_loops import experiment_of as uneven_experiment
@@ -316,6 +318,22 @@ def test_what_acts_from_outside_may_be_written_between_calls() -> None:
         speeds.append(one.field("signals", 24)[6:12].copy())
     gained = speeds[1] - speeds[0]
     assert 0.3 * 40 / 40 * 2e-3 < gained[2] < 40 / 14.5 * 2e-3
+
+
+def test_another_seed_gives_other_noise() -> None:
+    """Expected: with the stream of the sensors' seed, which is 3, the same rows; of another seed, others."""
+    block, _ = planned("sine", "pd", "gravity")
+    rows = []
+    for seed in (None, 3, 4):
+        one = Machine(block)
+        if seed is not None:
+            entropy = np.array(entropy_of(seed, NAMES.index("leg_length")), np.uint32)
+            words = one.field("streams", 4).view(np.int64)
+            at = [ctypes.c_void_p(each.ctypes.data) for each in (entropy, words)]
+            one._c.machine_seed(at[0], ctypes.c_int64(len(entropy)), at[1])
+        rows.append(one.run(ROWS)["row_signals"])
+    assert np.array_equal(rows[0], rows[1])
+    assert np.abs(rows[2] - rows[0]).max() > 1e-8
 
 
 def test_it_is_plain_c_of_all_compilers(tmp_path: Path) -> None:

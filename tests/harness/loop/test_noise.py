@@ -3,13 +3,15 @@
 import ctypes
 
 import numpy as np
+import pytest
 from numpy.random import PCG64, Generator, SeedSequence
 from numpy.typing import NDArray
 from scipy import stats
 
 from gough_stewart.fmu_build.ziggurat import MULTIPLIER, ziggurat
 from gough_stewart.harness.loop.loop_library import loop_library
-from gough_stewart.harness.loop.seeds import stream, words_of
+from gough_stewart.harness.loop.seeds import Seed, entropy_of, stream
+from gough_stewart.harness.plants.lanes import seed_streams
 from gough_stewart.model.vectors import FloatArray
 
 # Distance of neighbours of the numbers from 2 to 4, and from 4 to 8.
@@ -25,8 +27,26 @@ def numbers_of(words: NDArray[np.int64], n: int) -> FloatArray:
 
 
 def words(generator: Generator) -> NDArray[np.int64]:
-    """As C has them."""
-    return np.array(words_of(generator), np.uint64).view(np.int64)
+    """State and increment as C has them, each with the upper half first."""
+    state = generator.bit_generator.state["state"]
+    parts = [part for each in (state["state"], state["inc"]) for part in divmod(each, 1 << 64)]
+    return np.array(parts, np.uint64).view(np.int64)
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [0, 7, 2**32 - 1, 2**32, 2**70 + 5, *(SeedSequence(n, spawn_key=key) for n, key in (
+        (0, ()), (5, (0,)), (5, (17,)), (2**40 + 9, (3, 1)), (3**150, (2**33, 8)), ([1, 2**35, 0], (4,)),
+    ))],
+)  # fmt: skip
+def test_streams_are_seeded_as_numpys(seed: Seed) -> None:
+    """Expected: the state of NumPy's generator for each purpose, of numbers of one word and of many, and of keys."""
+    entropy = [entropy_of(seed, purpose) for purpose in (0, 3, 6)]
+    found = np.zeros((4, 5), np.int64)
+    seed_streams(ctypes.CDLL(str(loop_library().path)), entropy, found)
+    assert not found[:, 3:].any()
+    for k, purpose in enumerate((0, 3, 6)):
+        assert np.array_equal(found[:, k], words(stream(seed, purpose)))
 
 
 def test_a_million_numbers_of_a_stream_have_numpys_bits() -> None:
