@@ -16,12 +16,14 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.document import Cell, Column, Table, Value
-from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, FREQUENCY, LENGTH, NOTHING, NUMBER, Quantity
+from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, FREQUENCY, NOTHING, NUMBER, Quantity
 from gough_stewart.harness.report.terminal import tables_text
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 
+# The errors after an identification are below a micrometre.
+_MICROMETRE = Quantity("m", "µm", 1e6)
 # Margins of the loop with the machine, and their units.
 _MARGINS = {
     "disk margin α": replace(NUMBER, digits=3),
@@ -134,10 +136,10 @@ def _norm_rms(name: str) -> Callable[[Record], float]:
 
 
 _MEASURES: tuple[tuple[str, Quantity, Callable[[Record], float]], ...] = (
-    ("position error, RMS", LENGTH, _norm_rms("error.position")),
-    ("position error, peak", LENGTH, lambda r: float(np.linalg.norm(r["error.position"], axis=1).max())),
+    ("position error, RMS", _MICROMETRE, _norm_rms("error.position")),
+    ("position error, peak", _MICROMETRE, lambda r: float(np.linalg.norm(r["error.position"], axis=1).max())),
     ("orientation error, RMS", ANGLE, _norm_rms("error.orientation")),
-    ("leg length error, RMS", LENGTH, _norm_rms("error.leg_length")),
+    ("leg length error, RMS", _MICROMETRE, _norm_rms("error.leg_length")),
     (
         "feedback's share of the force, RMS",
         FORCE,

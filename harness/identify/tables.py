@@ -11,6 +11,8 @@ from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import NUMBER, SHARE, Quantity, of_unit
 
 _TWO, _SHARE = replace(NUMBER, digits=2), replace(SHARE, digits=2)
+# Of what is known very well, also less than a thousandth of a percent is told.
+_PERCENT = "± %"
 # Residuals of a length are micrometres.
 _MICROMETRE = Quantity("m", "µm", 1e6)
 
@@ -49,14 +51,14 @@ def _parameters(estimate: Estimate) -> Table:
         elif name in estimate.at_bound:
             rows.append((*first, found, "at its bound", None))
         else:
-            share = spread / abs(value) if value else None
+            share = 100 * spread / abs(value) if value else None
             rows.append((*first, found, Value(spread, quantity_of(name, 2)), share))
     columns = (
         Column(""),
         Column("before"),
         Column("estimate"),
         Column("±", None, "half of the 95 % confidence interval"),
-        Column("± ", _SHARE, "the same as a share of the value"),
+        Column(_PERCENT, _TWO, "the same as a share of the value"),
     )
     return Table("Parameters, with 95 % intervals", columns, tuple(rows))
 
@@ -64,10 +66,10 @@ def _parameters(estimate: Estimate) -> Table:
 def _identifiability(estimate: Estimate) -> Table:
     columns = (
         Column("combination, relative to scale"),
-        Column("±", _SHARE, "half of the 95 % confidence interval"),
+        Column(_PERCENT, _TWO, "half of the 95 % confidence interval"),
     )
     rows = tuple(
-        (estimate.combination(k), float(1 / sigma) if k < estimate.rank else "unobservable")
+        (estimate.combination(k), float(100 / sigma) if k < estimate.rank else "unobservable")
         for k, sigma in enumerate(estimate.singular_values)
     )
     return Table(f"Identifiability; condition number {estimate.condition_number:.3g}", columns, rows)

@@ -35,6 +35,8 @@ _MOST_LINES = 12
 _MOST_BARS = 20
 # More markers are pixels, also in PDF and SVG.
 _MOST_MARKERS = 2000
+# Longer labels below an axis are turned.
+_SHORT_LABEL = 3
 # Characters in a line of a note.
 _NOTE = 100
 # Of a group, so many charts of one kind with the same series are small panels with one legend.
@@ -89,10 +91,15 @@ def _rows(charts: Sequence[Chart]) -> list[list[_Panel]]:
         some = list(alike)
         if len(some) >= _SMALL and some[0].kind not in ("bars", "heat"):
             names = tuple(each.name for each in some[0].series)
-            rows.append([_Panel(each, each.y_title, each.series, False, names=names) for each in some])
+            rows.append([_Panel(each, _small_title(each), each.series, False, names=names) for each in some])
         else:
             rows += [_panels(each) for each in some]
     return rows
+
+
+def _small_title(chart: Chart) -> str:
+    """The name and unit of the vertical axis, or the chart's title with the unit."""
+    return chart.y_title if chart.y is not None and chart.y.name else chart.series[0].quantity.headed(chart.title)
 
 
 def _name(title: str, taken: set[str]) -> str:
@@ -208,7 +215,7 @@ def _draw_panel(axes: Axes, panel: _Panel) -> None:
             axes.set_xscale("log")
         if chart.y is not None and chart.y.scale == "log":
             axes.set_yscale("log")
-        else:
+        elif chart.kind != "heat":
             # 0.9995 is plainer than -0.0005 with +1 above
             axes.ticklabel_format(axis="y", useOffset=False)
     _marks(axes, panel)
@@ -352,6 +359,13 @@ def _heat(axes: Axes, panel: _Panel) -> None:
     axes.figure.colorbar(mesh, ax=axes, label=series.quantity.headed(series.name))
     axes.set_ylabel(chart.y.title)
     axes.grid(visible=False)
+    for axis, of in ((axes.xaxis, chart.x), (axes.yaxis, chart.y)):
+        if of.labels:
+            axis.set_ticks(of.quantity.factor * of.values, of.labels, fontsize=7, parse_math=False)
+    if chart.y.labels:
+        axes.invert_yaxis()
+    if any(len(label) > _SHORT_LABEL for label in chart.x.labels):
+        axes.tick_params(axis="x", labelrotation=90)
 
 
 def _marks(axes: Axes, panel: _Panel) -> None:

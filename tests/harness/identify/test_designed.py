@@ -131,10 +131,10 @@ def test_an_experiment_before_and_after_has_one_machine_and_two_beliefs() -> Non
     rows = rows_of(table)
     names = [row[0] for row in rows]
     assert names == [
-        "position error, RMS mm",
-        "position error, peak mm",
+        "position error, RMS µm",
+        "position error, peak µm",
         "orientation error, RMS deg",
-        "leg length error, RMS mm",
+        "leg length error, RMS µm",
         "feedback's share of the force, RMS N",
         "disk margin α",
         "gain of all legs, up or down dB",
@@ -146,10 +146,10 @@ def test_an_experiment_before_and_after_has_one_machine_and_two_beliefs() -> Non
         length = record["error.leg_length"]
         feedback = record["controller.force"] - record["controller.feedforward"]
         values = [
-            1e3 * np.sqrt((position**2).sum(axis=1).mean()),
-            1e3 * np.sqrt((position**2).sum(axis=1)).max(),
+            1e6 * np.sqrt((position**2).sum(axis=1).mean()),
+            1e6 * np.sqrt((position**2).sum(axis=1)).max(),
             180 / np.pi * np.sqrt((orientation**2).sum(axis=1).mean()),
-            1e3 * np.sqrt((length**2).sum(axis=1).mean()),
+            1e6 * np.sqrt((length**2).sum(axis=1).mean()),
             np.sqrt((feedback**2).sum(axis=1).mean()),
         ]
         assert [row[k] for row in rows[:5]] == [f"{value:.4g}" for value in values]

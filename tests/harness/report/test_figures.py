@@ -13,6 +13,7 @@ from gough_stewart.harness.report.figures import figures
 from gough_stewart.harness.report.palette import colour_of
 from gough_stewart.harness.report.quantities import COUNT, DECIBEL, FORCE, FREQUENCY, LENGTH, SHARE
 from tests.support.drawn_figures import drawn
+from tests.support.figures import figures_drawn
 
 _TIME = np.linspace(7.3, 9.3, 51)
 
@@ -174,3 +175,36 @@ def test_more_than_six_lines_differ_in_colour_or_dashes() -> None:
     series = tuple(_series(f"limit {k}", _TIME + k) for k in range(11))
     (axes,) = _drawn(Chart("shares", time_axis(_TIME), series))
     assert len({(line.get_color(), str(line._unscaled_dash_pattern)) for line in axes.lines}) == 11
+
+
+def test_labels_of_a_heat_map_stand_on_both_axes_the_first_row_on_top() -> None:
+    names = ("mass", "gain")
+    axis = Axis("parameter", COUNT, np.arange(2.0), names)
+    chart = Chart("correlation", axis, (_series("r", [[1, -0.5], [-0.5, 1]], quantity=COUNT),), "heat", y=axis)
+    axes, _ = _drawn(chart)
+    for ticks in (axes.get_xticklabels(), axes.get_yticklabels()):
+        assert [each.get_text() for each in ticks] == list(names)
+    assert axes.yaxis.get_inverted()
+    assert axes.get_xticklabels()[0].get_rotation() == 90
+
+
+def test_small_panels_are_named_by_their_charts_and_have_one_legend_for_each_kind() -> None:
+    """Expected: four panels in two columns with the names of their series; another kind below has its own legend."""
+    pairs = [
+        Chart(f"leg {k}", time_axis(_TIME), (_series("run", _TIME), _series("model", k * _TIME, "nominal")), group="g")
+        for k in range(1, 5)
+    ]
+    alone = Chart("rest", time_axis(_TIME), (_series("x", _TIME),), group="g")
+    with figures_drawn(is_rendered=False) as made:
+        figures(_report(*pairs, alone), ("png",))
+    (figure,) = made
+    above, below = figure.subfigs
+    assert [axes.get_title(loc="left") for axes in above.axes] == [f"leg {k} [mm]" for k in range(1, 5)]
+    grid = above.axes[0].get_gridspec()
+    assert grid is not None
+    assert (grid.nrows, grid.ncols) == (2, 2)
+    (legend,) = above.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["run", "model"]
+    assert [axes.get_xlabel() for axes in above.axes] == ["", "", "time [s]", "time [s]"]
+    assert [axes.get_title(loc="left") for axes in below.axes] == ["rest [mm]"]
+    assert not below.legends
