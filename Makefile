@@ -12,7 +12,7 @@ MUTANTS ?= --draw semantic:7:20 --draw token:7:20
 TESTS := $(BIN)/python -m pytest --numprocesses=auto --dist=loadfile
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: help demo view test coverage check bench evidence mutants format docs figures lower-bounds dist clean
+.PHONY: help demo view test coverage check bench evidence mutants format docs figures lower-bounds dist release-check clean
 help:
 	@echo "make demo      build the FMUs, reproduce the paper (files in $(OUT)), run a closed loop (in $(HEAVE))"
 	@echo "make view      run a closed loop and show its motion in the browser (page in $(SEEN))"
@@ -26,6 +26,7 @@ help:
 	@echo "make docs      build the documentation site, which needs no network, in $(SITE)"
 	@echo "make figures   redraw the pictures of README and docs, rewrite the outputs in the tutorial"
 	@echo "make dist      build sdist and wheel in dist/, after a test that installs them"
+	@echo "make release-check  install sdist and wheel of a clean clone with every Python, run README there, list all licences"
 	@echo "make lower-bounds  run the tests with the oldest versions that pyproject.toml allows"
 
 demo: $(VENV)/run
@@ -94,6 +95,9 @@ dist: $(VENV)/dev
 	rm -rf build dist
 	$(BIN)/python -c 'from setuptools import build_meta; build_meta.build_sdist("dist"); build_meta.build_wheel("dist")'
 	rm -rf build
+
+release-check: $(VENV)/dev
+	$(BIN)/python -m tools.release
 
 lower-bounds:
 	$(PYTHON) -m venv $(VENV)-lowest

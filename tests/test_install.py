@@ -21,7 +21,17 @@ from packaging.requirements import Requirement
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = ("model", "fmu_build", "harness")
-PACKED = (*FOLDERS, "gough_stewart", "tests", "pyproject.toml", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md")
+PACKED = (
+    *FOLDERS,
+    "gough_stewart",
+    "tests",
+    "pyproject.toml",
+    "MANIFEST.in",
+    "README.md",
+    "LICENSE",
+    "CHANGELOG.md",
+    "CITATION.cff",
+)
 
 
 class Install(NamedTuple):
@@ -115,7 +125,7 @@ def test_the_sdist_has_no_tests_that_cannot_run_and_what_a_reader_looks_for(inst
     with tarfile.open(install.sdist) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert not [name for name in names if name.startswith(("tests", "benchmarks", "docs", "tools"))]
-    assert {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md"} <= names
+    assert {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"} <= names
 
 
 def test_a_plain_install_has_all_it_needs_to_run_and_show_an_experiment(install: Install) -> None:
