@@ -17,20 +17,27 @@ GLOSSARY: dict[str, str] = {
     "disk margin": "How far gain and phase of the loop may change at once, at any frequency, before it is unstable.",
     "feedforward": "Actuator forces computed from the reference, before any error has occurred.",
     "gain margin": "The factor by which the loop's gain may change before it is unstable.",
+    "growing loop": (
+        "A loop whose error rises without a cause from outside: it is unstable, though limits may bound it."
+    ),
     "home": "The pose in the middle of the strokes, at which the platform starts unless told otherwise.",
+    "jitter": "A random delay of each sample.",
     "leg Jacobian": "The matrix that turns the platform's velocity into the velocities of the six legs.",
     "median": "The value that half of the members stay below.",
+    "member": "One of the machines that an ensemble runs, with parameters drawn for it.",
     "nominal": "The machine as the design assumes it, before anything is varied.",
     "overshoot": "How far a response goes beyond its final value, as a share of the step.",
     "phase margin": "The phase that the loop may lose at its crossover before it is unstable.",
     "quantile": "The value that a stated share of the members stays below.",
     "reference": "The pose that the platform is asked to follow.",
+    "residual": "What a fitted model leaves of a measured signal.",
     "RMS": "Root mean square: the square root of the mean of the squares over time.",
     "sensitivity": "The ratio of the error with feedback to the error without it, by frequency.",
     "settling time": "The time after which the error stays within its tolerance.",
     "singular pose": "A pose at which the legs cannot hold the platform in some direction.",
     "stroke": "The range of lengths that a leg allows.",
     "tracking": "How well the true pose follows its reference.",
+    "whiteness": "Whether values that follow each other are independent, as noise is.",
 }
 
 
