@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gough_stewart.fmu_build.builder import build_units
 from gough_stewart.fmu_build.controller.component import controller_component
@@ -23,7 +25,7 @@ from gough_stewart.harness.plants.unit import FmuFile
 from tests.fmu_build.controller.test_unit import ALONE, CONTROLLER, GAIN, LIMIT, START_FORCE, T, forces, inputs
 from tests.support.c_hosts import HOSTS, ZIG, compile_host
 from tests.support.clocked_unit import Clocked, Kind, clocked, run_clocked
-from tests.support.fmu_plants import DISCARD, ERROR, refused
+from tests.support.fmu_plants import DISCARD, ERROR, OK, refused
 from tests.support.sampled_unit import run_unit
 from tests.support.schemas import complaints_of_schemas
 
@@ -362,3 +364,58 @@ def test_fmi_2_has_no_clocks(tmp_path: Path) -> None:
     with pytest.raises(BuildError, match=r"FMI 2.0 has no clocks; expected FMI 3.0"):
         build_units(controller_component(replace(ALONE, is_clocked=True)), tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+# --- any order of calls ----------------------------------------------------------------------------------------------
+
+STEPS = ("inputs", "read", "update", "save", "restore", "part", "wrong")
+
+
+@given(st.lists(st.sampled_from(STEPS), max_size=40), st.integers(0, 3))
+def test_any_order_of_calls_gives_the_forces_of_the_last_inputs_of_each_tick(
+    unit: Path, calls: list[str], delay: int
+) -> None:
+    """Expected: a model of a few lines: the formula, a list of past forces, and copies of both as saved states.
+
+    Inputs change within a tick and between ticks; time passes in parts; states are saved anywhere and restored
+    anywhere; calls that do not fit change nothing.
+    """
+    row, ticking, past, parts = 0, False, list[Any](), 0
+    saved: tuple[Any, tuple[int, bool, list[Any], int]] | None = None
+
+    def expected() -> Any:
+        now = [*past, forces(len(past), *ROWS[row].values())] if ticking else past
+        k = len(now) - 1 - delay
+        return np.clip(now[k], -LIMIT, LIMIT) if k >= 0 else START_FORCE
+
+    with clocked(unit) as one:
+        one.initialise(7.3, values={"output_delay": np.array(delay), **ROWS[0]})
+        for call in calls:
+            if call == "inputs":
+                row = (row + 7) % 20
+                one.set(ROWS[row])
+            elif call == "update":
+                if not ticking and parts == 0:
+                    one.activate()
+                    ticking = True
+                elif ticking:
+                    one.fmu.updateDiscreteStates()
+                    past, ticking, parts = [*past, forces(len(past), *ROWS[row].values())], False, 2
+            elif call == "part" and not ticking and parts:
+                due = 7.3 + len(past) * T
+                begin = due - parts * T / 2
+                one.pass_time(begin, T / 2)
+                parts -= 1
+            elif call == "save":
+                state = one.fmu.getFMUState()
+                if saved is not None:
+                    one.fmu.freeFMUState(saved[0])
+                saved = state, (row, ticking, past, parts)
+            elif call == "restore" and saved is not None:
+                one.fmu.setFMUState(saved[0])
+                row, ticking, past, parts = saved[1]
+            elif call == "wrong":
+                assert refused(one.fmu.enterEventMode) == ERROR
+                assert refused(one.fmu.setClock, [one.clock.valueReference], [False]) == (ERROR if ticking else OK)
+                assert refused(one.fmu.enterStepMode) == ERROR if ticking else True
+            np.testing.assert_allclose(one.get("actuator_force"), expected())
