@@ -116,7 +116,7 @@ def test_libraries_of_a_page_are_known_by_their_notices() -> None:
         Licence("plotly.js (in the page)", "MIT"),
         Licence("page: /** @license theirs 1.0 */", ""),
     ]
-    assert [each.is_known for each in of_page(b"<!-- Copyright 2020 Somebody -->")] == [False]
+    assert [each.is_known for each in of_page(b"<!-- theirs\nCopyright 2020\nSomebody -->")] == [False]
 
 
 def test_only_supported_interpreters_are_found_and_this_one_is() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gough_stewart.fmu_build.builder import build_units
@@ -371,6 +371,8 @@ def test_fmi_2_has_no_clocks(tmp_path: Path) -> None:
 STEPS = ("inputs", "read", "update", "save", "restore", "part", "wrong")
 
 
+@example(["update", "save", "inputs", "restore"], 0)
+@example(["update", "inputs", "save", "update", "part", "part", "update", "restore", "update"], 1)
 @given(st.lists(st.sampled_from(STEPS), max_size=40), st.integers(0, 3))
 def test_any_order_of_calls_gives_the_forces_of_the_last_inputs_of_each_tick(
     unit: Path, calls: list[str], delay: int
