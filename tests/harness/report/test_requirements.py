@@ -106,6 +106,27 @@ def test_a_verdict_is_no_better_than_its_requirements() -> None:
         assert with_requirements(report, texts).verdict.status == after, (before, texts)
 
 
+@pytest.mark.parametrize(
+    ("texts", "first"),
+    [
+        (["a <= 1 mm"], "Met: a <= 1 mm (0.8 mm, 0.2 mm left). Done"),
+        (["b < 2 N"], "Cannot be told: b < 2 N (not defined in this study). Done"),
+        (["a < 0.5 mm"], "Missed: a < 0.5 mm (0.8 mm, 0.3 mm beyond). Done"),
+        (["a <= 1 mm", "a > 0 mm"], "All 2 requirements met. Done"),
+        (
+            ["b < 2 N", "a <= 1 mm", "a < 0.5 mm", "a < 0.6 mm"],
+            "Missed: a < 0.5 mm (0.8 mm, 0.3 mm beyond), a < 0.6 mm (0.8 mm, 0.2 mm beyond); "
+            "cannot be told: b < 2 N (not defined in this study). Done",
+        ),
+        ([], "Done"),
+    ],
+)
+def test_the_verdict_begins_with_the_requirements_that_are_not_met(texts: list[str], first: str) -> None:
+    """Expected: by hand; those that are met are only counted, but for a single one."""
+    numbers = (Number("a", "a", 0.8e-3, LENGTH), Number("b", "b", None, FORCE))
+    assert with_requirements(Report("t", Verdict("Done", "good"), numbers=numbers), texts).verdict.text == first
+
+
 def test_every_member_has_to_hold_a_requirement_without_a_share() -> None:
     members = [0.2e-3, 0.9e-3, 0.4e-3]
     met, missed = _came_out("<= 1 mm", 0.4e-3, members=members), _came_out("<= 0.5 mm", 0.4e-3, members=members)
