@@ -112,7 +112,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
     gs.save_platform(MACHINE, folder / "uneven.toml")
     (folder / "differ.toml").write_text(TOML.replace("SIGNALS", json.dumps(SIGNALS)))
     out = folder / "out"
-    result = invoke("ensemble", str(folder / "differ.toml"), "--workers", "1", "--out", str(out))
+    result = invoke("ensemble", str(folder / "differ.toml"), "--workers", "1", "--report", "--out", str(out))
     members = polars.read_parquet(out / "members.parquet")
     numbers = [int(path.name.removeprefix("member-")) for path in (out / "worst").iterdir()]
     return Done(result, out, members, {k: gs.read_record(out / "worst" / f"member-{k}") for k in sorted(numbers)})
