@@ -361,11 +361,12 @@ class Setting:
 
 
 def settings_of(changed: Mapping[str, Mapping[str, Any]]) -> tuple[Setting, ...]:
-    """The keys that were set of an experiment's file: their `value`, and that of the `file`, None if it has none."""
-    return tuple(
-        Setting(key, (plain_text(each["value"]),), "" if each["file"] is None else plain_text(each["file"]))
+    """The keys whose `value` is not that of the `file`, which is None if it has none."""
+    texts = (
+        (key, plain_text(each["value"]), "" if each["file"] is None else plain_text(each["file"]))
         for key, each in changed.items()
     )
+    return tuple(Setting(key, (value,), of_file) for key, value, of_file in texts if value != of_file)
 
 
 @dataclass(frozen=True)

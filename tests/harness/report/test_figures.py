@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 from gough_stewart.harness.report.document import Axis, Chart, Mark, Report, Section, Series, Verdict, time_axis
 from gough_stewart.harness.report.figures import figures
 from gough_stewart.harness.report.palette import colour_of
-from gough_stewart.harness.report.quantities import COUNT, DECIBEL, FORCE, FREQUENCY, LENGTH, SHARE
+from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL, FORCE, FREQUENCY, LENGTH, SHARE, Quantity
 from tests.support.drawn_figures import drawn
 from tests.support.figures import figures_drawn
 
@@ -120,6 +120,16 @@ def test_a_band_is_between_its_ends_on_logarithmic_axes() -> None:
     corners = axes.collections[0].get_paths()[0].vertices
     assert corners[:, 1].max() == pytest.approx(22)
     assert corners[:, 1].min() == pytest.approx(-43)
+
+
+@pytest.mark.parametrize(("quantity", "factor"), [(LENGTH, 1e3), (ANGLE, 180 / math.pi), (SHARE, 100.0)])
+def test_a_band_and_its_line_are_in_the_unit_of_the_axis(quantity: Quantity, factor: float) -> None:
+    values, low, high = ([scale * each for each in (1.0, 2.0, 3.0)] for scale in (0.02, 0.015, 0.03))
+    series = _series("x", values, "measured", quantity=quantity, low=low, high=high)
+    (axes,) = _drawn(Chart("x", time_axis([0.0, 1.0, 2.0]), (series,)))
+    corners = axes.collections[0].get_paths()[0].vertices
+    assert (corners[:, 1].min(), corners[:, 1].max()) == pytest.approx((0.015 * factor, 0.09 * factor))
+    assert axes.lines[0].get_ydata() == pytest.approx([0.02 * factor, 0.04 * factor, 0.06 * factor])
 
 
 def test_a_histogram_has_its_counts_between_its_edges_and_points_their_own_abscissae() -> None:

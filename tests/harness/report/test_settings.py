@@ -39,6 +39,12 @@ def test_every_study_names_what_was_set_and_what_the_file_has(study: str) -> Non
     assert {key: found[key] for key in EXPECTED} == EXPECTED
 
 
+def test_a_key_set_to_what_the_file_has_is_not_told() -> None:
+    # the shipped file has a delay of one sample and a bandwidth of 2 Hz
+    report = gs.margins("heave_step", {"loop.delay": 1, "controller.bandwidth": "2.5 Hz"}).report(charts=False)
+    assert [each.key for each in report.settings] == ["controller.bandwidth"]
+
+
 def test_settings_stand_beside_the_title() -> None:
     chart = Chart("x", Axis("t", values=np.arange(3.0)), (Series("x", LENGTH, np.arange(3.0)),))
     changed: dict[str, dict[str, Any]] = {
