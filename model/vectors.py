@@ -70,3 +70,16 @@ def transpose(matrix: Array) -> Array:
 def per_leg(value: Scalars) -> Array:
     """One value for all six legs: (...) to (..., 1), which broadcasts against (..., 6)."""
     return np.asarray(value)[..., None]
+
+
+def first_of_largest(values: FloatArray) -> Any:
+    """Index along the first axis of the first value within a part in 10⁹ of the largest; of a NaN, if there is one.
+
+    Peaks of a periodic motion or a symmetric platform are equal but for rounding, which differs between processors and
+    must not decide which of them is told.
+    """
+    values = np.asarray(values)
+    largest = values.max(axis=0)
+    with np.errstate(invalid="ignore"):  # ∞ − ∞
+        near = values >= largest - 1e-9 * np.abs(largest)
+    return (near | (values == largest) | np.isnan(values)).argmax(axis=0)

@@ -23,6 +23,7 @@ from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.harness.results.run_charts import run_charts, scenes, shown
 from gough_stewart.harness.results.tables import metrics_tables
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import first_of_largest
 
 # A drive that uses more than this of a limit, a disk margin below this, or a step that has not settled is marginal.
 _NEAR, _FRAIL = 0.9, 0.4
@@ -152,7 +153,7 @@ def _drives(record: RecordData, measured: Mapping[str, Any]) -> list[_Part]:
         pass  # told below
     elif shares:
         limit, of_legs = max(shares.items(), key=lambda each: max(each[1]))
-        share, leg = max(of_legs), int(np.argmax(of_legs)) + 1
+        share, leg = max(of_legs), int(first_of_largest(np.array(of_legs))) + 1
         number = Number(
             f"limits.{limit.name}.used", f"{limit.text}, of its limit", share, SHARE, limit=1.0, margin=1 - share
         )

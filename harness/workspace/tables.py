@@ -17,7 +17,7 @@ from gough_stewart.harness.workspace.display import (
     results_of,
     shown_coordinate,
 )
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, first_of_largest
 from gough_stewart.model.workspace import Limit
 from gough_stewart.model.workspace_grid import COORDINATES, Workspace
 
@@ -130,8 +130,10 @@ def _extremes(workspace: Workspace) -> Table:
     ends = []
     reached = workspace.qualities.reachable
     for result in results_of(workspace) if reached.any() else ():
-        values = np.where(reached, result.values, np.nan)
-        lowest, highest = int(np.nanargmin(values)), int(np.nanargmax(values))
+        known = reached & ~np.isnan(result.values)
+        lowest, highest = (
+            int(first_of_largest(np.where(known, sign * result.values, -np.inf).ravel())) for sign in (-1, 1)
+        )
         best, worst = (lowest, highest) if result.is_best_low else (highest, lowest)
         rows.append((result.title, "best", *_value_and_place(workspace, result, best)))
         # margins are 0 at the border

@@ -69,3 +69,14 @@ def test_real_numbers_are_copied_as_floats() -> None:
     own = np.array([1.0, 2.0])
     real_array(own, (2,))[0] = 5
     assert own[0] == 1
+
+
+def test_the_first_of_equal_peaks_is_told_whatever_the_rounding() -> None:
+    """Expected: by hand; the second peak is larger by rounding, the third by more."""
+    peaks = np.array(
+        [[1.0, -3.0, np.nan, 2.0, np.inf], [2.0, -2.0, 7.0, np.nan, 1.0], [2.0 + 4e-16, -2.0, 8.0, 3.0, np.inf]]
+    )
+    assert vectors.first_of_largest(peaks).tolist() == [1, 1, 0, 1, 0]
+    assert vectors.first_of_largest(np.array([2.0, 2.0 + 1e-8])) == 1
+    assert vectors.first_of_largest(np.array([0.0, -0.0, 0.0])) == 0
+    assert vectors.first_of_largest(np.array([-np.inf, -5.0, -5.0 + 1e-14])) == 1

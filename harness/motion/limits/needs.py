@@ -24,7 +24,7 @@ from gough_stewart.model.kinematics import (
 )
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, first_of_largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ def _lengths(time: FloatArray, length: FloatArray) -> dict[str, Need]:
 
 def _peak(name: str, unit: str, values: FloatArray, time: FloatArray, **others: FloatArray) -> dict[str, Need]:
     """The value (n, 6) of largest magnitude, what else there was at that time, and the root mean square."""
-    row, leg = np.abs(values).argmax(axis=0), np.arange(6)  # NaN is the largest
+    row, leg = first_of_largest(np.abs(values)), np.arange(6)  # NaN is the largest
     known = np.isfinite(values[row, leg])
     found = {f"{name}_peak": Need(unit, values[row, leg])}
     for other, at in others.items():

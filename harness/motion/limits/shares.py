@@ -20,7 +20,7 @@ from gough_stewart.model.kinematics import (
 )
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, first_of_largest
 
 # Of the leg Jacobian with angles scaled to lengths; a motion with a larger one is too close to a singular pose.
 WORST_CONDITION_NUMBER = 100.0
@@ -144,17 +144,17 @@ class Shares:
         """The largest share of a limit, for one leg (from 1) or all, at the first time at which it occurs."""
         share = self.of[limit]
         if share.ndim == 1:
-            row = int(share.argmax())
-            return Peak(limit, float(share[row]), float(self.time[row]), None)
+            return Peak(limit, float(share.max()), float(self.time[first_of_largest(share)]), None)
         if leg is None:
-            leg = int(share.argmax() % 6) + 1
-        row = int(share[:, leg - 1].argmax())
-        return Peak(limit, float(share[row, leg - 1]), float(self.time[row]), leg)
+            leg = int(first_of_largest(share.max(axis=0))) + 1
+        of_leg = share[:, leg - 1]
+        return Peak(limit, float(of_leg.max()), float(self.time[first_of_largest(of_leg)]), leg)
 
     @property
     def largest(self) -> Peak:
         """The largest share over all limits."""
-        return max((self.peak(name) for name in self.of), key=lambda peak: peak.share)
+        peaks = [self.peak(name) for name in self.of]
+        return peaks[int(first_of_largest(np.array([peak.share for peak in peaks])))]
 
 
 def shares_along(
