@@ -5,19 +5,24 @@ import os
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 from threading import Event
 
 from gough_stewart.fmu_build.archive import file_name, to_zip
+from gough_stewart.fmu_build.cache_files import digest_of, kept
+from gough_stewart.fmu_build.compiler_cache import cache_folder
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError, check_installed
 from gough_stewart.fmu_build.fmi2_description import fmi2_description
 from gough_stewart.fmu_build.fmi3_description import fmi3_description
 from gough_stewart.fmu_build.model_description import Identity, build_description, terminals_and_icons
 from gough_stewart.fmu_build.package import package_license
-from gough_stewart.fmu_build.sources import Sources, sources, standard_headers, standard_license
+from gough_stewart.fmu_build.sources import Sources, library_sources, sources, standard_license
+from gough_stewart.fmu_build.stamp import stamped
+from gough_stewart.fmu_build.tables import start_block
 from gough_stewart.fmu_build.targets import Target, chosen_targets
-from gough_stewart.fmu_build.toolchain import compile_library, universal_binary
+from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, universal_binary
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.progress import StepProgress
 
@@ -30,6 +35,7 @@ class Unit:
     """One FMU before it is compiled."""
 
     fmi_version: str
+    token: str
     library: str  # its name without suffix
     sources: Sources
     documents: dict[str, bytes]  # by path in the archive
@@ -85,7 +91,8 @@ def unit_archives(
     for version in versions:
         report(f"FMI {version}: sources and documents")
         unit = unit_of(component, version)
-        archives[file_name(version, component.file_stem)] = to_zip(contents(unit, _compile(unit, systems, report)))
+        libraries = libraries_of(component, unit, systems, report)
+        archives[file_name(version, component.file_stem)] = to_zip(contents(unit, libraries))
     return archives
 
 
@@ -130,7 +137,7 @@ def unit_of(component: Component, fmi_version: str) -> Unit:
     }
     if fmi_version == "2.0":
         documents["model.png"] = component.icon.png
-    return Unit(fmi_version, component.identifier, own, documents)
+    return Unit(fmi_version, token, component.identifier, own, documents)
 
 
 def contents(unit: Unit, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
@@ -160,16 +167,23 @@ def _fmi2_binaries(name: str, libraries: Mapping[Target, bytes]) -> dict[str, by
     return files
 
 
-def _compile(unit: Unit, targets: Iterable[Target], report: StepProgress) -> dict[Target, bytes]:
-    # the headers of both versions, so that both share one compilation of the kernel
-    headers = unit.sources.headers | standard_headers("2.0") | standard_headers("3.0")
-
-    stop = Event()
+def libraries_of(
+    component: Component, unit: Unit, targets: Iterable[Target], report: StepProgress
+) -> dict[Target, bytes]:
+    """The compiled libraries of a unit: those of its code, kept once they are compiled, with its start values."""
+    own, stop = library_sources(component), Event()
+    blank = start_block(component, None)
+    block = start_block(component, (unit.token, "") if unit.fmi_version == "2.0" else ("", unit.token))
+    state = _state(unit.library, own)
 
     def library(target: Target) -> bytes:
-        compiled = compile_library(unit.library, unit.sources.units, headers, target, stop)
+        def compiled() -> bytes:
+            return compile_library(unit.library, own.units, own.headers, target, stop)
+
+        path = cache_folder() / "libraries" / f"{state}-{target.name}" / f"{unit.library}{target.suffix}"
+        found = stamped(kept(path, compiled).read_bytes(), blank, block)
         report(f"FMI {unit.fmi_version}: {target.name}")
-        return compiled
+        return found
 
     targets = tuple(targets)
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
@@ -180,6 +194,12 @@ def _compile(unit: Unit, targets: Iterable[Target], report: StepProgress) -> dic
             stop.set()
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+def _state(library: str, own: Sources) -> str:
+    """A digest of all that the bytes of a library depend on, besides the target."""
+    texts = (f"{name}\0{text}\0" for name, text in sorted({**own.units, **own.headers}.items()))
+    return digest_of("".join([library, COMPILER, metadata.version(COMPILER), *FLAGS, *texts]).encode())[:24]
 
 
 def _token(own: Sources, description: bytes, fmi_version: str) -> str:

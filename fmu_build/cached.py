@@ -2,7 +2,6 @@
 
 import hashlib
 import tempfile
-from collections.abc import Callable
 from functools import cache
 from importlib import resources
 from importlib.metadata import version
@@ -10,10 +9,10 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from gough_stewart.fmu_build.archive import file_name
+from gough_stewart.fmu_build.cache_files import digest_of, kept
 from gough_stewart.fmu_build.compiler_cache import cache_folder
-from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError, check_installed
+from gough_stewart.fmu_build.errors import COMPILER, RUNNER, check_installed
 from gough_stewart.fmu_build.targets import native
-from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.progress import StepProgress
 
 # Packages on which the bytes of an FMU depend, besides the files of this package.
@@ -47,44 +46,6 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path
             return build(folder, fmi=[fmi_version], progress=progress)[0].read_bytes()
 
     return kept(cache_folder() / "fmus" / f"{state_of_sources()}-{native().name}" / file_name(fmi_version), built)
-
-
-def kept(path: Path, make: Callable[[], bytes]) -> Path:
-    """A file of the cache, created by `make` if it is missing or does not match its stored digest.
-
-    Several processes may create it at the same time if its content is deterministic: each writes a temporary file and
-    renames it, so the file is never missing while another process uses it.
-
-    Raises
-    ------
-    BuildError
-        The file in the cache differs from what was written.
-    OSError
-        The cache cannot be written.
-    """
-    digest = path.with_name(f"{path.name}.sha256")
-    if not _is_whole(path, digest):
-        content = make()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, content)
-        write_whole(digest, digest_of(content).encode())
-        if not _is_whole(path, digest):
-            raise BuildError(
-                f"{path} differs from what was written there; delete the folder {path.parent}, or free disk space"
-            )
-    return path
-
-
-def digest_of(content: bytes) -> str:
-    """SHA-256 in hexadecimal."""
-    return hashlib.sha256(content).hexdigest()
-
-
-def _is_whole(path: Path, digest: Path) -> bool:
-    try:
-        return digest.read_bytes() == digest_of(path.read_bytes()).encode()
-    except OSError:
-        return False
 
 
 @cache

@@ -1,7 +1,7 @@
 """The description of a component, from which XML, C tables and archives are generated."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from gough_stewart.fmu_build.layout import Layout, Role
@@ -78,6 +78,8 @@ class Component:
     nominal: float = 1.0
     # parameters of the unit itself, after those with partial derivatives
     settings: frozenset[str] = frozenset()
+    # numbers of its code that differ between units, by the name of the macro in C
+    options: Mapping[str, float] = field(default_factory=dict)
     clock: Clock | None = None
     # describe scalars in FMI 3.0, too, for importers without arrays
     has_scalars_only: bool = False

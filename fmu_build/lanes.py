@@ -12,7 +12,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gough_stewart.fmu_build.cached import digest_of, kept, state_of_sources
+from gough_stewart.fmu_build.cache_files import digest_of, kept
+from gough_stewart.fmu_build.cached import state_of_sources
 from gough_stewart.fmu_build.compiler_cache import cache_folder
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library
@@ -112,7 +113,7 @@ def lanes_sources() -> tuple[dict[str, str], dict[str, str]]:
         **own.headers,
         "conditioning.h": plant.headers["conditioning.h"],
         "internal.h": unit.headers["internal.h"],
-        "plant_table.h": plant_header(0.0, is_in_a_system=False),
+        "plant_table.h": plant_header(),
         "lanes_table.h": _table(scalar),
         "lanes_kernel.h": f"{GENERATED}\n" + "".join(in_lanes(f) for f in _vector_kernels()),
     }

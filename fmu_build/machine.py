@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.fmu_build.cached import digest_of, kept, state_of_sources
+from gough_stewart.fmu_build.cache_files import digest_of, kept
+from gough_stewart.fmu_build.cached import state_of_sources
 from gough_stewart.fmu_build.compiler_cache import cache_folder, compiler_environment, compiling
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.lanes import loop_sources

@@ -1,5 +1,6 @@
 """The C sources of a unit: FMI layers, the component's code and tables, headers of the standard."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.resources import files
@@ -8,7 +9,7 @@ from pathlib import Path
 
 from gough_stewart.fmu_build.component import Code, Component
 from gough_stewart.fmu_build.errors import RUNNER, BuildError, check_installed
-from gough_stewart.fmu_build.tables import model_header, model_source, token_source
+from gough_stewart.fmu_build.tables import model_header, model_source, start_source
 
 _LAYERS = {"2.0": "fmi2.c", "3.0": "fmi3.c"}
 _STATELESS, _CLOCKLESS = "stateless.c", "clockless.c"
@@ -33,14 +34,30 @@ class Sources:
 
 def sources(component: Component, fmi_version: str, token: str) -> Sources:
     """All C files of a unit for one FMI version."""
+    tokens = (token, "") if fmi_version == "2.0" else ("", token)
+    return _sources(component, (fmi_version,), start_source(component, tokens))
+
+
+def library_sources(component: Component) -> Sources:
+    """All C files of the library of all units of this code, for both FMI versions, without start values and tokens."""
+    # FMI 2.0 has no clocks
+    versions = ("3.0",) if component.clock else tuple(_LAYERS)
+    found = _sources(component, versions, start_source(component, None))
+    # the headers of both versions, so that all libraries share one compilation of the kernel
+    return Sources(found.units, found.headers | standard_headers("2.0") | standard_headers("3.0"))
+
+
+def _sources(component: Component, versions: Iterable[str], start: str) -> Sources:
     layers = c_folder("unit")
-    unused = set(_LAYERS.values()) - {_LAYERS[fmi_version]}
+    unused = set(_LAYERS.values()) - {_LAYERS[each] for each in versions}
     unused |= {_STATELESS} if component.has_states else set()
     unused |= {_CLOCKLESS} if component.clock else set()
     units = {name: text for name, text in layers.units.items() if name not in unused} | dict(component.code.units)
-    units |= {"model.c": model_source(component), "token.c": token_source(token)}
+    units |= {"model.c": model_source(component), "start.c": start}
     headers = {**layers.headers, **component.code.headers, "model.h": model_header(component)}
-    return Sources(units, headers | standard_headers(fmi_version))
+    for each in versions:
+        headers |= standard_headers(each)
+    return Sources(units, headers)
 
 
 def c_folder(name: str) -> Code:

@@ -107,7 +107,6 @@ def controller_header(controller: Controller) -> str:
         "HAS_RATE_LIMITED": int(controller.has_rate_limit),
         "STEPS_A_SAMPLE": controller.steps_a_sample,
         "MOST_SAMPLES": MOST_SAMPLES,
-        "START_OUTPUT_DELAY": controller.output_delay,
         "LEAST_OUTPUT_DELAY": controller.least_output_delay,
         "MOST_OUTPUT_DELAY": controller.most_output_delay,
     }

@@ -83,20 +83,20 @@ def plant_component(
         starts=starts,
         dependencies=slot_dependencies(),
         experiment={"startTime": "0", "stopTime": "1", "tolerance": repr(tolerance), "stepSize": "0.001"},
-        code=_code(fixed_step_size, is_in_a_system),
+        code=_code(),
         icon=Icon(icon_png(platform), icon_svg(platform)),
         terminals=_terminals,
         documents=documents,
         nominal=NOMINAL,
         settings=frozenset({"fixed_step_size"}),
+        options={"ZEROS_ARE_UNSET_AT_START": is_in_a_system},
     )
 
 
 @cache
-def _code(fixed_step_size: float, is_in_a_system: bool) -> Code:
+def _code() -> Code:
     own = c_folder("plant")
-    header = plant_header(fixed_step_size, is_in_a_system=is_in_a_system)
-    return Code({**own.units, "kernel.c": kernel_source()}, {**own.headers, "plant_table.h": header})
+    return Code({**own.units, "kernel.c": kernel_source()}, {**own.headers, "plant_table.h": plant_header()})
 
 
 def _terminals(fmi_version: str) -> tuple[Terminal, ...]:

@@ -10,8 +10,8 @@ from gough_stewart.model.step_times import TOLERANCES
 MOST_FIXED_STEPS = 1_000_000
 
 
-def plant_header(fixed_step_size: float, *, is_in_a_system: bool) -> str:
-    """`plant_table.h`, with the start value of `fixed_step_size`; see `plant_component`."""
+def plant_header() -> str:
+    """`plant_table.h`."""
     states, results = PLANT.of_role(Role.STATE), PLANT.of_role(Role.STATE, Role.RESULT)
     fixed_step = PLANT.by_name["fixed_step_size"]
     places_of_all = places("X", states)
@@ -34,10 +34,6 @@ def plant_header(fixed_step_size: float, *, is_in_a_system: bool) -> str:
 
 #define N_LEGS {interface.BY_NAME["leg_length"].size}
 #define FIXED_STEP_SIZE {fixed_step.first} /* its slot */
-#define START_FIXED_STEP_SIZE {fixed_step_size!r}
-
-/* whether actuator forces of 0 in the very first step are replaced by their start values */
-#define ZEROS_ARE_UNSET_AT_START {int(is_in_a_system)}
 
 /* offsets in the vectors of states, results and parameters */
 {defines(places_of_all)}

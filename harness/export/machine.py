@@ -319,7 +319,7 @@ class _Words:
 @cache
 def version() -> int:
     """Of the layout of blocks: a digest of the names of all fields."""
-    from gough_stewart.fmu_build.cached import digest_of
+    from gough_stewart.fmu_build.cache_files import digest_of
 
     return int(digest_of(f"{_VERSION} {_all_fields()}".encode())[:12], 16)
 

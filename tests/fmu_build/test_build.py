@@ -273,7 +273,7 @@ def test_fmi3_has_a_folder_for_every_target(fmu3: Fmu) -> None:
         "binaries/x86_64-darwin/gough_stewart.dylib",
         "binaries/aarch64-darwin/gough_stewart.dylib",
     }
-    assert fmu3.token == unit_of(plant_component(UNEVEN), "3.0").sources.units["token.c"].split('"')[-2]
+    assert fmu3.token == unit_of(plant_component(UNEVEN), "3.0").token
 
 
 def test_fmi2_has_a_folder_for_every_system_and_one_file_for_apples_processors() -> None:
@@ -342,6 +342,7 @@ def test_an_interrupt_ends_the_compiler_and_all_it_has_started(tmp_path: Path, m
     (tmp_path / "ziglang" / "__main__.py").write_text("\n".join(lines))
     (tmp_path / "temporary").mkdir()
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path / "cache"))  # one without the library
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     # a test run in the background may have been told to ignore it
     before = signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,11 +1,13 @@
 """Parts of the build by themselves: the compiler, caches, licenses, headers, targets, the vector library."""
 
+import io
 import os
 import shutil
 import subprocess
 import sys
 import threading
 import time
+import zipfile
 from collections.abc import Sequence
 from hashlib import sha256
 from importlib.machinery import ModuleSpec
@@ -19,6 +21,7 @@ from gough_stewart.fmu_build import builder, cached, compiler_cache, errors, lan
 from gough_stewart.fmu_build.builder import contents, unit_archives, unit_of
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.lanes import lanes_library, lanes_sources
+from gough_stewart.fmu_build.tables import start_block
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets, native
 from gough_stewart.fmu_build.toolchain import compile_library, place_of
 from tests.fmu_build.test_small_component import SMALL
@@ -215,23 +218,31 @@ def test_a_universal_binary_begins_with_processors_and_their_kinds() -> None:
 # --- several at once -------------------------------------------------------------------------------------------------
 
 
-def test_both_versions_share_their_headers_and_are_told_step_by_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: the same headers of both standards, so that the kernel is compiled once; library, units and target."""
+def test_both_versions_share_a_library_and_are_told_step_by_step(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Expected: one compilation, with the layers and headers of both standards, and each unit with its own token."""
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
     seen: list[tuple[str, set[str], str]] = []
     headers: list[dict[str, str]] = []
 
     def compiled(name: str, units: dict[str, str], includes: dict[str, str], target: targets.Target, *_: Any) -> bytes:
         seen.append((name, {unit for unit in units if unit.startswith("fmi")}, target.name))
         headers.append(includes)
-        return target.name.encode()
+        return target.name.encode() + start_block(SMALL, None)
 
     monkeypatch.setattr(builder, "compile_library", compiled)
     told: list[str] = []
     chosen = chosen_targets(["x86_64-windows"])
     archives = unit_archives(SMALL, ["2.0", "3.0"], iter(chosen), told.append)
     assert list(archives) == ["small_one_fmi2.fmu", "small_one_fmi3.fmu"]
-    assert seen == [("small", {"fmi2.c"}, "x86_64-windows"), ("small", {"fmi3.c"}, "x86_64-windows")]
-    assert headers[0] == headers[1]
+    assert seen == [("small", {"fmi2.c", "fmi3.c"}, "x86_64-windows")]
+    for version, archive in zip(("2.0", "3.0"), archives.values(), strict=True):
+        with zipfile.ZipFile(io.BytesIO(archive)) as unit:
+            (library,) = [unit.read(name) for name in unit.namelist() if name.endswith(".dll")]
+        token = unit_of(SMALL, version).token
+        tokens = (token, "") if version == "2.0" else ("", token)
+        assert library == b"x86_64-windows" + start_block(SMALL, tokens)
     assert {"own.h", "model.h", "fmi2Functions.h", "fmi3Functions.h"} < set(headers[0])
     assert told == [
         "FMI 2.0: sources and documents",
@@ -556,5 +567,3 @@ def test_the_vector_library_is_compiled_for_this_processor(monkeypatch: pytest.M
     assert headers["conditioning.h"] == (folder / "plant/conditioning.h").read_text()
     assert headers["internal.h"] == (folder / "unit/internal.h").read_text()
     assert units["lanes.c"] == (folder / "lanes/lanes.c").read_text()
-    assert "#define ZEROS_ARE_UNSET_AT_START 0" in headers["plant_table.h"]
-    assert "#define START_FIXED_STEP_SIZE 0.0" in headers["plant_table.h"]

@@ -11,7 +11,7 @@ from typing import IO, Any, NamedTuple
 
 import pytest
 
-from gough_stewart.fmu_build import cached, compiler_cache, targets, toolchain
+from gough_stewart.fmu_build import cache_files, cached, compiler_cache, targets, toolchain
 from gough_stewart.fmu_build.build import build
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.errors import BuildError
@@ -225,7 +225,7 @@ def test_a_disk_that_does_not_keep_a_unit_is_an_error_that_names_the_folder(
     def forget(path: Path, content: bytes) -> None:
         path.write_bytes(content[:3])
 
-    monkeypatch.setattr(cached, "write_whole", forget)
+    monkeypatch.setattr(cache_files, "write_whole", forget)
     with pytest.raises(BuildError, match="delete the folder") as caught:
         cached_build("2.0")
     assert str(tmp_path) in str(caught.value)

@@ -78,7 +78,7 @@ def test_the_head_names_model_package_and_licence(version: str) -> None:
     token = root.get("guid" if version == "2.0" else "instantiationToken", "")
     expected |= {"guid": token, "numberOfEventIndicators": "0"} if version == "2.0" else {"instantiationToken": token}
     assert dict(root.attrib) == expected
-    assert token in unit(version).sources.units["token.c"]
+    assert token in unit(version).sources.units["start.c"]
     assert [len(part) for part in token.strip("{}").split("-")] == [8, 4, 4, 4, 12]
     assert token.startswith("{") == (version == "2.0")
     experiment = root.find("DefaultExperiment")

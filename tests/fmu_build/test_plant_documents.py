@@ -274,14 +274,14 @@ def test_dependencies_on_parameters_are_those_that_differences_show() -> None:
 
 
 @cache
-def defined(step: float, is_in_a_system: bool) -> dict[str, float]:
-    header = plant_header(step, is_in_a_system=is_in_a_system)
+def defined() -> dict[str, float]:
+    header = plant_header()
     return {name: float(text) for name, text in re.findall(r"^#define (\w+) (\S+)", header, re.M)}
 
 
 def test_the_table_of_the_plant_has_the_places_and_limits_of_the_model() -> None:
     """Expected: by hand, from the sizes of the variables in their order, and the limits of the documentation."""
-    found = dict(defined(0.25, False))
+    found = dict(defined())
     vectors = {"X": dict(STATES), "R": dict(STATES + RESULTS), "P": dict(PARAMETERS)}
     for prefix, sizes in vectors.items():
         ends = np.cumsum([0, *sizes.values()])[:-1]
@@ -290,8 +290,6 @@ def test_the_table_of_the_plant_has_the_places_and_limits_of_the_model() -> None
     assert found == {
         "N_LEGS": 6,
         "FIXED_STEP_SIZE": 136,
-        "START_FIXED_STEP_SIZE": 0.25,
-        "ZEROS_ARE_UNSET_AT_START": 0,
         "X_PITCH": 4,
         "SMALLEST_TOLERANCE": 1e-13,
         "LARGEST_TOLERANCE": 1e-2,
@@ -303,7 +301,6 @@ def test_the_table_of_the_plant_has_the_places_and_limits_of_the_model() -> None
         "INERTIA_SLACK": 1e-9,
         "COINCIDENCE": 1e-6,
     }
-    assert defined(0.0, True) == {**defined(0.25, False), "START_FIXED_STEP_SIZE": 0, "ZEROS_ARE_UNSET_AT_START": 1}
 
 
 STATES = [("position", 3), ("orientation", 3), ("velocity", 3), ("angular_velocity", 3)]
@@ -332,7 +329,11 @@ def test_the_component_takes_each_of_its_options() -> None:
     assert [float(each.starts["fixed_step_size"]) for each in (own, at_home)] == [0.125, 0]
     assert (own.experiment["tolerance"], at_home.experiment["tolerance"]) == ("2e-05", "1e-08")
     assert own.file_stem == "mine"
-    assert "#define START_FIXED_STEP_SIZE 0.125" in own.code.headers["plant_table.h"]
+    assert own.code == at_home.code
+    assert [dict(each.options) for each in (own, plant_component(UNEVEN, is_in_a_system=True))] == [
+        {"ZEROS_ARE_UNSET_AT_START": False},
+        {"ZEROS_ARE_UNSET_AT_START": True},
+    ]
     assert own.nominal == 1e-3
     assert own.settings == {"fixed_step_size"}
     assert replace(own, starts=at_home.starts).layout is PLANT

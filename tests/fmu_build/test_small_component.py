@@ -21,7 +21,7 @@ from gough_stewart.fmu_build.layout import Role, laid_out
 from gough_stewart.fmu_build.model_description import UNITS, Identity, build_description, terminals_and_icons
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.page import html_page, variables_table
-from gough_stewart.fmu_build.tables import layout_number, model_header, model_source, places
+from gough_stewart.fmu_build.tables import layout_number, model_header, model_source, places, start_source
 from gough_stewart.model.interface import Variable
 
 LAYOUT = laid_out(
@@ -330,18 +330,38 @@ def numbers_of(text: str, name: str) -> list[float]:
     return [float(each) for each in found[1].replace("\n", " ").split(",") if each.strip()]
 
 
+def started(component: Component) -> dict[str, list[float]]:
+    """The vectors of the block of start values in C, in the order of its members."""
+    members = re.findall(r"^    double (\w+)\[(\d+)\];$", model_header(component), re.M)
+    text = start_source(component, ("two", "three"))
+    assert '"two", "three"' in text
+    vectors = re.findall(r"^    \{\n(.*?)\n    \},$", text, re.M | re.S)
+    found = [[float(each) for each in vector.split(",") if each.strip()] for vector in vectors]
+    assert [len(each) for each in found] == [int(size) for _, size in members]
+    return dict(zip([name for name, _ in members], found, strict=True))
+
+
 def test_the_tables_in_c_have_slots_sizes_and_starts() -> None:
     """Expected: counted by hand; `gain` is behind time, so only its start value is among the parameters."""
-    header = dict(re.findall(r"^#define (\w+) (\S+)$", model_header(SMALL), re.M))
+    small = replace(SMALL, options={"IS_SLOW": 1, "LEAST": 0.75})
+    header = dict(re.findall(r"^#define (\w+) (\S+)$", model_header(small), re.M))
+    of_start = {name: header.pop(name) for name, text in list(header.items()) if text.startswith("START.")}
+    assert of_start == {
+        "DEFAULT_TOLERANCE": "START.tolerance[0]",
+        "START_INPUTS": "START.inputs",
+        "START_STATES": "START.states",
+        "START_PARAMETERS": "START.parameters",
+        "START_SETTING": "START.settings[0]",
+        "IS_SLOW": "START.options[0]",
+        "LEAST": "START.options[1]",
+    }
     assert {name: float(text) for name, text in header.items()} == {
         **{"N_INPUTS": 2, "N_STATES": 2, "N_OUTPUTS": 5, "N_RESULTS": 6, "N_PARAMETERS": 9},
         **{"N_SLOTS": 21, "N_VARIABLES": 10, "FIRST_INPUT": 0, "FIRST_STATE": 2, "FIRST_RESULT": 2},
         **{"FIRST_PARAMETER": 8, "FIRST_DERIVATIVE": 16, "TIME": 18},
-        **{"DEFAULT_TOLERANCE": 1e-5, "LARGEST_NUMBER": 1e30},
+        "LARGEST_NUMBER": 1e30,
         **{"HAS_CLOCK": 0, "CLOCK_REFERENCE": 1000, "SCALAR_REFERENCE": 10000},
     }
-    default = model_header(replace(SMALL, experiment={}))
-    assert "#define DEFAULT_TOLERANCE 1e-08\n" in default
     source = model_source(SMALL)
     rows = re.findall(r"^    \{(.*)\},$", source, re.M)
     assert rows == [
@@ -357,12 +377,20 @@ def test_the_tables_in_c_have_slots_sizes_and_starts() -> None:
         '"gain", "N/m", 19, 2, 0, TUNABLE_PARAMETER, ANY',
     ]
     assert numbers_of(source, "VARIABLE_OF_SLOT") == [0, 0, 1, 1, 2, 2, 2, 3, *[4] * 6, 5, 6, 7, 7, 8, 9, 9]
-    assert numbers_of(source, "START_INPUTS") == [1.5, -2]
-    assert numbers_of(source, "START_STATES") == [0.1, 0.2]
-    assert numbers_of(source, "START_PARAMETERS") == [0, 0.125, 0.25, 0.375, 0.5, 0.625, 7, 3, 4e-9]
+    vectors = {
+        "tolerance": [1e-5],
+        "options": [1, 0.75],
+        "inputs": [1.5, -2],
+        "states": [0.1, 0.2],
+        "parameters": [0, 0.125, 0.25, 0.375, 0.5, 0.625, 7, 3, 4e-9],
+        "settings": [SMALL.starts["setting"].item()],
+    }
+    assert started(small) == vectors
+    assert started(replace(SMALL, experiment={}))["tolerance"] == [1e-8]
     assert numbers_of(source, "NOMINAL_STATES") == [0.02, 0.02]
     without = model_source(replace(SMALL, layout=laid_out([LAYOUT.by_name["energy"].variable], {})))
-    assert numbers_of(without, "START_INPUTS") == numbers_of(without, "NOMINAL_STATES") == [0]
+    assert numbers_of(without, "NOMINAL_STATES") == [0]
+    assert started(replace(SMALL, layout=laid_out([LAYOUT.by_name["energy"].variable], {})))["inputs"] == [0]
     assert places("Q", LAYOUT.rows[2:5]) == {"Q_LENGTH": 0, "Q_ENERGY": 3, "Q_TABLE": 4}
 
 
@@ -486,7 +514,7 @@ def test_a_unit_of_any_component_has_its_files(version: str) -> None:
     other = "3" if version == "2.0" else "2"
     names = set(unit.documents)
     assert {"x/y", "modelDescription.xml", "sources/own.c", "sources/own.h", "sources/model.h"} <= names
-    assert {"sources/model.c", "sources/token.c", f"sources/fmi{version[0]}.c"} <= names
+    assert {"sources/model.c", "sources/start.c", f"sources/fmi{version[0]}.c"} <= names
     assert unit.documents["x/y"] == version.encode()
     assert unit.documents["terminalsAndIcons/icon.png"] == b"png"
     assert unit.documents["terminalsAndIcons/icon.svg"] == b"svg"
@@ -497,11 +525,12 @@ def test_a_unit_of_any_component_has_its_files(version: str) -> None:
     assert "sources/stateless.c" in unit_of(sampled, version).documents
     assert (unit.fmi_version, unit.library) == (version, "small")
     # whatever is in the unit changes its token
-    token = unit.sources.units["token.c"]
+    token = unit.token
+    assert f'"{token}"' in unit.sources.units["start.c"]
     for changed in (
         replace(SMALL, nominal=0.03),
         replace(SMALL, code=Code({"own.c": "int our;"}, {"own.h": "own"})),
         replace(SMALL, code=Code({"own.c": "int own;"}, {"own.h": "our"})),
         replace(SMALL, code=Code({"one.c": "int own;"}, {"own.h": "own"})),
     ):
-        assert unit_of(changed, version).sources.units["token.c"] != token
+        assert unit_of(changed, version).token != token

@@ -13,6 +13,7 @@ from gough_stewart.fmu_build.compiler_cache import compiler_environment, compili
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
+from gough_stewart.fmu_build.tables import start_source
 from gough_stewart.fmu_build.toolchain import place_of
 from gough_stewart.model.platform_toml import load_preset
 
@@ -56,6 +57,7 @@ def compile_host(
         unit = sources(linked, version, TOKEN)
         units |= unit.units
         headers |= unit.headers
+    units["start.c"] = start_source(linked, (TOKEN, TOKEN))
     # zig's cache knows a file by its place: what has not changed is not compiled again
     include = place_of(headers)
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]

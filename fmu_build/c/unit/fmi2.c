@@ -22,8 +22,8 @@ static void deliver(const fmi_instance *i, fmi_status status, const char *catego
     ((fmi2CallbackLogger)i->logger)(i->environment, i->name, AS_FMI2(status), category, message);
 }
 
-static const fmi_layer FMI_2 = {.resolve = slots_of_reference, .deliver = deliver, .discards_as_listed = 1,
-                                .tunes_continuously = 1};
+static const fmi_layer FMI_2 = {.token = START.tokens[0], .resolve = slots_of_reference, .deliver = deliver,
+                                .discards_as_listed = 1, .tunes_continuously = 1};
 
 /* ---- life cycle ----------------------------------------------------------------------------------------------- */
 

@@ -28,7 +28,7 @@ static void deliver(const fmi_instance *i, fmi_status status, const char *catego
     ((fmi3LogMessageCallback)i->logger)(i->environment, AS_FMI3(status), category, message);
 }
 
-static const fmi_layer FMI_3 = {.resolve = slots_of_reference, .deliver = deliver};
+static const fmi_layer FMI_3 = {.token = START.tokens[1], .resolve = slots_of_reference, .deliver = deliver};
 
 /* ---- life cycle ----------------------------------------------------------------------------------------------- */
 

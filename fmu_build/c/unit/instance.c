@@ -136,10 +136,11 @@ fmi_instance *new_instance(const fmi_instance *request, const char *name, const 
         report(request, STATUS_ERROR, "instantiation: the instance name is empty; expected a non-empty text");
         return NULL;
     }
-    if (!token || strcmp(token, TOKEN) != 0) {
+    const char *own = request->layer->token;
+    if (!token || !*own || strcmp(token, own) != 0) {
         report(request, STATUS_ERROR,
                "instantiation: wrong token '%s'; expected '%s'; use the modelDescription.xml of this binary",
-               token ? token : "(null)", TOKEN);
+               token ? token : "(null)", own);
         return NULL;
     }
     if (request->kind == MODEL_EXCHANGE && N_STATES == 0) {

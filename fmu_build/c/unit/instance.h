@@ -20,6 +20,7 @@ typedef struct fmi_instance fmi_instance;
 
 /* The differences between the FMI versions. */
 typedef struct {
+    const char *token; /* the same as in modelDescription.xml; empty if the library is not for this version */
     /* slots of a value reference; 0 if there is no such variable */
     int (*resolve)(uint32_t reference, int *first, int *size);
     int discards_as_listed; /* Discard only where modes.h allows it */

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.cached import digest_of
+from gough_stewart.fmu_build.cache_files import digest_of
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.folds import folds_library, folds_sources
 from gough_stewart.fmu_build.targets import BY_NAME
