@@ -14,7 +14,7 @@
 
 enum { STEPS = 1000, CALLS = 20000 };
 
-static const double START[N_STATES] = {0, 0, 3, 0, 0, -0.1, 0, 0.2, 0, 0, 0.1, 0};
+static const double START_VALUES[N_STATES] = {0, 0, 3, 0, 0, -0.1, 0, 0.2, 0, 0, 0.1, 0};
 static const double FORCES[6] = {55, 49.5, 55, 49.5, 55, 49.5};
 
 static fmi2ValueReference all[N_SLOTS];
@@ -37,7 +37,7 @@ static void expect(fmi2Status status, const char *what)
 static void begin(fmi2Component c, double fixed_step_size)
 {
     expect(fmi2Reset(c), "fmi2Reset");
-    expect(fmi2SetReal(c, all + FIRST_RESULT, N_STATES, START), "fmi2SetReal");
+    expect(fmi2SetReal(c, all + FIRST_RESULT, N_STATES, START_VALUES), "fmi2SetReal");
     expect(fmi2SetReal(c, all + FIRST_INPUT, 6, FORCES), "fmi2SetReal");
     expect(fmi2SetReal(c, all + FIXED_STEP_SIZE, 1, &fixed_step_size), "fmi2SetReal");
     expect(fmi2SetupExperiment(c, fmi2True, 1e-8, 0, fmi2False, 0), "fmi2SetupExperiment");
@@ -79,7 +79,7 @@ static double time_derivatives(void)
 {
     double x[N_STATES], u[N_INPUTS] = {0}, xdot[N_STATES];
     for (int k = 0; k < N_STATES; k++)
-        x[k] = START[k];
+        x[k] = START_VALUES[k];
     for (int leg = 0; leg < 6; leg++)
         u[leg] = FORCES[leg];
     double start = seconds();
