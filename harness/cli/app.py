@@ -18,6 +18,7 @@ from gough_stewart.harness.cli.experiments import experiments_command
 from gough_stewart.harness.cli.export import export_command
 from gough_stewart.harness.cli.frf import frf_command
 from gough_stewart.harness.cli.identify import identify_command
+from gough_stewart.harness.cli.live import live_command
 from gough_stewart.harness.cli.margins import margins_command
 from gough_stewart.harness.cli.presets import presets_command
 from gough_stewart.harness.cli.reproduce import reproduce_command
@@ -110,7 +111,7 @@ _COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "experiments": experiments_command,
         "workspace": workspace_command,
     },
-    "Runs": {"run": run_command, "view": view_command},
+    "Runs": {"live": live_command, "run": run_command, "view": view_command},
     "Design": {
         "check": check_command,
         "margins": margins_command,

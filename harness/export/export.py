@@ -21,6 +21,7 @@ from gough_stewart.harness.export.designed import Designed, ReferenceFrom, desig
 from gough_stewart.harness.export.deviation import deviation_of
 from gough_stewart.harness.export.faults import SafeForce, faults_of
 from gough_stewart.harness.export.fmu import component_of
+from gough_stewart.harness.export.live.page import live_page
 from gough_stewart.harness.export.loop_archive import loop_archive
 from gough_stewart.harness.export.notes import in_short, notes_of, refusal
 from gough_stewart.harness.export.report import least_robust_first
@@ -29,7 +30,7 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.progress import StepProgress
 
-Form = Literal["fmu", "c", "ssp", "clocked"]
+Form = Literal["fmu", "c", "ssp", "clocked", "page"]
 FORMS: tuple[Form, ...] = get_args(Form)
 EXAMPLE = "example_main.c"
 
@@ -66,7 +67,8 @@ def export(
         "fmu": `NAME_controller_fmi2.fmu` and `NAME_controller_fmi3.fmu`. "c": `NAME_controller.c`, `.h` and
         `example_main.c`, C99 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMUs, connected.
         "clocked": `NAME_controller_clocked_fmi3.fmu`, FMI 3.0 with a clock that ticks at each sample, for importers
-        that tick clocks.
+        that tick clocks. "page": `NAME_live.html`, in which the loop runs in a browser, as
+        `gough-stewart live`; it is not judged.
     out
         Folder, created if needed.
     fmi
@@ -132,24 +134,24 @@ def export(
         controller, experiment = experiment, around(experiment)
     chosen = experiment_of(experiment, settings)
     requested, name = chosen_forms(forms), name_of(chosen)
-    if "ssp" in requested and reference == "inputs":
-        raise ExportError(
-            "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
-        )
     inside = chosen_parts(parts)
-    _check_real(real, requested, inside)
+    _check_together(real, requested, inside, reference)
     versions, (in_ssp,), systems = chosen_versions(fmi), chosen_versions([ssp_fmi]), chosen_targets(targets)
     folder = Path(out)
     check_output_folder(folder, names_of_files(name, requested, versions))
     report = progress or (lambda _text: None)
+    hosts = tuple(form for form in requested if form != "page")
+    files = _pages(chosen, controller, name, requested, report)
+    if not hosts:
+        write_files(folder, files)
+        return [folder / file for file in files]
     prepared = prepare(chosen, controller)
     law = designed(chosen, controller, reference, faults_of(safe_force, frozen), prepared, inside)
-    found = stability_of(chosen, prepared, requested, parts=inside, progress=judging)
+    found = stability_of(chosen, prepared, hosts, parts=inside, progress=judging)
     refused = refusal(chosen, found.items())
     if refused is not None and not anyway:
         raise refused
     notes = {host: notes_of(chosen, host, each, law.carried) for host, each in found.items()}
-    files: dict[str, bytes] = {}
     if "c" in requested:
         report("C")
         in_c = replace(law, notes=notes["c"].inside)
@@ -204,8 +206,24 @@ def export(
     return [folder / file for file in files]
 
 
-def _check_real(real: str, forms: Iterable[Form], parts: Iterable[Part]) -> None:
-    """Refuse a precision that there is not, or not for these."""
+def _pages(
+    experiment: Experiment, controller: Any, name: str, forms: Iterable[Form], progress: StepProgress
+) -> dict[str, bytes]:
+    """The live page by its name, if it is among the forms."""
+    if "page" not in forms:
+        return {}
+    if controller is not None:
+        raise ExportError("a page has the controllers of experiments; expected no controller, or the other forms")
+    progress("page")
+    return {f"{name}_live.html": live_page(experiment)}
+
+
+def _check_together(real: str, forms: Iterable[Form], parts: Iterable[Part], reference: str) -> None:
+    """Refuse a precision that there is not, and what does not go together."""
+    if "ssp" in forms and reference == "inputs":
+        raise ExportError(
+            "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
+        )
     if real not in REALS:
         raise ExportError(f"real is {real!r}; expected {' or '.join(map(repr, REALS))}")
     if real == "float" and "c" not in forms:
@@ -237,6 +255,7 @@ def names_of_files(name: str, forms: Iterable[Form], versions: Iterable[str]) ->
         "fmu": [f"{name}_controller_fmi{version[0]}.fmu" for version in versions],
         "ssp": [f"{name}.ssp"],
         "clocked": [f"{name}_controller_clocked_fmi3.fmu"],
+        "page": [f"{name}_live.html"],
     }
     return [file for form in forms for file in files[form]]
 

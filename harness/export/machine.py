@@ -21,7 +21,15 @@ from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.plan_c import FEEDFORWARD, N_MOTION, Plan, plan_header, planned_motion
+from gough_stewart.harness.export.plan_c import (
+    BY_HAND,
+    FEEDFORWARD,
+    N_MOTION,
+    Plan,
+    plan_header,
+    planned_motion,
+    smoothing,
+)
 from gough_stewart.harness.loop import compiled
 from gough_stewart.harness.loop.compiled import CompiledLoop
 from gough_stewart.harness.loop.law_library import CompiledLaw, compiled_form
@@ -40,13 +48,21 @@ from gough_stewart.model.errors import MembersError
 from gough_stewart.model.vectors import FloatArray
 
 # Of a block: its version, number of words, and whether it is open; then room for what C makes of its fields.
-_HEAD, _ROOM, _VERSION = 4, 320, 1
+_HEAD, _ROOM, _VERSION = 4, 320, 2
+# The last row of a machine without an end.
+_NEVER = 2**53
 _CHANGES = (
     ("n_changes", "WHOLE"),
     ("kept", "WHOLE"),
     ("change_rows", "PLACE"),
     ("change_parameters", "PLACE"),
     ("change_inputs", "PLACE"),
+    ("forever", "WHOLE"),
+    ("n_samples", "WHOLE"),
+    ("sample_rows", "PLACE"),
+    ("injected", "PLACE"),
+    ("clock", "PLACE"),
+    ("injections", "PLACE"),
 )
 # `planned` of c/machine/planning.h.
 _PLAN = (
@@ -61,6 +77,10 @@ _PLAN = (
     ("ahead", "NUMBER"),
     ("given", "PLACE"),
     ("given_at", "PLACE"),
+    ("target", "PLACE"),
+    ("smoothing", "PLACE"),
+    ("smoothed", "PLACE"),
+    ("samples", "PLACE"),
     ("reference", "PLACE"),
     ("forces", "PLACE"),
     ("jacobians", "PLACE"),
@@ -109,7 +129,12 @@ def _headers() -> tuple[str, str, str]:
 
 
 def machine_block(
-    plant: LanesPlant, law_from: LawFrom | None, loop: Loop, plan: Plan | None = None, kept: int = 64
+    plant: LanesPlant,
+    law_from: LawFrom | None,
+    loop: Loop,
+    plan: Plan | None = None,
+    kept: int = 64,
+    forever: bool = False,
 ) -> Block:
     """A run of one member as a block.
 
@@ -121,6 +146,8 @@ def machine_block(
         What it follows, which C computes row by row if it has this kind of motion; otherwise tables.
     kept
         Rows that a call of `machine_run` keeps, at most.
+    forever
+        It does not end with the run, if it has a plan or needs none; jitter and injection do.
 
     Raises
     ------
@@ -153,14 +180,20 @@ def machine_block(
     planned = _planned(plan, loop, own.structure, kept)
     made = _Words()
     c = own.structure
+    endless = forever and (bool(planned) or loop.reference is None)
+    if endless:
+        c.last = _NEVER
+    beyond = _beyond(loop, kept) if endless else {}
     for name, kind in _all_fields():
         part, _, rest = name.partition(".")
         if part == "own":
-            made.value(kind, {**changes.words, "kept": kept}[rest])
+            made.value(kind, {**changes.words, "kept": kept}.get(rest, beyond.get(rest, 0)))
         elif part == "plan":
             made.value(kind, planned.get(rest.removeprefix("plan_"), -1 if rest == "plan_kind" else 0))
         elif planned and rest.partition(".")[0] in _TABLES:
             made.planned_table(rest, planned)
+        elif endless and rest == "feedforward.row":
+            made.add(0)  # of constant forces
         elif part == "of":
             made.batch(rest, plant)
         elif rest.partition(".")[0] in outputs:
@@ -193,9 +226,28 @@ def _planned(plan: Plan | None, loop: Loop, c: Any, kept: int) -> dict[str, Any]
         "ahead": plan.ahead,
         "given": np.zeros(N_MOTION),
         "given_at": np.zeros(1),
+        "target": np.zeros(6),
+        "smoothing": np.concatenate([smoothing(each, loop.timing.sample_time) for each in (plan.by_hand or BY_HAND)]),
+        "smoothed": np.zeros(18),
+        "samples": -np.ones(1, np.int64),
         "reference": np.zeros((kept + every, 30)),
         "forces": np.zeros((samples, N_LEGS)),
         **maps,
+    }
+
+
+def _beyond(loop: Loop, kept: int) -> dict[str, Any]:
+    """What C needs for samples beyond the run."""
+    samples = kept // loop.timing.steps_a_sample + 2
+    rows = np.ascontiguousarray(np.atleast_2d(loop.timing.rows_of_samples)[0], np.int64)
+    injected = np.zeros(0) if loop.injection is None else loop.injection.reshape(len(loop.injection), -1)[:, :N_LEGS]
+    return {
+        "forever": 1,
+        "n_samples": len(rows),
+        "sample_rows": rows,
+        "injected": injected,
+        "clock": np.zeros(samples, np.int64),
+        "injections": np.zeros((samples if injected.size else 0, N_LEGS)),
     }
 
 
@@ -364,7 +416,7 @@ def _fields_header() -> str:
     return f"{defines(sizes)}\n\n{defines(known)}\n\n#define MACHINE_READ \\\n    {reads}\n"
 
 
-def machine_of(experiment: Experiment, prepared: Prepared, kept: int = 64) -> Block:
+def machine_of(experiment: Experiment, prepared: Prepared, kept: int = 64, forever: bool = False) -> Block:
     """A run of an experiment as a block, with its plan.
 
     Raises
@@ -381,4 +433,4 @@ def machine_of(experiment: Experiment, prepared: Prepared, kept: int = 64) -> Bl
         plan = Plan(prepared.reference, prepared.platform, kind, ahead)
     plant = lanes_plant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=prepared.kernel)
     with plant, prepared.law_in_a_run() as law_from:
-        return machine_block(plant, law_from, loop, plan, kept)
+        return machine_block(plant, law_from, loop, plan, kept, forever)

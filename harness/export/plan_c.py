@@ -11,9 +11,19 @@ import numpy as np
 
 from gough_stewart.fmu_build.lanes import in_lanes
 from gough_stewart.harness.control.feedforward import Feedforward
+from gough_stewart.harness.control.smoothing import Smoothing, SmoothingChoice
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.trace import solve_by_orthogonal
-from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, end_of, extrapolated, motion_of
+from gough_stewart.harness.loop.loop_library import coefficients_of, traced
+from gough_stewart.harness.motion.motion import (
+    Motion,
+    Piecewise,
+    Reference,
+    coordinates_of,
+    end_of,
+    extrapolated,
+    motion_of,
+)
 from gough_stewart.harness.motion.references import AboutPose, Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
@@ -27,6 +37,11 @@ FEEDFORWARD: tuple[Feedforward, ...] = ("none", "gravity", "computed_torque")
 # What the first two numbers of a motion's kinds mean in c/machine.
 GIVEN, PIECES = "given", "pieces"
 _FADED = "faded"
+# Of positions [m] and angles [rad].
+BY_HAND = (
+    SmoothingChoice(bandwidth=1.5, largest_rate=0.3, largest_acceleration=2.0),
+    SmoothingChoice(bandwidth=1.5, largest_rate=0.5, largest_acceleration=4.0),
+)
 
 
 class Plan(NamedTuple):
@@ -36,6 +51,7 @@ class Plan(NamedTuple):
     platform: Platform  # the nominal one
     feedforward: Feedforward
     ahead: float  # by which forces look ahead [s]
+    by_hand: "tuple[SmoothingChoice, SmoothingChoice] | None" = None  # limits of positions and angles by hand
 
 
 class PlannedMotion(NamedTuple):
@@ -73,8 +89,11 @@ def plan_header() -> str:
     functions = [_motion(name, choice) for name, choice in _variants()]
     texts = [in_lanes(each, "static void plan_", exact=True) for each in (*functions, *_along())]
     names = ", ".join(["0", "0", *(f"plan_{each.name()}" for each in functions)])
+    by_hand, size, _ = traced(Smoothing, "smoothing", 3)
     return (
-        "".join(texts) + f"\nstatic void (*const MOTIONS[])(const double[], const double[], double[]) = {{{names}}};\n"
+        f"#define N_SMOOTHING {size}\n{by_hand}"
+        + "".join(texts)
+        + f"\nstatic void (*const MOTIONS[])(const double[], const double[], double[]) = {{{names}}};\n"
     )
 
 
@@ -143,8 +162,16 @@ def _along() -> Iterator[casadi.Function]:
     later = _vector(extrapolated(at, symbols.row(ahead)))
     yield casadi.Function("extrapolated", [vector, ahead], [later], ["motion", "ahead"], ["later"])
     parts = {name: casadi.SX.sym(name, 6) for name in ("pose", "rate", "acceleration")}
+    coordinates = casadi.vertcat(*map(symbols.column, coordinates_of(at)))
+    yield casadi.Function("coordinates", [vector], [casadi.densify(coordinates)], ["motion"], ["coordinates"])
     of_pose = _vector(motion_of(*map(symbols.row, parts.values())))
     yield casadi.Function("motion_of_pose", [*parts.values()], [of_pose], [*parts], ["motion"])
+
+
+def smoothing(choice: SmoothingChoice, period: float) -> FloatArray:
+    """Coefficients of the filter of a hand's three channels, stepped every `period` [s]."""
+    values = {key: np.array([getattr(choice, key)]) for key in Smoothing.keys}
+    return coefficients_of(Smoothing, values, period)[:, 0]
 
 
 def legs_of_symbols(parameters: Any, at: Motion) -> tuple[Any, Any]:

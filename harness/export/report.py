@@ -7,7 +7,7 @@ from gough_stewart.harness.export.stability import Host, LoopStability, Stabilit
 from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Status, Table, Verdict
 from gough_stewart.harness.report.words import listed, sentence
 
-_NAMES: Mapping[str, str] = {"c": "C", "fmu": "FMU", "clocked": "clocked FMU", "ssp": "SSP"}
+_NAMES: Mapping[str, str] = {"c": "C", "fmu": "FMU", "clocked": "clocked FMU", "ssp": "SSP", "page": "live page"}
 
 
 def robustness_of(loop: LoopStability) -> float:

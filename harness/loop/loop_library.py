@@ -68,14 +68,14 @@ def components_header() -> str:
     }
     texts = []
     for name, component, channels in _COMPONENTS:
-        text, n_coefficients, n_states = _traced(component, name, channels)
+        text, n_coefficients, n_states = traced(component, name, channels)
         texts.append(text)
         macro = {"limits": "LIMIT"}.get(name, name.upper())
         sizes |= {f"{macro}_COEFFICIENTS": n_coefficients} | ({f"{macro}_STATES": n_states} if n_states else {})
     return f"{GENERATED}\n{defines(sizes)}\n{''.join(texts)}"
 
 
-def _traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int, int]:
+def traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int, int]:
     """The C of a step, `component_NAME(coefficients, states, inputs ..., next states, outputs ...)`, and its sizes."""
     import casadi  # needed once, to build
 

@@ -10,7 +10,7 @@ from string import Template
 from typing import Any
 
 
-def document(title: str, body: str, style: str, data: Any, scripts: Sequence[str]) -> bytes:
+def document(title: str, body: str, style: str, data: Any, scripts: Sequence[str], computes: bool = False) -> bytes:
     """A complete page.
 
     Parameters
@@ -25,6 +25,8 @@ def document(title: str, body: str, style: str, data: Any, scripts: Sequence[str
         Data for the scripts, as JSON in the element `data`.
     scripts
         JavaScript, in the order of execution.
+    computes
+        Its policy admits WebAssembly, and workers from the page itself.
     """
     # browsers normalise line endings before they hash a script
     scripts = [script.replace("\r\n", "\n").replace("\r", "\n") for script in scripts]
@@ -37,6 +39,9 @@ def document(title: str, body: str, style: str, data: Any, scripts: Sequence[str
         "base-uri": "'none'",
         "form-action": "'none'",
     }
+    if computes:
+        allowed["script-src"] += " 'wasm-unsafe-eval'"
+        allowed["worker-src"] = "blob:"
     page = Template(asset("page.html")).substitute(
         title=html.escape(title),
         policy="; ".join(f"{what} {source}" for what, source in allowed.items()),

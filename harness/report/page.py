@@ -56,6 +56,10 @@ NEARNESS: dict[str, Any] = {
     "stops": [(0.0, "#6baed6"), (0.5, "#b8d0dc"), (0.8, "#f5b722"), (1.0, "#a50f15")],
     "beyond": "#5c1a7e",
 }
+THEME_OPTIONS = "".join(
+    f'<option value="{value}">{text}</option>'
+    for value, text in (("", "as the system"), ("light", "light"), ("dark", "dark"), ("contrast", "high contrast"))
+)
 # What is known of the members that a reader marks in a chart.
 _MARKED = '<section id="marked" class="part" aria-live="polite" hidden></section>'
 # Largest number of values that stand beside the verdict.
@@ -74,7 +78,7 @@ def page_of(report: Report) -> bytes:
     data = {
         "title": report.title,
         "runs": report.runs,
-        "palette": {theme: _palette(theme) for theme in THEMES},
+        "palette": {theme: palette_of(theme) for theme in THEMES},
         "dashes": {role: DASHES.get(role, ()) for role in ROLES},
         "sixDashes": SIX_DASHES,
         "nearness": NEARNESS,
@@ -104,10 +108,11 @@ def page_of(report: Report) -> bytes:
     scripts = [*([three()] if scenes else []), "\n".join(own)]
     scripts += [bokeh(), "GoughStewart.charts();"] if charts else []
     style = "".join(asset(name) for name in _STYLES)
-    return document(report.title, main, _colours() + style, data, scripts)
+    return document(report.title, main, colours() + style, data, scripts)
 
 
-def _palette(theme: Theme) -> dict[str, Any]:
+def palette_of(theme: Theme) -> dict[str, Any]:
+    """Ground, ink, and the colours of roles and of six."""
     return {
         "ground": GROUND[theme],
         "ink": INK[theme],
@@ -116,7 +121,7 @@ def _palette(theme: Theme) -> dict[str, Any]:
     }
 
 
-def _colours() -> str:
+def colours() -> str:
     """The colours of roles as custom properties, for light and dark, and for high contrast."""
     both = "".join(f"--{role}: light-dark({colour_of(role, 'light')}, {colour_of(role, 'dark')}); " for role in ROLES)
     six = "".join(f"--six-{k}: light-dark({colour_of_six(k, 'light')}, {colour_of_six(k, 'dark')}); " for k in range(6))
@@ -132,11 +137,7 @@ def _head(report: Report) -> str:
     study = f'<p class="study">{html.escape(report.study)}</p>' if report.study else ""
     leads = [report.lead, f"set: {report.changed}" if report.changed else ""]
     lead = "".join(f'<p class="lead">{html.escape(each)}</p>' for each in leads if each)
-    themes = "".join(
-        f'<option value="{value}">{text}</option>'
-        for value, text in (("", "as the system"), ("light", "light"), ("dark", "dark"), ("contrast", "high contrast"))
-    )
-    theme = f'<label class="theme">colours <select id="theme" autocomplete="off">{themes}</select></label>'
+    theme = f'<label class="theme">colours <select id="theme" autocomplete="off">{THEME_OPTIONS}</select></label>'
     return f"<header>{theme}<div>{study}<h1>{html.escape(report.title)}</h1>{lead}</div></header>"
 
 

@@ -64,6 +64,7 @@ LEFT_BY = {
     "docs/ensembles.md": "results/tuned/tuned.toml",
     "docs/export.md": "heave_step.o",
     "docs/identify.md": "results/identified/estimate.json",
+    "docs/live.md": "pages/pitch_sine_live.html",
     "docs/motion.md": "results/fitted/record.csv",
     "docs/view.md": "compared.html",
     "docs/workspace.md": "results/volume/workspace.html",

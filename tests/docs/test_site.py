@@ -42,8 +42,9 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def pages(site: Path) -> dict[Path, HtmlElement]:
-    """All pages but those of runs, and the one for addresses that are not there, which a server shows at any depth."""
-    paths = (path for path in site.rglob("*.html") if path.name != "404.html" and "results" not in path.parts)
+    """All pages but those of runs and live loops, and the one for addresses that are not there."""
+    others = {"results", "live"}
+    paths = (path for path in site.rglob("*.html") if path.name != "404.html" and not others & {*path.parts})
     return {path: html.document_fromstring(path.read_bytes()) for path in paths}
 
 
@@ -66,6 +67,14 @@ def test_the_tutorial_shows_the_page_of_its_run(pages: dict[Path, HtmlElement], 
     shown = (site / address).read_text(encoding="utf-8")
     assert "<title>walking with a camera" in shown
     assert "Content-Security-Policy" in shown
+
+
+def test_the_first_page_has_a_loop_that_runs(pages: dict[Path, HtmlElement], site: Path) -> None:
+    """Expected: the live page in a frame, and a picture for phones that leads to it."""
+    body = article(pages[site / "index.html"])
+    (address,) = body.xpath(".//iframe/@src")
+    assert body.xpath(f".//a[@href='{address}' and img]")
+    assert "'wasm-unsafe-eval'; " in (site / address).read_text(encoding="utf-8")
 
 
 def test_nothing_comes_from_a_network(pages: dict[Path, HtmlElement], site: Path) -> None:

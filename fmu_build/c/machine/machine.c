@@ -18,6 +18,12 @@ typedef struct {
     const int64_t *change_rows;
     const double *change_parameters, *change_inputs;
     planned plan; /* kind -1: it has tables */
+    int64_t forever; /* it has no end: samples beyond the table's are regular, and nothing is injected there */
+    int64_t n_samples;
+    const int64_t *sample_rows;
+    const double *injected;
+    int64_t *clock; /* for the samples of a call */
+    double *injections;
     int64_t next_change;
 } own;
 
@@ -83,10 +89,11 @@ static void plan(own *o, int64_t row, int64_t to)
     planned *p = &o->plan;
     loop *w = &o->with;
     int64_t first = row / w->every, last = (to - 1) / w->every;
-    for (int64_t k = first * w->every; k < to; k++)
-        plan_reference(p, (double)k * w->plant_step, p->reference + (k - first * w->every) * N_REFERENCE);
     for (int64_t k = first; k <= last; k++) {
         double time = (double)(k * w->every) * w->plant_step;
+        plan_by_hand(p, k, time);
+        for (int64_t at = k * w->every; at < to && at < (k + 1) * w->every; at++)
+            plan_reference(p, (double)at * w->plant_step, p->reference + (at - first * w->every) * N_REFERENCE);
         plan_forces(p, time, p->forces + (k - first) * N_LEGS);
         if (p->jacobians)
             plan_maps_at(p, time, p->jacobians + (k - first) * 36, p->inverses + (k - first) * 36);
@@ -99,6 +106,21 @@ static void plan(own *o, int64_t row, int64_t to)
     }
 }
 
+/* Samples and injections of rows that may be beyond the tables. */
+static void go_on(own *o, int64_t row, int64_t to)
+{
+    loop *w = &o->with;
+    int64_t first = row / w->every, last = (to - 1) / w->every;
+    for (int64_t k = first; k <= last; k++) {
+        o->clock[k - first] = k < o->n_samples ? o->sample_rows[k] : k * w->every;
+        for (int i = 0; o->injected && i < N_LEGS; i++)
+            o->injections[(k - first) * N_LEGS + i] = k < o->n_samples ? o->injected[k * N_LEGS + i] : 0;
+    }
+    w->sampled.at = (const int64_t *)((uintptr_t)o->clock - (uintptr_t)first * sizeof(int64_t));
+    if (o->injected)
+        w->injection.at = beginning(o->injections, first, N_LEGS);
+}
+
 int64_t machine_run(int64_t *block, int64_t to)
 {
     own *o = own_of(block);
@@ -108,6 +130,8 @@ int64_t machine_run(int64_t *block, int64_t to)
     o->with.first_row = row;
     to = to < most ? to : most;
     to = to < o->with.last + 1 ? to : o->with.last + 1;
+    if (o->forever && row < to)
+        go_on(o, row, to);
     if (o->plan.kind >= 0 && row < to)
         plan(o, row, to);
     while (row < to) {
@@ -121,6 +145,17 @@ int64_t machine_run(int64_t *block, int64_t to)
         row = stop;
     }
     return row;
+}
+
+void machine_take(int64_t *block)
+{
+    own *o = own_of(block);
+    int64_t every = o->with.every, sample = (o->with.at_row[0] + every - 1) / every;
+    if (!block[2] || o->plan.kind < 0)
+        return;
+    /* at the next sample it has the motion of then, from which it goes on */
+    o->plan.samples[0] = sample + 1;
+    plan_take(&o->plan, (double)(sample * every) * o->with.plant_step);
 }
 
 int64_t machine_first(const int64_t *block)

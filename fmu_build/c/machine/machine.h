@@ -29,6 +29,9 @@
 MACHINE_OFFERED int64_t machine_open(int64_t *block, int64_t words);
 /* Runs rows to before `to`, but not more than are kept, and not beyond the end of the run. Returns the next row. */
 MACHINE_OFFERED int64_t machine_run(int64_t *block, int64_t to);
+/* From now on the reference is where a hand wants the platform, MACHINE_PLAN_TARGET (6), through a filter with limits that
+   begins in the motion of now; if there is a plan. */
+MACHINE_OFFERED void machine_take(int64_t *block);
 /* Index of the first row that the last call kept. */
 MACHINE_OFFERED int64_t machine_first(const int64_t *block);
 /* The row at which it ended, or -1; and why: 0, or a FAILURE of lanes_table.h. */

@@ -1,5 +1,7 @@
 #include "planning.h"
 
+#include <string.h>
+
 #include "elementary.h"
 #include "lanes_table.h"
 #include "machine_fields.h"
@@ -69,10 +71,40 @@ void plan_maps_at(const planned *p, double time, double jacobian[], double inver
     plan_maps(motion, p->platform, jacobian, inverse);
 }
 
+void plan_take(planned *p, double time)
+{
+    double motion[N_MOTION];
+    if (p->kind == GIVEN || !p->target)
+        return;
+    motion_at(p, time, motion);
+    plan_coordinates(motion, p->smoothed);
+    memcpy(p->target, p->smoothed, 6 * sizeof(double));
+    memcpy(p->given, motion, sizeof motion);
+    p->given_at[0] = time;
+    p->kind = GIVEN;
+}
+
+void plan_by_hand(const planned *p, int64_t sample, double time)
+{
+    if (p->kind != GIVEN || !p->target || p->samples[0] < 0 || sample < p->samples[0])
+        return;
+    for (int group = 0; group < 6; group += 3) {
+        double before[9], after[9];
+        for (int k = 0; k < 9; k++)
+            before[k] = p->smoothed[k / 3 * 6 + group + k % 3];
+        component_smoothing(p->smoothing + group / 3 * N_SMOOTHING, before, p->target + group, after);
+        for (int k = 0; k < 9; k++)
+            p->smoothed[k / 3 * 6 + group + k % 3] = after[k];
+    }
+    plan_motion_of_pose(p->smoothed, p->smoothed + 6, p->smoothed + 12, p->given);
+    p->given_at[0] = time;
+    p->samples[0] = sample + 1;
+}
+
 void plan_forces(const planned *p, double time, double force[])
 {
     double motion[N_MOTION], later = time + p->ahead;
-    motion_at(p, later < p->end ? later : p->end, motion);
+    motion_at(p, later < p->end || p->kind == GIVEN ? later : p->end, motion);
     if (p->feedforward == 1)
         plan_gravity(motion, p->platform, force);
     else if (p->feedforward == 2)

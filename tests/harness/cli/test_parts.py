@@ -212,8 +212,18 @@ def test_sizes_change_their_unit_at_a_megabyte(size: int, text: str) -> None:
 def test_the_help_has_panels_in_the_order_of_work_and_the_exit_codes() -> None:
     text = invoke("-h", columns=100).stdout
     order = [
-        *("Platforms and experiments", " presets ", " experiments ", " workspace ", "Runs", " run ", " view "),
-        *("Design", " check ", " margins ", " frf ", " ensemble ", " tune ", "Parameters from logs", " excite "),
+        *("Platforms and experiments", " presets ", " experiments ", " workspace ", "Runs", " live ", " run "),
+        *(
+            " view ",
+            "Design",
+            " check ",
+            " margins ",
+            " frf ",
+            " ensemble ",
+            " tune ",
+            "Parameters from logs",
+            " excite ",
+        ),
         *(" identify ", "For other tools", " build ", " export ", "The paper", " reproduce "),
     ]
     places: list[int] = []

@@ -26,7 +26,7 @@ BANDWIDTH = ("--vary", "controller.bandwidth=1..6Hz")
         (("workspace", "--preset", "nope"), "no such preset; expected one of desktop_hexapod"),
         (("build", "--target", "nope"), "no target 'nope'; expected native, all"),
         (("export", "heave_step", "--target", "nope"), "no target 'nope'; expected native, all"),
-        (("export", "heave_step", "--as", "nope"), "no form 'nope'; expected one of fmu, c, ssp"),
+        (("export", "heave_step", "--as", "xyz"), "no form 'xyz'; expected one of fmu, c, ssp"),
         ((*TUNE, "--vary", "x"), r"--vary x: expected KEY=LOW\.\.HIGH"),
         ((*TUNE, "--vary", "controller.nope=1..2"), r"controller\.nope: .*did you mean|unknown|no such|no key"),
         ((*TUNE, *BANDWIDTH, "--subject-to", "stroke.margin"), "cannot be read; expected PATH <= NUMBER UNIT"),

@@ -1,0 +1,125 @@
+"""What a live page runs: an experiment's machine as data, and what a hand may do to it."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gough_stewart.fmu_build.lanes import Failure
+from gough_stewart.harness.control.controllers import OpenLoop
+from gough_stewart.harness.errors import ControllerError, ExportError
+from gough_stewart.harness.experiment.batch import Prepared
+from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.machine import Block, fields, machine_of
+from gough_stewart.model import interface
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.platform import Platform
+
+# Rows that a call computes at most.
+KEPT = 512
+# Names of the machine's fields that a page reads and writes.
+_FIELDS = (
+    *("signals", "inputs", "parameters", "feedforward", "plan_reference", "plan_target"),
+    *("row_signals", "row_forces", "row_force_limited", "row_rate_limited"),
+)
+# What a page says of a run that ended early.
+_FAILURES = {
+    Failure.NOT_FINITE: "a number is not finite",
+    Failure.PITCHED: "the pitch is near 90°",
+    Failure.SINGULAR: "the platform is in a singular pose",
+    Failure.PASSED_SINGULAR: "the platform passed a singular pose",
+    Failure.TOO_MANY_STEPS: "the motion is too fast to follow",
+    Failure.COMMAND: "the loop diverged: the controller's forces grew beyond all limits",
+    Failure.STROKE: "a leg is beyond its stroke, which ends the run",
+    Failure.AWAY: "the loop diverged: the platform is too far from its reference",
+    Failure.NOT_STARTED: "the platform cannot start from there",
+}
+# Tried from home: a sixth part of the mean leg length, and half a radian.
+_FARTHEST = (1 / 6, 0.5)
+_TRIED = 24
+# What is left free of the stroke at the ends of what a hand may ask for along one axis alone.
+_FREE = 0.12
+
+
+class Live(NamedTuple):
+    """A machine for a page."""
+
+    block: Block
+    experiment: Experiment
+    prepared: Prepared
+    data: dict[str, Any]  # for its scripts, in plain types
+
+
+def live_machine(experiment: Experiment) -> Live:
+    """The machine of an experiment.
+
+    Raises
+    ------
+    ExportError
+        A controller that needs Python or an FMU, or another plant than the model.
+    """
+    name, kind = experiment.where, getattr(experiment.controller, "type", "")
+    if experiment.code:
+        raise ExportError(
+            f"{name} executes {', '.join(map(str, experiment.code))}, which a page cannot; expected a controller of "
+            "the types pd, pid, state_space or open_loop, and the plant 'model'"
+        )
+    if experiment.plant.kind != "model":
+        raise ExportError(f"{name} has the plant '{experiment.plant.kind}'; expected 'model': set plant.kind=model")
+    prepared = prepare(experiment)
+    try:
+        block = machine_of(experiment, prepared, KEPT, forever=True)
+    except ControllerError as error:
+        raise ExportError(f"{name}: controller '{kind}': {error}") from error
+    if block.law is not None:
+        raise ExportError(f"{name}: a page has the laws of shipped components; expected one of them")
+    return Live(block, experiment, prepared, _data(experiment, prepared))
+
+
+def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
+    platform, machine, loop = prepared.platform, prepared.machine, prepared.loop
+    limit = float(np.min(loop.actuators.values["force_limit"]))
+    ends = np.cumsum([0, *(v.size for v in interface.PLATFORM_PARAMETERS)]).tolist()
+    begins = {v.name: ends[k] for k, v in enumerate(interface.PLATFORM_PARAMETERS)}
+    stroke = [machine.leg_length_min, machine.leg_length_max]
+    is_open = isinstance(experiment.controller, OpenLoop)
+    return {
+        "fields": {name: fields()[name] for name in _FIELDS},
+        "plantStep": loop.timing.plant_step,
+        "every": loop.timing.steps_a_sample,
+        "kept": KEPT,
+        "duration": loop.timing.duration,
+        "forceLimit": limit if np.isfinite(limit) else None,
+        "stroke": stroke if None not in stroke else None,
+        "mass": begins["platform_mass"],
+        "gravity": begins["gravity"],
+        "platformMass": machine.platform_mass,
+        "g": np.asarray(machine.gravity).tolist(),
+        "isOpen": is_open,
+        "forces": np.ravel(loop.feedforward[0])[:6].tolist() if is_open else [],
+        "failures": _FAILURES,
+        "reach": reach_of(platform).tolist(),
+        "home": [*np.asarray(platform.home_position).tolist(), *np.asarray(platform.home_orientation).tolist()],
+    }
+
+
+def reach_of(platform: Platform) -> Any:
+    """How far a hand may ask for along and about each axis, from home (6,) [m, rad].
+
+    As far, to both sides, as all legs keep clear of the ends of their stroke; without a stroke, of lengths a tenth off.
+    """
+    home = np.concatenate([platform.home_position, platform.home_orientation])
+    at_home = leg_geometry(platform, home[:3], home[3:]).length
+    low = 0.9 * float(at_home.min()) if platform.leg_length_min is None else platform.leg_length_min
+    high = 1.1 * float(at_home.max()) if platform.leg_length_max is None else platform.leg_length_max
+    free = _FREE * (high - low)
+    found = np.zeros(6)
+    for axis in range(6):
+        most = _FARTHEST[0] * float(at_home.mean()) if axis < 3 else _FARTHEST[1]
+        for share in np.linspace(1, 0, _TRIED, endpoint=False):
+            poses = home + share * most * np.eye(6)[axis] * np.array([[1.0], [-1.0]])
+            lengths = leg_geometry(platform, poses[:, :3], poses[:, 3:]).length
+            if (lengths > low + free).all() and (lengths < high - free).all():
+                found[axis] = share * most
+                break
+    return found

@@ -1,0 +1,174 @@
+"use strict";
+// The page: play, what acts from outside, what the machine says, and frames.
+(() => {
+  const GS = GoughStewart, { engine } = GS, { given } = engine, $ = (id) => document.getElementById(id);
+  const KG = 1, history = GS.history();
+  let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches, last = null, size = 26, fresh = false, over = null;
+  let push = [0, 0, 0], frames = 0, span = 8, rate = null;
+  const FAILURES = given.failures;
+  let stage = null;
+  try {
+    stage = GS.liveStage($("view"));
+  } catch (problem) {
+    $("no-view").hidden = false;
+    $("no-view").textContent = `This browser shows no 3-D graphics (WebGL): ${problem.message || problem}. The charts work without.`;
+  }
+
+  const six = (unit, from, factor, offset = () => 0) => Array.from({ length: 6 }, (_, k) => ({
+    name: String(k + 1), value: (p) => factor * (p[from + k] - offset(k)), colour: (theme) => theme.six[k], dashes: [[], [6, 2], [8, 2, 2, 2], [2, 2], [10, 2, 2, 2, 2, 2], [4, 2]][k],
+  }));
+  const axis = (name, k, six_) => [
+    { name, value: (p) => 1000 * (p[1 + k] - given.home[k]), colour: (theme) => theme.six[six_] },
+    ...(given.isOpen ? [] : [{ name: `${name} wanted`, value: (p) => 1000 * (p[19 + k] - given.home[k]), colour: (theme) => theme.six[six_], dashes: [5, 4] }]),
+  ];
+  const figure = () => {
+    const made = GS.element("figure", { class: "plot-live" });
+    $("plots").append(made);
+    return made;
+  };
+  const plots = [
+    GS.plot(figure(), { title: "position from home", unit: "mm", least: 2, curves: [...axis("x", 0, 0), ...axis("y", 1, 1), ...axis("z", 2, 2)] }),
+    GS.plot(figure(), {
+      title: "forces of the legs", unit: "N", least: 10, curves: six("N", 13, 1),
+      marks: () => (given.forceLimit ? [{ value: given.forceLimit, role: "limit" }, { value: -given.forceLimit, role: "limit" }] : []),
+    }),
+    GS.plot(figure(), {
+      title: "lengths of the legs", unit: "m", least: 0.004, curves: six("m", 7, 1),
+      marks: () => (given.stroke || []).map((value) => ({ value, role: "limit" })),
+    }),
+  ];
+
+  const speed = () => ($("speed").value === "fast" ? null : Number($("speed").value));
+  const run = () => {
+    engine.say("run", { playing: playing && !document.hidden, speed: speed() });
+    $("play").textContent = playing ? "❚❚ pause" : "▶ play";
+    rate = null;
+  };
+  const restart = () => {
+    over = null;
+    last = null;
+    history.clear();
+    engine.say("again");
+    hand.begun();
+    $("over").hidden = true;
+    playing = true;
+    run();
+  };
+  const hand = GS.hand({ engine, restart });
+  hand.begun();
+  const toggle = () => {
+    if (over) { restart(); return; }
+    playing = !playing;
+    run();
+  };
+  $("play").addEventListener("click", toggle);
+  $("again").addEventListener("click", restart);
+  $("over-again").addEventListener("click", restart);
+  $("speed").addEventListener("change", run);
+  $("colour").addEventListener("change", () => { stage?.colourBy($("colour").value); fresh = true; });
+  document.addEventListener("visibilitychange", run);
+  document.addEventListener("keydown", (event) => {
+    if (event.key !== " " || /^(input|select|button|summary)$/i.test(event.target.tagName)) return;
+    toggle();
+    event.preventDefault();
+  });
+
+  // What acts from outside: a payload at the platform's centre of mass, a push at Op, gravity that is tilted about Y.
+  const amount = (id, unit, act) => {
+    const tell = () => {
+      const value = Number($(id).value);
+      $(`${id}-said`).textContent = `${GS.short(value)} ${unit}`;
+      act(value);
+    };
+    $(id).addEventListener("input", tell);
+    $(`${id}-said`).textContent = `${GS.short(Number($(id).value))} ${unit}`;
+  };
+  const most = given.platformMass;
+  Object.assign($("payload"), { min: 0, max: Number(most.toPrecision(2)), step: most / 100, value: 0 });
+  amount("payload", "kg", (value) => engine.write("parameters", given.mass, [KG * (given.platformMass + value)]));
+  amount("tilt", "°", (value) => {
+    const angle = value * Math.PI / 180, [x, y, z] = given.g, [c, s] = [Math.cos(angle), Math.sin(angle)];
+    engine.write("parameters", given.gravity, [c * x + s * z, y, c * z - s * x]);
+  });
+  const weight = given.platformMass * Math.hypot(...given.g);
+  const shove = (force) => {
+    push = force;
+    engine.write("inputs", 6, force, false);
+  };
+  for (const [id, direction] of [["push-x", [1, 0, 0]], ["push-y", [0, 1, 0]], ["push-z", [0, 0, -1]]]) {
+    const force = direction.map((d) => 0.5 * weight * d), button = $(id);
+    button.title = `${GS.short(0.5 * weight, 2)} N while it is held`;
+    const start = () => { shove(force); button.setAttribute("aria-pressed", "true"); };
+    const end = () => { shove([0, 0, 0]); button.setAttribute("aria-pressed", "false"); };
+    button.addEventListener("pointerdown", start);
+    for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"]) button.addEventListener(name, end);
+    button.addEventListener("keydown", (event) => { if ((event.key === " " || event.key === "Enter") && !event.repeat) start(); });
+    button.addEventListener("keyup", end);
+  }
+
+  // What limits it, in words.
+  const limits = (message) => {
+    const said = [];
+    message.limited.forEach((time, leg) => { if (time > 0) said.push(`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`); });
+    if (last && given.stroke) {
+      for (let leg = 0; leg < 6; leg++) {
+        const length = last[7 + leg], [low, high] = given.stroke;
+        if (length < low || length > high) said.push(`leg ${leg + 1} ${length < low ? "below" : "beyond"} its stroke`);
+      }
+    }
+    return said.length ? said.slice(0, 3).join("; ") : "no limit is reached";
+  };
+  const ends = (message) => {
+    const { failure, time } = message, leg = failure >= 5 && failure < 11 ? failure - 4 : 0;
+    over = leg ? `leg ${leg} has collapsed` : FAILURES[failure] || "the experiment's run is at its end";
+    $("over-text").textContent = `At ${GS.fixed(time, 2)} s: ${over}.`;
+    $("over").hidden = false;
+    $("play").textContent = "▶ play";
+  };
+  engine.on("rows", (message) => {
+    size = message.size;
+    history.add(message.points, size);
+    last = history.points[history.points.length - 1] || null;
+    fresh = true;
+    const now = performance.now();
+    if (rate && now - rate.at > 500) {
+      const times = (message.time - rate.time) / (now - rate.at) * 1000;
+      $("rate").textContent = `× ${GS.short(times, times < 10 ? 2 : 3)} of real time`;
+      rate = { at: now, time: message.time };
+    }
+    rate ??= { at: now, time: message.time };
+    $("clock").textContent = `${GS.fixed(message.time, message.time < 1000 ? 2 : 0)} s`;
+    $("lost").textContent = message.lost > 0 ? `${GS.short(message.lost, 2)} s of real time could not be kept` : "";
+    const text = limits(message);
+    if ($("limits").textContent !== text) $("limits").textContent = text;
+    if (message.ended && !over) ends(message);
+  });
+  engine.on("failed", ({ text }) => {
+    $("over-text").textContent = `This browser cannot run the loop: ${text}`;
+    $("over").hidden = false;
+    $("over-again").hidden = true;
+  });
+  engine.on("ready", () => {
+    GS.ready.picture = GS.ready.curves = true;
+    run();
+  });
+
+  const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  let drawn = 0;
+  const frame = () => {
+    hand.poll();
+    if (fresh && last) {
+      fresh = false;
+      frames++;
+      stage?.show(last, push);
+      // charts by turns: each is drawn at a third of the frames
+      plots[drawn++ % plots.length].draw(history.points, size, span);
+      if (still || !playing || over) for (const plot of plots) plot.draw(history.points, size, span);
+    }
+    stage?.view.render();
+    requestAnimationFrame(frame);
+  };
+  GS.onTheme(() => { fresh = true; });
+  requestAnimationFrame(frame);
+  GS.live = { get frames() { return frames; }, get last() { return last && [...last]; }, get over() { return over; }, get playing() { return playing; }, history: history.points };
+})();

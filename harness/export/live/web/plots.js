@@ -1,0 +1,112 @@
+"use strict";
+// Charts that scroll: the last seconds of some curves, drawn on a canvas.
+(() => {
+  const GS = GoughStewart, MOST = 4000;
+  const nice = (span) => {
+    const raw = span / 4, power = 10 ** Math.floor(Math.log10(raw));
+    return power * [1, 2, 5, 10].find((step) => step * power >= raw);
+  };
+  // curves: name, value of a point, colour of a theme, dashes; least: smallest span of the axis
+  GS.plot = (figure, { title, unit, curves, least, marks = () => [] }) => {
+    const canvas = GS.element("canvas", { role: "img", "aria-label": `${title} [${unit}], the last seconds` });
+    const key = GS.element("ul", { class: "key" }), said = GS.element("output", { class: "at" });
+    figure.append(GS.element("figcaption", {}, GS.element("h2", {}, `${title} [${unit}]`), said, key), canvas);
+    const pen = canvas.getContext("2d");
+    let pointer = null;
+    const paintKey = () => key.replaceChildren(...curves.map((curve) => {
+      const line = GS.element("i");
+      line.style.borderTop = `3px ${curve.dashes?.length ? "dashed" : "solid"} ${curve.colour(GS.theme())}`;
+      return GS.element("li", {}, line, curve.name);
+    }));
+    paintKey();
+    GS.onTheme(paintKey);
+    canvas.addEventListener("pointermove", (event) => { pointer = event.offsetX; });
+    canvas.addEventListener("pointerleave", () => { pointer = null; said.textContent = ""; });
+    const draw = (points, size, span) => {
+      const width = canvas.clientWidth, height = canvas.clientHeight, ratio = Math.min(devicePixelRatio, 2), theme = GS.theme();
+      if (!width || !points.length) return;
+      if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+        canvas.width = Math.round(width * ratio);
+        canvas.height = Math.round(height * ratio);
+      }
+      pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+      pen.clearRect(0, 0, width, height);
+      const end = points[points.length - 1][0], begin = end - span, left = 52, bottom = 18;
+      let first = points.length - 1;
+      while (first > 0 && points[first - 1][0] >= begin) first--;
+      let low = Infinity, high = -Infinity;
+      for (let k = first; k < points.length; k++) for (const { value } of curves) {
+        const y = value(points[k]);
+        if (y < low) low = y;
+        if (y > high) high = y;
+      }
+      if (!(high >= low)) return;
+      const middle = (low + high) / 2, half = Math.max((high - low) / 2, least / 2) * 1.08;
+      [low, high] = [middle - half, middle + half];
+      const x = (t) => left + (t - begin) / span * (width - left - 6), y = (v) => (height - bottom) * (1 - (v - low) / (high - low));
+      pen.font = "11px system-ui, sans-serif";
+      pen.lineWidth = 1;
+      pen.strokeStyle = theme.line;
+      pen.fillStyle = theme.ink;
+      pen.textAlign = "right";
+      pen.setLineDash([]);
+      const step = nice(high - low), digits = Math.max(0, -Math.floor(Math.log10(step)));
+      for (let tick = Math.ceil(low / step) * step; tick <= high; tick += step) {
+        pen.beginPath();
+        pen.moveTo(left, y(tick));
+        pen.lineTo(width, y(tick));
+        pen.stroke();
+        pen.fillText(GS.fixed(tick, digits), left - 5, Math.max(9, y(tick) + 4));
+      }
+      pen.textAlign = "center";
+      const apart = nice(span);
+      for (let tick = Math.ceil(Math.max(begin, 0) / apart) * apart; tick <= end; tick += apart) pen.fillText(`${GS.short(tick)} s`, x(tick), height - 4);
+      pen.save();
+      pen.beginPath();
+      pen.rect(left, 0, width - left, height - bottom);
+      pen.clip();
+      for (const { value, role } of marks()) {
+        pen.strokeStyle = theme.roles[role];
+        pen.setLineDash([2, 3]);
+        pen.beginPath();
+        pen.moveTo(left, y(value));
+        pen.lineTo(width, y(value));
+        pen.stroke();
+      }
+      pen.lineWidth = 1.6;
+      for (const { value, colour, dashes } of curves) {
+        pen.strokeStyle = colour(theme);
+        pen.setLineDash(dashes || []);
+        pen.beginPath();
+        for (let k = first; k < points.length; k++) pen.lineTo(x(points[k][0]), y(value(points[k])));
+        pen.stroke();
+      }
+      if (pointer !== null && pointer >= left) {
+        const t = begin + (pointer - left) / (width - left - 6) * span;
+        const near = points.slice(first).reduce((best, p) => (Math.abs(p[0] - t) < Math.abs(best[0] - t) ? p : best));
+        pen.strokeStyle = theme.ink;
+        pen.setLineDash([]);
+        pen.lineWidth = 1;
+        pen.beginPath();
+        pen.moveTo(x(near[0]), 0);
+        pen.lineTo(x(near[0]), height);
+        pen.stroke();
+        said.textContent = `${GS.fixed(near[0], 2)} s: ${curves.map((c) => `${c.name} ${GS.text(c.value(near), 3)}`).join(", ")}`;
+      }
+      pen.restore();
+    };
+    return { draw };
+  };
+  // The last points, oldest first.
+  GS.history = () => {
+    const points = [];
+    return {
+      points,
+      add: (values, size) => {
+        for (let k = 0; k < values.length; k += size) points.push(values.subarray(k, k + size));
+        if (points.length > MOST) points.splice(0, points.length - MOST);
+      },
+      clear: () => { points.length = 0; },
+    };
+  };
+})();

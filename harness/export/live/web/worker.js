@@ -1,0 +1,141 @@
+"use strict";
+// Runs the machine's C in a worker: it only moves time and values.
+let c, at, given, start, view, timer = null;
+let playing = false, speed = 1, row = 0, ended = false, origin = 0, from = 0, lost = 0, posted = 0;
+const writes = new Map(), limited = new Float64Array(6);
+const BUDGET = 12, BEHIND = 250, POINTS = 64, SIZE = 26;
+const clock = () => performance.now();
+
+const unpacked = async (text) => {
+  const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
+};
+const place = (name) => c.machine_field(at, BigInt(given.fields[name])) >>> 0;
+const numbers = (name, n) => new Float64Array(c.memory.buffer, place(name), n);
+
+const begin = () => {
+  new Uint8Array(c.memory.buffer, at, start.byteLength).set(new Uint8Array(start));
+  const status = c.machine_open(at, BigInt(start.byteLength / 8));
+  if (status !== 0n) throw new Error(`the machine cannot be opened: ${status}`);
+  row = 0;
+  ended = false;
+  limited.fill(0);
+  for (const [name, values] of writes) for (const [k, value] of values) if (place(name)) numbers(name, k + 1)[k] = value;
+  hold();
+};
+// real time counts from here
+const hold = () => { origin = clock(); from = row; };
+
+// Rows to before `to`, at most what a call keeps; points of them for curves, and the last row.
+const advance = (to, points, every) => {
+  const first = row, next = Number(c.machine_run(at, BigInt(to)));
+  if (next === first) { ended = true; return; }
+  const n = next - first, signals = numbers("row_signals", 24 * n), forces = numbers("row_forces", 6 * n);
+  const flags = new Uint8Array(c.memory.buffer, place("row_force_limited"), 6 * n), reference = place("plan_reference");
+  const skipped = first - Math.floor(first / given.every) * given.every;
+  for (let k = 0; k < n; k++) {
+    const cut = flags.subarray(6 * k, 6 * k + 6);
+    for (let leg = 0; leg < 6; leg++) limited[leg] = cut[leg] ? limited[leg] + given.plantStep : 0;
+    if ((first + k) % every !== 0 && !(next >= to && k === n - 1)) continue;
+    points.push((first + k) * given.plantStep);
+    for (let i = 0; i < 6; i++) points.push(signals[24 * k + i]);
+    for (let i = 0; i < 6; i++) points.push(signals[24 * k + 12 + i]);
+    for (let i = 0; i < 6; i++) points.push(forces[6 * k + i]);
+    const wanted = reference ? new Float64Array(c.memory.buffer, reference + 8 * 30 * (skipped + k), 6) : null;
+    for (let i = 0; i < 6; i++) points.push(wanted ? wanted[i] : NaN);
+    points.push(cut.reduce((mask, flag, leg) => mask | (flag ? 1 << leg : 0), 0));
+  }
+  row = next;
+  if (c.machine_ended(at) >= 0n) ended = true;
+};
+
+const tell = (points) => {
+  posted = clock();
+  const values = new Float64Array(points);
+  postMessage({
+    type: "rows", points: values, size: SIZE, time: row * given.plantStep, limited: [...limited], lost,
+    ended, failure: ended ? Number(c.machine_failure(at)) : 0, speed,
+  }, [values.buffer]);
+};
+
+const tick = () => {
+  timer = null;
+  if (!playing || ended) return;
+  const begun = clock(), points = [], fast = !Number.isFinite(speed);
+  let to = fast ? Infinity : from + Math.floor((begun - origin) / 1000 * speed / given.plantStep);
+  if (!fast && begun - origin > 0 && to - row > BEHIND / 1000 * speed / given.plantStep) {
+    lost += (to - row) * given.plantStep / speed;
+    hold();
+    to = row + 1;
+  }
+  const rows = fast ? 100 * given.kept : to - row;
+  const every = Math.max(1, Math.round(0.005 / given.plantStep), fast ? Math.ceil(rows / POINTS) : Math.ceil(rows / POINTS));
+  while (row < to && !ended && clock() - begun < BUDGET) advance(Math.min(to, row + given.kept), points, every);
+  if (points.length) tell(points);
+  else if (ended) tell([]);
+  if (!ended) again();
+};
+const channel = new MessageChannel();
+channel.port1.onmessage = tick;
+const again = () => {
+  if (!Number.isFinite(speed)) channel.port2.postMessage(0);
+  else timer = setTimeout(tick, 6);
+};
+const go = () => {
+  hold();
+  if (timer === null && playing && !ended) again();
+};
+
+const answers = {
+  open: async (message) => {
+    given = message.data;
+    start = await unpacked(given.block);
+    const { instance } = await WebAssembly.instantiate(await unpacked(given.wasm), {});
+    c = instance.exports;
+    if (c._initialize) c._initialize();
+    at = (c.__heap_base.value + 15) & ~15;
+    c.memory.grow(Math.ceil((at + start.byteLength) / 65536));
+    begin();
+    postMessage({ type: "ready" });
+  },
+  run: (message) => {
+    clearTimeout(timer);
+    timer = null;
+    playing = message.playing;
+    speed = message.speed ?? Infinity;
+    if (playing) go();
+  },
+  again: () => {
+    clearTimeout(timer);
+    timer = null;
+    begin();
+    if (playing) again();
+  },
+  // numbers of a field, kept when it begins again
+  write: ({ name, from: first, values, keeps }) => {
+    if (!values.every(Number.isFinite) || !place(name)) return;
+    numbers(name, first + values.length).set(values, first);
+    if (!keeps) return;
+    if (!writes.has(name)) writes.set(name, new Map());
+    values.forEach((value, k) => writes.get(name).set(first + k, value));
+  },
+  take: () => c.machine_take(at),
+  // all rows from the beginning, for who compares them, and how long they took [s]
+  rows: ({ rows }) => {
+    playing = false;
+    begin();
+    const found = [], begun = clock();
+    while (row < rows && !ended) {
+      const first = row;
+      advance(Math.min(rows, row + given.kept), [], 1e9);
+      const n = row - first, signals = numbers("row_signals", 24 * n), forces = numbers("row_forces", 6 * n);
+      for (let k = 0; k < n; k++) found.push(...signals.subarray(24 * k, 24 * k + 24), ...forces.subarray(6 * k, 6 * k + 6));
+    }
+    postMessage({ type: "allRows", values: new Float64Array(found), seconds: (clock() - begun) / 1000 });
+  },
+  state: () => postMessage({ type: "state", memory: c.memory.buffer.byteLength, row, lost, words: [...new BigInt64Array(c.memory.buffer, at, 4)].map(String) }),
+};
+let done = Promise.resolve();
+onmessage = ({ data }) => {
+  done = done.then(() => answers[data.type](data)).catch((error) => postMessage({ type: "failed", text: String(error.message || error) }));
+};

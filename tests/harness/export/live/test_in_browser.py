@@ -1,0 +1,196 @@
+"""The page of a live loop in Chromium: it runs, offline, with the bits of native code, and does what a hand asks."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page
+
+import gough_stewart as gs
+from gough_stewart.harness.export.live.machine import live_machine
+from gough_stewart.harness.export.live.page import live_page
+from tests.harness.export.test_machine import Machine
+from tests.support.axe import violations
+from tests.support.browser import Watched, until, watched
+
+LOAD = """share => {
+    const slider = document.getElementById("payload");
+    slider.value = share * slider.max;
+    slider.dispatchEvent(new Event("input"));
+}"""
+HIDE = """hidden => {
+    Object.defineProperty(document, "hidden", { value: hidden, configurable: true });
+    document.dispatchEvent(new Event("visibilitychange"));
+}"""
+NOISE = {"sensors.noise": {"leg_length": "3 um"}, "sensors.seed": 4}
+
+
+def opened(browser: Browser, folder: Path, name: str, settings: dict[str, object] | None = None) -> Watched:
+    """The page of an experiment, once it moves."""
+    page = folder / f"{name}.html"
+    page.write_bytes(live_page(gs.load_experiment(name, settings or {})))
+    found = watched(browser, 1200, 800)
+    found.page.goto(page.as_uri())
+    until(found.page, "GoughStewart.live && GoughStewart.live.last !== null", 20)
+    return found
+
+
+@pytest.fixture(scope="module")
+def heave(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
+    """A loop with noise, quantisation and a delay; whatever a module's tests do to it must cause no error."""
+    found = opened(browser, tmp_path_factory.mktemp("live"), "heave_step", NOISE)
+    yield found
+    assert found.errors == []
+    found.page.close()
+
+
+def clock(page: Page) -> float:
+    """Time of the newest row [s]."""
+    return float(page.evaluate("GoughStewart.live.last[0]"))
+
+
+def test_it_opens_offline_and_moves_by_itself(heave: Watched) -> None:
+    """Expected: no request but for itself and its worker, and time that goes on by the clock."""
+    page = heave.page
+    assert [url for url in heave.requests if not url.startswith(("file:", "blob:"))] == []
+    assert "worker-src blob:" in page.content()
+    assert "'wasm-unsafe-eval'" in page.content()
+    before = page.evaluate("[GoughStewart.live.last[0], performance.now()]")
+    page.wait_for_timeout(500)
+    after = page.evaluate("[GoughStewart.live.last[0], performance.now()]")
+    assert 0.1 < after[0] - before[0] <= (after[1] - before[1]) / 1000 + 0.1
+    page.click("#play")
+    assert page.inner_text("#play") == "▶ play"
+    page.wait_for_timeout(100)
+    stopped = clock(page)
+    page.wait_for_timeout(200)
+    assert clock(page) == stopped
+    page.keyboard.press("Escape")
+    page.click("#play")
+
+
+def test_its_rows_are_those_of_native_code(heave: Watched) -> None:
+    """Expected: all signals and forces of 5 s, noise included, bit for bit."""
+    block = live_machine(gs.load_experiment("heave_step", NOISE)).block
+    native = Machine(block).run(5001)
+    expected = np.concatenate([native["row_signals"], native["row_forces"]], axis=1)
+    found = heave.page.evaluate(
+        "GoughStewart.engine.ask('rows', 'allRows', { rows: 5001 }).then((answer) => [...answer.values])"
+    )
+    assert np.array_equal(np.reshape(found, (-1, 30)), expected)
+    assert np.ptp(expected[4000:, 26]) > 0.1  # noise
+    heave.page.click("#again")
+
+
+def test_a_hand_moves_the_platform(heave: Watched) -> None:
+    """Expected: by mouse, keys and numbers, the platform comes to where the reference is wanted, within 2 mm."""
+    page = heave.page
+    page.click("#again")
+    box = page.locator("#pad-1").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 4, steps=4)
+    page.mouse.up()
+    assert page.inner_text("#follows") == "your hand"
+    page.fill("[aria-label='y [mm], as a number']", "120")
+    page.press("[aria-label='y [mm], as a number']", "Tab")
+    page.locator("#view canvas").focus()
+    page.keyboard.press("d")
+    reach, home = page.evaluate("[GoughStewart.page.live.reach, GoughStewart.page.live.home]")
+    wanted = [reach[0] / 20, 0.12, reach[2] / 2]
+    page.select_option("#speed", "fast")
+    page.wait_for_timeout(700)
+    page.select_option("#speed", "1")
+    page.wait_for_timeout(100)
+    last = page.evaluate("GoughStewart.live.last")
+    assert np.subtract(last[1:4], home[:3]) == pytest.approx(wanted, abs=0.01)
+    assert np.subtract(last[19:22], home[:3]) == pytest.approx(wanted, abs=0.01)
+
+
+def test_what_is_not_a_number_is_told_and_changes_nothing(heave: Watched) -> None:
+    page = heave.page
+    page.fill("[aria-label='x [mm], as a number']", "NaN")
+    page.press("[aria-label='x [mm], as a number']", "Tab")
+    assert page.inner_text("#said").startswith("x is 'NaN'; expected a number from")
+    page.wait_for_timeout(200)
+    assert all(np.isfinite(page.evaluate("GoughStewart.live.last")))
+    page.fill("[aria-label='x [mm], as a number']", "1e9")
+    page.press("[aria-label='x [mm], as a number']", "Tab")
+    assert page.inner_text("#said") == ""
+
+
+def test_a_payload_is_felt(heave: Watched) -> None:
+    """Expected: at rest the sum of the legs' forces grows with the payload, legs' own weight aside."""
+    page = heave.page
+    page.click("#again")
+    page.select_option("#speed", "fast")
+    page.wait_for_timeout(300)
+    empty = sum(page.evaluate("GoughStewart.live.last.slice(13, 19)"))
+    page.evaluate(LOAD, 1)
+    page.wait_for_timeout(300)
+    loaded = sum(page.evaluate("GoughStewart.live.last.slice(13, 19)"))
+    mass = page.evaluate("[GoughStewart.page.live.platformMass, Number(document.getElementById('payload').value)]")
+    assert 1.3 < loaded / empty < 1 + 1.2 * mass[1] / mass[0]
+    page.select_option("#speed", "1")
+    page.evaluate(LOAD, 0)
+
+
+def test_it_waits_while_its_tab_is_hidden(heave: Watched) -> None:
+    """Expected: no time passes there, and none is made up for afterwards."""
+    page = heave.page
+    page.evaluate(HIDE, True)
+    page.wait_for_timeout(150)
+    before = clock(page)
+    page.wait_for_timeout(600)
+    assert clock(page) == before
+    page.evaluate(HIDE, False)
+    page.wait_for_timeout(200)
+    assert before < clock(page) < before + 0.5
+    assert page.inner_text("#lost") == ""
+
+
+def test_it_has_no_faults_by_axe(heave: Watched) -> None:
+    assert violations(heave.page) == []
+
+
+def test_a_loop_that_diverges_says_so_and_begins_again(browser: Browser, tmp_path: Path) -> None:
+    """Expected: the cause, an offer, and a loop that runs again from the start."""
+    found = opened(browser, tmp_path, "too_slow")
+    page = found.page
+    page.select_option("#speed", "fast")
+    until(page, "GoughStewart.live.over !== null")
+    assert "passed a singular pose" in page.inner_text("#over")
+    assert "at 100 % of its force for" in page.inner_text("#limits")
+    page.select_option("#speed", "1")
+    page.click("#over-again")
+    until(page, "GoughStewart.live.over === null && GoughStewart.live.last && GoughStewart.live.last[0] > 0.1")
+    assert not page.is_visible("#over")
+    assert found.errors == []
+    page.close()
+
+
+def test_an_open_loop_has_its_forces_by_hand(browser: Browser, tmp_path: Path) -> None:
+    """Expected: the published forces at first, then what a slider says."""
+    found = opened(browser, tmp_path, "paper_open_loop")
+    page = found.page
+    assert page.evaluate("GoughStewart.live.last.slice(13, 19)") == [55, 49.5, 55, 49.5, 55, 49.5]
+    page.fill("[aria-label='leg 2 [N], as a number']", "51")
+    page.press("[aria-label='leg 2 [N], as a number']", "Tab")
+    until(page, "GoughStewart.live.last[14] === 51")
+    assert found.errors == []
+    page.close()
+
+
+def test_with_reduced_motion_it_waits_for_a_hand(browser: Browser, tmp_path: Path) -> None:
+    page = browser.new_page(reduced_motion="reduce")
+    file = tmp_path / "circle.html"
+    file.write_bytes(live_page(gs.load_experiment("circle")))
+    page.goto(file.as_uri())
+    until(page, "GoughStewart.ready.picture")
+    page.wait_for_timeout(200)
+    assert page.evaluate("GoughStewart.live.last") is None
+    page.keyboard.press("Space")
+    until(page, "GoughStewart.live.last !== null")
+    page.close()

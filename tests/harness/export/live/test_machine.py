@@ -1,0 +1,110 @@
+"""The machine of a live page: against the run, beyond its end, by hand, and what cannot be in a page."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.export.live.machine import live_machine, reach_of
+from gough_stewart.model.kinematics import leg_geometry
+from tests.harness.export.test_machine import Machine, rows_of
+from tests.support.random_platforms import random_platform
+
+# Durations [s] of all that are shipped but those whose encoders round, or whose loop diverges.
+FOLLOWED = {
+    **dict.fromkeys(("circle", "circle_computed_torque", "excitation", "fastest_path", "hold_against_gravity"), 0.4),
+    **dict.fromkeys(("paper_open_loop", "pitch_sine", "recorded_ride", "saturation"), 0.4),
+    **{"impulse": 0.6, "payload_change": 2.1},
+}
+
+
+@pytest.mark.parametrize("name", FOLLOWED)
+def test_a_page_has_the_rows_of_the_run(name: str) -> None:
+    """Expected: `run` to 1e-9 of SI units, for all signals of all rows."""
+    experiment = gs.load_experiment(name, {"loop.duration": FOLLOWED[name], "sensors.quantisation": {}})
+    theirs = rows_of(gs.run(experiment))
+    ours = Machine(live_machine(experiment).block).run(len(theirs))["row_signals"]
+    assert np.abs(ours - theirs).max() <= 1e-9
+
+
+def test_it_goes_on_after_the_experiments_end() -> None:
+    """Expected: the rows of an experiment that lasts three times as long."""
+    ours = Machine(live_machine(gs.load_experiment("pitch_sine", {"loop.duration": 0.2})).block)
+    theirs = rows_of(gs.run("pitch_sine", {"loop.duration": 0.6}))
+    found = ours.run(len(theirs))["row_signals"]
+    assert np.abs(found - theirs).max() <= 1e-9
+    assert ours("ended") == -1
+
+
+def test_jitter_and_injection_end_with_the_run() -> None:
+    """Expected: of constant references after the run, forces that no longer change."""
+    settings: dict[str, Any] = {
+        **{"loop.duration": 3, "loop.jitter": "0.25 ms", "loop.plant_step": "0.25 ms"},
+        **{"sensors.noise": {}, "sensors.quantisation": {}},
+    }
+    ours = Machine(live_machine(gs.load_experiment("frequency_response", settings)).block)
+    theirs = gs.run("frequency_response", settings)
+    rows = ours.run(16001)
+    assert np.abs(rows["row_signals"][:12000] - rows_of(theirs)[:12000]).max() <= 1e-9
+    forces = rows["row_forces"]
+    assert np.ptp(forces[:12000], axis=0).max() > 100 * np.ptp(forces[15500:], axis=0).max()
+
+
+def test_a_hand_takes_over_without_a_jump() -> None:
+    """Expected: the reference goes on with the pose, rate and acceleration of the motion, to its target."""
+    one = Machine(live_machine(gs.load_experiment("pitch_sine", {"loop.duration": 1})).block)
+    one._c.machine_take.restype = None
+    rows: list[np.ndarray[Any, Any]] = []
+
+    def run(to: int) -> None:
+        at = 0
+        while at < to:
+            at = int(one("run", min(to, len(rows) + 100)))
+            kept = one.field("plan_reference", (at - len(rows)) * 30).reshape(-1, 30)
+            rows.extend(kept.copy())
+
+    run(600)
+    one("take")
+    one.field("plan_target", 6)[:] += [0.05, -0.03, 0.02, 0.02, -0.01, 0.03]
+    target = one.field("plan_target", 6).copy()
+    run(4600)
+    reference = np.array(rows)
+    # pose, velocity: differences within a row are those of the rates
+    steps = np.diff(reference[:, :6], axis=0)
+    assert np.abs(steps[:, :3] - 2e-3 * reference[1:, 6:9]).max() < 5e-6
+    rates = np.diff(reference[590:620, 6:12], axis=0)
+    assert np.abs(rates).max() < 2e-3 * 4.5  # the limit of acceleration of angles
+    assert reference[-1, :6] == pytest.approx(target, abs=1e-4)
+    assert one("ended") == -1
+
+
+def test_a_hand_may_ask_for_what_the_legs_can_reach() -> None:
+    """Expected: along each axis to both sides, legs within the stroke of an uneven platform."""
+    platform = random_platform(np.random.default_rng(5))
+    home = np.concatenate([platform.home_position, platform.home_orientation])
+    lengths = leg_geometry(platform, home[:3], home[3:]).length
+    reach = reach_of(platform)
+    assert (reach > 0).all()
+    low = platform.leg_length_min or 0.9 * lengths.min()
+    high = platform.leg_length_max or 1.1 * lengths.max()
+    for axis in range(6):
+        for sign in (1, -1):
+            pose = home + sign * reach[axis] * np.eye(6)[axis]
+            found = leg_geometry(platform, pose[:3], pose[3:]).length
+            assert (found > low).all()
+            assert (found < high).all()
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"controller": {"type": "python", "file": "law.py"}}, "expected a controller of the types pd, pid"),
+        ({"plant.kind": "fmu3"}, "expected 'model': set plant.kind=model"),
+    ],
+)
+def test_what_needs_python_or_an_fmu_is_refused(settings: dict[str, Any], said: str) -> None:
+    """Expected: what was found, and what would work."""
+    with pytest.raises(ExportError, match=said):
+        live_machine(gs.load_experiment("heave_step", settings))
