@@ -114,7 +114,7 @@ $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or later is needed; this is " + sys.version.split()[0] + " (try PYTHON=python3.12 make ...)")'
 	$(PYTHON) -m venv $(VENV)
 $(VENV)/run: $(VENV)/bin/python pyproject.toml constraints.txt
-	$(PIP) -e '.[fmu]'
+	$(PIP) -e '.[compile]'
 	@touch $@
 $(VENV)/dev: $(VENV)/run
 	$(PIP) -e '.[dev]'

@@ -21,7 +21,7 @@ from gough_stewart.fmu_build.toolchain import FLAGS
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import designed
-from gough_stewart.model import kernel
+from gough_stewart.model import interface, traced
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import parameter_vector
 
@@ -42,10 +42,10 @@ _PLANT = "#include <math.h>\nstatic double sq(double x)\n{\n    return x * x;\n}
 
 def step_times(folder: Path, real: str) -> tuple[float, float]:
     """Times of the controller in a folder and of the derivatives [ns]."""
-    (folder / "plant.c").write_text(_PLANT + function_source(kernel.derivatives_function()))
+    (folder / "plant.c").write_text(_PLANT + function_source(traced.derivatives_function()))
     flags = [flag for flag in FLAGS if flag != "-shared"]
     files = ["controller.c", "plant.c", str(Path(__file__).parent / "controller_timer.c")]
-    defines = [f"-DCONTROLLER_REAL={real}", f"-DN_PARAMETERS={kernel.N_PARAMETERS}", "-I", "."]
+    defines = [f"-DCONTROLLER_REAL={real}", f"-DN_PARAMETERS={interface.N_PARAMETERS}", "-I", "."]
     command = [*ZIG, "-target", native().triple, *flags, *defines, *files, "-o", "timer", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     case = paper_case()

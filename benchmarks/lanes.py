@@ -20,9 +20,10 @@ from rich.table import Table
 from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library
-from gough_stewart.harness.plants.lane_batch import N_INPUTS, N_PARAMETERS, N_STATES, rows
+from gough_stewart.harness.plants.lane_batch import rows
 from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, lanes_plant, reference
 from gough_stewart.model import interface, kernel
+from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.state import State
 

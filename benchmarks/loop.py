@@ -55,7 +55,9 @@ def seconds_in_machine_code(name: str) -> tuple[float, float]:
     prepared = prepare(shipped_experiment(name, SETTINGS))
     kernel, steps = prepared.kernel, prepared.loop.timing.steps
     if kernel is None:
-        raise SystemExit("the loop's machine code is not there; expected a compiler: pip install 'gough-stewart[fmu]'")
+        raise SystemExit(
+            "the loop's machine code is not there; expected a compiler: pip install 'gough-stewart[compile]'"
+        )
     ours = []
     for _ in range(ROUNDS):
         start = time.thread_time()

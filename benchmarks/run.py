@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from gough_stewart.model import dynamics, kernel
+from gough_stewart.model import dynamics, interface, traced
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.stepping import SteppingModel
@@ -30,11 +30,11 @@ ROUNDS = 15
 
 def compiled_timer(folder: Path) -> Path:
     """The traced derivatives as C with a timing loop, compiled by `python -m ziglang cc -O3`."""
-    kernel.derivatives_function().generate("derivatives.c")
+    traced.derivatives_function().generate("derivatives.c")
     Path("derivatives.c").replace(folder / "derivatives.c")
     program = folder / "derivatives_timer"
     source = Path(__file__).parent / "derivatives_timer.c"
-    command = [sys.executable, "-m", "ziglang", "cc", "-O3", "-std=c11", f"-DN_PARAMETERS={kernel.N_PARAMETERS}"]
+    command = [sys.executable, "-m", "ziglang", "cc", "-O3", "-std=c11", f"-DN_PARAMETERS={interface.N_PARAMETERS}"]
     subprocess.run([*command, str(folder / "derivatives.c"), str(source), "-lm", "-o", str(program)], check=True)
     return program
 

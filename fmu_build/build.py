@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from gough_stewart.fmu_build.builder import VERSIONS, build_units
-from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError, check_installed
+from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
@@ -55,6 +55,5 @@ def build(
     """
     if platform is not None and not isinstance(platform, Platform):
         raise BuildError(f"platform is {platform!r}; expected a Platform, such as load_preset('liu2000')")
-    check_installed(RUNNER, COMPILER)
     component = plant_component(load_preset(DEFAULT_PRESET) if platform is None else platform)
     return build_units(component, out, fmi=fmi, targets=targets, progress=progress)

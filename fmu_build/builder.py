@@ -13,7 +13,7 @@ from gough_stewart.fmu_build.archive import file_name, to_zip
 from gough_stewart.fmu_build.cache_files import digest_of, kept
 from gough_stewart.fmu_build.compiler_cache import cache_folder
 from gough_stewart.fmu_build.component import Component
-from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError, check_installed
+from gough_stewart.fmu_build.errors import COMPILER, BuildError, check_installed
 from gough_stewart.fmu_build.fmi2_description import fmi2_description
 from gough_stewart.fmu_build.fmi3_description import fmi3_description
 from gough_stewart.fmu_build.model_description import Identity, build_description, terminals_and_icons
@@ -85,7 +85,6 @@ def unit_archives(
     component: Component, versions: Iterable[str], systems: Iterable[Target], progress: StepProgress | None = None
 ) -> dict[str, bytes]:
     """The units as archives, by file name; see `build_units` for errors."""
-    check_installed(RUNNER, COMPILER)
     report, systems = progress or (lambda _text: None), tuple(systems)
     archives = {}
     for version in versions:
@@ -178,6 +177,7 @@ def libraries_of(
 
     def library(target: Target) -> bytes:
         def compiled() -> bytes:
+            check_installed(COMPILER)
             return compile_library(unit.library, own.units, own.headers, target, stop)
 
         path = cache_folder() / "libraries" / f"{state}-{target.name}" / f"{unit.library}{target.suffix}"

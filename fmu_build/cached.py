@@ -6,12 +6,13 @@ from functools import cache
 from importlib import resources
 from importlib.metadata import version
 from importlib.resources.abc import Traversable
+from importlib.util import find_spec
 from pathlib import Path
 
 from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.cache_files import digest_of, kept
 from gough_stewart.fmu_build.compiler_cache import cache_folder
-from gough_stewart.fmu_build.errors import COMPILER, RUNNER, check_installed
+from gough_stewart.fmu_build.errors import COMPILER, RUNNER
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.model.process.progress import StepProgress
 
@@ -50,17 +51,11 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path
 
 @cache
 def state_of_sources() -> str:
-    """Digest of all source files of FMUs and of the versions of the packages that build them.
-
-    Raises
-    ------
-    BuildError
-        A package that builds them is not installed.
-    """
-    check_installed(RUNNER, COMPILER)
+    """Digest of all source files of FMUs and of the versions of the packages that build them."""
     state = hashlib.sha256()
     for package in _PACKAGES:
-        state.update(f"{package} {version(package)}\n".encode())
+        there = version(package) if find_spec(package.replace("-", "_")) else "not installed"
+        state.update(f"{package} {there}\n".encode())
     for package in ("gough_stewart.model", "gough_stewart.fmu_build"):
         for name, content in sorted(_files(resources.files(package), "")):
             state.update(f"{name} {len(content)}\n".encode())

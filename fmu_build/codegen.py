@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 import casadi
 
-from gough_stewart.model import kernel
+from gough_stewart.model import traced
 
 _NUMBER = r"[0-9]+"
 _BODY = re.compile(r"static int casadi_f(\d+)\([^{]*\{\n(.*?)\n  return 0;\n\}\n", re.S)
 _LITERAL = r"(?<![\w.\[])[0-9]+\.[0-9]*(?:e[+-]?[0-9]+)?"
 _ASSIGNMENT = re.compile(r"  (a\d+)=")
 _QUOTIENT = re.compile(r"(  a\d+)=\((a\d+)/(a\d+)\);")
-_HEAD = """/* Generated from the Python source of the physics, gough_stewart.model.kernel: do not edit. */
+_HEAD = """/* Generated from the Python source of the physics, gough_stewart.model.traced: do not edit. */
 #include "kernel.h"
 
 #include <math.h>
@@ -29,11 +29,11 @@ static double sq(double x)
 def kernel_source() -> str:
     """`kernel.c`: the functions that c/plant/kernel.h declares."""
     functions = (
-        kernel.derivatives_function(),
-        kernel.outputs_function(),
-        kernel.forward_function(),
-        kernel.reverse_function(),
-        kernel.legs_function(),
+        traced.derivatives_function(),
+        traced.outputs_function(),
+        traced.forward_function(),
+        traced.reverse_function(),
+        traced.legs_function(),
     )
     return _HEAD + "".join(function_source(f) for f in functions)
 

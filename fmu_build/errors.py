@@ -1,10 +1,11 @@
-"""Errors of the build, among them a missing package of the extra `fmu`, which only building or running FMUs needs."""
+"""Errors of the build, among them a missing package of the extra `compile`."""
 
-from importlib.util import find_spec
-
-from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.errors import GoughStewartError, NotInstalledError
+from gough_stewart.model.process import installed
+from gough_stewart.model.process.installed import TRACER
 
 RUNNER, COMPILER = "fmpy", "ziglang"
+_USES = {TRACER: "to trace equations", COMPILER: "to compile"}
 
 
 class BuildError(GoughStewartError):
@@ -12,15 +13,14 @@ class BuildError(GoughStewartError):
 
 
 def check_installed(*packages: str) -> None:
-    """Check that these packages, `RUNNER` or `COMPILER`, are installed, without importing them.
+    """Check that these packages, `TRACER` or `COMPILER`, are installed, without importing them.
 
     Raises
     ------
     BuildError
         A package is missing; the message tells how to install it.
     """
-    missing = [package for package in packages if find_spec(package) is None]
-    if missing:
-        uses = {RUNNER: "to run FMUs", COMPILER: "to compile FMUs"}
-        packages_and_uses = " and ".join(f"{package} ({uses[package]})" for package in missing)
-        raise BuildError(f"not installed: {packages_and_uses}; install the extra: pip install 'gough-stewart[fmu]'")
+    try:
+        installed.check_installed({package: _USES[package] for package in packages})
+    except NotInstalledError as error:
+        raise BuildError(str(error)) from None

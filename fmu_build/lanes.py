@@ -99,10 +99,10 @@ def lanes_sources() -> tuple[dict[str, str], dict[str, str]]:
     from gough_stewart.fmu_build.plant.tables import plant_header
     from gough_stewart.fmu_build.sources import c_folder
     from gough_stewart.fmu_build.tables import GENERATED
-    from gough_stewart.model import kernel
+    from gough_stewart.model import traced
 
     own, plant, unit = c_folder("lanes"), c_folder("plant"), c_folder("unit")
-    scalar = function_source(kernel.legs_function())
+    scalar = function_source(traced.legs_function())
     units = {
         **own.units,
         "conditioning.c": plant.units["conditioning.c"],
@@ -167,13 +167,13 @@ _OF_TWO = ("atan2", "copysign", "fmax", "fmin", "fmod", "hypot", "pow", "remaind
 
 
 def _vector_kernels() -> tuple[Any, ...]:
-    from gough_stewart.model import kernel
+    from gough_stewart.model import traced
 
     return (
-        kernel.derivatives_function(),
-        kernel.outputs_function(),
-        kernel.signals_function(),
-        kernel.margins_function(),
+        traced.derivatives_function(),
+        traced.outputs_function(),
+        traced.signals_function(),
+        traced.margins_function(),
     )
 
 
@@ -228,14 +228,13 @@ def in_lanes(function: Any, declarator: str = _KERNEL, *, exact: bool = False, c
 def _table(scalar_kernel: str) -> str:
     """`lanes_table.h`: sizes of the kernels' vectors, and the kernel of single members."""
     from gough_stewart.fmu_build.tables import GENERATED, defines
-    from gough_stewart.model import kernel
 
     sizes = {
-        "N_STATES": kernel.N_STATES,
-        "N_INPUTS": kernel.N_INPUTS,
-        "N_PARAMETERS": kernel.N_PARAMETERS,
-        "N_RESULTS": kernel.N_RESULTS,
-        "N_SIGNALS": interface.size_of(kernel.SIGNALS),
+        "N_STATES": interface.N_STATES,
+        "N_INPUTS": interface.N_INPUTS,
+        "N_PARAMETERS": interface.N_PARAMETERS,
+        "N_RESULTS": interface.N_RESULTS,
+        "N_SIGNALS": interface.N_SIGNALS,
     }
     declaration = scalar_kernel[: scalar_kernel.index("\n{")].strip()
     return f"""{GENERATED}

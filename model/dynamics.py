@@ -1,7 +1,7 @@
 """Task-space dynamics of the platform: M(pose) [v̇; ω̇] + n(state) = Jᵀ F + [f_ext; τ_ext].
 
 The only implementation of the physics at run time. Pure functions over leading axes, without data-dependent branches,
-so CasADi can trace them (see `gough_stewart.model.kernel`). Twists are [v; ω], wrenches [force; torque about Op], all
+so CasADi can trace them (see `gough_stewart.model.traced`). Twists are [v; ω], wrenches [force; torque about Op], all
 in world components. The 6×6 solver is an argument: NumPy's by default, a symbolic LDLᵀ when traced.
 """
 

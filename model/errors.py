@@ -42,6 +42,10 @@ class EnvironmentVariableError(GoughStewartError, ValueError):
     """An environment variable with a value that a library cannot read."""
 
 
+class NotInstalledError(GoughStewartError):
+    """A package of the extra `compile` is needed, and not installed."""
+
+
 class OutputError(GoughStewartError):
     """Results cannot be written to the requested place."""
 

@@ -142,6 +142,12 @@ TUNABLE = tuple(v for v in VARIABLES if v.variability == "tunable")
 RESULTS = OUTPUTS + LOCALS
 # The parameters of the platform, arguments of the kernel; `fixed_step_size` belongs to the FMU only.
 PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in parameters.PHYSICAL)
+# The first results, without direct feedthrough from the forces.
+SIGNALS = RESULTS[: RESULTS.index(BY_NAME["leg_velocity"]) + 1]
+# Lengths of the vectors from `pack`.
+N_INPUTS, N_STATES, N_RESULTS, N_SIGNALS, N_PARAMETERS = (
+    sum(v.size for v in each) for each in (INPUTS, STATES, RESULTS, SIGNALS, PLATFORM_PARAMETERS)
+)
 
 RESULT_COLUMNS = tuple(name for v in RESULTS for name in v.scalar_names)
 _ELEMENTS: Mapping[str, tuple[Variable, int]] = {

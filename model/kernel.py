@@ -1,36 +1,22 @@
-"""The kernel: the task-space dynamics traced once into CasADi Functions, parameters as run-time inputs.
+"""The kernel: state derivatives, results and exact Jacobians of one platform, evaluated without allocation.
 
-    ẋ = f(x, u, p),  y = g(x, u, p),  and the exact Jacobians A, B, C, D of (ẋ, y) with respect to (x, u)
+    ẋ = f(x, u, p),  y = g(x, u, p),  and the Jacobians A, B, C, D of (ẋ, y) with respect to (x, u)
 
-x (12): position, orientation, velocity, angular_velocity. u (12): the inputs of the interface table. p: its
-platform parameters. y: its outputs and locals. Every vector in table order (`gough_stewart.model.interface`).
-
-The Functions are traced by calling the functions of `dynamics`, `kinematics` and `energy` with object arrays of
-`casadi.SX` scalars. They keep a leading axis of length 1, since NumPy turns 0-d object arrays into scalars.
+The functions, and what is in x, u, p and y, are those of `gough_stewart.model.traced`.
 """
 
-from collections.abc import Iterable
-from functools import cache
-from itertools import combinations
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from functools import partial
+from itertools import product
+from typing import NamedTuple
 
-import casadi
-import numpy as np
-from numpy.typing import NDArray
-
-from gough_stewart.model import dynamics, energy, interface, kinematics
+from gough_stewart.model import interface
+from gough_stewart.model.compiled_kernel import PREFIX, address_of, kernel_library
+from gough_stewart.model.interface import N_INPUTS, N_RESULTS, N_STATES
+from gough_stewart.model.kernel_block import FUNCTIONS, new_block
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.process.interrupts import interrupts_held_back
-from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
-from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.vectors import Array, cross, dot
-
-N_STATES = interface.size_of(interface.STATES)
-N_INPUTS = interface.size_of(interface.INPUTS)
-N_PARAMETERS = interface.size_of(interface.PLATFORM_PARAMETERS)
-N_RESULTS = interface.size_of(interface.RESULTS)
-# The first results, without direct feedthrough from the forces.
-SIGNALS = interface.RESULTS[: interface.RESULTS.index(interface.BY_NAME["leg_velocity"]) + 1]
+from gough_stewart.model.process.installed import TRACER, check_installed
+from gough_stewart.model.vectors import Array, FloatArray
 
 
 class Linearisation(NamedTuple):
@@ -42,144 +28,41 @@ class Linearisation(NamedTuple):
     D: Array  # (N_RESULTS, 12)
 
 
-def parameter_vector(parameters: Parameters) -> NDArray[np.float64]:
+def parameter_vector(parameters: Parameters) -> FloatArray:
     """The kernel's parameter vector p of a platform: its parameters in table order, flat, row by row."""
     names = [v.name for v in interface.PLATFORM_PARAMETERS]
     return interface.pack(interface.PLATFORM_PARAMETERS, {n: getattr(parameters, n) for n in names})
 
 
-@cache
-@interrupts_held_back()
-def derivatives_function() -> casadi.Function:
-    """CasADi Function `derivatives`: (x, u, p) -> xdot."""
-    x, u, p = _arguments()
-    xdot, _ = _trace(x, u, p)
-    return _function("derivatives", [x, u, p], [xdot], ["xdot"])
-
-
-@cache
-@interrupts_held_back()
-def outputs_function() -> casadi.Function:
-    """CasADi Function `outputs`: (x, u, p) -> y, all outputs and locals of the interface."""
-    x, u, p = _arguments()
-    _, y = _trace(x, u, p)
-    return _function("outputs", [x, u, p], [y], ["y"])
-
-
-@cache
-@interrupts_held_back()
-def jacobians_function() -> casadi.Function:
-    """CasADi Function `jacobians`: (x, u, p) -> A, B, C, D, dense."""
-    x, u, p = _arguments()
-    xdot, y = _trace(x, u, p)
-    blocks = [casadi.densify(casadi.jacobian(f, z)) for f in (xdot, y) for z in (x, u)]
-    return _function("jacobians", [x, u, p], blocks, ["A", "B", "C", "D"])
-
-
-@cache
-@interrupts_held_back()
-def forward_function() -> casadi.Function:
-    """CasADi Function `forward`: (x, u, p, dx, du, dp) -> dxdot, dy; the derivative of (ẋ, y) in one direction.
-
-    δẋ = ∂ẋ/∂x δx + ∂ẋ/∂u δu + ∂ẋ/∂p δp, and likewise δy; exact.
-    """
-    z = _arguments()
-    dz = [casadi.SX.sym(f"d{name}", v.numel()) for name, v in zip("xup", z, strict=True)]
-    directions = [casadi.jtimes(f, casadi.vertcat(*z), casadi.vertcat(*dz)) for f in _trace(*z)]
-    return _function("forward", [*z, *dz], directions, ["dxdot", "dy"])
-
-
-@cache
-@interrupts_held_back()
-def reverse_function() -> casadi.Function:
-    """CasADi Function `reverse`: (x, u, p, wxdot, wy) -> gx, gu, gp; the gradient of wẋ·ẋ + wy·y, exact."""
-    z = _arguments()
-    f = _trace(*z)
-    w = [casadi.SX.sym(f"w{name}", v.numel()) for name, v in zip(("xdot", "y"), f, strict=True)]
-    gradient = casadi.jtimes(casadi.vertcat(*f), casadi.vertcat(*z), casadi.vertcat(*w), True)
-    return _function(
-        "reverse", [*z, *w], casadi.vertsplit(gradient, [0, *np.cumsum([v.numel() for v in z])]), ["gx", "gu", "gp"]
-    )
-
-
-@cache
-@interrupts_held_back()
-def legs_function() -> casadi.Function:
-    """CasADi Function `legs`: (x, p) -> length (6), length_rate (6), jacobian (36, row by row), rho.
-
-    For checks of the pose limits, at a fifth of the cost of the derivatives. Row i of the Jacobian is
-    (u_i, c_i × u_i / ρ), with ρ the platform's characteristic length.
-    """
-    x, _, p = _arguments()
-    state, parameters = State.from_vector(_symbols(x)), _parameters(p)
-    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
-    rates = kinematics.rates_of_legs(legs, state).length_rate
-    scaled, rho = kinematics.scaled_jacobian_of_legs(legs)
-    results = casadi.cse([_column(v) for v in (legs.length, rates, scaled, rho)])
-    return casadi.Function("legs", [x, p], results, ["x", "p"], ["length", "length_rate", "jacobian", "rho"])
-
-
-@cache
-@interrupts_held_back()
-def signals_function() -> casadi.Function:
-    """CasADi Function `signals`: (x, p) -> y, the first of the `outputs`, without direct feedthrough: `SIGNALS`."""
-    x, u, p = _arguments()
-    _, y = _trace(x, u, p)
-    return casadi.Function("signals", [x, p], casadi.cse([y[: interface.size_of(SIGNALS)]]), ["x", "p"], ["y"])
-
-
-@cache
-@interrupts_held_back()
-def margins_function() -> casadi.Function:
-    """CasADi Function `margins`: (x, p) -> square (6), determinant, size; distances to the pose limits.
-
-    L_i², det K and ρ². K has the rows (l_i, c_i × l_i), so det K = det J L_1 ⋯ L_6. Without roots and quotients, for a
-    fast check after every integration step.
-    """
-    x, _, p = _arguments()
-    state, parameters = State.from_vector(_symbols(x)), _parameters(p)
-    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
-    halves = [
-        [[part[0, i, k] for k in range(3)] for i in range(6)] for part in (legs.vector, cross(legs.arm, legs.vector))
-    ]
-    size = dot(parameters.platform_points, parameters.platform_points).sum(axis=-1) / 6
-    results = casadi.cse([_column(dot(legs.vector, legs.vector)), _determinant(*halves), _column(size)])
-    return casadi.Function("margins", [x, p], results, ["x", "p"], ["square", "determinant", "size"])
-
-
 class Kernel:
-    """The traced Functions with fixed buffers: calls copy into the buffers and allocate nothing.
+    """The functions with a fixed block of memory: calls copy into it and allocate nothing.
 
-    Every method returns a view of a buffer that its next call overwrites: copy the results that you keep. The
+    Every method returns a view of the block that its next call overwrites: copy the results that you keep. The
     arguments are the state x (12,), the inputs u (12,), and the parameters p (`parameter_vector`). Not thread-safe:
-    use one Kernel per thread; they share the Functions.
+    use one Kernel per thread; they share the code.
     """
 
     def __init__(self) -> None:
-        self._x = np.zeros(N_STATES)
-        self._u = np.zeros(N_INPUTS)
-        self._p = np.zeros(N_PARAMETERS)
-        self._xdot = np.zeros(N_STATES)
-        self._y = np.zeros(N_RESULTS)
-        # CasADi is column-major
-        self._blocks = Linearisation(
-            *(np.zeros((m, n), order="F") for m in (N_STATES, N_RESULTS) for n in (N_STATES, N_INPUTS))
+        self._block, self._parts = new_block()
+        self._x, self._u, self._p, self._xdot, self._y = (self._parts[name] for name in ("x", "u", "p", "xdot", "y"))
+        self._matrices = Linearisation(
+            *(
+                self._parts[name].reshape((m, n), order="F")
+                for name, (m, n) in zip("ABCD", product((N_STATES, N_RESULTS), (N_STATES, N_INPUTS)), strict=True)
+            )
         )
-        # The buffer objects must outlive the calls.
-        self._buffers: list[Any] = []
-        self._call_derivatives = self._bind(derivatives_function(), [self._xdot])
-        self._call_outputs = self._bind(outputs_function(), [self._y])
-        self._call_jacobians: Any = None  # traced on first use
-        self._call_margins: Any = None
-        self._square, self._determinant, self._size = np.zeros(6), np.zeros(1), np.zeros(1)
+        self._call_derivatives = self._call("derivatives")
+        self._call_outputs = self._call("outputs")
+        self._call_jacobians: Callable[[], object] | None = None  # may have to be traced
+        self._call_margins: Callable[[], object] | None = None
 
-    def derivatives(self, x: Array, u: Array, p: Array) -> NDArray[np.float64]:
+    def derivatives(self, x: Array, u: Array, p: Array) -> FloatArray:
         """State derivatives ẋ (12,): velocity, rates of roll, pitch, yaw, acceleration, angular acceleration."""
         self._x[:], self._u[:], self._p[:] = x, u, p
         self._call_derivatives()
         return self._xdot
 
-    def outputs(self, x: Array, u: Array, p: Array) -> NDArray[np.float64]:
+    def outputs(self, x: Array, u: Array, p: Array) -> FloatArray:
         """Outputs and locals y (N_RESULTS,) in the order of `interface.RESULT_COLUMNS`."""
         self._x[:], self._u[:], self._p[:] = x, u, p
         self._call_outputs()
@@ -188,101 +71,48 @@ class Kernel:
     def jacobians(self, x: Array, u: Array, p: Array) -> Linearisation:
         """Exact Jacobians at (x, u)."""
         if self._call_jacobians is None:
-            self._call_jacobians = self._bind(
-                jacobians_function(), [block.reshape(-1, order="F") for block in self._blocks]
-            )
+            self._call_jacobians = self._call("jacobians")
         self._x[:], self._u[:], self._p[:] = x, u, p
         self._call_jacobians()
-        return self._blocks
+        return self._matrices
 
     def margins(self, x: Array, p: Array) -> tuple[Array, float, float]:
-        """L_i² (6,), det K and ρ² of `margins_function`."""
+        """L_i² (6,), det K and ρ² of `traced.margins_function`."""
         if self._call_margins is None:
-            results = [self._square, self._determinant, self._size]
-            self._call_margins = self._bind(margins_function(), results, (self._x, self._p))
+            self._call_margins = self._call("margins")
         self._x[:], self._p[:] = x, p
         self._call_margins()
-        return self._square, float(self._determinant[0]), float(self._size[0])
+        return self._parts["square"], float(self._parts["determinant"][0]), float(self._parts["size"][0])
 
-    def _bind(
-        self, function: casadi.Function, results: Iterable[Array], arguments: Iterable[Array] | None = None
-    ) -> Any:
-        buffer: Any
-        buffer, call = function.buffer()
-        for i, argument in enumerate((self._x, self._u, self._p) if arguments is None else arguments):
-            buffer.set_arg(i, argument.data)
-        for i, result in enumerate(results):
-            buffer.set_res(i, result.data)
-        self._buffers.append(buffer)
-        return call
+    def _call(self, name: str) -> Callable[[], object]:
+        """A function on the block: machine code if there is any, else CasADi."""
+        library = kernel_library()
+        if library is None:
+            return _traced_call(name, self._parts)
+        function = getattr(library, PREFIX + name)
+        function.restype = None
+        return partial(function, address_of(self._block))
 
 
-def _arguments() -> tuple[casadi.SX, casadi.SX, casadi.SX]:
-    return casadi.SX.sym("x", N_STATES), casadi.SX.sym("u", N_INPUTS), casadi.SX.sym("p", N_PARAMETERS)
+def _traced_call(name: str, parts: Mapping[str, FloatArray]) -> Callable[[], object]:
+    """A call of a traced Function on parts of a block.
 
+    Raises
+    ------
+    NotInstalledError
+        CasADi is not installed.
+    """
+    check_installed({TRACER: "to trace the equations, which are not compiled for this machine here"})
+    from gough_stewart.model import traced
 
-def _function(name: str, arguments: Iterable[Any], results: list[Any], names: list[str]) -> casadi.Function:
-    arguments = list(arguments)
-    return casadi.Function(name, arguments, casadi.cse(results), [v[0].name()[:-2] for v in arguments], names)
+    arguments, results = FUNCTIONS[name]
+    buffer, evaluate = getattr(traced, f"{name}_function")().buffer()
+    for i, part in enumerate(arguments):
+        buffer.set_arg(i, parts[part].data)
+    for i, part in enumerate(results):
+        buffer.set_res(i, parts[part].data)
 
+    def call(_kept: object = buffer) -> None:  # the buffer must outlive the calls
+        evaluate()
 
-def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
-    """The equations with symbols instead of numbers: (ẋ, y)."""
-    state, inputs = State.from_vector(_symbols(x)), Inputs.from_vector(_symbols(u))
-    parameters = _parameters(p)
-    a = dynamics.forward_dynamics(parameters, state, inputs, solve=_solve_symbolically)
-    rate = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
-    xdot = State(state.velocity, rate, a.linear, a.angular).to_vector()
-
-    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
-    values = {
-        **state._asdict(),
-        "leg_length": legs.length,
-        "leg_velocity": kinematics.rates_of_legs(legs, state).length_rate,
-        "acceleration": a.linear,
-        "angular_acceleration": a.angular,
-        "joint_force": dynamics.joint_forces(parameters, state, inputs.actuator_force, a),
-        "kinetic_energy": energy.kinetic_energy(parameters, state),
-        "potential_energy": energy.potential_energy(parameters, state.position, state.orientation),
-    }
-    return _column(xdot), casadi.vertcat(*(_column(values[v.name]) for v in interface.RESULTS))
-
-
-def _parameters(p: casadi.SX) -> Parameters:
-    return Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
-
-
-def _symbols(vector: casadi.SX) -> Array:
-    """(1, n) object array of the elements."""
-    return np.array([[vector[i] for i in range(vector.numel())]], dtype=object)
-
-
-def _column(array: Array) -> Any:
-    """casadi.SX (n, 1) of an object array's elements, row by row."""
-    return casadi.vertcat(*array.reshape(-1))
-
-
-def _determinant(left: list[list[Any]], right: list[list[Any]]) -> Any:
-    """Determinant of [left, right], each (6, 3), by Laplace: Σ ± (minor of three rows of left) (rest of right)."""
-    terms = []
-    for rows in combinations(range(6), 3):
-        others = [i for i in range(6) if i not in rows]
-        sign = (-1) ** (sum(rows) - 3)
-        terms.append(sign * _minor([left[i] for i in rows]) * _minor([right[i] for i in others]))
-    return sum(terms)
-
-
-def _minor(m: list[list[Any]]) -> Any:
-    """Determinant of (3, 3), from 2×2 minors of the first two columns, which several determinants share."""
-
-    def second(i: int, k: int) -> Any:
-        return m[i][0] * m[k][1] - m[k][0] * m[i][1]
-
-    return m[0][2] * second(1, 2) - m[1][2] * second(0, 2) + m[2][2] * second(0, 1)
-
-
-def _solve_symbolically(matrix: Array, vector: Array) -> Array:
-    """LDLᵀ without pivoting: the mass matrix is symmetric and positive definite."""
-    M = casadi.vertcat(*(casadi.horzcat(*row) for row in matrix[0]))
-    D, LT, order = casadi.ldl(M)
-    return _symbols(casadi.ldl_solve(_column(vector), D, LT, order))
+    return call

@@ -1,7 +1,7 @@
 """Orientation of the platform: roll, pitch, yaw about the fixed world axes X, then Y, then Z.
 
 The paper (section IV): "rotated about the X-axis first, then about the Y-axis, and finally about the Z-axis".
-The first four functions and `angles_of` are traceable (see `gough_stewart.model.kernel`); the others are NumPy only.
+The first four functions and `angles_of` are traceable (see `gough_stewart.model.traced`); the others are NumPy only.
 """
 
 from collections.abc import Callable

@@ -18,7 +18,7 @@ from gough_stewart.fmu_build.plant.reference_results import reference_cases, ref
 from gough_stewart.fmu_build.plant.related_files import related_files
 from gough_stewart.fmu_build.plant.tables import plant_header
 from gough_stewart.fmu_build.sources import c_folder
-from gough_stewart.model import interface, kernel
+from gough_stewart.model import interface, traced
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
@@ -111,8 +111,8 @@ def slot_dependencies() -> SlotDependencies:
 
     A dependency is `constant` if its entry of the Jacobian is a plain number.
     """
-    x, u, p = kernel.derivatives_function().sx_in()
-    f = casadi.vertcat(kernel.derivatives_function()(x, u, p), kernel.outputs_function()(x, u, p))
+    x, u, p = traced.derivatives_function().sx_in()
+    f = casadi.vertcat(traced.derivatives_function()(x, u, p), traced.outputs_function()(x, u, p))
     jacobian = casadi.jacobian(f, casadi.vertcat(x, u, p))
     rows, columns = jacobian.sparsity().get_triplet()
     unknowns = [*_slots(Role.DERIVATIVE), *_slots(Role.STATE), *_slots(Role.RESULT)]

@@ -45,7 +45,7 @@ def build_command(
 ) -> None:
     """Build the platform as an FMU: self-contained, compiled, Co-Simulation and Model Exchange.
 
-    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. `pip install 'gough-stewart[fmu]'`
+    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. `pip install 'gough-stewart[compile]'`
     installs the compiler, which builds for all targets on any machine. The first build takes ten seconds per target
     (Windows: two minutes), later ones two.
 

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.fmu_build.errors import RUNNER, check_installed
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.isolated import Isolated
@@ -104,7 +103,6 @@ class ControllerUnit:
     """The FMU, run by FMPy."""
 
     def __init__(self, path: Path, names: Mapping[str, str], parameters: Mapping[str, Any], sample_time: float) -> None:
-        check_installed(RUNNER)
         from gough_stewart.harness.plants.unit import FmuFile, Unit, Values
 
         class ControllerFile(FmuFile):

@@ -18,16 +18,11 @@ import numpy as np
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.names import PER_LEG, place_of
 from gough_stewart.model import interface
-from gough_stewart.model.kernel import (
-    N_INPUTS,
-    N_PARAMETERS,
-    N_STATES,
-    derivatives_function,
-    legs_function,
-    parameter_vector,
-)
+from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
+from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.traced import derivatives_function, legs_function
 from gough_stewart.model.vectors import FloatArray
 
 

@@ -13,7 +13,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gough_stewart.fmu_build.build import build
 from gough_stewart.fmu_build.builder import VERSIONS, number_of_steps
-from gough_stewart.fmu_build.errors import COMPILER, RUNNER, check_installed
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.paper import figures, readings, report
 from gough_stewart.harness.paper.agreement import agreement, of_fmus
@@ -132,7 +131,6 @@ def reproduce(
     >>> result = gs.reproduce()
     >>> result.agrees, result.save("results/paper")
     """
-    check_installed(RUNNER, COMPILER)
     if not isinstance(case, OpenLoopCase):
         case = case_of(load_preset(PAPER_PRESET) if case is None else case)
     console = console or Console(quiet=True)

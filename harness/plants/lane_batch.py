@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.lanes import WIDTH
 from gough_stewart.model import interface
+from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.vectors import FloatArray
 
 IntArray = NDArray[np.int64]
-N_STATES = interface.size_of(interface.STATES)
-N_INPUTS = interface.size_of(interface.INPUTS)
-N_PARAMETERS = interface.size_of(interface.PLATFORM_PARAMETERS)
 
 
 @dataclass(frozen=True)

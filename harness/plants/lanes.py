@@ -17,7 +17,7 @@ from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.lanes import CONTROLLED, WIDTH, Failure, LanesLibrary, lanes_library
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.lane_batch import N_INPUTS, Batch, LaneKernel, rows
+from gough_stewart.harness.plants.lane_batch import Batch, LaneKernel, rows
 from gough_stewart.harness.plants.numpy_lanes import NumpyLanes
 from gough_stewart.harness.plants.parameter_changes import changed_parameter, refuse_impossible
 from gough_stewart.harness.plants.plant import BoolArray, Plant
@@ -192,8 +192,8 @@ class LanesPlant(Plant):
 
     def set_inputs(self, inputs: FloatArray) -> None:
         """Rule 2; a non-finite input fails in the step, for its member only."""
-        if inputs.shape != (*self.shape, N_INPUTS):
-            raise InterfaceError("inputs", f"have shape {inputs.shape}; expected {(*self.shape, N_INPUTS)}")
+        if inputs.shape != (*self.shape, interface.N_INPUTS):
+            raise InterfaceError("inputs", f"have shape {inputs.shape}; expected {(*self.shape, interface.N_INPUTS)}")
         self._batch.inputs[:, : self.shape[0]] = inputs.T
 
     def set_parameters(self, values: Mapping[str, object]) -> None:

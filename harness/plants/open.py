@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gough_stewart.fmu_build.cached import cached_build
-from gough_stewart.fmu_build.errors import RUNNER, check_installed
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
@@ -58,7 +57,6 @@ def open_plant(
         return
     if kind not in FMI_VERSIONS:
         raise PlantError(f"plant is {kind!r}; expected model, fmu2 or fmu3")
-    check_installed(RUNNER)
     version = FMI_VERSIONS[kind]
     if fmu is None:
         from gough_stewart.harness.plants.fmu import FmuPlant

@@ -24,6 +24,7 @@ from gough_stewart.fmu_build.lanes import lanes_library, lanes_sources
 from gough_stewart.fmu_build.tables import start_block
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets, native
 from gough_stewart.fmu_build.toolchain import compile_library, place_of
+from gough_stewart.model.process import installed
 from tests.fmu_build.test_small_component import SMALL
 
 KERNEL, HEADER = {"b.c": "int b;", "a.c": "int a;"}, {"a.h": "int a;"}
@@ -409,7 +410,6 @@ def test_headers_that_are_missing_are_named(tmp_path: Path, monkeypatch: pytest.
         )
     spec = ModuleSpec("fmpy", None, origin=str(tmp_path / "__init__.py"))
     monkeypatch.setattr(sources, "find_spec", lambda _name: spec)
-    monkeypatch.setattr(sources, "check_installed", lambda *_: None)
     monkeypatch.setattr(sources, "version", lambda name: f"0.3.1 of {name}")
     expected = "^FMPy 0.3.1 of fmpy has no fmi3PlatformTypes.h; install FMPy 0.3.28 or later$"
     with pytest.raises(BuildError, match=expected):
@@ -422,17 +422,17 @@ def test_headers_that_are_missing_are_named(tmp_path: Path, monkeypatch: pytest.
 
 def test_missing_packages_are_named_with_their_use(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: those that are missing, in the order in which they are asked for."""
-    remedy = "; install the extra: pip install 'gough-stewart[fmu]'"
+    remedy = "; install the extra: pip install 'gough-stewart[compile]'"
     for missing, words in (
-        ({"fmpy"}, "fmpy (to run FMUs)"),
-        ({"ziglang"}, "ziglang (to compile FMUs)"),
-        ({"fmpy", "ziglang"}, "fmpy (to run FMUs) and ziglang (to compile FMUs)"),
+        ({"casadi"}, "casadi (to trace equations)"),
+        ({"ziglang"}, "ziglang (to compile)"),
+        ({"casadi", "ziglang"}, "casadi (to trace equations) and ziglang (to compile)"),
     ):
-        monkeypatch.setattr(errors, "find_spec", lambda name, missing=missing: None if name in missing else object())
+        monkeypatch.setattr(installed, "find_spec", lambda name, missing=missing: None if name in missing else object())
         with pytest.raises(BuildError) as caught:
-            errors.check_installed("fmpy", "ziglang")
+            errors.check_installed("casadi", "ziglang")
         assert str(caught.value) == f"not installed: {words}{remedy}"
-        errors.check_installed(*({"fmpy", "ziglang"} - missing))
+        errors.check_installed(*({"casadi", "ziglang"} - missing))
 
 
 def test_targets_have_the_names_of_both_standards_and_of_the_compiler() -> None:

@@ -9,7 +9,7 @@ import pytest
 from fmpy import simulate_fmu
 from numpy.typing import NDArray
 
-from gough_stewart.model import interface, kernel
+from gough_stewart.model import interface, traced
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_jacobian
@@ -117,7 +117,7 @@ def test_casadis_dae_builder_has_our_equations_and_jacobians_by_x_u_and_p(fmu2: 
     sx, su, sp = casadi.SX.sym("x", 12), casadi.SX.sym("u", 12), casadi.SX.sym("p", len(p))
     names = [scalar for v in interface.PLATFORM_PARAMETERS for scalar in v.scalar_names]
     tuned = [names.index(scalar) for scalar in dae.p()]
-    functions = (kernel.derivatives_function()(sx, su, sp), kernel.outputs_function()(sx, su, sp)[:outputs])
+    functions = (traced.derivatives_function()(sx, su, sp), traced.outputs_function()(sx, su, sp)[:outputs])
     own = casadi.Function("own", [sx, su, sp], [casadi.jacobian(f, z) for f in functions for z in (sx, su, sp[tuned])])(
         x, u, p
     )

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import dynamics, energy, interface, kinematics
 from gough_stewart.model.errors import SingularPoseError
-from gough_stewart.model.kernel import N_PARAMETERS, parameter_vector
+from gough_stewart.model.interface import N_PARAMETERS
+from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.leg_dynamics import friction_force
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.model import dynamics, interface, kernel, kinematics
+from gough_stewart.model import dynamics, interface, kinematics, traced
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
@@ -83,9 +83,9 @@ def test_forward_and_reverse_derivatives_are_products_with_the_jacobians() -> No
     J = np.block([[A, B], [C, D]])
     v, w = rng.normal(size=24), rng.normal(size=len(J))
     none = np.zeros(len(p))
-    along = [np.array(part).ravel() for part in kernel.forward_function()(x, u, p, v[:12], v[12:], none)]
+    along = [np.array(part).ravel() for part in traced.forward_function()(x, u, p, v[:12], v[12:], none)]
     assert np.concatenate(along) == pytest.approx(J @ v, rel=1e-10, abs=1e-9)
-    gx, gu, gp = (np.array(part).ravel() for part in kernel.reverse_function()(x, u, p, w[:12], w[12:]))
+    gx, gu, gp = (np.array(part).ravel() for part in traced.reverse_function()(x, u, p, w[:12], w[12:]))
     assert np.concatenate([gx, gu]) == pytest.approx(J.T @ w, rel=1e-10, abs=1e-8)
     assert len(gp) == len(p)
     for k in range(len(p)):
@@ -177,7 +177,7 @@ NAMES = {
 @pytest.mark.parametrize("name", NAMES)
 def test_functions_carry_names_for_whoever_generates_code(name: str) -> None:
     """Expected: those of the module's equations, in the order in which C gets its arguments."""
-    f = getattr(kernel, f"{name}_function")()
+    f = getattr(traced, f"{name}_function")()
     assert f.name() == name
     assert (f.name_in(), f.name_out()) == NAMES[name]
 
@@ -196,19 +196,19 @@ def test_functions_of_the_legs_alone_are_those_of_geometry(seed: int) -> None:
     rates = (u * (state.velocity + np.cross(state.angular_velocity, arm))).sum(axis=1)
     scaled = np.hstack([u, np.cross(arm, u) / rho])
 
-    found = dict(zip(NAMES["legs"][1], map(np.array, kernel.legs_function()(x, p)), strict=True))
+    found = dict(zip(NAMES["legs"][1], map(np.array, traced.legs_function()(x, p)), strict=True))
     assert found["length"].ravel() == pytest.approx(L, rel=1e-12)
     assert found["length_rate"].ravel() == pytest.approx(rates, rel=1e-9, abs=1e-12)
     assert found["jacobian"].reshape(6, 6) == pytest.approx(scaled, rel=1e-9, abs=1e-12)
     assert found["rho"].ravel() == pytest.approx([rho], rel=1e-12)
 
-    square, determinant, size = map(np.array, kernel.margins_function()(x, p))
+    square, determinant, size = map(np.array, traced.margins_function()(x, p))
     assert square.ravel() == pytest.approx(L**2, rel=1e-12)
     expected = np.linalg.det(np.hstack([l, np.cross(arm, l)]))
     assert determinant.ravel() == pytest.approx([expected], rel=1e-8)
     assert size.ravel() == pytest.approx([rho**2], rel=1e-12)
 
-    signals = np.array(kernel.signals_function()(x, p)).ravel()
+    signals = np.array(traced.signals_function()(x, p)).ravel()
     assert signals.shape == (24,)
     assert signals == pytest.approx(np.concatenate([x, L, rates]), rel=1e-9, abs=1e-12)
 

@@ -109,9 +109,9 @@ def _become(program: dict[str, Any]) -> None:
 if __name__ == "__main__":
     for name in _HEAVY:
         import_module(name)
-    kernel = import_module("gough_stewart.model.kernel")
+    traced = import_module("gough_stewart.model.traced")
     for name in _KERNEL:
-        getattr(kernel, name)()
+        getattr(traced, name)()
     asked = _serve()
     if asked is not None:
         _become(asked)

@@ -1,7 +1,7 @@
 """`make release-check`: sdist and wheel of a clean clone, in an empty environment of every Python that is here.
 
 In each, README's commands run in an empty folder: without the repository, without a compiler on the path, without
-network where the system can cut it off. If the wheel carries no prebuilt libraries, they run with the extra `fmu`,
+network where the system can cut it off. If the wheel carries no prebuilt libraries, they run with the extra `compile`,
 which brings a compiler. Then the licences of all that is shipped, installed and in the pages are listed; an unknown one
 is an error.
 """
@@ -141,12 +141,12 @@ def main() -> int:
         with zipfile.ZipFile(wheel) as opened:
             has_libraries = any(name.startswith(PREBUILT) for name in opened.namelist())
         if not has_libraries:
-            say("the wheel carries no prebuilt libraries: README's commands need the extra fmu, and its compiler")
+            say("the wheel carries no prebuilt libraries: README's commands need the extra compile, and its compiler")
         say(f"network: {'cut off' if cut else 'not cut off, since this system has no unshare'}")
         for k, (version, interpreter) in enumerate(chosen.items()):
             own = folder / f"python{version}"
             python = environment(interpreter, own)
-            wanted = str(wheel) if has_libraries else f"{wheel}[fmu]"
+            wanted = str(wheel) if has_libraries else f"{wheel}[compile]"
             called(python, "-m", "pip", "install", "--quiet", wanted)
             if has_libraries:
                 there = "import importlib.util as u; assert not u.find_spec('ziglang'), 'a compiler is installed'"

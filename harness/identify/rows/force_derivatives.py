@@ -14,7 +14,7 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
-from gough_stewart.model.kernel import N_PARAMETERS
+from gough_stewart.model.interface import N_PARAMETERS
 from gough_stewart.model.kinematics import (
     jacobian_of_legs,
     leg_accelerations,

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from gough_stewart.model import kernel
+from gough_stewart.model import traced
 from gough_stewart.model.process.interrupts import interrupts_held_back
 
 
@@ -44,8 +44,8 @@ def interrupting(call: Callable[[], Any], delay: float) -> bool:
 @pytest.mark.parametrize(("name", "times"), [("legs_function", 8), ("derivatives_function", 3)])
 def test_ctrl_c_while_the_equations_are_traced_is_not_swallowed(name: str, times: int) -> None:
     """Expected: every one arrives; CasADi lost two of three."""
-    traced = getattr(kernel, name).__wrapped__
-    assert all(interrupting(traced, 0.006 * (k + 1)) for k in range(times))
+    trace = getattr(traced, name).__wrapped__
+    assert all(interrupting(trace, 0.006 * (k + 1)) for k in range(times))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])

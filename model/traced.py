@@ -1,0 +1,206 @@
+"""The task-space dynamics traced once into CasADi Functions, parameters as run-time inputs.
+
+    ẋ = f(x, u, p),  y = g(x, u, p),  and the exact Jacobians A, B, C, D of (ẋ, y) with respect to (x, u)
+
+x (12): position, orientation, velocity, angular_velocity. u (12): the inputs of the interface table. p: its
+platform parameters. y: its outputs and locals. Every vector in table order (`gough_stewart.model.interface`).
+
+The Functions are traced by calling the functions of `dynamics`, `kinematics` and `energy` with object arrays of
+`casadi.SX` scalars. They keep a leading axis of length 1, since NumPy turns 0-d object arrays into scalars.
+"""
+
+from collections.abc import Iterable
+from functools import cache
+from itertools import combinations
+from typing import Any
+
+import casadi
+import numpy as np
+
+from gough_stewart.model import dynamics, energy, interface, kinematics
+from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
+from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
+from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.vectors import Array, cross, dot
+
+
+@cache
+@interrupts_held_back()
+def derivatives_function() -> casadi.Function:
+    """CasADi Function `derivatives`: (x, u, p) -> xdot."""
+    x, u, p = _arguments()
+    xdot, _ = _trace(x, u, p)
+    return _function("derivatives", [x, u, p], [xdot], ["xdot"])
+
+
+@cache
+@interrupts_held_back()
+def outputs_function() -> casadi.Function:
+    """CasADi Function `outputs`: (x, u, p) -> y, all outputs and locals of the interface."""
+    x, u, p = _arguments()
+    _, y = _trace(x, u, p)
+    return _function("outputs", [x, u, p], [y], ["y"])
+
+
+@cache
+@interrupts_held_back()
+def jacobians_function() -> casadi.Function:
+    """CasADi Function `jacobians`: (x, u, p) -> A, B, C, D, dense."""
+    x, u, p = _arguments()
+    xdot, y = _trace(x, u, p)
+    blocks = [casadi.densify(casadi.jacobian(f, z)) for f in (xdot, y) for z in (x, u)]
+    return _function("jacobians", [x, u, p], blocks, ["A", "B", "C", "D"])
+
+
+@cache
+@interrupts_held_back()
+def tangent_function() -> casadi.Function:
+    """CasADi Function `tangent`: (x, u, p, dx, du) -> dxdot, dy; a column of the Jacobians for a unit direction."""
+    x, u, p = _arguments()
+    dx, du = casadi.SX.sym("dx", N_STATES), casadi.SX.sym("du", N_INPUTS)
+    directions = [casadi.jtimes(f, casadi.vertcat(x, u), casadi.vertcat(dx, du)) for f in _trace(x, u, p)]
+    return _function("tangent", [x, u, p, dx, du], directions, ["dxdot", "dy"])
+
+
+@cache
+@interrupts_held_back()
+def forward_function() -> casadi.Function:
+    """CasADi Function `forward`: (x, u, p, dx, du, dp) -> dxdot, dy; the derivative of (ẋ, y) in one direction.
+
+    δẋ = ∂ẋ/∂x δx + ∂ẋ/∂u δu + ∂ẋ/∂p δp, and likewise δy; exact.
+    """
+    z = _arguments()
+    dz = [casadi.SX.sym(f"d{name}", v.numel()) for name, v in zip("xup", z, strict=True)]
+    directions = [casadi.jtimes(f, casadi.vertcat(*z), casadi.vertcat(*dz)) for f in _trace(*z)]
+    return _function("forward", [*z, *dz], directions, ["dxdot", "dy"])
+
+
+@cache
+@interrupts_held_back()
+def reverse_function() -> casadi.Function:
+    """CasADi Function `reverse`: (x, u, p, wxdot, wy) -> gx, gu, gp; the gradient of wẋ·ẋ + wy·y, exact."""
+    z = _arguments()
+    f = _trace(*z)
+    w = [casadi.SX.sym(f"w{name}", v.numel()) for name, v in zip(("xdot", "y"), f, strict=True)]
+    gradient = casadi.jtimes(casadi.vertcat(*f), casadi.vertcat(*z), casadi.vertcat(*w), True)
+    return _function(
+        "reverse", [*z, *w], casadi.vertsplit(gradient, [0, *np.cumsum([v.numel() for v in z])]), ["gx", "gu", "gp"]
+    )
+
+
+@cache
+@interrupts_held_back()
+def legs_function() -> casadi.Function:
+    """CasADi Function `legs`: (x, p) -> length (6), length_rate (6), jacobian (36, row by row), rho.
+
+    For checks of the pose limits, at a fifth of the cost of the derivatives. Row i of the Jacobian is
+    (u_i, c_i × u_i / ρ), with ρ the platform's characteristic length.
+    """
+    x, _, p = _arguments()
+    state, parameters = State.from_vector(_symbols(x)), _parameters(p)
+    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
+    rates = kinematics.rates_of_legs(legs, state).length_rate
+    scaled, rho = kinematics.scaled_jacobian_of_legs(legs)
+    results = casadi.cse([_column(v) for v in (legs.length, rates, scaled, rho)])
+    return casadi.Function("legs", [x, p], results, ["x", "p"], ["length", "length_rate", "jacobian", "rho"])
+
+
+@cache
+@interrupts_held_back()
+def signals_function() -> casadi.Function:
+    """CasADi Function `signals`: (x, p) -> y, the `interface.SIGNALS`: outputs without direct feedthrough."""
+    x, u, p = _arguments()
+    _, y = _trace(x, u, p)
+    return casadi.Function("signals", [x, p], casadi.cse([y[: interface.N_SIGNALS]]), ["x", "p"], ["y"])
+
+
+@cache
+@interrupts_held_back()
+def margins_function() -> casadi.Function:
+    """CasADi Function `margins`: (x, p) -> square (6), determinant, size; distances to the pose limits.
+
+    L_i², det K and ρ². K has the rows (l_i, c_i × l_i), so det K = det J L_1 ⋯ L_6. Without roots and quotients, for a
+    fast check after every integration step.
+    """
+    x, _, p = _arguments()
+    state, parameters = State.from_vector(_symbols(x)), _parameters(p)
+    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
+    halves = [
+        [[part[0, i, k] for k in range(3)] for i in range(6)] for part in (legs.vector, cross(legs.arm, legs.vector))
+    ]
+    size = dot(parameters.platform_points, parameters.platform_points).sum(axis=-1) / 6
+    results = casadi.cse([_column(dot(legs.vector, legs.vector)), _determinant(*halves), _column(size)])
+    return casadi.Function("margins", [x, p], results, ["x", "p"], ["square", "determinant", "size"])
+
+
+def _arguments() -> tuple[casadi.SX, casadi.SX, casadi.SX]:
+    return casadi.SX.sym("x", N_STATES), casadi.SX.sym("u", N_INPUTS), casadi.SX.sym("p", N_PARAMETERS)
+
+
+def _function(name: str, arguments: Iterable[Any], results: list[Any], names: list[str]) -> casadi.Function:
+    arguments = list(arguments)
+    return casadi.Function(name, arguments, casadi.cse(results), [v[0].name()[:-2] for v in arguments], names)
+
+
+def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
+    """The equations with symbols instead of numbers: (ẋ, y)."""
+    state, inputs = State.from_vector(_symbols(x)), Inputs.from_vector(_symbols(u))
+    parameters = _parameters(p)
+    a = dynamics.forward_dynamics(parameters, state, inputs, solve=_solve_symbolically)
+    rate = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
+    xdot = State(state.velocity, rate, a.linear, a.angular).to_vector()
+
+    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
+    values = {
+        **state._asdict(),
+        "leg_length": legs.length,
+        "leg_velocity": kinematics.rates_of_legs(legs, state).length_rate,
+        "acceleration": a.linear,
+        "angular_acceleration": a.angular,
+        "joint_force": dynamics.joint_forces(parameters, state, inputs.actuator_force, a),
+        "kinetic_energy": energy.kinetic_energy(parameters, state),
+        "potential_energy": energy.potential_energy(parameters, state.position, state.orientation),
+    }
+    return _column(xdot), casadi.vertcat(*(_column(values[v.name]) for v in interface.RESULTS))
+
+
+def _parameters(p: casadi.SX) -> Parameters:
+    return Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
+
+
+def _symbols(vector: casadi.SX) -> Array:
+    """(1, n) object array of the elements."""
+    return np.array([[vector[i] for i in range(vector.numel())]], dtype=object)
+
+
+def _column(array: Array) -> Any:
+    """casadi.SX (n, 1) of an object array's elements, row by row."""
+    return casadi.vertcat(*array.reshape(-1))
+
+
+def _determinant(left: list[list[Any]], right: list[list[Any]]) -> Any:
+    """Determinant of [left, right], each (6, 3), by Laplace: Σ ± (minor of three rows of left) (rest of right)."""
+    terms = []
+    for rows in combinations(range(6), 3):
+        others = [i for i in range(6) if i not in rows]
+        sign = (-1) ** (sum(rows) - 3)
+        terms.append(sign * _minor([left[i] for i in rows]) * _minor([right[i] for i in others]))
+    return sum(terms)
+
+
+def _minor(m: list[list[Any]]) -> Any:
+    """Determinant of (3, 3), from 2×2 minors of the first two columns, which several determinants share."""
+
+    def second(i: int, k: int) -> Any:
+        return m[i][0] * m[k][1] - m[k][0] * m[i][1]
+
+    return m[0][2] * second(1, 2) - m[1][2] * second(0, 2) + m[2][2] * second(0, 1)
+
+
+def _solve_symbolically(matrix: Array, vector: Array) -> Array:
+    """LDLᵀ without pivoting: the mass matrix is symmetric and positive definite."""
+    M = casadi.vertcat(*(casadi.horzcat(*row) for row in matrix[0]))
+    D, LT, order = casadi.ldl(M)
+    return _symbols(casadi.ldl_solve(_column(vector), D, LT, order))
