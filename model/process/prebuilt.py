@@ -40,10 +40,10 @@ def prebuilt(name: str, state: str) -> Path | None:
 
     A file that differs from what was made is named in a warning, and not given.
     """
-    line = _manifest().get("files", {}).get(name)
+    line: Mapping[str, str] | None = _manifest().get("files", {}).get(name)
     if line is None or line["state"] != state:
         return None
-    path = prebuilt_folder() / line["file"]
+    path = Path(prebuilt_folder(), line["file"])
     try:
         is_whole = is_as_made(path.read_bytes(), line["sha256"])
     except OSError:
@@ -88,9 +88,9 @@ def digest_of_files(paths: Iterable[Path]) -> str:
 
 
 @cache
-def _manifest() -> dict[str, Any]:
+def _manifest() -> Mapping[str, Any]:
     try:
-        found: dict[str, Any] = json.loads((prebuilt_folder() / MANIFEST).read_bytes())
+        found: Mapping[str, Any] = json.loads((prebuilt_folder() / MANIFEST).read_bytes())
     except (OSError, ValueError):
         return {}
     return found
