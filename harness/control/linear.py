@@ -1,4 +1,4 @@
-"""The platform as a python-control object: nonlinear, linearised exactly at rest, and its modes.
+"""The platform as a system: nonlinear, linearised exactly at rest, and its modes.
 
 python-control and the compiled kernel are imported where systems are made, since other functions of this module do not
 need these slow imports.
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import mass_matrix, solve_leg_forces, static_leg_forces
 from gough_stewart.model.errors import InterfaceError
@@ -158,14 +159,29 @@ def linearise(
     """
     from control import ss
 
+    names, _ = _rows(outputs)
+    linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
+    labels = {"states": STATE_NAMES, "inputs": INPUT_NAMES, "outputs": names}
+    return ss(linear.A, linear.B, linear.C, linear.D, **labels, name="plant")
+
+
+def linear_matrices(
+    platform: Platform,
+    position: Array | None = None,
+    orientation: Array | None = None,
+    outputs: Iterable[str] = OUTPUTS,
+    *,
+    coulomb_friction: bool = False,
+) -> StateSpace:
+    """`linearise` without python-control, whose import takes longer than all margins."""
     from gough_stewart.model.kernel import Kernel, parameter_vector
 
-    names, rows = _rows(outputs)
+    _, rows = _rows(outputs)
     if not coulomb_friction:
         platform = platform.with_parameters({"leg_coulomb_friction": 0.0})
     point = trim(platform, position, orientation)
     A, B, C, D = (block.copy() for block in Kernel().jacobians(*point, parameter_vector(platform)))
-    return ss(A, B, C[rows], D[rows], states=STATE_NAMES, inputs=INPUT_NAMES, outputs=names, name="plant")
+    return StateSpace(A, B, C[rows], D[rows])
 
 
 def modes(system: Any) -> list[Mode]:

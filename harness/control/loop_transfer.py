@@ -1,12 +1,12 @@
 """The loop of an experiment as a linear system: the transfer from the actuators around the loop and back."""
 
-import control
 import numpy as np
 
 from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.linear import linearise
+from gough_stewart.harness.control.linear import linear_matrices
 from gough_stewart.harness.control.linear_law import MapsOfPose, displacements, inputs_of
+from gough_stewart.harness.control.state_space import StateSpace, beside, discretised, matrices_of, series
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.kinematics import leg_jacobian
@@ -28,7 +28,7 @@ def loop_transfer(
     orientation: Array | None = None,
     coulomb_friction: bool = False,
     believed: Platform | None = None,
-) -> control.StateSpace:
+) -> StateSpace:
     """Loop transfer L(z) (6×6) at the actuators, u = −L u, of the sampled loop at a pose (default: home).
 
     L = C(z) · z⁻ᵈ · ZOH{P(s) / (τ s + 1)}: the linear plant with the actuators' lag between hold and sampler, the
@@ -60,14 +60,15 @@ def loop_transfer(
             f"a delay of {delay} samples of {sample_time:g} s gives a linear loop of {states} states; expected at most "
             f"{MOST_STATES}: a delay of fewer, longer samples"
         )
-    linear = linearise(platform, position, orientation, controller.signals, coulomb_friction=coulomb_friction)
-    plant = control.ss(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
+    linear = linear_matrices(platform, position, orientation, controller.signals, coulomb_friction=coulomb_friction)
+    plant = StateSpace(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
     if drive.nstates:
-        plant = plant * control.append(*[control.ss(drive.A, drive.B, drive.C, drive.D)] * 6)
-    plant = control.sample_system(plant, sample_time)
+        plant = series(beside(drive, 6), plant)
+    plant = discretised(plant, sample_time, "zoh")
+    none, one = np.zeros((6, 6)), np.eye(6)
     for _ in range(delay):
-        plant = plant * control.ss(np.zeros((6, 6)), np.eye(6), np.eye(6), np.zeros((6, 6)), sample_time)
-    return feedback_part(platform if believed is None else believed, controller, position, orientation) * plant
+        plant = series(StateSpace(none, one, one, none, sample_time), plant)
+    return series(plant, feedback_part(platform if believed is None else believed, controller, position, orientation))
 
 
 def feedback_part(
@@ -75,9 +76,9 @@ def feedback_part(
     controller: LinearController,
     position: Array | None = None,
     orientation: Array | None = None,
-) -> control.StateSpace:
+) -> StateSpace:
     """C with F = −C y: the controller from measurements to forces at a pose, in its own space."""
-    K, n = controller.system, len(signals.positions(controller.signals))
+    K, n = matrices_of(controller.system), len(signals.positions(controller.signals))
     one, none = np.eye(n), np.zeros((n, n))
     if controller.space == "leg":
         r, y, to_force = none, one, np.eye(6)
@@ -89,4 +90,4 @@ def feedback_part(
         (r, y), to_force = displacements(maps, none, none, none, one), maps.to_force(np.eye(6))
     # what a measurement of each signal puts into u, for F = −C y
     u = -np.concatenate(inputs_of(controller.kinds, r, y, np.zeros((6, n))))
-    return control.ss(K.A, K.B @ u, to_force @ K.C, to_force @ K.D @ u, K.dt)
+    return StateSpace(K.A, K.B @ u, to_force @ K.C, to_force @ K.D @ u, K.dt)

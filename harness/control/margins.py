@@ -7,15 +7,13 @@ L is the 6×6 loop transfer cut at the actuators, u = −L u; S = (1 + L)⁻¹, 
 import cmath
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import Any
 
-import control
 import numpy as np
-from scipy.linalg import schur, solve_triangular
-from scipy.optimize import brentq, minimize_scalar
 
+from gough_stewart.harness.control.state_space import StateSpace, matrices_of
 from gough_stewart.harness.control.structured import ComplexArray, scaled_norm
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.model.vectors import FloatArray
@@ -92,7 +90,7 @@ def loop_margins(L: Any) -> Margins:
     UnstableLoopError
         The closed loop is unstable, and margins are undefined.
     """
-    L = control.ss(L)
+    L = matrices_of(L)
     check_stable(L)
     coarse, fine = _frequencies(L, _GRID), _frequencies(L, _FINE_GRID)
     disk_peak, at = _peak(lambda S, T: scaled_norm((S - T) / 2), L, coarse)
@@ -108,15 +106,15 @@ def loop_margins(L: Any) -> Margins:
     )
 
 
-def closed_loop(L: Any) -> control.StateSpace:
-    """T = L (1 + L)⁻¹ as a state space.
+def closed_loop(L: Any) -> StateSpace:
+    """T = L (1 + L)⁻¹ as a state space: with E = (1 + D)⁻¹, ẋ = (A − B E C) x + B E u and y = E C x + D E u.
 
     Raises
     ------
     ControllerError
         Not square, not finite, or an algebraic loop without a solution.
     """
-    L = control.ss(L)
+    L = matrices_of(L)
     if L.ninputs != L.noutputs:
         raise ControllerError(f"the loop transfer is {L.noutputs}×{L.ninputs}; expected as many outputs as inputs")
     if not all(np.isfinite(block).all() for block in (L.A, L.B, L.C, L.D)):
@@ -124,7 +122,8 @@ def closed_loop(L: Any) -> control.StateSpace:
     one = np.eye(L.noutputs)
     if not np.linalg.cond(one + L.D) < 1 / np.finfo(float).eps:
         raise ControllerError("1 + L is singular at infinite frequency; expected a delay or a lag in the loop")
-    return control.feedback(L, control.ss([], [], [], one, L.dt))
+    E = np.linalg.inv(one + L.D)
+    return StateSpace(L.A - L.B @ E @ L.C, L.B @ E, E @ L.C, L.D @ E, L.dt)
 
 
 def check_stable(L: Any) -> None:
@@ -137,12 +136,12 @@ def check_stable(L: Any) -> None:
     UnstableLoopError
         Names the worst eigenvalue.
     """
-    closed = closed_loop(L)
-    worst, badness = _worst_pole(closed)
+    L = matrices_of(L)
+    worst, badness = _worst_pole(closed_loop(L))
     if badness < 0:
         return
-    if closed.isdtime(strict=True):
-        where = f"|z| = {abs(worst):.6g} at {frequency_of(worst, closed.dt):.3g} Hz, expected below 1"
+    if L.isdtime():
+        where = f"|z| = {abs(worst):.6g} at {frequency_of(worst, L.dt):.3g} Hz, expected below 1"
     else:
         where = f"{worst:.6g} 1/s at {abs(worst) / (2 * math.pi):.3g} Hz, expected left of 0"
     raise UnstableLoopError(
@@ -160,20 +159,21 @@ def frequency_of(eigenvalue: complex, sample_time: float) -> float:
     return abs(cmath.log(eigenvalue)) / sample_time / (2 * math.pi) if eigenvalue else 0.0
 
 
-def _worst_pole(closed: Any) -> tuple[complex, float]:
+def _worst_pole(loop: StateSpace) -> tuple[complex, float]:
     """The eigenvalue nearest to or farthest beyond the stability limit, and by how much: |z| − 1, or Re s [1/s]."""
-    poles = np.asarray(closed.poles(), dtype=complex)
+    poles = loop.poles()
     if not poles.size:
         return 0j, -math.inf
-    badness = np.abs(poles) - 1 if closed.isdtime(strict=True) else poles.real
+    badness = np.abs(poles) - 1 if loop.isdtime() else poles.real
     worst = int(badness.argmax())
     return complex(poles[worst]), float(badness[worst])
 
 
 def remedy_of(L: Any) -> str:
     """Gains that would make a loop stable: the nearest power of two."""
+    L = matrices_of(L)
     for factor in _GAINS:
-        if is_stable(factor * L):
+        if is_stable(replace(L, C=factor * L.C, D=factor * L.D)):
             way = "lower" if factor < 1 else "higher"
             return f"it is stable with all gains × {factor:g}: choose a {way} bandwidth"
     return f"no gains from × {min(_GAINS):g} to × {max(_GAINS):g} make it stable"
@@ -181,7 +181,8 @@ def remedy_of(L: Any) -> str:
 
 def response(L: Any, omega: FloatArray) -> ComplexArray:
     """L (n, 6, 6) at frequencies (n,) [rad/s]: C (s − A)⁻¹ B + D at s = iω, or at z = e^(iωT)."""
-    s = np.exp(1j * omega * L.dt) if L.isdtime(strict=True) else 1j * omega
+    L = matrices_of(L)
+    s = np.exp(1j * omega * L.dt) if L.isdtime() else 1j * omega
     if L.nstates <= _FEW_STATES:
         resolvent = s[:, None, None] * np.eye(L.nstates) - L.A
         return np.asarray(L.C @ np.linalg.solve(resolvent, L.B.astype(complex)[None]) + L.D)
@@ -192,14 +193,18 @@ def response(L: Any, omega: FloatArray) -> ComplexArray:
 
 
 @lru_cache(maxsize=2)
-def _triangular(L: Any) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+def _triangular(L: StateSpace) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """T, Qᴴ B and C Q with A = Q T Qᴴ, T upper triangular (Schur)."""
+    from scipy.linalg import schur
+
     T, Q = schur(np.asarray(L.A, dtype=complex), output="complex")
     return T, Q.conj().T @ L.B, L.C @ Q
 
 
 def _solved(T: ComplexArray, B: ComplexArray, s: ComplexArray) -> ComplexArray:
     """(s − T)⁻¹ B (len(s), n, m) for an upper triangle T: (s − T_ii) x_i = b_i + ∑_{j>i} T_ij x_j."""
+    from scipy.linalg import solve_triangular
+
     n, m = B.shape
     if len(s) < _FEW_FREQUENCIES:
         return np.array([solve_triangular(each * np.eye(n) - T, B, check_finite=False) for each in s])
@@ -223,16 +228,17 @@ def one_leg_open(response_of_all: ComplexArray, k: int) -> ComplexArray:
 
 def frequency_range(L: Any) -> tuple[float, float]:
     """The range of frequencies that matters [rad/s]: about the poles, and up to half the sample rate."""
-    L = control.ss(L)
+    L = matrices_of(L)
     sizes = np.abs(_poles(L))
     sizes = sizes[sizes > 1e-6]
     slowest, fastest = (float(sizes.min()), float(sizes.max())) if sizes.size else (1.0, 1.0)
-    top = math.pi / L.dt if L.isdtime(strict=True) else 100 * fastest
+    top = math.pi / L.dt if L.isdtime() else 100 * fastest
     return min(slowest / 1000, top / 10), top
 
 
 def sensitivities(L: Any, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
     """S and T (n, 6, 6) at frequencies [rad/s]."""
+    L = matrices_of(L)
     one = np.eye(L.noutputs)
     S = np.asarray(np.linalg.inv(one + response(L, omega)), dtype=complex)
     return S, np.asarray(one - S)
@@ -267,7 +273,7 @@ def _limits(at: Callable[[FloatArray], ComplexArray], L: Any, omega: FloatArray)
     infinity or zero along the axis does not converge.
     """
     low, high = omega[0], omega[-1]
-    beyond = high if L.isdtime(strict=True) else 10 * high
+    beyond = high if L.isdtime() else 10 * high
     near, far = at(np.array([low, high])), at(np.array([low / 10, beyond]))
     size = np.abs(near)
     return near[(np.abs(far - near) <= _FLAT * size) & (np.abs(near.imag) < _FLAT * size)]
@@ -275,14 +281,16 @@ def _limits(at: Callable[[FloatArray], ComplexArray], L: Any, omega: FloatArray)
 
 def _crossings(of: Callable[[FloatArray], FloatArray], omega: FloatArray, values: FloatArray) -> FloatArray:
     """Frequencies [rad/s] at which a function, with these values on the grid, changes its sign."""
+    from scipy.optimize import brentq
+
     after = np.nonzero(np.diff(np.sign(values)))[0]
     return np.array([brentq(lambda w: float(of(np.array([w]))[0]), omega[i], omega[i + 1]) for i in after])
 
 
-def _poles(L: Any) -> ComplexArray:
+def _poles(L: StateSpace) -> ComplexArray:
     """Open- and closed-loop poles in continuous time [1/s], without those of pure delays."""
-    poles = np.concatenate([np.asarray(each.poles(), dtype=complex) for each in (L, closed_loop(L))])
-    if L.isdtime(strict=True):
+    poles = np.concatenate([each.poles() for each in (L, closed_loop(L))])
+    if L.isdtime():
         poles = np.log(poles[np.abs(poles) > 1e-9]) / L.dt
     return poles
 
@@ -298,6 +306,7 @@ def _frequencies(L: Any, n: int) -> FloatArray:
 
 def _peak(of: Any, L: Any, grid: FloatArray) -> tuple[float, float]:
     """Largest value over frequency of a function of S and T, and its frequency [rad/s]."""
+    from scipy.optimize import minimize_scalar
 
     def size(omega: FloatArray) -> FloatArray:
         return np.asarray(of(*sensitivities(L, omega)))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model.vectors import FloatArray
@@ -43,6 +44,15 @@ class StateSpace:
         """Number of outputs."""
         return int(self.D.shape[0])
 
+    def poles(self) -> NDArray[np.complex128]:
+        """The eigenvalues of A (n,)."""
+        return np.asarray(np.linalg.eigvals(self.A), dtype=complex)
+
+    def isdtime(self, strict: bool = True) -> bool:
+        """Whether it is in discrete time; `strict` is python-control's, whose systems may be in either."""
+        del strict
+        return self.dt > 0
+
 
 def is_control_system(value: Any) -> bool:
     """Whether it is a python-control system."""
@@ -72,6 +82,23 @@ def state_space_of(system: Any) -> Any:
         f"controller is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
         "or a function of a Sample"
     )
+
+
+def matrices_of(system: Any) -> StateSpace:
+    """A linear system as plain matrices: itself, or python-control's, also a transfer function or a gain."""
+    if isinstance(system, StateSpace):
+        return system
+    import control
+
+    own = control.ss(system)
+    return StateSpace(own.A, own.B, own.C, own.D, float(own.dt or 0.0))
+
+
+def control_system(system: StateSpace) -> Any:
+    """The same as a python-control system, for users."""
+    import control
+
+    return control.ss(system.A, system.B, system.C, system.D, system.dt)
 
 
 def discretised(system: StateSpace, sample_time: float, method: Method = "tustin") -> StateSpace:
@@ -126,6 +153,12 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
         second.D @ first.D,
         first.dt,
     )
+
+
+def beside(system: StateSpace, count: int) -> StateSpace:
+    """So many copies of a system, each with inputs, states and outputs of its own."""
+    A, B, C, D = (np.kron(np.eye(count), block).astype(float) for block in (system.A, system.B, system.C, system.D))
+    return StateSpace(A, B, C, D, system.dt)
 
 
 def _held(system: StateSpace, T: Any) -> StateSpace:

@@ -100,7 +100,6 @@ def limits_of_members(batch: Batch, size: int) -> dict[str, Any]:
 
 def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
     """For each member's machine with its controller: whether the linear loop is stable, and its disk margin."""
-    # python-control takes a second to import
     from gough_stewart.harness.control.loop_transfer import loop_transfer
     from gough_stewart.harness.control.margins import loop_margins
 

@@ -14,6 +14,7 @@ from gough_stewart.harness.control.linear import Mode, modes
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import Margins, closed_loop, is_stable, loop_margins
 from gough_stewart.harness.control.pid import Gains
+from gough_stewart.harness.control.state_space import StateSpace, control_system
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import Settings, experiment_of
@@ -46,10 +47,15 @@ class LoopMargins(Margins):
     """Gains of a PD or PID."""
     modes: tuple[Mode, ...]
     """Modes of the closed loop, slowest first."""
-    loop: Any
-    """Loop transfer L (6×6) at the actuators as a python-control system, u = −L u."""
+    transfer: StateSpace
+    """Loop transfer L (6×6) at the actuators, u = −L u, as matrices."""
     changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """What was set of the experiment's file, as `Experiment.changed`."""
+
+    @property
+    def loop(self) -> Any:
+        """The same as a python-control system."""
+        return control_system(self.transfer)
 
     def __repr__(self) -> str:
         """The margins of all legs at once, the smallest of one leg, and the slowest mode, one line each."""
@@ -80,7 +86,7 @@ class LoopMargins(Margins):
         Report
             Verdict, numbers such as `margins.disk` and `margins.delay`, tables, and with `charts` the responses.
         """
-        return margins_report(self, step_answers(self.loop) if charts else None)
+        return margins_report(self, step_answers(self.transfer) if charts else None)
 
     def as_dict(self) -> dict[str, Any]:
         """As plain types, as in margins.json; None for infinite or undefined values."""
@@ -160,12 +166,12 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         lag=actuators.lag,
         gains=chosen.controller.gains(prepared.platform) if controller is None else None,
         modes=tuple(modes(closed_loop(L))),
-        loop=L,
+        transfer=L,
         changed=chosen.changed,
     )
 
 
-def _loop(prepared: Prepared, controller: LinearController, sample_time: float, delay: int, lag: float) -> Any:
+def _loop(prepared: Prepared, controller: LinearController, sample_time: float, delay: int, lag: float) -> StateSpace:
     """The loop transfer at the first pose of the reference."""
     motion = prepared.motion
     assert motion is not None  # a controller has a reference

@@ -1,12 +1,16 @@
 """What is possible but hardly meant: values of an experiment, and a platform that rests off its reference."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.signals import VARIABLES
-from gough_stewart.harness.results.record import Record, platform_of
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.results.record import Record
 
 # The largest plausible noise or quantisation: this share of a leg [m] or of a radian, within this time for rates [s].
 _SHARE = 0.05
@@ -40,11 +44,13 @@ def too_late(experiment: Experiment) -> tuple[str, ...]:
     return (f"reference.at is {at:g} s in a run of {duration:g} s, so nothing moves; set it earlier, or run longer",)
 
 
-def static_error(record: Record) -> list[str]:
+def static_error(record: "Record") -> list[str]:
     """What a platform that rests off its reference needs: a feedforward of gravity, or an integral; empty otherwise.
 
     At rest a PD acts as a spring, F = kp e, so the error is what the load, here the platform's weight, takes of it.
     """
+    from gough_stewart.harness.results.record import platform_of
+
     choice = record.metadata["experiment"]["controller"]
     if choice.get("type") != "pd" or choice.get("feedforward", "none") != "none" or "error.position" not in record:
         return []

@@ -17,6 +17,7 @@ from gough_stewart.harness.control.margins import (
     sensitivities,
 )
 from gough_stewart.harness.control.pid import Gains
+from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.report.document import (
     Axis,
     Cell,
@@ -80,7 +81,7 @@ class Analysed(Protocol):
     @property
     def complementary_peak(self) -> float: ...
     @property
-    def loop(self) -> Any: ...
+    def transfer(self) -> StateSpace: ...
 
 
 def decibels(factor: float) -> float:
@@ -229,7 +230,7 @@ def _modes(found: Analysed) -> Table:
 
 
 def _responses(found: Analysed) -> tuple[Chart, ...]:
-    L = found.loop
+    L = found.transfer
     low, high = frequency_range(L)
     # the range begins far below the slowest pole, where curves are flat
     omega = np.geomspace(min(30 * low, high / 10), high * (1 - 1e-9), _POINTS)

@@ -279,7 +279,7 @@ class _Loops:
     def member(self, number: int, machine: Platform, delay: int, lag: float) -> "_Member":
         """The loop of a member, with signs of little robustness that take as little time."""
         L = self.transfer(machine, delay, lag)
-        z = np.asarray(closed_loop(L).poles(), dtype=complex)
+        z = closed_loop(L).poles()
         s = np.log(z[np.abs(z) > 1e-9])
         S, T = sensitivities(L, np.geomspace(1 / 300, 0.99, _FREQUENCIES) * math.pi / self.sample_time)
         return _Member(

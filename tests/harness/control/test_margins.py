@@ -21,6 +21,7 @@ from gough_stewart.harness.control.margins import (
     response,
 )
 from gough_stewart.harness.control.pid import Gains, pid, sampled
+from gough_stewart.harness.control.state_space import control_system
 from gough_stewart.harness.control.structured import scaled_norm
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.analysis import margins as margins_of
@@ -42,7 +43,7 @@ def uneven_gains() -> Gains:
 @pytest.fixture(scope="module")
 def L() -> Any:
     """The uneven platform under PD, delayed by two samples."""
-    return loop_transfer(UNEVEN, LinearController(sampled(pid(uneven_gains()), T)), T, delay=2)
+    return control_system(loop_transfer(UNEVEN, LinearController(sampled(pid(uneven_gains()), T)), T, delay=2))
 
 
 @pytest.fixture(scope="module")
@@ -344,7 +345,7 @@ def test_the_feedback_part_is_what_the_law_does_to_a_measurement(space: Any) -> 
         measured = np.zeros((8, 24))
         measured[1:, 12 + leg] = off[1:]
         forces = np.array([law.force(k, k * T, np.zeros(30), y, np.zeros(6)) for k, y in enumerate(measured)])
-        answer = control.forced_response(part, np.arange(8) * T, measured[:, 12:18].T).outputs.T
+        answer = control.forced_response(control_system(part), np.arange(8) * T, measured[:, 12:18].T).outputs.T
         assert answer == pytest.approx(-forces, abs=1e-12)
 
 
@@ -362,9 +363,9 @@ def test_the_loop_is_what_goes_around_at_a_frequency(space: Any) -> None:
     z = np.exp(1j * 30.0 * T)
     out = np.hstack([plant.C, np.zeros((6, 6))])
     P = out @ np.linalg.solve(z * np.eye(n + 6) - held[:, : n + 6], held[:, n + 6 :])
-    C = feedback_part(UNEVEN, controller, *POSE)(z)
-    found = loop_transfer(UNEVEN, controller, T, delay=delay, lag=tau, position=POSE[0], orientation=POSE[1])(z)
-    assert found == pytest.approx(C @ P * z**-delay, rel=1e-7, abs=1e-9)
+    C = control_system(feedback_part(UNEVEN, controller, *POSE))(z)
+    found = loop_transfer(UNEVEN, controller, T, delay=delay, lag=tau, position=POSE[0], orientation=POSE[1])
+    assert control_system(found)(z) == pytest.approx(C @ P * z**-delay, rel=1e-7, abs=1e-9)
 
 
 def test_the_lag_of_the_actuators_is_in_the_loop() -> None:

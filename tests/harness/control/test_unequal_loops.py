@@ -8,6 +8,7 @@ import pytest
 
 from gough_stewart.harness.control import margins
 from gough_stewart.harness.control.margins import Margins, check_stable, closed_loop, loop_margins
+from gough_stewart.harness.control.state_space import control_system
 from gough_stewart.harness.control.structured import scaled_norm
 from gough_stewart.harness.errors import UnstableLoopError
 
@@ -78,7 +79,7 @@ def test_the_closed_loop_is_the_complementary_sensitivity() -> None:
         [[0.5, 0.2], [-0.3, 0.4]], [[1.0, 0.3], [-0.2, 0.7]], [[0.6, -0.1], [0.2, 0.9]], np.diag([0.1, 0]), 0.1
     )
     z = np.exp(0.7j)
-    assert closed_loop(L)(z) == pytest.approx(L(z) @ np.linalg.inv(np.eye(2) + L(z)))
+    assert control_system(closed_loop(L))(z) == pytest.approx(L(z) @ np.linalg.inv(np.eye(2) + L(z)))
 
 
 @pytest.mark.parametrize(
