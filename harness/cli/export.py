@@ -3,7 +3,7 @@
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -23,6 +23,9 @@ from gough_stewart.harness.cli.options import (
 from gough_stewart.harness.cli.showing import Showing, shows
 from gough_stewart.harness.cli.terminal import preparing, progress_bar
 from gough_stewart.harness.errors import ExportError
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.export.stability import LoopStability
 
 
 class SafeForceChoice(StrEnum):
@@ -155,6 +158,7 @@ def export_command(
             judging = progress.add_task("judging the members", total=None, visible=False)
             said: list[str] = []
             verdicts: list[str] = []
+            loops: list[LoopStability] = []
             files = export(
                 chosen,
                 forms=chosen_as,
@@ -172,13 +176,15 @@ def export_command(
                 judging=lambda k, of: progress.update(judging, completed=k, total=of, visible=k < of),
                 warn=said.append,
                 verdict=verdicts.append,
+                stability=loops.extend,
             )
         command.written.append(out)
         names = [str(file.relative_to(out)) for file in files]
         report = replace(
-            export_report(chosen.title, chosen_as, verdicts, said, names), settings=settings_of(chosen.changed)
+            export_report(chosen.title, chosen_as, verdicts, said, names, loops), settings=settings_of(chosen.changed)
         )
-        showing.present(command, report, out, names, keeps_data=False)
+        requirements = showing.requirements(chosen.requirements, report.numbers)
+        showing.present(command, report, out, names, requirements=requirements, keeps_data=False)
 
 
 def _frozen(text: str) -> tuple[int, float]:

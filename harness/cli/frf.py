@@ -58,5 +58,14 @@ def frf_command(
             found = frf(record, experiment=chosen)
             files = frf_files(found)
             report = found.report(charts=showing.draws)
+        requirements = showing.requirements(found.requirements, report.numbers)
         write_files(folder, files)
-        showing.present(command, report, folder, list(files), figures=("bode",), keeps_data=folder != own)
+        showing.present(
+            command,
+            report,
+            folder,
+            list(files),
+            requirements=requirements,
+            figures=("bode",),
+            keeps_data=folder != own,
+        )

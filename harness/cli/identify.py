@@ -163,20 +163,33 @@ def identify_command(
             elif validation is not None:
                 options["validation"] = validation
             found = identify(read, nominal, estimate, method.value, **options)
-            more = []
+            compared = None
             if chosen is not None:
                 progress.update(task, description="before and after")
-                more.append(before_and_after(chosen, nominal, found.platform(nominal)).table)
+                compared = before_and_after(chosen, nominal, found.platform(nominal))
             files = identification_files(found, nominal)
         write_files(out, files)
         command.written.append(out)
+        more = [] if compared is None else [compared.table]
         report = estimate_report(found, nominal.name, more, charts=showing.draws)
-        if chosen is not None:
-            report = replace(report, settings=settings_of(chosen.changed))
+        of_file: tuple[str, ...] = ()
+        if chosen is not None and compared is not None:
+            report = replace(report, settings=settings_of(chosen.changed), numbers=(*report.numbers, *compared.numbers))
+            of_file = chosen.requirements
         then = None
         if found.not_excited:
             of = f"--platform {shlex.quote(str(platform))}" if platform else f"--preset {preset or nominal.name}"
             then = f"gough-stewart excite {of} --estimate {shlex.quote(estimate)}"
-        showing.present(command, report, out, list(files), figures=("parameters", "fit", "residuals"), then=then)
+        report = showing.present(
+            command,
+            report,
+            out,
+            list(files),
+            requirements=showing.requirements(of_file, report.numbers),
+            figures=("parameters", "fit", "residuals"),
+            then=then,
+            exits=False,
+        )
         if found.alarms:
             raise typer.Exit(ExitCode.MISSED)
+        showing.exit(report)

@@ -77,9 +77,11 @@ def reproduce_command(
         case = _chosen_case(order, preset, platform)
         result = reproduce(case, errors)
         write_files(out, result.files, [PAGE])
-        showing.present(command, result.document(charts=showing.draws), out, list(result.files))
+        report = result.document(charts=showing.draws)
+        report = showing.present(command, report, out, list(result.files), exits=False)
         if not result.agrees:
             raise MissedError("a comparison misses its bound; see the table above and report.md")
+        showing.exit(report)
 
 
 def _chosen_case(order: Order | None, preset: str | None, platform: Path | None) -> "OpenLoopCase":

@@ -131,6 +131,11 @@ def run_command(
                     warn=warn,
                 )
             progress.update(task, total=None, description="files and report")
+            robustness = None
+            if controller is None and member is None and any(each.path == "margins.disk" for each in requirements):
+                from gough_stewart.harness.experiment.analysis import robustness_of
+
+                robustness = robustness_of(chosen)
             own = oscillation(record)
             warnings = warnings_of(record) + ([own.text()] if own is not None and not own.is_growing else [])
             files, report = write_results(
@@ -141,6 +146,7 @@ def run_command(
                 charts=showing.as_json,
                 requirements=requirements,
                 notes=[Note(warning, "warning") for warning in warnings],
+                robustness=robustness,
             )
         outcome = record.metadata["outcome"]
         is_whole = outcome["status"] == "completed"

@@ -79,7 +79,8 @@ class Showing:
     def requirements(self, of_file: Sequence[str], known: "Iterable[Known]") -> "list[Required]":
         """Those of the experiment's file that are on this study, and of the command line, checked before it begins.
 
-        A file may have requirements for several studies: those on other kinds of numbers are named, and left out.
+        A file may have requirements for several studies: those on other kinds of numbers, or on numbers that other
+        studies have, are named and left out.
 
         Raises
         ------
@@ -91,12 +92,15 @@ class Showing:
         from gough_stewart.harness.report.requirements import check_known, required
 
         numbers = list(known)
-        kinds = {each.path.partition(".")[0] for each in numbers}
-        of_others = [each for each in map(required, of_file) if each.path.partition(".")[0] not in kinds]
-        for each in of_others:
-            errors.say((f"not judged by this command: {each.text}", "dim"))
-        found = [each for each in map(required, of_file) if each not in of_others]
-        found += self.required
+        paths = {each.path for each in numbers}
+        kinds = {path.partition(".")[0] for path in paths}
+        others = (_numbers_of_loops() if of_file else set()) - paths
+        found = list(self.required)
+        for each in map(required, of_file):
+            if each.path in others or each.path.partition(".")[0] not in kinds:
+                errors.say((f"not judged by this command: {each.text}", "dim"))
+            else:
+                found.append(each)
         check_known(found, numbers)
         return found
 
@@ -107,7 +111,7 @@ class Showing:
         folder: Path,
         files: Sequence[str] = (),
         *,
-        requirements: "Sequence[str | Required]" = (),
+        requirements: "Sequence[Required] | None" = None,
         done: str | None = "Done",
         then: str | None = None,
         figures: Sequence[str] = (),
@@ -121,7 +125,7 @@ class Showing:
         files
             Written by the command itself.
         requirements
-            From `requirements`, or those of the file as they are written, to which the others are added.
+            From `requirements`; without them those of the command line.
         figures
             Names of the figures that the command can draw: those of an older result do not stay beside a new one.
         keeps_data
@@ -148,7 +152,7 @@ class Showing:
             self.exit(report)
         return report
 
-    def judged(self, report: "Report", requirements: "Sequence[str | Required]" = ()) -> "Report":
+    def judged(self, report: "Report", requirements: "Sequence[Required] | None" = None) -> "Report":
         """The report with how its requirements came out.
 
         Raises
@@ -156,7 +160,7 @@ class Showing:
         RequirementError
             A number that the report does not have.
         """
-        wanted = list(requirements) or list(self.required)
+        wanted = self.required if requirements is None else requirements
         if not wanted:
             return report
         from gough_stewart.harness.report.requirements import with_requirements
@@ -224,6 +228,15 @@ class Showing:
             files[PAGE] = page_of(report)
         write_files(folder, files, owned=[PAGE, *(f"{name}.{kind}" for name in former for kind in _KINDS)])
         return list(files)
+
+
+def _numbers_of_loops() -> set[str]:
+    """The paths of numbers that several studies of one experiment share the first word of."""
+    from gough_stewart.harness.experiment.check_report import PATHS as OF_CHECKS
+    from gough_stewart.harness.experiment.margins_report import PATHS as OF_MARGINS
+    from gough_stewart.harness.results.metric_folds import METRICS
+
+    return {*OF_CHECKS, *OF_MARGINS, *(each.path for each in METRICS)}
 
 
 def shows(function: Callable[..., None]) -> Callable[..., None]:

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from gough_stewart.harness.tuning.search import Search
 
 
+# Numbers of a search; the others are metrics of runs with the values found.
+_OWN = ("value", "fresh")
+
+
 @shows
 def tune_command(
     experiment: ExperimentArgument,
@@ -92,13 +96,15 @@ def tune_command(
         with progress_bar(refresh_per_second=4) as progress:
             task = progress.add_task("preparing", total=None)
             from gough_stewart.harness.experiment.setting_file import text_with_settings
-            from gough_stewart.harness.results.metric_folds import shown_metric
+            from gough_stewart.harness.report.requirements import check_known
+            from gough_stewart.harness.results.metric_folds import METRICS, shown_metric
             from gough_stewart.harness.tuning.files import FILES, tuning_files
             from gough_stewart.harness.tuning.tune import tune
             from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, FILES)
-            # before a long search: whether its result can be written as a file
+            # before a long search: whether its result can be judged, and written as a file
+            check_known([each for each in showing.required if not each.path.startswith(_OWN)], METRICS)
             text_with_settings(experiment, settings or (), folder=folder)
 
             def status(found: "Search") -> None:
@@ -135,10 +141,21 @@ def tune_command(
         if found.left_out:
             warn(f"{found.left_out} members have impossible parameters and are left out")
         then = f"gough-stewart run {shlex.quote(str(folder / 'tuned.toml'))}"
-        showing.present(command, report, folder, list(files), figures=("search", "values"), then=then)
+        requirements = showing.requirements(chosen.requirements, report.numbers)
+        report = showing.present(
+            command,
+            report,
+            folder,
+            list(files),
+            requirements=requirements,
+            figures=("search", "values"),
+            then=then,
+            exits=False,
+        )
         if found.is_interrupted:
             errors.say(("interrupted", "bold red"), "; the best candidate so far is written")
             raise typer.Exit(ExitCode.INTERRUPTED)
+        showing.exit(report)
 
 
 def _quantile(text: str | None) -> float:

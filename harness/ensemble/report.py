@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.columns import ENDED, GROWING, MEMBER, OUTCOME, VARIED, metric_name, numbers
+from gough_stewart.harness.ensemble.columns import (
+    ENDED,
+    GROWING,
+    MARGINS,
+    MEMBER,
+    OUTCOME,
+    VARIED,
+    metric_name,
+    numbers,
+)
 from gough_stewart.harness.ensemble.data import EnsembleData
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import (
@@ -192,13 +201,18 @@ def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
     completed = (found.members[OUTCOME] == "completed").to_numpy()
     made = []
     for name in found.metrics:
-        metric, values = metric_of(name), found.values(name)
-        own = values if name.startswith("margins.") else np.where(completed, values, np.nan)
-        level = 1 - SHARE_TOLD if metric.better == "larger" else SHARE_TOLD
-        known = finite(own)
-        value = float(np.quantile(known, level)) if len(known) else None
-        made.append(Number(name, metric.text, value, metric.quantity, explanation=metric.sentence, members=own))
+        values = found.values(name)
+        own = values if name.startswith(MARGINS) else np.where(completed, values, np.nan)
+        made.append(number_of_members(name, own))
     return tuple(made)
+
+
+def number_of_members(name: str, members: FloatArray) -> Number:
+    """A metric with its value for each member (N,), and the value that 95 % of those with one do not exceed."""
+    metric, known = metric_of(name), finite(members)
+    level = 1 - SHARE_TOLD if metric.better == "larger" else SHARE_TOLD
+    value = float(np.quantile(known, level)) if len(known) else None
+    return Number(name, metric.text, value, metric.quantity, explanation=metric.sentence, members=members)
 
 
 def quantile_table(members: polars.DataFrame, names: Sequence[str]) -> Table:

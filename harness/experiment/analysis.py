@@ -1,6 +1,7 @@
 """Linear analysis of an experiment: gains, loop transfer, closed-loop modes, margins, figures."""
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -24,6 +25,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.step_answers import step_answers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.results.run_report import Robustness
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -169,6 +171,17 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         transfer=L,
         changed=chosen.changed,
     )
+
+
+def robustness_of(experiment: Experiment) -> Robustness | None:
+    """The disk margin of an experiment's loop as `margins` has it: 0 of an unstable loop, None if it has none."""
+    try:
+        disk = margins(experiment).disk
+    except UnstableLoopError:
+        return Robustness(0.0, math.nan, (1.0, 1.0))
+    except ControllerError:
+        return None
+    return Robustness(disk.alpha, disk.frequency, disk.gain)
 
 
 def _loop(prepared: Prepared, controller: LinearController, sample_time: float, delay: int, lag: float) -> StateSpace:

@@ -37,6 +37,9 @@ _OF_LEG = {
     "actuator_power_max": "power",
 }
 
+# All numbers that a check may have.
+PATHS = tuple(f"limits.{name}" for name in LABELS)
+
 
 class Checked(Protocol):
     """What a check has."""

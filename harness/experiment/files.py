@@ -9,11 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.harness.experiment.hints import static_error
-from gough_stewart.harness.report.document import Note, Report
+from gough_stewart.harness.report.document import Note, Number, Report
 from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.report.requirements import Required, with_requirements
+from gough_stewart.harness.results.metric_folds import METRICS
 from gough_stewart.harness.results.metrics import metrics, metrics_json
 from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.model.process.files import Content, FileSet, check_output_folder, file_set
 
 # Of the groups of charts that a run shows at first, in their order.
@@ -41,8 +43,9 @@ def write_results(
     page: bool = False,
     figures: bool = False,
     charts: bool = False,
-    requirements: Sequence[str | Required] = (),
+    requirements: Sequence[Required] = (),
     notes: Sequence[Note] = (),
+    robustness: Robustness | None = None,
 ) -> Written:
     """Write all files of a run as one set, optionally with page and figures.
 
@@ -60,10 +63,10 @@ def write_results(
         }
         written = aside.submit(_add, files, first)
         measured = metrics(record)
-        report = record.report(measured=measured, charts=page or figures or charts)
+        report = record.report(measured=measured, robustness=robustness, charts=page or figures or charts)
         report = replace(report, notes=(*report.notes, *notes))
         if requirements:
-            report = with_requirements(report, requirements)
+            report = with_requirements(_with_undefined(report, requirements), requirements)
         more: dict[str, Content] = {"metrics.json": metrics_json(measured)}
         if figures:
             from gough_stewart.harness.report.figures import figures as drawn
@@ -74,6 +77,15 @@ def write_results(
         written.result()
         _add(files, more)
     return Written(files.names, report)
+
+
+def _with_undefined(report: Report, requirements: Sequence[Required]) -> Report:
+    """With the metrics that are required and that this run does not have, such as a settling time without a step."""
+    known = {each.path for each in report.numbers}
+    missing = [each for each in METRICS if each.path in {one.path for one in requirements} - known]
+    return replace(
+        report, numbers=(*report.numbers, *(Number(each.path, each.text, None, each.quantity) for each in missing))
+    )
 
 
 def _add(files: FileSet, contents: Mapping[str, Content]) -> None:

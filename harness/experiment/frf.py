@@ -47,6 +47,8 @@ class FrequencyResponse:
     """Reasons to doubt the result."""
     changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """What was set of the experiment's file, as `Experiment.changed`."""
+    requirements: tuple[str, ...] = ()
+    """`[require]` of the run's experiment."""
 
     def __repr__(self) -> str:
         """Channel, band, coherence, and the largest difference from the linear model."""
@@ -171,7 +173,8 @@ def frf(
     except GoughStewartError as error:
         notes.append(f"no linear model to compare with: {error}")
     changed = record.metadata.get("settings") or {}
-    return FrequencyResponse(own.title, choice.channel, frequency, measured, predicted, tuple(notes), changed)
+    found = (frequency, measured, predicted, tuple(notes), changed, own.requirements)
+    return FrequencyResponse(own.title, choice.channel, *found)
 
 
 def _experiment_of(record: Record) -> Experiment:

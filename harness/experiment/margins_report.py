@@ -54,6 +54,13 @@ _LINEAR = (
     "nominal platform. `run` has these; `ensemble` has machines that differ."
 )
 
+# All numbers of an analysis.
+PATHS = (
+    *("margins.disk", "margins.gain", "margins.phase", "margins.delay", "margins.leg.phase", "margins.leg.gain_up"),
+    *("margins.leg.gain_down", "margins.crossover", "margins.sensitivity_peak", "margins.complementary_peak"),
+    *("modes.slowest", "modes.damping_ratio"),
+)
+
 
 class Analysed(Protocol):
     """What an analysis has."""

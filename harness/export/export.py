@@ -1,7 +1,7 @@
 """Export a designed controller as C, as FMU, or with the plant as SSP; all files are written, or none."""
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -25,7 +25,7 @@ from gough_stewart.harness.export.live.page import live_page
 from gough_stewart.harness.export.loop_archive import loop_archive
 from gough_stewart.harness.export.notes import in_short, notes_of, refusal
 from gough_stewart.harness.export.report import least_robust_first
-from gough_stewart.harness.export.stability import MemberProgress, output_delay_of, stability_of
+from gough_stewart.harness.export.stability import LoopStability, MemberProgress, output_delay_of, stability_of
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.progress import StepProgress
@@ -55,6 +55,7 @@ def export(
     judging: MemberProgress | None = None,
     warn: Callable[[str], None] | None = None,
     verdict: Callable[[str], None] | None = None,
+    stability: Callable[[Sequence[LoopStability]], None] | None = None,
 ) -> list[Path]:
     """Write the controller of an experiment as C, as FMU, or with its plant as SSP; after an error, no file is written.
 
@@ -107,6 +108,8 @@ def export(
         cannot be judged, and with an unstable loop that is exported anyway. The forms' documentation says the same.
     verdict
         Called with the largest |z| and the margins of each form's loop, the least robust first.
+    stability
+        Called once with what is known of all these loops, in the same order.
 
     Returns
     -------
@@ -196,9 +199,12 @@ def export(
             name, plant, unit, duration, law.step, systems, said_inside, fmi_version=in_ssp, progress=report
         )
     write_files(folder, files)
+    loops = least_robust_first(found)
+    if stability is not None:
+        stability(loops)
     for said, texts in (
         (warn, [text for each in notes.values() for text in each.warnings]),
-        (verdict, [in_short(loop) for loop in least_robust_first(found)]),
+        (verdict, [in_short(loop) for loop in loops]),
     ):
         if said is not None:
             for text in texts:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from gough_stewart.harness.export.stability import Host, LoopStability, StabilityReport
 from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Status, Table, Verdict
+from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL
 from gough_stewart.harness.report.words import listed, sentence
 
 _NAMES: Mapping[str, str] = {"c": "C", "fmu": "FMU", "clocked": "clocked FMU", "ssp": "SSP", "page": "live page"}
@@ -25,9 +26,14 @@ def least_robust_first(found: Mapping[Host, StabilityReport]) -> list[LoopStabil
 
 
 def export_report(
-    title: str, forms: Sequence[str], verdicts: Sequence[str], warnings: Iterable[str], files: Sequence[str]
+    title: str,
+    forms: Sequence[str],
+    verdicts: Sequence[str],
+    warnings: Iterable[str],
+    files: Sequence[str],
+    loops: Sequence[LoopStability] = (),
 ) -> Report:
-    """The report of an export; `verdicts` on the loops of its forms, the least robust first."""
+    """The report of an export; `verdicts` on the `loops` of its forms, the least robust first."""
     names = listed([_NAMES.get(form, form) for form in forms])
     unstable = [text for text in verdicts if text.startswith("UNSTABLE")]
     if not verdicts:
@@ -48,6 +54,25 @@ def export_report(
         Verdict(sentence([f"written as {names}", judged]), status),
         (Section("Stability", (table,)),) if verdicts else (),
         study="export",
-        numbers=(Number("files", "files written", float(len(files))),),
+        numbers=(Number("files", "files written", float(len(files)), COUNT), *_numbers(loops)),
         notes=tuple(Note(text, "warning") for text in warnings),
     )
+
+
+def _numbers(loops: Sequence[LoopStability]) -> list[Number]:
+    """The least margins of the loops, with the delay that each form has; 0 of an unstable loop."""
+    if not loops:
+        return []
+    each = "of the forms' loops, with the delay that each form has"
+    least = loops[0]
+    found = [m for m in (least.margins, least.margins_of_worst and least.margins_of_worst[1]) if m is not None]
+    disk = min((m.disk for m in found), key=lambda one: one.alpha, default=None)
+    known = (None, None, None) if disk is None else (disk.alpha, 20 * math.log10(disk.gain[1]), disk.phase)
+    alpha, gain, phase = known if least.is_stable else (0.0, 0.0, 0.0)
+    return [
+        Number("stability.largest_eigenvalue", "largest |z|", max(loop.worst_of_all.size for loop in loops),
+               explanation=f"largest magnitude of an eigenvalue {each}; stable below 1"),
+        Number("margins.disk", "disk margin", alpha, explanation=f"the least {each}"),
+        Number("margins.gain", "gain of all legs", gain, DECIBEL, explanation=f"the least {each}"),
+        Number("margins.phase", "phase of all legs", phase, ANGLE, explanation=f"the least {each}"),
+    ]  # fmt: skip

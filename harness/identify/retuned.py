@@ -15,10 +15,12 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.report.document import Cell, Column, Table, Value
+from gough_stewart.harness.report.document import Cell, Column, Number, Table, Value
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, FREQUENCY, NOTHING, NUMBER, Quantity
 from gough_stewart.harness.report.terminal import tables_text
+from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain
+from gough_stewart.harness.results.run_report import run_numbers
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 
@@ -44,6 +46,11 @@ class Compared:
     def __repr__(self) -> str:
         """The table, as text."""
         return tables_text([self.table])
+
+    @property
+    def numbers(self) -> tuple[Number, ...]:
+        """The metrics of the run after the identification."""
+        return run_numbers(metrics(self.after))
 
     @property
     def table(self) -> Table:

@@ -1,7 +1,7 @@
 """Candidates of a search, run in parallel over the same members: a generation is one batch."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -37,6 +37,7 @@ class Evaluation(NamedTuple):
     conditions: tuple[float, ...]  # the metric of each
     failed: int  # number of members that did not complete
     reason: str  # cause of the first failure
+    metrics: Mapping[str, FloatArray] = {}  # further metrics of its members (members,), NaN of those that failed
 
 
 @dataclass(frozen=True)
@@ -98,16 +99,21 @@ class Candidates:
         return len(impossible), first
 
     def evaluate(
-        self, axes: Sequence[Axis], points: Sequence[Point], goal: Goal, progress: RunsProgress | None = None
+        self,
+        axes: Sequence[Axis],
+        points: Sequence[Point],
+        goal: Goal,
+        progress: RunsProgress | None = None,
+        further: Sequence[str] = (),
     ) -> list[Evaluation]:
-        """Evaluate all points over all members.
+        """Evaluate all points over all members; `further` metrics are kept for each member.
 
         Raises
         ------
         TuningError
             A metric that the runs do not have.
         """
-        names = [goal.metric, *(condition.metric for condition in goal.conditions)]
+        names = [goal.metric, *(condition.metric for condition in goal.conditions), *further]
         numbers = np.full((len(points), self.members.count, len(names)), np.nan)
         completed = np.zeros((len(points), self.members.count), dtype=bool)
         reasons: dict[int, str] = {}
@@ -131,8 +137,11 @@ class Candidates:
                 progress(len(found.batch))
         for at in [at for at, name in enumerate(names) if name.startswith(MARGINS)]:
             numbers[:, :, at] = [[margin] for margin in self._margins(axes, points, names[at])]
+        numbers[~completed] = np.nan
         return [
-            _evaluation(point, numbers[c][kept], completed[c][kept], goal, reasons.get(c, ""))
+            _evaluation(point, numbers[c][kept], completed[c][kept], goal, reasons.get(c, ""))._replace(
+                metrics=dict(zip(further, numbers[c][kept].T[len(names) - len(further) :], strict=True))
+            )
             for c, point in enumerate(points)
         ]
 

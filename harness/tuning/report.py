@@ -6,6 +6,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from gough_stewart.harness.ensemble.columns import DISK
+from gough_stewart.harness.ensemble.report import number_of_members
 from gough_stewart.harness.report.document import (
     Axis,
     Cell,
@@ -136,7 +138,16 @@ def _numbers(found: Found) -> tuple[Number, ...]:
         made.append(Number("fresh", f"{metric.text}, on fresh members", found.fresh.value, metric.quantity))
     for axis in found.search.axes:
         quantity = of_unit(axis.unit) if axis.unit else NUMBER
-        made.append(Number(f"values.{axis.key}", axis.key, float(found.values[axis.key]), quantity, limit=None))
+        made.append(Number(f"values.{axis.key}", axis.key, float(found.values[axis.key]), quantity))
+    for path, members in (found.fresh or found.seen).metrics.items():
+        if path == DISK and np.isnan(members).all():
+            continue  # the controller has no linear loop
+        one = metric_of(path)
+        made.append(
+            number_of_members(path, members)
+            if len(members) > 1
+            else Number(path, one.text, float(members[0]), one.quantity, explanation=one.sentence)
+        )
     return tuple(made)
 
 

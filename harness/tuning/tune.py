@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from gough_stewart.harness.ensemble.columns import DISK
 from gough_stewart.harness.errors import NoCandidateError, TuningError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.hints import too_late
@@ -120,7 +121,8 @@ def tune(
         other = Candidates(chosen, _number(chosen, fresh, FRESH), here.members.seed + 1, controller)
         other.leave_out_impossible()
         judges.append(other)
-    judged = [_judged(each, axes, goal, best.point, own) for each in judges]
+    further = (*known, DISK)
+    judged = [_judged(each, axes, goal, best.point, own, further) for each in judges]
     (seen, before), (unseen, before_unseen) = judged[0], judged[1] if judges[1:] else (None, None)
     path_values = {axis.place.path: value for axis, value in zip(axes, best.point, strict=True)}
     return Tuning(
@@ -139,10 +141,10 @@ def tune(
 
 
 def _judged(
-    candidates: Candidates, axes: tuple[Axis, ...], goal: Goal, best: Point, own: Point | None
+    candidates: Candidates, axes: tuple[Axis, ...], goal: Goal, best: Point, own: Point | None, further: Sequence[str]
 ) -> tuple[Evaluation, Evaluation | None]:
     """The evaluations of the result and of the original experiment, on the same members."""
-    found = candidates.evaluate(axes, [best, *([] if own is None else [own])], goal)
+    found = candidates.evaluate(axes, [best, *([] if own is None else [own])], goal, further=further)
     return found[0], found[1] if own is not None else None
 
 

@@ -1,0 +1,93 @@
+"""`[require]` of one experiment file, in the commands that study it: each judges its own numbers, and names the others."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+import gough_stewart as gs
+from gough_stewart.harness.cli.app import app
+from gough_stewart.harness.experiment.check_report import PATHS as OF_CHECKS
+from gough_stewart.harness.experiment.file import shipped_text
+from gough_stewart.harness.experiment.margins_report import PATHS as OF_MARGINS
+
+# the step of 50 mm is an error of 50 mm at first; the disk margin of this loop is 1.16
+_REQUIRE = """
+[require]
+tracking.position.norm_peak = "<= 51 mm"
+step_response.x.settling_time = "<= 1 s"
+limits.actuator_force_max = "<= 90 %"
+margins.disk = ">= 1.9"
+S.peak = "<= 2"
+"""
+
+
+@pytest.fixture
+def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    Path("mine.toml").write_text(shipped_text("heave_step") + _REQUIRE, encoding="utf-8")
+    return tmp_path
+
+
+def _invoke(*arguments: str) -> Result:
+    return CliRunner(env={"COLUMNS": "150", "NO_COLOR": "1", "TERM": "dumb"}).invoke(app, list(arguments))
+
+
+def _states(done: Result) -> dict[str, str]:
+    return {each["path"]: each["status"] for each in json.loads(done.stdout)["requirements"]}
+
+
+def _left_out(done: Result) -> set[str]:
+    said = (line.removeprefix("not judged by this command: ") for line in done.stderr.splitlines())
+    return {line.split()[0] for line in said if "=" in line.split()[1]}
+
+
+def test_a_run_judges_its_metrics_and_its_disk_margin(mine: Path) -> None:
+    """Expected: of a run without a step in x, its settling time cannot be told; a missed one counts more: exit code 3."""
+    done = _invoke("run", "mine.toml", "--out", "run", "--json")
+    states = {"tracking.position.norm_peak": "met", "step_response.x.settling_time": "open", "margins.disk": "missed"}
+    assert (done.exit_code, _states(done)) == (3, states)
+    assert _left_out(done) == {"limits.actuator_force_max", "S.peak"}
+    assert gs.margins("heave_step").disk.alpha == pytest.approx(
+        next(each["value"] for each in json.loads(done.stdout)["numbers"] if each["path"] == "margins.disk")
+    )
+
+
+def test_a_search_judges_what_it_has_chosen(mine: Path) -> None:
+    search = ("--vary", "controller.damping_ratio=0.7..0.9", "--minimise", "tracking.position.norm_rms")
+    few = ("--generations", "1", "--population", "5", "--set", "loop.duration=0.3", "--out", "tuned", "--json")
+    done = _invoke("tune", "mine.toml", *search, *few, "--require", "values.controller.damping_ratio <= 0.1")
+    states = _states(done)
+    assert done.exit_code == 3
+    assert states.pop("margins.disk") == "missed"
+    assert states == {"tracking.position.norm_peak": "met", "values.controller.damping_ratio": "missed"}
+    found = {each["path"]: each["value"] for each in json.loads(done.stdout)["numbers"]}
+    # the same as a run of the file that was written
+    assert found["tracking.position.norm_rms"] == pytest.approx(found["value"])
+    assert gs.margins("tuned/tuned.toml").disk.alpha == pytest.approx(found["margins.disk"])
+
+
+def test_an_export_judges_the_loops_with_the_delay_of_its_forms(mine: Path) -> None:
+    """Expected: the margins of the experiment with the one sample of delay that the C has."""
+    done = _invoke("export", "mine.toml", "--as", "c", "--out", "out", "--json")
+    assert (done.exit_code, _states(done)) == (3, {"margins.disk": "missed"})
+    assert _left_out(done) == {
+        "tracking.position.norm_peak", "step_response.x.settling_time", "limits.actuator_force_max", "S.peak",
+    }  # fmt: skip
+    found = {each["path"]: each["value"] for each in json.loads(done.stdout)["numbers"]}
+    expected = gs.margins("heave_step", {"loop.delay": 1})
+    assert found["margins.disk"] == pytest.approx(expected.disk.alpha)
+    assert found["margins.phase"] == pytest.approx(expected.disk.phase)
+
+
+def test_a_frequency_response_judges_by_the_file_of_its_run(mine: Path) -> None:
+    Path("mine.toml").write_text(shipped_text("frequency_response") + _REQUIRE, encoding="utf-8")
+    gs.save_record(gs.run("mine.toml", {"loop.duration": 6}), "run")
+    done = _invoke("frf", "run", "--json")
+    assert (done.exit_code, _states(done)) == (0, {"S.peak": "met"})
+
+
+def test_the_numbers_of_checks_and_margins_are_all_known(mine: Path) -> None:
+    assert {each.path for each in gs.margins("mine.toml").report(charts=False).numbers} == set(OF_MARGINS)
+    assert {each.path for each in gs.check("mine.toml").report(charts=False).numbers} <= set(OF_CHECKS)
