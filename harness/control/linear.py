@@ -174,13 +174,13 @@ def linear_matrices(
     coulomb_friction: bool = False,
 ) -> StateSpace:
     """`linearise` without python-control, whose import takes longer than all margins."""
-    from gough_stewart.model.kernel import jacobians_function, parameter_vector
+    from gough_stewart.model.kernel import Kernel, parameter_vector
 
     _, rows = _rows(outputs)
     if not coulomb_friction:
         platform = platform.with_parameters({"leg_coulomb_friction": 0.0})
     point = trim(platform, position, orientation)
-    A, B, C, D = (block.full() for block in jacobians_function()(*point, parameter_vector(platform)))
+    A, B, C, D = (block.copy() for block in Kernel().jacobians(*point, parameter_vector(platform)))
     return StateSpace(A, B, C[rows], D[rows])
 
 
