@@ -1,4 +1,4 @@
-"""`[require]` of one experiment file, in the commands that study it: each judges its own numbers, and names the others."""
+"""`[require]` of a file in all commands that study it: each judges its own numbers, and names the others."""
 
 import json
 from pathlib import Path
@@ -23,11 +23,10 @@ S.peak = "<= 2"
 """
 
 
-@pytest.fixture
-def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(autouse=True)
+def _mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("mine.toml").write_text(shipped_text("heave_step") + _REQUIRE, encoding="utf-8")
-    return tmp_path
 
 
 def _invoke(*arguments: str) -> Result:
@@ -43,8 +42,8 @@ def _left_out(done: Result) -> set[str]:
     return {line.split()[0] for line in said if "=" in line.split()[1]}
 
 
-def test_a_run_judges_its_metrics_and_its_disk_margin(mine: Path) -> None:
-    """Expected: of a run without a step in x, its settling time cannot be told; a missed one counts more: exit code 3."""
+def test_a_run_judges_its_metrics_and_its_disk_margin() -> None:
+    """Expected: without a step in x its settling time cannot be told; one that is missed decides: exit code 3."""
     done = _invoke("run", "mine.toml", "--out", "run", "--json")
     states = {"tracking.position.norm_peak": "met", "step_response.x.settling_time": "open", "margins.disk": "missed"}
     assert (done.exit_code, _states(done)) == (3, states)
@@ -54,7 +53,7 @@ def test_a_run_judges_its_metrics_and_its_disk_margin(mine: Path) -> None:
     )
 
 
-def test_a_search_judges_what_it_has_chosen(mine: Path) -> None:
+def test_a_search_judges_what_it_has_chosen() -> None:
     search = ("--vary", "controller.damping_ratio=0.7..0.9", "--minimise", "tracking.position.norm_rms")
     few = ("--generations", "1", "--population", "5", "--set", "loop.duration=0.3", "--out", "tuned", "--json")
     done = _invoke("tune", "mine.toml", *search, *few, "--require", "values.controller.damping_ratio <= 0.1")
@@ -68,7 +67,7 @@ def test_a_search_judges_what_it_has_chosen(mine: Path) -> None:
     assert gs.margins("tuned/tuned.toml").disk.alpha == pytest.approx(found["margins.disk"])
 
 
-def test_an_export_judges_the_loops_with_the_delay_of_its_forms(mine: Path) -> None:
+def test_an_export_judges_the_loops_with_the_delay_of_its_forms() -> None:
     """Expected: the margins of the experiment with the one sample of delay that the C has."""
     done = _invoke("export", "mine.toml", "--as", "c", "--out", "out", "--json")
     assert (done.exit_code, _states(done)) == (3, {"margins.disk": "missed"})
@@ -81,13 +80,13 @@ def test_an_export_judges_the_loops_with_the_delay_of_its_forms(mine: Path) -> N
     assert found["margins.phase"] == pytest.approx(expected.disk.phase)
 
 
-def test_a_frequency_response_judges_by_the_file_of_its_run(mine: Path) -> None:
+def test_a_frequency_response_judges_by_the_file_of_its_run() -> None:
     Path("mine.toml").write_text(shipped_text("frequency_response") + _REQUIRE, encoding="utf-8")
     gs.save_record(gs.run("mine.toml", {"loop.duration": 6}), "run")
     done = _invoke("frf", "run", "--json")
     assert (done.exit_code, _states(done)) == (0, {"S.peak": "met"})
 
 
-def test_the_numbers_of_checks_and_margins_are_all_known(mine: Path) -> None:
+def test_the_numbers_of_checks_and_margins_are_all_known() -> None:
     assert {each.path for each in gs.margins("mine.toml").report(charts=False).numbers} == set(OF_MARGINS)
     assert {each.path for each in gs.check("mine.toml").report(charts=False).numbers} <= set(OF_CHECKS)
