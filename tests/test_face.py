@@ -42,7 +42,7 @@ NAMES = [
 ]
 # fmt: on
 # What takes longer to import than all of Python; nobody pays for it who does not use it.
-HEAVY = ("numpy", "scipy", "casadi", "control", "matplotlib", "polars", "pydantic", "plotly", "fmpy", "rich", "typer")
+HEAVY = ("numpy", "scipy", "casadi", "control", "matplotlib", "polars", "pydantic", "bokeh", "fmpy", "rich", "typer")
 
 
 def python(code: str) -> str:

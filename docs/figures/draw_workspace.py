@@ -1,16 +1,21 @@
 """Draws docs/figures/workspace.svg, the picture of docs/workspace.md: `make figures`."""
 
+from dataclasses import replace
+
 from saving import save_svg
 
-from gough_stewart.harness.workspace.figures import workspace_figures
+from gough_stewart.harness.report.document import Section
+from gough_stewart.harness.report.figures import figures
+from gough_stewart.harness.workspace.report import workspace_report
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.workspace_grid import sweep
 
 
 def main() -> None:
-    """Write the picture beside this file."""
-    workspace = sweep(load_preset("motion_base"), {"x": None, "z": None}, points=81)
-    save_svg("workspace.svg", workspace_figures(workspace)["workspace.svg"])
+    """Write the picture beside this file: the first four of seven maps."""
+    report = workspace_report(sweep(load_preset("motion_base"), {"x": None, "z": None}, points=61))
+    four = replace(report, sections=(Section("Maps", tuple(report.charts[:4])),))
+    save_svg("workspace.svg", figures(four, ("svg",))["maps.svg"])
 
 
 if __name__ == "__main__":

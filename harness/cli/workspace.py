@@ -18,7 +18,7 @@ from gough_stewart.harness.cli.terminal import preparing, progress_bar
 from gough_stewart.harness.errors import UsageError
 from gough_stewart.model.errors import WorkspaceError
 
-FILES = ("workspace.csv", "workspace.png", "workspace.svg", "workspace.html")
+TABLE = "workspace.csv"
 
 
 @shows
@@ -55,12 +55,12 @@ def workspace_command(
     Numbers are in m and rad unless they have a unit: `20mm`, `5deg`. Limits that the platform does not state are not
     checked.
 
-    Writes **workspace.csv** (one row per pose), **workspace.png**, **workspace.svg**, and **workspace.html**, an
-    interactive page that works offline.
+    Writes **workspace.csv** (one row per pose) and **report.json**; with `--report` a page with maps that tell all
+    values at the pointer, of a volume also its surface in 3-D; with `--figures` the **maps**.
 
     Examples
     --------
-    - `gough-stewart workspace --preset motion_base`
+    - `gough-stewart workspace --preset motion_base --open`
 
     - `gough-stewart workspace --preset motion_base --over roll=-40deg:40deg,pitch=-40deg:40deg --at z=2.2`
 
@@ -71,14 +71,12 @@ def workspace_command(
         ranges, fixed = None if over is None else _swept(over), _fixed(at or [])
         chosen = chosen_platform(preset, platform)
         with preparing():
-            from gough_stewart.harness.workspace.figures import workspace_figures
-            from gough_stewart.harness.workspace.page import workspace_page
-            from gough_stewart.harness.workspace.report import workspace_report
+            from gough_stewart.harness.workspace.report import FIGURES, workspace_report
             from gough_stewart.harness.workspace.tables import workspace_csv
             from gough_stewart.model.process.files import check_output_folder, write_files
             from gough_stewart.model.workspace_grid import POINTS, sweep
 
-        check_output_folder(out, FILES)
+        check_output_folder(out, [TABLE])
         with progress_bar() as progress:
             dimensions = 2 if ranges is None else len(ranges)
             count = points or POINTS.get(dimensions, 1)
@@ -88,15 +86,10 @@ def workspace_command(
             except WorkspaceError as error:  # all inputs come from the options
                 raise UsageError(str(error)) from error
             progress.update(task, description="files")
-            files = {
-                "workspace.csv": workspace_csv(workspace),
-                **workspace_figures(workspace),
-                "workspace.html": workspace_page(workspace),
-            }
-        write_files(out, files)
-        command.written.append(out)
-        report = workspace_report(workspace, charts=showing.page or showing.figures or showing.as_json)
-        showing.present(command, report, out, list(files))
+            write_files(out, {TABLE: workspace_csv(workspace)})
+            command.written.append(out)
+            report = workspace_report(workspace, surface=showing.draws)
+        showing.present(command, report, out, [TABLE], figures=FIGURES)
 
 
 def _swept(coordinates: str) -> dict[str, tuple[float, float] | None]:

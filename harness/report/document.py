@@ -1,4 +1,4 @@
-"""What a study found, as plain data: title, verdict, numbers, sections of tables, charts and scenes.
+"""What a study found, as plain data: title, verdict, numbers, sections of tables, charts, scenes and surfaces.
 
 A study makes a `Report` and knows nothing of HTML, matplotlib or rich; `terminal`, `page` and `figures` render it.
 `codec` writes it as JSON and reads it back. All numbers are in SI units (`quantities`), a value that is not defined is
@@ -14,6 +14,7 @@ import numpy as np
 
 from gough_stewart.harness.report.palette import ROLES, Role
 from gough_stewart.harness.report.quantities import NUMBER, TIME, Quantity
+from gough_stewart.harness.report.surface import Surface
 from gough_stewart.harness.report.words import plain_text
 from gough_stewart.model.vectors import FloatArray
 
@@ -129,7 +130,10 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Values (n,) over the axis of a chart, or (rows, columns) of a heat map, with a band from `low` to `high`."""
+    """Values (n,) over the axis of a chart, with a band from `low` to `high`; (rows, columns) of a heat map.
+
+    A heat map in slices has (slices, rows, columns).
+    """
 
     name: str
     quantity: Quantity
@@ -149,7 +153,7 @@ class Series:
             raise ValueError(f"the role '{self.role}' of {self.name}; expected one of {', '.join(ROLES)}")
         if self.leg is not None and not 1 <= self.leg <= 6:
             raise ValueError(f"the leg {self.leg} of {self.name}; expected 1 to 6")
-        values = _array(self.values, f"the series {self.name}", (1, 2))
+        values = _array(self.values, f"the series {self.name}", (1, 2, 3))
         object.__setattr__(self, "values", values)
         for name in ("low", "high", "x", "members"):
             given = getattr(self, name)
@@ -175,6 +179,32 @@ class Mark:
 
 
 @dataclass(frozen=True, eq=False)
+class Map:
+    """What a heat map has besides its values."""
+
+    # Positive where the values hold, of their shape; colours end at 0, and values beyond are told at the pointer only.
+    inside: FloatArray | None = None
+    scale: Scale = "linear"  # of the colours; logarithmic ones span three decades at most
+    classes: tuple[str, ...] = ()  # what the values 0, 1, … mean, if they are kinds
+    slices: Axis | None = None  # the third coordinate
+    first: int = 0  # the slice that is shown first
+    point: tuple[float, ...] = ()  # a point to mark in that slice, such as home
+    point_name: str = ""
+
+    def __post_init__(self) -> None:
+        _one_of(self.scale, Scale, "the scale of colours")
+        if self.inside is not None:
+            object.__setattr__(self, "inside", _array(self.inside, "the inside of a heat map", (2, 3)))
+        object.__setattr__(self, "classes", tuple(self.classes))
+        object.__setattr__(self, "point", tuple(map(float, self.point)))
+        number = 1 if self.slices is None else len(self.slices.values)
+        if not 0 <= self.first < number:
+            raise ValueError(f"the slice {self.first} is shown first; expected one of {number}, counted from 0")
+        if len(self.point) not in (0, 2):
+            raise ValueError(f"a point of {len(self.point)} coordinates; expected 2, or none")
+
+
+@dataclass(frozen=True, eq=False)
 class Chart:
     """Series of one quantity over one axis."""
 
@@ -187,6 +217,7 @@ class Chart:
     note: str = ""
     group: str = ""  # charts of a group are drawn together, as panels of one figure
     detail: bool = False  # not shown at first
+    map: Map | None = None  # of a heat map
 
     def __post_init__(self) -> None:
         _one_of(self.kind, ChartKind, "the kind of chart")
@@ -204,8 +235,12 @@ class Chart:
         size, along = series.values.shape, len(self.x.labels) or len(self.x.values)
         if self.kind == "heat":
             rows = 0 if self.y is None else len(self.y.values)
-            if size != (rows, along):
-                raise ValueError(f"the heat map '{self.title}' has {size} values; expected {(rows, along)}")
+            slices = None if self.map is None else self.map.slices
+            wanted = (rows, along) if slices is None else (len(slices.values), rows, along)
+            if size != wanted:
+                raise ValueError(f"the heat map '{self.title}' has {size} values; expected {wanted}")
+            if self.map is not None and self.map.inside is not None and self.map.inside.shape != wanted:
+                raise ValueError(f"'inside' of '{self.title}' has {self.map.inside.shape} values; expected {wanted}")
             return
         expected = along - 1 if self.kind == "histogram" else along
         if series.values.ndim != 1 or (series.x is None and size[0] != expected):
@@ -401,7 +436,7 @@ def margin_text(quantity: Quantity, margin: float) -> str:
     return f"{quantity.text(abs(margin))} {'beyond' if margin < 0 else 'left'}"
 
 
-Part = Table | Chart | Scene | Note
+Part = Table | Chart | Scene | Surface | Note
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,13 @@ from matplotlib.ticker import MaxNLocator
 from gough_stewart.harness.output.display_resolution import decimated, least_span
 from gough_stewart.harness.output.plotting import entitle, files_of
 from gough_stewart.harness.report.document import Chart, Report, Series
+from gough_stewart.harness.report.heat_figures import (
+    draw_heat,
+    height_over_width,
+    kind_patches,
+    slice_title,
+    slices_shown,
+)
 from gough_stewart.harness.report.palette import DASHES, SIX_DASHES, colour_of, colour_of_six
 from gough_stewart.model.vectors import FloatArray
 
@@ -54,6 +61,7 @@ class _Panel(NamedTuple):
     is_wide: bool
     least: float = 0.0  # span of the vertical axis
     names: tuple[str, ...] = ()  # of its series in the legend of the grid
+    slice: int | None = None  # of a heat map
 
 
 def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = None) -> dict[str, bytes]:
@@ -84,17 +92,32 @@ def _rows(charts: Sequence[Chart]) -> list[list[_Panel]]:
     """The panels of a figure: a row for each chart, or a grid for several of one kind with the same series."""
 
     def look(chart: Chart) -> object:
+        if chart.map is not None:
+            return "map"
         return chart.kind, tuple((each.name, each.role) for each in chart.series)
 
     rows: list[list[_Panel]] = []
     for _, alike in groupby(charts, key=look):
         some = list(alike)
-        if len(some) >= _SMALL and some[0].kind not in ("bars", "heat"):
+        if some[0].map is not None:
+            rows += _maps(some)
+        elif len(some) >= _SMALL and some[0].kind not in ("bars", "heat"):
             names = tuple(each.name for each in some[0].series)
             rows.append([_Panel(each, _small_title(each), each.series, False, names=names) for each in some])
         else:
             rows += [_panels(each) for each in some]
     return rows
+
+
+def _maps(charts: Sequence[Chart]) -> list[list[_Panel]]:
+    """Maps side by side, two in a row; those in slices have a row each."""
+    if charts[0].map is not None and charts[0].map.slices is not None:
+        return [
+            [_Panel(each, slice_title(each, k), each.series, False, slice=k) for k in slices_shown(each)]
+            for each in charts
+        ]
+    panels = [_Panel(each, each.series[0].quantity.headed(each.title), each.series, False) for each in charts]
+    return [panels[k : k + 2] for k in range(0, len(panels), 2)]
 
 
 def _small_title(chart: Chart) -> str:
@@ -142,7 +165,9 @@ def _draw(title: str, rows: Sequence[Sequence[_Panel]], figure: Figure) -> None:
         grid = part.subplots(-(-len(row) // columns), columns, squeeze=False)
         for axes in grid.flat[len(row) :]:
             axes.set_axis_off()
-        if row[0].is_wide:
+        if row[0].chart.map is not None:
+            _draw_maps(part, list(grid.flat[: len(row)]), row)
+        elif row[0].is_wide:
             _draw_wide(grid.flat[0], row[0])
         else:
             # panels with the same names below have the same legend
@@ -151,12 +176,18 @@ def _draw(title: str, rows: Sequence[Sequence[_Panel]], figure: Figure) -> None:
 
 
 def _columns(row: Sequence[_Panel]) -> int:
-    """Panels side by side: one that is wide, at most three small ones, two of four."""
+    """Panels side by side: one that is wide, at most three small ones, two of four; all of a row of maps."""
+    if row[0].chart.map is not None:
+        return max(len(row), 2)
     return 2 if len(row) == 4 else min(len(row), 3)
 
 
 def _height(row: Sequence[_Panel]) -> float:
     """The height of a row, in panels."""
+    if row[0].chart.map is not None:
+        # what is left of the width of a panel beside titles and bar
+        wide = _WIDTH / _columns(row) - (1.3 if row[0].slice is None else 0.5)
+        return (wide * height_over_width(row[0].chart) + 0.7) / _ROW
     return 1.5 if row[0].is_wide else float(-(-len(row) // _columns(row)))
 
 
@@ -351,21 +382,29 @@ def _bars(axes: Axes, panel: _Panel) -> None:
 
 
 def _heat(axes: Axes, panel: _Panel) -> None:
-    chart, series = panel.chart, panel.series[0]
-    assert chart.y is not None
-    x, y = (axis.quantity.factor * axis.values for axis in (chart.x, chart.y))
-    values: FloatArray = np.ma.masked_invalid(series.quantity.factor * series.values)
-    mesh = axes.pcolormesh(x, y, values, shading="nearest", cmap="viridis", rasterized=True)
-    axes.figure.colorbar(mesh, ax=axes, label=series.quantity.headed(series.name))
-    axes.set_ylabel(chart.y.title)
-    axes.grid(visible=False)
-    for axis, of in ((axes.xaxis, chart.x), (axes.yaxis, chart.y)):
-        if of.labels:
-            axis.set_ticks(of.quantity.factor * of.values, of.labels, fontsize=7, parse_math=False)
-    if chart.y.labels:
-        axes.invert_yaxis()
-    if any(len(label) > _SHORT_LABEL for label in chart.x.labels):
+    draw_heat(axes, panel.chart, panel.slice)
+    if any(len(label) > _SHORT_LABEL for label in panel.chart.x.labels):
         axes.tick_params(axis="x", labelrotation=90)
+
+
+def _draw_maps(part: Any, grid: Sequence[Axes], row: Sequence[_Panel]) -> None:
+    """Draw maps side by side; slices share their axes and one bar of colours at the right."""
+    for k, (panel, axes) in enumerate(zip(row, grid, strict=True)):
+        chart, is_slice = panel.chart, panel.slice is not None
+        draw_heat(axes, chart, panel.slice, has_bar=not is_slice or k == len(row) - 1)
+        axes.tick_params(labelsize=7.5)
+        axes.set_title(panel.title, fontsize=8.5, parse_math=False)
+        axes.set_xlabel(chart.x.title, fontsize=8.5)
+        axes.set_ylabel(chart.y_title if k == 0 or not is_slice else "", fontsize=8.5)
+    if row[0].slice is not None:
+        chart = row[0].chart
+        part.suptitle(chart.series[0].quantity.headed(chart.title), fontsize=9.5, x=0.01, ha="left", parse_math=False)
+    kinds = [panel.chart for panel in row if panel.chart.map is not None and panel.chart.map.classes]
+    if kinds:
+        cross, names = grid[0].get_legend_handles_labels()
+        patches = kind_patches(kinds[0])
+        labels = [*(str(each.get_label()) for each in patches), *names]
+        part.legend([*patches, *cross], labels, loc="outside lower left", ncols=4, fontsize=8)
 
 
 def _marks(axes: Axes, panel: _Panel) -> None:

@@ -12,6 +12,7 @@ from gough_stewart.harness.report.document import (
     Column,
     Note,
     Number,
+    Part,
     Report,
     Requirement,
     Scene,
@@ -23,12 +24,13 @@ from gough_stewart.harness.report.glossary import explained, with_terms
 from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, three_licence
 from gough_stewart.harness.report.offline import asset, document
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays
-from gough_stewart.harness.report.page_data import chart_data, member_data, scene_data
+from gough_stewart.harness.report.page_data import chart_data, member_data, scene_data, surface_data
 from gough_stewart.harness.report.page_tables import table_html
 from gough_stewart.harness.report.palette import (
     DASHES,
     GROUND,
     INK,
+    KINDS,
     ROLES,
     SIX_DASHES,
     THEMES,
@@ -38,14 +40,26 @@ from gough_stewart.harness.report.palette import (
 )
 from gough_stewart.harness.report.quantities import TIME
 from gough_stewart.harness.report.requirements import OUTCOMES
+from gough_stewart.harness.report.surface import Surface
 
 PAGE = "report.html"
 _SCENE_SCRIPTS = (
     *("records.js", "colours.js", "shapes.js", "bodies.js", "motion.js", "orbit.js", "viewer.js", "scene.js"),
     *("drawn.js", "picture.js", "video.js", "moment.js"),
 )
+_SURFACE_SCRIPTS = ("shapes.js", "orbit.js", "viewer.js", "surface.js")
 _SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "terms.js", "members.js")
-_CHART_SCRIPTS = ("reduce.js", "lines.js", "figure.js", "legend.js", "pointer.js", "charts.js", "player.js", "print.js")
+_CHART_SCRIPTS = (
+    "reduce.js",
+    "lines.js",
+    "heat.js",
+    "figure.js",
+    "legend.js",
+    "pointer.js",
+    "charts.js",
+    "player.js",
+    "print.js",
+)
 _STYLES = ("page.css", "first.css", "charts.css", "stage.css", "print.css")
 _SIGNS = {"good": "✓", "marginal": "!", "bad": "✗", "told": "→", "met": "✓", "missed": "✗", "open": "?"}
 _SAID = {"good": "good", "marginal": "marginal", "bad": "bad", "told": "result"}
@@ -75,6 +89,7 @@ def page_of(report: Report) -> bytes:
     arrays = Arrays()
     charts = [part for part in report.parts() if isinstance(part, Chart)]
     scenes = [part for part in report.parts() if isinstance(part, Scene)]
+    surfaces = [part for part in report.parts() if isinstance(part, Surface)]
     data = {
         "title": report.title,
         "runs": report.runs,
@@ -84,28 +99,31 @@ def page_of(report: Report) -> bytes:
         "nearness": NEARNESS,
         "charts": [chart_data(chart, arrays) for chart in charts],
         "scenes": [scene_data(scene, arrays) for scene in scenes],
+        "surfaces": [surface_data(surface, arrays) for surface in surfaces],
         "members": member_data(report, arrays),
         "arrays": arrays.packed,
     }
-    first = next((chart for chart in charts if not chart.detail), None) if not scenes else None
+    is_solid = bool(scenes or surfaces)
+    first = None if is_solid else next((chart for chart in charts if not chart.detail), None)
     body = _Body(charts, first)
     main = "".join(
         [
             _head(report),
             '<main id="main">',
-            _first(report, body, scenes, first),
+            _first(report, body, scenes, surfaces, first),
             _bar(charts, scenes),
             _settings(report),
             _MARKED if data["members"] else "",
             *(body.section(section) for section in report.sections),
             _files(report),
             "</main>",
-            _footer(charts, bool(scenes)),
+            _footer(charts, is_solid),
         ]
     )
-    own = [asset(name) for name in (*_SCRIPTS, *(_SCENE_SCRIPTS if scenes else ()), *_CHART_SCRIPTS)]
+    solid = _SCENE_SCRIPTS if scenes else _SURFACE_SCRIPTS if surfaces else ()
+    own = [asset(name) for name in (*_SCRIPTS, *solid, *_CHART_SCRIPTS)]
     # the scene first, so that it appears while the library of the charts is still loading
-    scripts = [*([three()] if scenes else []), "\n".join(own)]
+    scripts = [*([three()] if is_solid else []), "\n".join(own)]
     scripts += [bokeh(), "GoughStewart.charts();"] if charts else []
     style = "".join(asset(name) for name in _STYLES)
     return document(report.title, main, colours() + style, data, scripts)
@@ -118,6 +136,7 @@ def palette_of(theme: Theme) -> dict[str, Any]:
         "ink": INK[theme],
         "roles": {role: colour_of(role, theme) for role in ROLES},
         "six": [colour_of_six(k, theme) for k in range(6)],
+        "kinds": KINDS[theme],
     }
 
 
@@ -141,7 +160,9 @@ def _head(report: Report) -> str:
     return f"<header>{theme}<div>{study}<h1>{html.escape(report.title)}</h1>{lead}</div></header>"
 
 
-def _first(report: Report, body: "_Body", scenes: Sequence[Scene], first: Chart | None) -> str:
+def _first(
+    report: Report, body: "_Body", scenes: Sequence[Scene], surfaces: Sequence[Surface], first: Chart | None
+) -> str:
     verdict = report.verdict
     said = f'<span class="sign" aria-hidden="true">{_SIGNS[verdict.status]}</span>'
     said += f'<span class="unseen">{_SAID[verdict.status]}: </span>{with_terms(verdict.text)}'
@@ -156,7 +177,10 @@ def _first(report: Report, body: "_Body", scenes: Sequence[Scene], first: Chart 
         parts.append(
             '<div id="now" class="sideways" role="region" aria-label="values at this time" tabindex="0"></div>'
         )
-    picture = asset("stage.html") if scenes else body.chart(first) if first is not None else ""
+    if scenes or surfaces:
+        picture = asset("stage.html" if scenes else "surface.html")
+    else:
+        picture = body.chart(first) if first is not None else ""
     alone = "" if picture else " alone"
     return (
         f'<section class="first{alone}" aria-label="verdict"><div class="answer">{"".join(parts)}</div>'
@@ -224,7 +248,7 @@ class _Body:
 
     def section(self, section: Section) -> str:
         """A section, with what is only opened if needed at its end."""
-        parts = [part for part in section.parts if part is not self._first and not isinstance(part, Scene)]
+        parts = [part for part in section.parts if part is not self._first and not isinstance(part, Scene | Surface)]
         if not parts:
             return ""
         shown = self._parts(part for part in parts if section.detail or not getattr(part, "detail", False))
@@ -246,13 +270,15 @@ class _Body:
         """The frame of a chart, which a script fills."""
         note = f'<p class="hint">{with_terms(chart.note)}</p>' if chart.note else ""
         k, level = self._number[id(chart)], "h2" if chart is self._first else "h3"
-        title = f"<{level}>{with_terms(chart.title)}</{level}>"
+        # a map has no axis for its values
+        named = chart.series[0].quantity.headed(chart.title) if chart.map is not None else chart.title
+        title = f"<{level}>{with_terms(named)}</{level}>"
         return (
             f'<figure class="chart {chart.kind}" data-chart="{k}"><figcaption>{title}<ul class="key"></ul></figcaption>'
             f'<div class="plot"></div>{note}</figure>'
         )
 
-    def _parts(self, parts: Iterable[Table | Chart | Scene | Note]) -> str:
+    def _parts(self, parts: Iterable[Part]) -> str:
         """Parts in order; neighbours of a kind share a grid."""
         found, kind = [], ""
         for part in parts:

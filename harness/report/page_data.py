@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.output.display_resolution import least_span
-from gough_stewart.harness.report.document import Axis, Chart, Report, Scene, Series
+from gough_stewart.harness.report.document import Axis, Chart, Map, Report, Scene, Series
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
 from gough_stewart.harness.report.quantities import TIME, Quantity
+from gough_stewart.harness.report.surface import Surface
 from gough_stewart.model.vectors import FloatArray
 
 # Letters of a vertical title that fit beside a chart.
@@ -31,7 +32,26 @@ def chart_data(chart: Chart, arrays: Arrays) -> dict[str, Any]:
     }
     if chart.kind == "heat" and chart.y is not None:
         found["rows"] = _axis(chart.y, arrays)
+        found["map"] = None if chart.map is None else _map(chart.map, arrays)
     return found
+
+
+def _map(of: Map, arrays: Arrays) -> dict[str, Any]:
+    return {
+        "inside": None if of.inside is None else arrays.add(_single(of.inside)),
+        "scale": of.scale,
+        "classes": of.classes,
+        "slices": None if of.slices is None else _axis(of.slices, arrays),
+        "first": of.first,
+        "point": of.point,
+        "pointName": of.point_name,
+    }
+
+
+def _single(values: FloatArray) -> FloatArray:
+    """Seven digits of each number, which compress to half; those of a map may be far apart, or infinite."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32).astype(float)
 
 
 def _y_title(chart: Chart) -> str:
@@ -73,6 +93,8 @@ def _series(series: Series, chart: Chart, arrays: Arrays) -> dict[str, Any]:
     def kept(values: FloatArray | None) -> int | None:
         if values is None:
             return None
+        if chart.map is not None:
+            return arrays.add(_single(values))
         is_long = chart.kind in ("line", "step") and len(x) > MOST_ROWS
         return arrays.add(blocks(x, values)[1] if is_long else values, series.quantity)
 
@@ -100,6 +122,21 @@ def member_data(report: Report, arrays: Arrays) -> dict[str, Any] | None:
             for each in shown
             if each.members is not None
         ],
+    }
+
+
+def surface_data(surface: Surface, arrays: Arrays) -> dict[str, Any]:
+    ends = zip(surface.names, surface.quantities, surface.low, surface.high, strict=True)
+    return {
+        "title": surface.title,
+        "axes": [
+            {**_written(quantity), "name": name, "low": float(low), "high": float(high)}
+            for name, quantity, low, high in ends
+        ],
+        "vertices": arrays.add(_single(surface.vertices)),
+        "triangles": arrays.add(surface.triangles),
+        "values": arrays.add(_single(surface.values)),
+        "of": {**_written(surface.quantity), "name": surface.name, "scale": surface.scale},
     }
 
 

@@ -69,6 +69,14 @@ _SIX: dict[Theme, tuple[str, ...]] = {
 }
 SIX_DASHES: tuple[tuple[float, ...], ...] = ((), (5, 1.5), (6, 1.5, 1, 1.5), (1, 1), (8, 1.5, 1, 1.5, 1, 1.5), (2.5, 1))
 
+# Kinds on a map: the first is the ground, the others are pale enough to stay in the background.
+_PALE = ("#dddddd", "#999999", "#f0c566", "#9ad2f2", "#e0aeca", "#66c5ab")
+KINDS: dict[Theme, tuple[str, ...]] = {
+    "light": ("#ffffff", *_PALE),
+    "dark": ("#14181d", "#5b636d", "#8f98a3", "#9a7420", "#3f7fa6", "#8d5f7b", "#2f7a66"),
+    "contrast": ("#ffffff", "#767676", "#3c4148", "#96690a", "#2f5f8a", "#7a1f56", "#00563d"),
+}
+
 
 def colour_of(role: Role, theme: Theme = "light") -> str:
     """The colour of a role, as #rrggbb."""

@@ -27,7 +27,7 @@ _KINDS: tuple[tuple[str, str, str], ...] = (
     ("plan.json", "an unfinished ensemble", "continue it with `gough-stewart ensemble … --resume`"),
     ("ensemble.json", "an ensemble", "`gough-stewart view` it, or worst/member-…"),
     ("tuning.json", "a tuning", "run tuned.toml, then view that run"),
-    ("workspace.csv", "a workspace", "open workspace.html in a browser"),
+    ("workspace.csv", "a workspace", "`gough-stewart view` it"),
     ("estimate.json", "an identification", "`gough-stewart view` it"),
     ("excitation.toml", "an excitation", "run excitation.toml, then view that run"),
     ("check.json", "a motion check", "`gough-stewart view` it"),

@@ -135,13 +135,6 @@ def fixed_text(workspace: Workspace) -> str:
     )
 
 
-def limits_text(workspace: Workspace) -> str:
-    """The limits that figures show, in one line; limits that are missing read "not stated"."""
-    values = limit_values(workspace)
-    shown = ("leg_length_min", "leg_length_max", "joint_angle_max", "actuator_force_max")
-    return ", ".join(f"{limit_title(name)} {values[name]}" for name in shown)
-
-
 def limit_title(name: str) -> str:
     """The name of a limit of the platform, in words."""
     return TABLE[name].description.removeprefix("maximum ")

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from gough_stewart.harness.workspace.display import clearance, clearance_of
-from gough_stewart.harness.workspace.maps import LARGEST_SHOWN
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import evaluate_poses
 from gough_stewart.model.workspace_grid import COORDINATES, Workspace
@@ -24,6 +23,8 @@ _TETRAHEDRA = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], 
 _PLACES = (_TETRAHEDRA[..., None] >> np.array([2, 1, 0]) & 1).astype(float)
 
 Indices = NDArray[np.int64]
+# Colours of a surface end at this condition number, and shares of one beyond would be shares of infinity.
+_LARGEST_SHOWN = 1000.0
 # Least number of cells along each coordinate; with fewer, edges where two limits meet look ragged.
 _CELLS = 60
 
@@ -130,7 +131,7 @@ def surface_of(workspace: Workspace) -> Surface | None:
     if max(parts) > 1:
         fine = _passed(coarse > 0, parts)
         field[fine], colour[fine] = _evaluated(workspace, axes, fine)
-    return isosurface(axes, field, np.log10(np.minimum(colour, LARGEST_SHOWN)))
+    return isosurface(axes, field, np.log10(np.minimum(colour, _LARGEST_SHOWN)))
 
 
 def _passed(inside: NDArray[np.bool_], parts: list[int]) -> NDArray[np.bool_]:

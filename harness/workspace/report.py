@@ -1,11 +1,26 @@
 """What a sweep of the workspace found, as a report: how far the platform reaches, and what keeps it from more."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from gough_stewart.harness.report.document import Axis, Chart, Note, Number, Report, Section, Series, Verdict
-from gough_stewart.harness.report.quantities import SHARE, of_unit
+from gough_stewart.harness.report.document import (
+    Axis,
+    Chart,
+    Map,
+    Note,
+    Number,
+    Part,
+    Report,
+    Section,
+    Series,
+    Verdict,
+)
+from gough_stewart.harness.report.quantities import NUMBER, SHARE
+from gough_stewart.harness.report.surface import Surface
 from gough_stewart.harness.report.words import counted, listed, percent, sentence
 from gough_stewart.harness.workspace.display import (
+    clearance,
     fixed_text,
     is_through_home,
     limits_met,
@@ -14,19 +29,42 @@ from gough_stewart.harness.workspace.display import (
     swept_text,
 )
 from gough_stewart.harness.workspace.explained import notices
+from gough_stewart.harness.workspace.isosurface import surface_of
 from gough_stewart.harness.workspace.tables import quantity_of, size_text, workspace_tables
-from gough_stewart.model.workspace_grid import COORDINATES, Workspace
+from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.workspace import Limit
+from gough_stewart.model.workspace_grid import Workspace, home_of
+
+# The group of the maps, and the name of their figure.
+FIGURES = ("maps",)
+_NOTES = {
+    "condition_number": "Of the leg Jacobian, with angles as displacements of the joints. 1 is best; it is infinite at "
+    "a singular pose.",
+    "payload": "The largest point mass at the platform frame's origin that the actuators hold at rest.",
+    "force_margin": "The largest force at the platform frame's origin, in any direction, that the actuators hold at "
+    "rest.",
+    "largest_speed": "The largest speed in any direction, turning included, at which no leg is faster than its limit.",
+    "leg_length_margin": "Of the leg that is nearest to an end of its stroke; negative beyond.",
+    "joint_angle_margin": "Of the joint that is nearest to its largest angle; negative beyond.",
+}
 
 
-def workspace_report(workspace: Workspace, *, charts: bool = True) -> Report:
-    """The report of a sweep."""
-    sections = [Section("Workspace", tuple(workspace_tables(workspace)))]
-    if charts:
-        sections.append(Section("Maps", tuple(_maps(workspace))))
+def workspace_report(workspace: Workspace, *, surface: bool = True) -> Report:
+    """The report of a sweep, with maps of all results.
+
+    Parameters
+    ----------
+    surface
+        Of a volume, also the surface around it, which takes seconds.
+    """
+    platform, maps = workspace.platform, list[Part](_maps(workspace))
+    if surface and len(workspace.shape) == 3:
+        maps = [*filter(None, [_surface(workspace)]), *maps]
+    source = (Note(f"{platform.name}: {platform.source}"),) if platform.source else ()
     return Report(
-        f"Workspace of {workspace.platform.name}",
+        f"Workspace of {platform.name}",
         workspace_verdict(workspace),
-        tuple(sections),
+        (Section("Maps", tuple(maps)), Section("Workspace", (*workspace_tables(workspace), *source))),
         study="workspace",
         lead=f"{swept_text(workspace)}; at {fixed_text(workspace)}",
         numbers=_numbers(workspace),
@@ -38,7 +76,8 @@ def workspace_verdict(workspace: Workspace) -> Verdict:
     """How far the platform reaches along each coordinate, the share of the grid, and the limit that keeps off most."""
     reached = workspace.qualities.reachable
     share = float(reached.mean())
-    numbers = _numbers(workspace)[:1]
+    # margins end at the border
+    numbers = tuple(each for each in _numbers(workspace) if not each.path.endswith("_margin") or "force" in each.path)
     if not reached.any():
         return Verdict(
             sentence([f"reaches none of {counted(reached.size, 'pose')} of this grid", _most(workspace)]),
@@ -73,42 +112,71 @@ def _numbers(workspace: Workspace) -> tuple[Number, ...]:
     reached = workspace.qualities.reachable
     made = [
         Number("reachable", "share of the grid that can be reached", float(reached.mean()), SHARE,
-               explanation="of the swept poses; the ranges decide what it is a share of")
+               explanation=f"{int(reached.sum())} of {counted(reached.size, 'pose')}; the ranges decide what it is a "
+               "share of")
     ]  # fmt: skip
     if reached.any():
         for result in results_of(workspace):
             values = np.where(reached, result.values, np.nan)
             quantity = quantity_of(result.shown)
             worst = float(np.nanmax(values) if result.is_best_low else np.nanmin(values))
-            made.append(Number(f"worst.{result.name}", f"worst {result.title}", worst, quantity,
-                               explanation="over all poses that can be reached"))  # fmt: skip
+            made.append(Number(f"worst.{result.name}", f"{result.title} at the worst pose", worst, quantity,
+                               explanation=f"Over all poses that can be reached. {_NOTES[result.name]}"))  # fmt: skip
     return tuple(made)
 
 
 def _maps(workspace: Workspace) -> list[Chart]:
-    """Each result over the first two coordinates; of a volume, in the slice nearest to home."""
+    """What limits each pose, then each result, over the first two coordinates; of a volume in slices of the third."""
     names = list(workspace.swept)
-    if len(names) < 2:
-        return []
-    level, of_slice = _slice(workspace, names)
-    reached = workspace.qualities.reachable[level]
-    axes = [Axis(name, of_unit(COORDINATES[name]), workspace.swept[name]) for name in names[:2]]
-    charts = []
-    for result in results_of(workspace):
-        values = np.where(reached, result.values[level], np.nan)
-        quantity = quantity_of(result.shown)
-        series = Series(result.title, quantity, values.T)
-        charts.append(Chart(f"{result.title}{of_slice}", axes[0], (series,), "heat", y=axes[1], group="maps"))
+    axes = [Axis(name, quantity_of(shown_coordinate(workspace, name)), workspace.swept[name]) for name in names]
+    slices = axes[2] if len(axes) == 3 else None
+    first = 0 if slices is None else _level(workspace, names[2])
+    others = workspace.fixed if slices is None else {**workspace.fixed, names[2]: float(slices.values[first])}
+    home = home_of(workspace.platform)
+    point = tuple(home[name] for name in names[:2]) if is_through_home(workspace, others) else ()
+    inside = _by_rows(clearance(workspace))
+    whole = Map(inside, slices=slices, first=first, point=point, point_name="home" if point else "")
+
+    def chart(title: str, series: Series, of: Map, note: str = "") -> Chart:
+        return Chart(title, axes[0], (series,), "heat", y=axes[1], group=FIGURES[0], map=of, note=note)
+
+    kinds = tuple(limit.text for limit in Limit)
+    limits = Series("limit", NUMBER, _by_rows(workspace.qualities.limit.astype(float)))
+    charts = [chart("reachable region", limits, replace(whole, classes=kinds))]
+    # of a region that no pose is in, there is nothing to show
+    for result in results_of(workspace) if workspace.qualities.reachable.any() else ():
+        series = Series(result.title, quantity_of(result.shown), _by_rows(result.values))
+        of = replace(whole, scale="log" if result.logarithmic else "linear")
+        charts.append(chart(result.title, series, of, _NOTES[result.name]))
     return charts
 
 
-def _slice(workspace: Workspace, names: list[str]) -> tuple[tuple[slice | int, ...], str]:
-    if len(names) == 2:
-        return (slice(None), slice(None)), ""
-    name = names[2]
-    values = workspace.swept[name]
-    place = min(range(len(values)), key=lambda k: not is_through_home(workspace, {name: float(values[k])}))
-    if not is_through_home(workspace, {name: float(values[place])}):
-        place = len(values) // 2
-    text = shown_coordinate(workspace, name).text(float(values[place]), 3)
-    return (slice(None), slice(None), place), f", at {name} {text}"
+def _by_rows(values: FloatArray) -> FloatArray:
+    """An array of the grid as a heat map has it: slices, then rows of the second coordinate."""
+    return np.asarray(np.swapaxes(values, 0, 1) if values.ndim == 2 else np.transpose(values, (2, 1, 0)))
+
+
+def _level(workspace: Workspace, name: str) -> int:
+    """The slice nearest to home."""
+    return int(np.abs(workspace.swept[name] - home_of(workspace.platform)[name]).argmin())
+
+
+def _surface(workspace: Workspace) -> Surface | None:
+    """The surface around the volume, with the condition number there; None around nothing."""
+    found = surface_of(workspace)
+    if found is None:
+        return None
+    condition = next(result for result in results_of(workspace) if result.name == "condition_number")
+    return Surface(
+        "the volume that can be reached",
+        tuple(workspace.swept),
+        tuple(quantity_of(shown_coordinate(workspace, name)) for name in workspace.swept),
+        np.array([values[0] for values in workspace.swept.values()]),
+        np.array([values[-1] for values in workspace.swept.values()]),
+        found.vertices,
+        found.triangles.astype(float),
+        10**found.colour,
+        condition.title,
+        quantity_of(condition.shown),
+        "log",
+    )

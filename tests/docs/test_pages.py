@@ -67,7 +67,7 @@ LEFT_BY = {
     "docs/live.md": "pages/pitch_sine_live.html",
     "docs/motion.md": "results/fitted/record.csv",
     "docs/view.md": "compared.html",
-    "docs/workspace.md": "results/volume/workspace.html",
+    "docs/workspace.md": "results/volume/report.html",
 }
 # What a page says of its snippet, by a word that no other has.
 CLAIMS = {

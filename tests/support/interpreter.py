@@ -23,7 +23,7 @@ COMMAND = "gough-stewart"
 _HEAVY = (
     *("scipy.integrate", "scipy.linalg", "scipy.optimize", "scipy.signal", "scipy.spatial.transform"),
     *("casadi", "control", "fmpy.fmi2", "fmpy.fmi3", "lxml.etree", "matplotlib.pyplot", "numpy"),
-    *("PIL.Image", "plotly", "pydantic", "rich.progress", "tomlkit", "typer"),
+    *("PIL.Image", "pydantic", "rich.progress", "tomlkit", "typer"),
     "gough_stewart.harness.experiment.schema",
 )
 # What most programs would trace again, a second or two for each.

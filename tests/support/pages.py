@@ -10,7 +10,7 @@ from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.report import estimate_report
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.view.page import view_page
-from gough_stewart.harness.workspace.page import workspace_page
+from gough_stewart.harness.workspace.report import workspace_report
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.workspace_grid import sweep
 from tests.harness.identify.machine import NOMINAL, machine_log
@@ -40,7 +40,7 @@ def _runs(number: int) -> bytes:
 
 
 def _workspace(*over: str) -> bytes:
-    return workspace_page(sweep(load_preset("desktop_hexapod"), dict.fromkeys(over), points=15))
+    return page_of(workspace_report(sweep(load_preset("desktop_hexapod"), dict.fromkeys(over), points=15)))
 
 
 PAGES: Mapping[str, Callable[[], bytes]] = {
@@ -57,8 +57,6 @@ DRAWN: Mapping[str, str] = {
     "three runs": "GoughStewart.ready.picture && GoughStewart.ready.curves",
     "ensemble": "GoughStewart.ready.all === true",
     "identification": "GoughStewart.ready.all === true",
-    "workspace": "document.querySelectorAll('.heatmaplayer').length >= 7",
-    "volume": "document.querySelector('.gl-container canvas') !== null",
+    "workspace": "GoughStewart.ready.all === true",
+    "volume": "GoughStewart.ready.all === true && GoughStewart.surface !== undefined",
 }
-# A chart of the page.
-CHART: Mapping[str, str] = dict.fromkeys(PAGES, ".plot") | dict.fromkeys(("workspace",), ".nsewdrag")

@@ -111,9 +111,9 @@ def test_libraries_of_a_page_are_known_by_their_notices() -> None:
     """Expected: a notice in another form, or of another library, is not passed over."""
     page = page_of(Report("nothing", Verdict("There is nothing", "told")))
     assert all(each.is_known for each in of_page(page))
-    text = b"<script>/*! plotly.js v3 | MIT license */ x /* a comment */ /** @license theirs 1.0 */</script>"
+    text = b"<script>/*! numbro.js v3 | MIT license */ x /* a comment */ /** @license theirs 1.0 */</script>"
     assert list(of_page(text)) == [
-        Licence("plotly.js (in the page)", "MIT"),
+        Licence("numbro.js (in the page)", "MIT"),
         Licence("page: /** @license theirs 1.0 */", ""),
     ]
     assert [each.is_known for each in of_page(b"<!-- theirs\nCopyright 2020\nSomebody -->")] == [False]

@@ -54,12 +54,11 @@ _NEARBY = {
 }
 # Scripts are tested in a browser only.
 _IN_BROWSER = {
-    "harness/view/web": ("tests/harness/view",),
-    "harness/workspace/web": ("tests/harness/workspace/test_in_browser.py",),
-    "harness/report/web": ("tests/harness/view/test_charts_in_browser.py", "tests/harness/view/test_in_browser.py"),
-    "harness/output/web": ("tests/harness/view/test_in_browser.py", "tests/harness/workspace/test_in_browser.py"),
-    "harness/ensemble/web": ("tests/harness/view",),
-    "harness/identify/web": ("tests/harness/view",),
+    "harness/report/web": (
+        "tests/harness/view/test_charts_in_browser.py",
+        "tests/harness/view/test_in_browser.py",
+        "tests/harness/workspace/test_in_browser.py",
+    ),
 }
 
 

@@ -56,10 +56,9 @@ _CLASSIFIER = "License :: OSI Approved :: "
 _OWN = frozenset({".py", ".pyi", ".typed", ".c", ".h", ".toml", ".md", ".csv", ".js", ".css", ".html", ""})
 # A notice of somebody else's rights in a text.
 _NOTICE = re.compile(rb"^.*(?:@license|SPDX-License-Identifier|copyright(?: \(c\)| \xc2\xa9)).*$", re.I | re.M)
-# Libraries whose notices the pages carry, by a text in the notice; bokeh and plotly.js contain others.
+# Libraries whose notices the pages carry, by a text in the notice; bokeh contains others.
 LIBRARIES: Mapping[str, tuple[str, str]] = {
     "three.js": ("three.js authors", "MIT"),
-    "plotly.js": ("plotly.js", "MIT"),
     "numbro.js": ("numbro.js", "MIT"),
     "jQuery Mousewheel": ("jquery mousewheel", "MIT"),
     "Tabler Icons": ("tabler icons", "MIT"),

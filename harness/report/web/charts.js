@@ -16,8 +16,9 @@
   // Charts over another axis, such as frequency, share a cursor among themselves.
   const groupOf = (chart) => {
     if (chart.isTime) return timeGroup;
-    const isFunction = ["line", "step"].includes(chart.kind), name = isFunction ? chart.x.title : Symbol("own");
-    if (!groups.has(name)) groups.set(name, freeGroup(isFunction));
+    const isFunction = ["line", "step"].includes(chart.kind), isMap = chart.kind === "heat";
+    const name = isFunction ? chart.x.title : isMap ? GS.heatKey(chart) : Symbol("own");
+    if (!groups.has(name)) groups.set(name, isMap ? GS.heatGroup(name, fit) : freeGroup(isFunction));
     return groups.get(name);
   };
   const freeGroup = (isFunction) => {
@@ -26,7 +27,7 @@
       const ends = group.panels.filter((p) => p.figure).map((p) => p.figure.whole());
       return ends.length ? [Math.min(...ends.map((e) => e[0])), Math.max(...ends.map((e) => e[1]))] : null;
     };
-    const canZoom = (panel) => !["bars", "heat"].includes(panel.chart.kind);
+    const canZoom = (panel) => panel.chart.kind !== "bars";
     const group = {
       isTime: false, panels: [], region: () => own.region, cursor: () => own.cursor ?? own.fixed,
       range: () => own.zoom || whole(),
@@ -102,7 +103,7 @@
   };
   const fit = (panel) => {
     if (!panel.figure) return;
-    panel.figure.fit(panel.group.range());
+    panel.figure.fit(panel.group.box ? panel.group.box() : panel.group.range());
     panel.stale = false;
     follow(panel);
   };
@@ -115,7 +116,9 @@
 
   // The description of a chart for screen readers.
   const summary = (panel) => {
-    const { chart, figure } = panel, names = chart.series.map((each) => each.name).slice(0, 12).join("; ");
+    const { chart, figure } = panel;
+    if (figure.heat) return `Map of ${chart.title} over ${chart.x.title} and ${chart.rows.title}: ${figure.heat.map.told}. Arrows go from value to value.`;
+    const names = chart.series.map((each) => each.name).slice(0, 12).join("; ");
     let low = Infinity, high = -Infinity;
     for (const { numbers } of figure.parts) for (const v of numbers.y) { if (v < low) low = v; if (v > high) high = v; }
     const values = low <= high ? `values from ${GS.short(low)} to ${GS.short(high)} ${chart.y.unit}`.trim() : "no values";
@@ -139,7 +142,7 @@
     if (state.members) GS.markedBars(panel);
     // the figure finds its size in a frame of its own
     new ResizeObserver(() => requestAnimationFrame(() => { if (!GS.isPrinting()) fit(panel); })).observe(panel.plot);
-    GS.point(panel);
+    if (panel.figure.heat) GS.pointHeat(panel); else GS.point(panel);
     fit(panel);
     return panel;
   })());
@@ -147,6 +150,7 @@
   const seen = (panel) => panel.visible;
   GS.charts = async () => {
     await GS.started;
+    await GS.sliceBar();
     for (const host of document.querySelectorAll("figure.chart")) {
       const chart = page.charts[Number(host.dataset.chart)], plot = host.querySelector(".plot");
       Object.assign(plot, { tabIndex: 0 });
@@ -170,6 +174,7 @@
     GS.on("zoom", () => { for (const panel of timeGroup.panels) { if (seen(panel)) fit(panel); else panel.stale = true; } });
     GS.on("leg picked", () => panels.forEach((panel) => { if (panel.figure) { panel.figure.dress(); GS.legendState(panel); } }));
     GS.on("hiddenRuns", () => panels.forEach((panel) => { if (panel.figure) { panel.figure.dress(); GS.legendState(panel); fit(panel); } }));
+    GS.on("slice", () => panels.forEach((panel) => panel.figure?.heat?.show(GS.sliceOf(panel.chart))));
     GS.on("members", () => panels.forEach((panel) => { GS.showMembers(panel); GS.markedBars(panel); }));
     GS.onTheme(() => panels.forEach(dress));
     GS.clearCharts = () => { for (const group of groups.values()) group.clear(); };

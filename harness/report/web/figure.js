@@ -3,7 +3,6 @@
 (() => {
   const GS = GoughStewart;
   const FONT = 'system-ui, "Segoe UI", sans-serif', LEFT = 68, RIGHT = 14, AIR = 0.06, NEAR = 0.02;
-  const HEAT = ["#00204d", "#31446b", "#666970", "#958f78", "#cbba69", "#ffe945"];
 
   const times = (values, factor) => (factor === 1 ? values : values.map((v) => factor * v));
   // The numbers of a chart, in the units shown.
@@ -14,17 +13,10 @@
       x: each.x === undefined ? x : await one(each.x, chart.x.factor), y: await one(each.values, factor),
       low: await one(each.low, factor), high: await one(each.high, factor), members: await one(each.members, 1),
     })));
-    return { x, all, rows: chart.rows && times(await GS.array(chart.rows.values), chart.rows.factor) };
+    const { map, rows } = chart, of = async (axis) => axis && times(await GS.array(axis.values), axis.factor);
+    return { x, all, rows: await of(rows), slices: await of(map?.slices), inside: map && map.inside !== null ? await GS.array(map.inside) : null };
   };
 
-  const heatColours = () => {
-    const stops = HEAT.map((hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16)));
-    return Array.from({ length: 256 }, (_, k) => {
-      const at = k / 255 * (stops.length - 1), low = Math.min(Math.floor(at), stops.length - 2);
-      const mixed = stops[low].map((c, i) => Math.round(c + (at - low) * (stops[low + 1][i] - c)));
-      return `#${mixed.map((c) => c.toString(16).padStart(2, "0")).join("")}`;
-    });
-  };
   const extent = (list) => {
     let low = Infinity, high = -Infinity;
     for (const values of list) for (const v of values || []) { if (v < low) low = v; if (v > high) high = v; }
@@ -104,7 +96,7 @@
             part.whisker = new Bokeh.Whisker({ base: F("at"), lower: F("low"), upper: F("high"), source, dimension: this.lying ? "width" : "height", level: "annotation" });
             figure.add_layout(part.whisker);
           }
-        } else if (chart.kind === "heat") this.heat(numbers);
+        } else if (chart.kind === "heat") this.heat = GS.drawHeat(chart, figure, data);
         this.parts.push(part);
       });
       const name = (axis, labels) => {
@@ -130,18 +122,6 @@
       this.marked.source.data = columns;
     }
 
-    heat(numbers) {
-      const { chart, figure, data } = this, columns = data.x.length, rows = data.rows.length;
-      const ends = extent([numbers.y]) || [0, 1];
-      const mapper = new Bokeh.LinearColorMapper({ palette: heatColours(), low: ends[0], high: ends[1], nan_color: "rgba(128,128,128,0.25)" });
-      const half = (values) => (values.length > 1 ? (values.at(-1) - values[0]) / (values.length - 1) / 2 : 0.5);
-      const [dx, dy] = [half(data.x), half(data.rows)];
-      const source = new Bokeh.ColumnDataSource({ data: { image: [Bokeh.require("core/util/ndarray").ndarray(numbers.y, { dtype: "float64", shape: [rows, columns] })] } });
-      figure.image({ image: { field: "image" }, source, x: data.x[0] - dx, y: data.rows[0] - dy, dw: data.x.at(-1) - data.x[0] + 2 * dx, dh: data.rows.at(-1) - data.rows[0] + 2 * dy, color_mapper: mapper });
-      this.colourBar = new Bokeh.ColorBar({ color_mapper: mapper, width: 10, padding: 6, background_fill_color: null, title: chart.y.unit || null });
-      figure.add_layout(this.colourBar, "right");
-    }
-
     // Data and ranges of the part that is shown; `range` is that of the abscissa, null for all.
     fit(range = null) {
       const { chart, figure, data } = this, least = chart.y.least;
@@ -155,10 +135,9 @@
         return;
       }
       if (chart.kind === "heat") {
-        const half = (values) => (values.at(-1) - values[0]) / Math.max(values.length - 1, 1) / 2 || 0.5;
-        const [dx, dy] = [half(data.x), half(data.rows)];
-        figure.x_range.setv({ start: data.x[0] - dx, end: data.x.at(-1) + dx });
-        figure.y_range.setv({ start: data.rows[0] - dy, end: data.rows.at(-1) + dy });
+        const [x, y] = GS.heatRange(this, range, this.place());
+        figure.x_range.setv({ start: x[0], end: x[1] });
+        figure.y_range.setv(data.rows.length && chart.rows.labels.length ? { start: y[1], end: y[0] } : { start: y[0], end: y[1] });
         return;
       }
       const whole = this.whole(), [from, to] = range || whole;
@@ -213,7 +192,8 @@
         });
       }
       for (const grid of [...figure.xgrids, ...figure.ygrids]) grid.grid_line_color = line;
-      if (this.colourBar) this.colourBar.setv({ major_label_text_color: ink, title_text_color: ink, major_label_text_font: FONT, title_text_font: FONT });
+      this.heat?.dress(GS.theme());
+      if (this.heat?.bar) this.heat.bar.setv({ major_label_text_color: ink, title_text_color: ink, major_label_text_font: FONT, title_text_font: FONT });
       for (const { span, mark } of this.spans) span.setv({ line_color: roles[mark.role], line_dash: GS.page.dashes[mark.role].map((d) => 3 * d) });
       this.parts.forEach((part, k) => {
         if (chart.kind === "heat") return;

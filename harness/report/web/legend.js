@@ -47,6 +47,7 @@
     const { chart, key } = panel, isBlock = !["line", "step"].includes(chart.kind);
     panel.items = [];
     const rows = [], last = [];
+    if (panel.figure?.heat) rows.push(...GS.heatLegend(panel));
     const several = !isBlock && page.runs.length > 1 && chart.series.every((series) => series.run !== undefined);
     if (several) rows.push(...ofRuns(panel));
     else chart.series.forEach((series, k) => {

@@ -5,7 +5,7 @@
   // time is set when the first records are known; hover is a time under the pointer, or null
   const state = {
     start: 0, end: 0, time: 0, hover: null, playing: false, speed: 1,
-    region: null, zoom: null, leg: null, picked: null, members: null, hiddenRuns: new Set(),
+    region: null, zoom: null, leg: null, picked: null, members: null, slice: null, hiddenRuns: new Set(),
   };
   const same = (a, b) => a === b || (Array.isArray(a) && Array.isArray(b) && a.every((x, k) => x === b[k]));
   GS.state = state;
@@ -50,6 +50,7 @@
     if (state.leg) parts.push(`leg=${state.leg}`);
     if (state.picked) parts.push(`pick=${encodeURIComponent(state.picked)}`);
     if (state.members) parts.push(`members=${[...state.members].join(",")}`);
+    if (state.slice !== null) parts.push(`slice=${state.slice}`);
     if (state.hiddenRuns.size) parts.push(`without=${[...state.hiddenRuns].join(",")}`);
     return parts.join("&");
   };
@@ -63,11 +64,12 @@
   GS.follow = (address) => {
     const asked = new Map(address.replace(/^#/, "").split("&").map((part) => part.split("=")).filter((pair) => pair.length === 2));
     const numbers = (name) => (asked.get(name) || "").split(",").filter(Boolean).map(Number).filter(Number.isFinite);
-    const [time] = numbers("t"), zoom = numbers("zoom"), marked = numbers("mark"), [leg] = numbers("leg");
+    const [time] = numbers("t"), zoom = numbers("zoom"), marked = numbers("mark"), [leg] = numbers("leg"), [slice] = numbers("slice");
     GS.zoomTo(zoom.length === 2 ? zoom : null);
     GS.mark(marked.length === 2 ? marked : null);
     GS.set({
       leg: leg >= 1 && leg <= 6 ? leg : null, picked: asked.has("pick") ? decodeURIComponent(asked.get("pick")) : null,
+      slice: Number.isInteger(slice) && slice >= 0 ? slice : null,
       members: asked.has("members") ? new Set(numbers("members")) : null, hiddenRuns: new Set(numbers("without")),
     });
     if (time !== undefined) GS.set({ time: Math.min(Math.max(time, state.start), state.end) });

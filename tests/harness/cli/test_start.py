@@ -9,7 +9,7 @@ import pytest
 from tests.support.fmu_plants import Fmu
 
 # Each takes a tenth of a second or more; all together take two.
-SLOW = ("casadi", "control", "fmpy", "lxml", "matplotlib", "plotly", "polars", "scipy")
+SLOW = ("casadi", "control", "fmpy", "lxml", "bokeh", "matplotlib", "polars", "scipy")
 ALL = (*SLOW, "numpy", "pydantic")
 
 
@@ -64,4 +64,4 @@ def test_a_run_through_the_fmu_does_without_python_control_casadi_and_scipy(
     arguments = ["run", "heave_step", "--plant", "fmu3", "--fmu", fmu, "--set", "loop.duration=0.5"]
     loaded = loaded_after(MAIN, *arguments, "--out", str(tmp_path))
     assert (tmp_path / "metrics.json").is_file()
-    assert not loaded & {"casadi", "control", "matplotlib", "plotly", "scipy"}
+    assert not loaded & {"casadi", "control", "matplotlib", "scipy"}

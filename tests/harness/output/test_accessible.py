@@ -9,7 +9,7 @@ from playwright.sync_api import Browser
 
 from tests.support.axe import violations
 from tests.support.browser import Watched, until, watched
-from tests.support.pages import CHART, DRAWN, PAGES
+from tests.support.pages import DRAWN, PAGES
 
 Open = Callable[..., Watched]
 
@@ -88,9 +88,9 @@ def test_a_swipe_over_a_chart_scrolls_the_page_of_a_phone(browser: Browser, open
     page.goto(address)
     until(page, DRAWN[kind])
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    page.locator(CHART[kind]).first.scroll_into_view_if_needed()
+    page.locator(".plot").first.scroll_into_view_if_needed()
     before = page.evaluate("scrollY")
-    box = page.locator(CHART[kind]).first.bounding_box()
+    box = page.locator(".plot").first.bounding_box()
     assert box is not None
     session, x, y = context.new_cdp_session(page), box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     for k in range(11):

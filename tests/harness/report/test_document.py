@@ -18,6 +18,7 @@ from gough_stewart.harness.report.document import (
     Column,
     File,
     Flag,
+    Map,
     Mark,
     Note,
     Number,
@@ -44,6 +45,7 @@ from gough_stewart.harness.report.quantities import (
     Quantity,
     of_unit,
 )
+from gough_stewart.harness.report.surface import Surface
 
 _TIME: Any = [7.3, 7.4, 7.6]
 # Lists become arrays; wrong values are refused.
@@ -53,6 +55,13 @@ _Series: Any = Series
 _Scene: Any = Scene
 _Chart: Any = Chart
 _Verdict: Any = Verdict
+_Map: Any = Map
+
+
+def _surface(**other: Any) -> Surface:
+    parts: dict[str, Any] = {"vertices": np.zeros((2, 3)), "triangles": np.zeros((1, 3)), "values": np.zeros(2)}
+    parts |= {"names": ("x", "y", "z"), "quantities": (LENGTH,) * 3, "low": np.zeros(3), "high": np.ones(3), **other}
+    return Surface("s", **parts)
 
 
 def whole_report() -> Report:
@@ -102,6 +111,23 @@ def whole_report() -> Report:
         "heat",
         _Axis("y", LENGTH, [2, 3]),
     )
+    slices = _Map(
+        np.array([[[1.0, -1.0]], [[2.0, math.nan]]]),
+        "log",
+        ("free", "blocked"),
+        _Axis("z", LENGTH, [5, 6]),
+        1,
+        (0, 2),
+        "home",
+    )
+    layers = _Chart(
+        "layers", _Axis("x", LENGTH, [0, 1]), (_Series("gain", COUNT, [[[1, math.inf]], [[3, 4]]]),), "heat",
+        _Axis("y", LENGTH, [2]), map=slices,
+    )  # fmt: skip
+    surface = Surface(
+        "region", ("x", "y", "roll"), (LENGTH, LENGTH, ANGLE), np.zeros(3), np.ones(3), np.eye(3) / 2,
+        np.array([[0.0, 1, 2]]), np.array([1.0, 2, math.inf]), "gain", COUNT, "log", True,
+    )  # fmt: skip
     bars = _Chart("causes", _Axis("cause", labels=("a", "b")), (_Series("members", COUNT, [3, 4]),), "bars")
     table = Table(
         "Legs",
@@ -122,7 +148,7 @@ def whole_report() -> Report:
         "Heave",
         _Verdict("Follows within 0.8 mm", "good", (number,)),
         (
-            Section("Tracking", (table, chart, heat, bars, scene, Note("odd", "warning"))),
+            Section("Tracking", (table, chart, heat, layers, bars, scene, surface, Note("odd", "warning"))),
             Section("More", (), detail=True),
         ),
         study="run",
@@ -155,7 +181,7 @@ def test_json_carries_every_field_of_every_part() -> None:
     assert _equal(from_json(text), report)
     # every field was given, so that none is equal by its default alone
     seen = {kind: set(data) for kind, data in _objects(to_data(report))}
-    for kind in (Scene, Series, Table, Report, Requirement, Number, Mark):
+    for kind in (Scene, Surface, Map, Series, Table, Report, Requirement, Number, Mark):
         assert seen[kind.__name__] >= {each.name for each in fields(kind)} - {"value"}, kind
 
 
@@ -164,7 +190,9 @@ def _objects(data: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     parts = data["sections"][0]["parts"]
     return [
         ("Report", data),
-        ("Scene", parts[4]),
+        ("Scene", parts[5]),
+        ("Surface", parts[6]),
+        ("Map", parts[3]["map"]),
         ("Table", parts[0]),
         ("Series", parts[1]["series"][0]),
         ("Mark", {**parts[1]["marks"][1], **parts[1]["marks"][0], "direction": 0, "role": 0}),
@@ -218,6 +246,34 @@ def test_arrays_are_read_only_copies() -> None:
             ),
             r"expected \(2, 2\)",
         ),
+        (
+            lambda: _Chart(
+                "c",
+                time_axis([0, 1]),
+                (_Series("a", COUNT, [[1, 2]]),),
+                "heat",
+                _Axis("y", LENGTH, [1]),
+                map=_Map(slices=_Axis("z", LENGTH, [1, 2])),
+            ),
+            r"the heat map 'c' has \(1, 2\) values; expected \(2, 1, 2\)",
+        ),
+        (
+            lambda: _Chart(
+                "c",
+                time_axis([0, 1]),
+                (_Series("a", COUNT, [[1, 2]]),),
+                "heat",
+                _Axis("y", LENGTH, [1]),
+                map=_Map(np.ones((2, 1))),
+            ),
+            r"'inside' of 'c' has \(2, 1\) values; expected \(1, 2\)",
+        ),
+        (lambda: _Map(slices=_Axis("z", LENGTH, [1, 2]), first=2), "the slice 2 is shown first; expected one of 2"),
+        (lambda: _Map(point=(1.0,)), "a point of 1 coordinates; expected 2, or none"),
+        (lambda: _surface(vertices=np.zeros((2, 2))), r"'vertices' of the surface 's' has \(2, 2\) values"),
+        (lambda: _surface(values=np.zeros(3)), r"'values' of the surface 's' has \(3,\) values; expected \(2,\)"),
+        (lambda: _surface(triangles=np.array([[0.0, 1, 2]])), "names a corner that is not there"),
+        (lambda: _surface(names=("x", "y")), "the surface 's' has 2 names and 3 quantities; expected 3 of each"),
         (
             lambda: _Chart("c", time_axis([0, 1]), (_Series("a", COUNT, [1, 2]),), "pie"),
             "'pie'; expected one of line, step",

@@ -112,7 +112,7 @@ FOLDERS = {
     "plan.json": "it has an unfinished ensemble; continue it with `gough-stewart ensemble … --resume`",
     "ensemble.json": "it has an ensemble; `gough-stewart view` it, or worst/member-…",
     "tuning.json": "it has a tuning; run tuned.toml, then view that run",
-    "workspace.csv": "it has a workspace; open workspace.html in a browser",
+    "workspace.csv": "it has a workspace; `gough-stewart view` it",
     "estimate.json": "it has an identification; `gough-stewart view` it",
     "excitation.toml": "it has an excitation; run excitation.toml, then view that run",
     "check.json": "it has a motion check; `gough-stewart view` it",

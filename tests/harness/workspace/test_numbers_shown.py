@@ -1,33 +1,27 @@
-"""Every number of a workspace that is shown: tables, CSV, page and notices, recomputed pose by pose."""
+"""Every number of a workspace that is shown: tables, CSV, maps and notices, recomputed pose by pose."""
 
-import base64
-import json
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import polars as pl
 import pytest
-from lxml import etree
-from matplotlib.colors import to_hex
 from scipy.spatial.transform import Rotation
 
+from gough_stewart.harness.report.document import Note, Table
+from gough_stewart.harness.report.surface import Surface
 from gough_stewart.harness.workspace.display import (
     Shown,
     clearance,
     clearance_of,
     fixed_text,
-    limits_text,
     swept_text,
 )
 from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.isosurface import surface_of
-from gough_stewart.harness.workspace.maps import LIMIT_COLOURS
-from gough_stewart.harness.workspace.page import workspace_page
+from gough_stewart.harness.workspace.report import workspace_report
 from gough_stewart.harness.workspace.tables import extent_text, size_text, workspace_csv, workspace_tables
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.platform import Platform
@@ -193,9 +187,6 @@ def test_shares_of_the_grid_that_limits_keep_from(seen: Seen) -> None:
         if int(limit) in codes:
             expected.append((text, "", share(limit)))
     assert rows_of(shown) == expected
-    by_name = {name: value for name, value, _ in expected[:7]}
-    names = ("shortest leg", "longest leg", "joint angle from home", "actuator force")
-    assert limits_text(seen.space) == ", ".join(f"{name} {by_name[name]}" for name in names)
 
 
 def test_the_best_and_worst_of_every_result_and_where(seen: Seen) -> None:
@@ -293,97 +284,63 @@ def test_coordinates_in_words(seen: Seen) -> None:
     assert fixed_text(seen.space) == ", ".join(f"{name} {seen.shown(seen.space.fixed[name], name)}" for name in fixed)
 
 
-def numbers(packed: dict[str, str]) -> FloatArray:
-    return np.frombuffer(base64.b64decode(packed["bdata"]), f"<{packed['dtype']}").astype(float)
+def test_the_maps_have_every_number(seen: Seen) -> None:
+    """Expected: the grid in SI units, and by pose the limit, the clearance and all results, in slices and rows.
 
-
-def test_the_page_has_every_number(seen: Seen) -> None:
-    """Expected: the grid in display units, and by pose the limit, the limit nearest by, the clearance and all results.
-
-    Scales of colours go from the least to the largest value that can be reached, of condition numbers at most to 1000.
-    Home is marked where it lies in the plane; the slice shown first is the one nearest to it.
+    Of a volume, the slice shown first is the one nearest to home, and the surface has its place, in the same units.
     """
-    page = workspace_page(seen.space).decode()
-    block = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
-    assert block
-    data: dict[str, Any] = json.loads(block[1])
-    length = 1e3 if seen.length == "mm" else 1.0
-    factors = {name: 180 / np.pi if name in NAMES[3:] else length for name in seen.swept}
-    assert [part["name"] for part in data["swept"]] == list(seen.swept)
-    for part, (name, values) in zip(data["swept"], seen.swept.items(), strict=True):
-        assert part["unit"] == ("°" if name in NAMES[3:] else seen.length)
-        assert numbers(part["values"]) == pytest.approx(values * factors[name], rel=1e-6, abs=1e-6)
-    assert data["limits"] == [{"text": limit.text, "colour": LIMIT_COLOURS[limit]} for limit in Limit]
-    codes = [int(q.limit) for q in seen.each.values()]
-    assert numbers(data["limit"]).tolist() == codes
-    assert numbers(data["clearance"]) == pytest.approx(clearance(seen.space).ravel(), rel=1e-6, abs=1e-9)
-    _check_behind(seen, numbers(data["behind"]).astype(int).tolist(), codes)
-    reached = seen.reached()
-    assert [each["title"] for each in data["results"]] == [RESULTS[name][0] for name in seen.results()]
-    for each, (name, of_poses) in zip(data["results"], seen.results().items(), strict=True):
-        unit, factor = seen.unit(name)
-        assert (each["unit"], each["logarithmic"]) == (unit, name == "condition_number")
-        assert numbers(each["values"]) == pytest.approx([factor * v for v in of_poses.values()], rel=1e-6)
-        inside = [factor * of_poses[index] for index in reached]
-        assert each["low"] == pytest.approx(min(inside))
-        largest = min(max(inside), 1000.0) if each["logarithmic"] else max(inside)
-        assert each["high"] == pytest.approx(max(largest, 1.01 * each["low"]) if each["logarithmic"] else largest)
-        known = {"condition_number": "magma_r", "force_margin": "cividis"}
-        end = 0.72 if name == "condition_number" else 1.0
-        table = mpl.colormaps[known.get(name, "viridis")](np.linspace(0, end, 64))
-        shares = [share for share, _ in each["colours"]]
-        assert shares == pytest.approx(np.linspace(0, 1, 17))
-        expected = [to_hex(table[min(int(share * 64), 63)]) for share in shares]
-        assert [colour for _, colour in each["colours"]] == expected
-    home = dict(zip(NAMES, [*seen.space.platform.home_position, *seen.space.platform.home_orientation], strict=True))
-    through = all(abs(value - home[name]) < 1e-9 for name, value in seen.space.fixed.items())
-    if through:
-        assert data["home"]["place"] == pytest.approx([home[n] * factors[n] for n in seen.swept])
-    else:
-        assert data["home"] is None
-    if len(seen.swept) == 2:
-        assert (data["surface"], data["level"]) == (None, 0)
-        return
-    assert data["level"] == int(np.abs(seen.swept["z"] - home["z"]).argmin())
-    surface = surface_of(seen.space)
-    assert surface is not None
-    place = np.array(list(factors.values()))
-    assert numbers(data["surface"]["vertices"]) == pytest.approx((surface.vertices * place).ravel(), rel=1e-6, abs=1e-6)
-    assert numbers(data["surface"]["triangles"]).tolist() == surface.triangles.ravel().tolist()
-    assert numbers(data["surface"]["colour"]) == pytest.approx(surface.colour, rel=1e-5)
+    report = workspace_report(seen.space)
+    names = list(seen.swept)
+    first, *results = report.charts
+    assert first.map is not None
+    assert first.map.classes == tuple(limit.text for limit in Limit)
+    assert [chart.title for chart in results] == [RESULTS[name][0] for name in seen.results()]
+    of_page = {"limit": {index: float(q.limit) for index, q in seen.each.items()}, **seen.results()}
+    field = clearance(seen.space)
+    for chart, (name, of_poses) in zip(report.charts, of_page.items(), strict=True):
+        assert chart.map is not None
+        assert chart.y is not None
+        assert (chart.x.name, chart.y.name) == tuple(names[:2])
+        axes = [chart.x, chart.y, *([chart.map.slices] if chart.map.slices else [])]
+        assert [axis.quantity.unit for axis in axes] == ["deg" if n in NAMES[3:] else seen.length for n in names]
+        for axis, values in zip(axes, seen.swept.values(), strict=True):
+            assert axis.values.tolist() == values.tolist()
+        unit, factor = ("", 1.0) if name == "limit" else seen.unit(name)
+        quantity = chart.series[0].quantity
+        assert quantity.unit == unit.replace("°", "deg")
+        assert quantity.factor == pytest.approx(factor)
+        assert chart.map.scale == ("log" if name == "condition_number" else "linear")
+        for index, value in of_poses.items():
+            assert chart.series[0].values[index[::-1]] == pytest.approx(value, rel=1e-9)
+            assert chart.map.inside is not None
+            assert chart.map.inside[index[::-1]] == field[index]
+    if len(names) == 3:
+        home = seen.space.platform.home_position[2]
+        assert first.map.first == int(np.abs(seen.swept["z"] - home).argmin())
+        (shown,) = [part for part in report.parts() if isinstance(part, Surface)]
+        surface = surface_of(seen.space)
+        assert surface is not None
+        assert shown.names == tuple(names)
+        assert shown.vertices.tolist() == surface.vertices.tolist()
+        assert shown.triangles.tolist() == surface.triangles.tolist()
+        assert np.log10(shown.values) == pytest.approx(surface.colour)
+        assert shown.low.tolist() == [values[0] for values in seen.swept.values()]
+        assert shown.high.tolist() == [values[-1] for values in seen.swept.values()]
 
 
-def _check_behind(seen: Seen, behind: list[int], codes: list[int]) -> None:
-    """Beyond the region the limits themselves; within it the limit of a nearest pose beyond, map by map."""
-    known = dict(zip(seen.each, codes, strict=True))
-    for index, found in zip(seen.each, behind, strict=True):
-        same_map = [other for other in known if other[2:] == index[2:] and known[other]]
-        if known[index] or not same_map:
-            assert found == known[index]
-            continue
-        distance = {other: (other[0] - index[0]) ** 2 + (other[1] - index[1]) ** 2 for other in same_map}
-        least = min(distance.values())
-        assert found in {known[other] for other in same_map if distance[other] == least}
+def _point(space: Workspace) -> tuple[float, ...]:
+    found = workspace_report(space, surface=False).charts[0].map
+    assert found is not None
+    assert found.point_name == ("home" if found.point else "")
+    return found.point
 
 
-def test_a_volume_through_home_shows_the_slice_of_home() -> None:
-    """Expected: home marked at its first two coordinates where a slice goes through it, and not where none does."""
+def test_home_is_marked_where_a_map_goes_through_it() -> None:
+    """Expected: at its first two coordinates, of a volume in the slice of its third one, and not where none goes."""
     box = {"yaw": (-0.2, 0.3), "y": (-0.3, 0.2), "x": (-0.12, 0.18)}
-    for over, points, level in ((box, 4, 2), (box, 5, None)):
-        data = _data(sweep(LIMITED, over, points=points))
-        if level is None:
-            assert data["home"] is None
-            continue
-        assert data["home"]["level"] == data["level"] == level
-        assert data["home"]["place"] == pytest.approx([np.degrees(0.11), -0.05])
-
-
-def _data(space: Workspace) -> dict[str, Any]:
-    page = workspace_page(space).decode()
-    block = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
-    assert block
-    data: dict[str, Any] = json.loads(block[1])
-    return data
+    assert _point(sweep(LIMITED, box, points=4)) == pytest.approx((0.11, -0.05))
+    assert _point(sweep(LIMITED, box, points=5)) == ()
+    assert _point(sweep(UNEVEN, {"yaw": (-0.2, 0.3), "y": (-0.3, 0.2)}, points=3)) == pytest.approx((0.11, -0.05))
 
 
 def _notice(platform: Platform, over: dict[str, tuple[float, float]], at: dict[str, float]) -> str:
@@ -447,56 +404,37 @@ def test_what_leads_back_home_is_said_in_the_order_of_its_use() -> None:
         assert notices(sweep(replace(UNEVEN, **without), _NEAR, points=3)) == []  # type: ignore[arg-type]
 
 
-# --- the page in words -----------------------------------------------------------------------------------------------
+def test_the_report_says_each_thing_in_its_place(seen: Seen) -> None:
+    """Expected: platform, ranges, share of the poses, worst values over those within reach, all tables, source."""
+    space, report = seen.space, workspace_report(seen.space, surface=False)
+    assert report.title == f"Workspace of {space.platform.name}"
+    assert report.lead == f"{swept_text(space)}; at {fixed_text(space)}"
+    assert [note.text for note in report.notes] == notices(space)
+    reached = seen.reached()
+    share = report.number("reachable")
+    assert share.value == pytest.approx(len(reached) / len(seen.each))
+    assert share.explanation.startswith(f"{len(reached)} of {len(seen.each)} poses; ")
+    for name, values in seen.results().items():
+        inside = [values[index] for index in reached]
+        worst = max(inside) if name == "condition_number" else min(inside)
+        assert report.number(f"worst.{name}").value == pytest.approx(worst)
+    # those at the border are 0 there, and say nothing
+    told = [name for name in seen.results() if not RESULTS[name][2]]
+    assert [each.path for each in report.verdict.numbers] == ["reachable", *(f"worst.{name}" for name in told)]
+    tables = [part for part in report.parts() if isinstance(part, Table)]
+    assert [table.title for table in tables] == [table.title for table in workspace_tables(space)]
+    source = [part.text for part in report.parts() if isinstance(part, Note)]
+    assert source == ([f"{space.platform.name}: {space.platform.source}"] if space.platform.source else [])
 
 
-def test_the_page_says_each_thing_in_its_place(seen: Seen) -> None:
-    """Expected: by element: platform, ranges, share, notices, limits that are met in their colours, all tables."""
-    space, page = seen.space, workspace_page(seen.space).decode()
-    tree: Any = etree.HTML(page)
-    name = space.platform.name
-    assert tree.findtext(".//title") == tree.findtext(".//h1") == f"Workspace of {name}"
-    said = {one.get("class"): " ".join(one.itertext()) for one in tree.iterfind(".//header/p") if one.get("class")}
-    assert said["lead"] == f"{swept_text(space)}; at {fixed_text(space)}"
-    assert said["size"] == size_text(space)
-    assert [one.text for one in tree.findall(".//p[@class='notice']")] == notices(space)
-    hint = "Point at a map to see all values there. Drag to zoom all maps; double-click to reset."
-    more = " Move the slider to choose a slice; drag the volume to turn it."
-    assert tree.findtext(".//p[@class='hint']") == hint + (more if len(seen.swept) == 3 else "")
-    codes = sorted({int(q.limit) for q in seen.each.values()})
-    swatches = [(span.find("i").get("class"), span.find("i").get("style")) for span in _legend(tree)]
-    assert [span.find("i").tail for span in _legend(tree)] == [Limit(code).text for code in codes]
-    assert swatches == [
-        (None, f"background:{LIMIT_COLOURS[Limit(code)]}") if code else ("reachable", None) for code in codes
-    ]
-    expected = workspace_tables(space)
-    tables = tree.findall(".//section[@class='tables']/div")
-    assert len(tables) == len(expected) == 3
-    for table, each in zip(tables, expected, strict=True):
-        words = " ".join(" ".join(table.itertext()).split())
-        assert each.title in words
-        for row in rows_of(each):
-            assert " ".join(" ".join(row).split()) in words
-    footer = tree.findtext(".//footer") or ""
-    source = space.platform.source
-    assert footer.startswith(f"{source}. Largest payload: a point mass" if source else "Largest payload: a point mass")
-    assert footer.endswith("Made by gough-stewart; includes plotly.js.")
-    assert "largest force there, in any direction, held at rest." in footer
-
-
-def _legend(tree: Any) -> list[Any]:
-    return list(tree.findall(".//div[@class='legend']/span"))
-
-
-def test_an_empty_region_has_no_swatch_and_no_table_of_results() -> None:
-    """Expected: limits only; the table of what can be reached is left out, since it has no rows."""
+def test_an_empty_region_has_its_limits_and_no_results() -> None:
+    """Expected: one map, and no table of what can be reached, since it has no rows."""
     space = sweep(replace(UNEVEN, source=""), _NEAR, {"z": 1.0}, points=3)
-    tree: Any = etree.HTML(workspace_page(space).decode())
-    assert [span.find("i").tail for span in _legend(tree)] == ["a leg too short"]
-    assert [span.find("i").get("class") for span in _legend(tree)] == [None]
-    assert len(tree.findall(".//section[@class='tables']/div")) == 2
-    assert [one.text for one in tree.findall(".//p[@class='notice']")] == notices(space)
-    assert (tree.findtext(".//footer") or "").startswith("Largest payload")
+    report = workspace_report(space)
+    assert [chart.title for chart in report.charts] == ["reachable region"]
+    assert len([part for part in report.parts() if isinstance(part, Table)]) == 2
+    assert [note.text for note in report.notes] == notices(space)
+    assert not any(isinstance(part, Note) for part in report.parts())
     rows = rows_of(workspace_tables(space)[0])
     assert [row[4:6] for row in rows] == [("–", "–")] * 2
 
@@ -507,7 +445,7 @@ def test_a_plane_goes_through_home_where_all_other_coordinates_agree(name: str, 
     """Expected: to a billionth, from both sides; the first of two coordinates counts as the last does."""
     home = {"z": 2.9, "yaw": 0.11}
     space = sweep(UNEVEN, {"x": (-0.1, 0.12), "y": (-0.1, 0.1)}, {name: home[name] + aside}, points=3)
-    assert (_data(space)["home"] is not None) == (abs(aside) < 1e-9)
+    assert bool(_point(space)) == (abs(aside) < 1e-9)
 
 
 def test_where_home_is_told_only_for_coordinates_that_are_away_from_it() -> None:

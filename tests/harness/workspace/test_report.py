@@ -31,8 +31,10 @@ def test_the_verdict_has_extents_share_and_the_limit_that_keeps_off_most() -> No
     assert report.number("reachable").value == pytest.approx(free.mean())
     chart = next(part for part in report.parts() if isinstance(part, Chart))
     assert chart.kind == "heat"
-    assert np.isnan(chart.series[0].values.T[~free]).all()
-    assert np.isfinite(chart.series[0].values.T[free]).all()
+    assert np.array_equal(chart.series[0].values.T, code)
+    assert chart.map is not None
+    assert chart.map.inside is not None
+    assert ((chart.map.inside.T > 0) == free).all()
     assert chart.y is not None
     assert (chart.x.name, chart.y.name) == ("x", "roll")
 
