@@ -29,21 +29,21 @@ help:
 	@echo "make release-check  install sdist and wheel of a clean clone with every Python, run README there, list all licences"
 	@echo "make lower-bounds  run the tests with the oldest versions that pyproject.toml allows"
 
-demo: $(VENV)/run
+demo: $(VENV)/kernel
 	$(BIN)/gough-stewart reproduce --report --out $(OUT)
 	$(BIN)/gough-stewart run heave_step --plant fmu3 --report --figures --out $(HEAVE)
 	@echo "open $(OUT)/report.html and $(HEAVE)/report.html in a browser to see both motions, or try make view"
 
-view: $(VENV)/run
+view: $(VENV)/kernel
 	$(BIN)/gough-stewart run pitch_sine --plant fmu3 --out $(SEEN)
 	$(BIN)/gough-stewart view $(SEEN) --out $(SEEN)/report.html --open
 
-test: $(VENV)/dev
+test: $(VENV)/dev $(VENV)/kernel
 	$(TESTS) tests/model --cov=model --cov-report=term
 	$(BIN)/python -m coverage report --fail-under=95 --format=total
 	$(TESTS) --ignore=tests/model
 
-coverage: $(VENV)/dev
+coverage: $(VENV)/dev $(VENV)/kernel
 	$(TESTS) --cov --cov-report=term
 
 check: $(VENV)/dev
@@ -93,7 +93,7 @@ figures: $(VENV)/dev
 dist: $(VENV)/dev
 	$(BIN)/python -m pytest -q tests/test_install.py
 	rm -rf build dist
-	$(BIN)/python -c 'from setuptools import build_meta; build_meta.build_sdist("dist"); build_meta.build_wheel("dist")'
+	cd build_backend && $(abspath $(BIN))/python -c 'import os, prebuilt_wheel as b; os.chdir(".."); b.build_sdist("dist"); b.build_wheel("dist")'
 	rm -rf build
 
 release-check: $(VENV)/dev
@@ -115,6 +115,10 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 $(VENV)/run: $(VENV)/bin/python pyproject.toml constraints.txt
 	$(PIP) -e '.[compile]'
+	@touch $@
+# The equations as machine code for this machine; what else is compiled is compiled at first use and kept.
+$(VENV)/kernel: $(VENV)/run $(wildcard model/*.py) fmu_build/kernel_library.py
+	$(BIN)/python -m gough_stewart.harness.prebuilt --only-kernel
 	@touch $@
 $(VENV)/dev: $(VENV)/run
 	$(PIP) -e '.[dev]'

@@ -18,7 +18,7 @@ def file_name(fmi_version: str, stem: str = PLANT_STEM) -> str:
 def to_zip(contents: Mapping[str, bytes]) -> bytes:
     """A zip archive of files by their paths in it, with slashes; the model description comes first."""
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
         for name in sorted(contents, key=lambda name: (name != _FIRST, name)):
             entry = zipfile.ZipInfo(name, _DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED

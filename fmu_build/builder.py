@@ -5,15 +5,15 @@ import os
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from threading import Event
 
 from gough_stewart.fmu_build.archive import file_name, to_zip
 from gough_stewart.fmu_build.cache_files import digest_of, kept
 from gough_stewart.fmu_build.compiler_cache import cache_folder
+from gough_stewart.fmu_build.compilers import compiler_of
 from gough_stewart.fmu_build.component import Component
-from gough_stewart.fmu_build.errors import COMPILER, BuildError, check_installed
+from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.fmi2_description import fmi2_description
 from gough_stewart.fmu_build.fmi3_description import fmi3_description
 from gough_stewart.fmu_build.model_description import Identity, build_description, terminals_and_icons
@@ -24,6 +24,7 @@ from gough_stewart.fmu_build.tables import start_block
 from gough_stewart.fmu_build.targets import Target, chosen_targets
 from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, universal_binary
 from gough_stewart.model.process.files import check_output_folder, write_files
+from gough_stewart.model.process.prebuilt import prebuilt
 from gough_stewart.model.process.progress import StepProgress
 
 VERSIONS = ("2.0", "3.0")
@@ -171,17 +172,23 @@ def libraries_of(
 ) -> dict[Target, bytes]:
     """The compiled libraries of a unit: those of its code, kept once they are compiled, with its start values."""
     own, stop = library_sources(component), Event()
+    state = _state(unit.library, own)
     blank = start_block(component, None)
     block = start_block(component, (unit.token, "") if unit.fmi_version == "2.0" else ("", unit.token))
-    state = _state(unit.library, own)
 
     def library(target: Target) -> bytes:
-        def compiled() -> bytes:
-            check_installed(COMPILER)
-            return compile_library(unit.library, own.units, own.headers, target, stop)
+        path = prebuilt(f"{target.name}/{unit.library}", state)
+        if path is None:
+            compiler = compiler_of(target)
 
-        path = cache_folder() / "libraries" / f"{state}-{target.name}" / f"{unit.library}{target.suffix}"
-        found = stamped(kept(path, compiled).read_bytes(), blank, block)
+            def compiled() -> bytes:
+                return compile_library(unit.library, own.units, own.headers, target, stop, compiler=compiler)
+
+            key = digest_of(f"{state} {compiler.identity}".encode())[:24]
+            path = kept(
+                cache_folder() / "libraries" / f"{key}-{target.name}" / f"{unit.library}{target.suffix}", compiled
+            )
+        found = stamped(path.read_bytes(), blank, block)
         report(f"FMI {unit.fmi_version}: {target.name}")
         return found
 
@@ -197,9 +204,20 @@ def libraries_of(
 
 
 def _state(library: str, own: Sources) -> str:
-    """A digest of all that the bytes of a library depend on, besides the target."""
+    """A digest of what the bytes of a library depend on, besides target and compiler."""
     texts = (f"{name}\0{text}\0" for name, text in sorted({**own.units, **own.headers}.items()))
-    return digest_of("".join([library, COMPILER, metadata.version(COMPILER), *FLAGS, *texts]).encode())[:24]
+    return digest_of("".join([library, *FLAGS, *texts]).encode())[:24]
+
+
+def blank_state(component: Component) -> str:
+    """The state of the sources of a component's library, see `prebuilt`."""
+    return _state(component.identifier, library_sources(component))
+
+
+def blank_library(component: Component, target: Target) -> bytes:
+    """The library of a component without start values and tokens; see `toolchain.compile_library` for errors."""
+    own = library_sources(component)
+    return compile_library(component.identifier, own.units, own.headers, target)
 
 
 def _token(own: Sources, description: bytes, fmi_version: str) -> str:

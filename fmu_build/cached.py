@@ -1,11 +1,8 @@
 """The cache of build results: the native FMU for running experiments, built once per state of this package."""
 
-import hashlib
 import tempfile
 from functools import cache
-from importlib import resources
 from importlib.metadata import version
-from importlib.resources.abc import Traversable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -13,6 +10,7 @@ from gough_stewart.fmu_build.archive import file_name
 from gough_stewart.fmu_build.cache_files import digest_of, kept
 from gough_stewart.fmu_build.compiler_cache import cache_folder
 from gough_stewart.fmu_build.errors import COMPILER, RUNNER
+from gough_stewart.fmu_build.source_state import state_of_texts
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.model.process.progress import StepProgress
 
@@ -52,28 +50,6 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None) -> Path
 @cache
 def state_of_sources() -> str:
     """Digest of all source files of FMUs and of the versions of the packages that build them."""
-    state = hashlib.sha256()
-    for package in _PACKAGES:
-        there = version(package) if find_spec(package.replace("-", "_")) else "not installed"
-        state.update(f"{package} {there}\n".encode())
-    for package in ("gough_stewart.model", "gough_stewart.fmu_build"):
-        for name, content in sorted(_files(resources.files(package), "")):
-            state.update(f"{name} {len(content)}\n".encode())
-            state.update(content)
-    return state.hexdigest()[:24]
-
-
-def state_of_files(*packages: tuple[str, ...]) -> str:
-    """Digest of some source files: each package's name, followed by those of its files."""
-    found = (resources.files(package).joinpath(name).read_bytes() for package, *names in packages for name in names)
-    return digest_of(b"".join(found))
-
-
-def _files(folder: Traversable, prefix: str) -> list[tuple[str, bytes]]:
-    found = []
-    for each in folder.iterdir():
-        if each.is_dir() and each.name != "__pycache__":
-            found += _files(each, f"{prefix}{each.name}/")
-        elif each.is_file():
-            found.append((prefix + each.name, each.read_bytes()))
-    return found
+    there = (version(each) if find_spec(each.replace("-", "_")) else "not installed" for each in _PACKAGES)
+    versions = "".join(f"{package} {found}\n" for package, found in zip(_PACKAGES, there, strict=True))
+    return digest_of(f"{versions}{state_of_texts()}".encode())[:24]

@@ -3,9 +3,11 @@
 It is built once and cached; c/lanes/lanes.h is its interface.
 """
 
+import ctypes
 import platform
 import re
 import subprocess
+import warnings
 from collections.abc import Callable
 from enum import IntEnum
 from functools import cache
@@ -15,14 +17,21 @@ from typing import Any, NamedTuple
 from gough_stewart.fmu_build.cache_files import digest_of, kept
 from gough_stewart.fmu_build.cached import state_of_sources
 from gough_stewart.fmu_build.compiler_cache import cache_folder
-from gough_stewart.fmu_build.targets import native
+from gough_stewart.fmu_build.errors import COMPILER, check_installed
+from gough_stewart.fmu_build.source_state import state_of_texts
+from gough_stewart.fmu_build.targets import Target, native
 from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.model import interface
+from gough_stewart.model.compiled_kernel import processor_level
+from gough_stewart.model.process.prebuilt import prebuilt
 
 # Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
 WIDTH = 8
+_NATIVE = "-mcpu=native"
+# Of x86-64 [x86-64 psABI, 3.1.1], by level.
+_LEVELS = {1: "-mcpu=x86_64", 3: "-mcpu=x86_64_v3", 4: "-mcpu=x86_64_v4"}
 FLAGS = (
-    *("-O3", "-mcpu=native", "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden"),
+    *("-O3", _NATIVE, "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden"),
     # fused operations are the same for all members; NaN is kept, since the checks look for it
     *("-ffp-contract=fast-honor-pragmas", "-fno-math-errno", "-fno-signed-zeros"),
 )
@@ -58,6 +67,14 @@ class LanesLibrary(NamedTuple):
     features: str
 
 
+class MachineCode(NamedTuple):
+    """The arguments of `machine_code`."""
+
+    name: str
+    sources: Callable[[], tuple[dict[str, str], dict[str, str]]]
+    state: str = ""
+
+
 def lanes_library() -> LanesLibrary:
     """The library of c/lanes for this processor; see `machine_code`."""
     return machine_code(_NAME, lanes_sources)
@@ -66,7 +83,7 @@ def lanes_library() -> LanesLibrary:
 def machine_code(
     name: str, sources: Callable[[], tuple[dict[str, str], dict[str, str]]], state: str = ""
 ) -> LanesLibrary:
-    """A library for this processor, from the cache if it was built from the same sources of this package before.
+    """A library for this processor: the one that came with the package, else from the cache, else compiled.
 
     Parameters
     ----------
@@ -78,11 +95,16 @@ def machine_code(
     Raises
     ------
     BuildError
-        The compiler (extra `fmu`) is missing or fails, or the machine is not supported.
+        The compiler (extra `compile`) is missing or fails, or the machine is not supported.
     OSError
         The cache cannot be written.
     """
-    target, processor = native(), _processor()
+    target = native()
+    carried = _carried(name, state, target)
+    if carried is not None:
+        return carried
+    check_installed(COMPILER)
+    processor = _processor()
     key = digest_of(f"{state_of_sources()}\n{state}\n{FLAGS}\n{processor}".encode())[:24]
     path = kept(
         cache_folder() / name / f"{key}-{target.name}" / f"{name}{target.suffix}",
@@ -91,6 +113,51 @@ def machine_code(
     words = set(processor.split())
     sets = [name for name in _VECTOR_SETS if name in words]
     return LanesLibrary(path, " ".join([target.name, *sets, digest_of(path.read_bytes())[:16]]))
+
+
+def machine_state(state: str) -> str:
+    """The state of the sources of machine code, from the digest of those outside of this package."""
+    return digest_of(f"{state_of_texts()}\n{state}".encode())
+
+
+def levels_of(target: Target) -> tuple[int, ...]:
+    """The levels of processors of a target for which there is machine code, see `compiled_kernel.processor_level`."""
+    return tuple(_LEVELS) if target.name.startswith("x86_64") else (0,)
+
+
+def flags_of_level(target: Target, level: int) -> tuple[str, ...]:
+    """The compiler's flags for machine code of a level."""
+    own = (_LEVELS[level],) if level in levels_of(target) and level else ()
+    return (*own, *(flag for flag in FLAGS if flag != _NATIVE))
+
+
+def carried_name(target: Target, name: str, level: int) -> str:
+    """The name of machine code in the manifest of prebuilt files."""
+    return f"{target.name}/{name}{f'-v{level}' if level else ''}"
+
+
+def _carried(name: str, state: str, target: Target) -> LanesLibrary | None:
+    """The machine code that came with the package, of the highest level that this processor has; None if none."""
+    most = processor_level()
+    for level in sorted(levels_of(target), reverse=True):
+        if most is None or level > most:
+            continue
+        path = prebuilt(carried_name(target, name, level), machine_state(state))
+        if path is not None and _loads(path):
+            words = [target.name, *([f"x86-64-v{level}"] if level else []), digest_of(path.read_bytes())[:16]]
+            return LanesLibrary(path, " ".join(words))
+    return None
+
+
+@cache
+def _loads(path: Path) -> bool:
+    """Whether a library loads on this machine; if not, a warning says why."""
+    try:
+        ctypes.CDLL(str(path))
+    except OSError as error:
+        warnings.warn(f"{path} does not load here, and is compiled instead: {error}", stacklevel=4)
+        return False
+    return True
 
 
 def lanes_sources() -> tuple[dict[str, str], dict[str, str]]:

@@ -1,10 +1,10 @@
 """Systems for which binaries can be built."""
 
-import platform
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.model.process.prebuilt import this_machine
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,6 @@ TARGETS = (
     Target("aarch64-darwin", "aarch64-macos.11.0", "darwin64", ".dylib"),
 )
 BY_NAME = {target.name: target for target in TARGETS}
-_PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 
 
 def native() -> Target:
@@ -42,8 +41,7 @@ def native() -> Target:
     BuildError
         This machine is not among the targets.
     """
-    processor, system = platform.machine().lower(), platform.system().lower()
-    name = f"{_PROCESSORS.get(processor, processor)}-{system}"
+    name = this_machine()
     if name not in BY_NAME:
         raise BuildError(f"this machine is {name}; expected one of {', '.join(BY_NAME)}; choose targets by name")
     return BY_NAME[name]

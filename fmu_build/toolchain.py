@@ -1,4 +1,4 @@
-"""The C compiler: `zig cc` from the ziglang wheel, the same for every target."""
+"""Running a C compiler."""
 
 import os
 import re
@@ -20,6 +20,7 @@ from gough_stewart.fmu_build.compiler_cache import (
     compiling,
     empty_objects,
 )
+from gough_stewart.fmu_build.compilers import Compiler, zig
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.targets import Target
 from gough_stewart.model.process.files import write_whole
@@ -42,8 +43,9 @@ def compile_library(
     target: Target,
     stop: Event | None = None,
     flags: Sequence[str] = FLAGS,
+    compiler: Compiler | None = None,
 ) -> bytes:
-    """Compile C files to the shared library `name`; the same sources give the same bytes.
+    """Compile C files to the shared library `name`, by zig if no other is given; the same sources give the same bytes.
 
     A damaged compiler cache is rebuilt. When `stop` is set, the compiler ends soon, with all processes that it has
     started.
@@ -58,8 +60,7 @@ def compile_library(
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
     with compiling() as in_use, tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
         library = Path(scratch, name + target.suffix)
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *flags, *target.flags_of(name)]
-        command += ["-I", str(include), *files, "-o", str(library), "-lm"]
+        command = (compiler or zig()).link(str(library), files, str(include), target, flags)
         stop = stop or Event()
         code, message = _run(command, scratch, stop, in_use)
         # an error that neither the sources nor a full disk explain may be of the cache

@@ -127,7 +127,8 @@ def __getattr__(name: str) -> object:
     elif name in _homes():
         if ".harness." in _homes()[name]:
             import_module(f"{__name__}.model.process.environment").check_environment()
-        value = getattr(import_module(_homes()[name]), name)
+        with import_module(f"{__name__}.model.process.installed").tracer_is_named():
+            value = getattr(import_module(_homes()[name]), name)
         if isinstance(value, FunctionType):
             value = import_module(f"{__name__}.harness.arguments").with_checked_arguments(value)
     else:

@@ -14,7 +14,6 @@ import numpy as np
 from gough_stewart.model.kernel_block import FUNCTIONS, new_block
 from gough_stewart.model.process.prebuilt import (
     prebuilt,
-    prebuilt_names,
     prebuilt_numbers,
     state_of_package,
     this_machine,
@@ -29,9 +28,14 @@ _AGREES = 1e-12
 @cache
 def kernel_library() -> ctypes.PyDLL | None:
     """The library for this machine; None if there is none, or, with a warning, if it does not work here."""
-    name = next((name for name in prebuilt_names() if name.startswith(f"{this_machine()}/kernel.")), None)
-    path = None if name is None else prebuilt(name, state_of_package("gough_stewart.model"))
+    path = prebuilt(f"{this_machine()}/kernel", state_of_package("gough_stewart.model"))
     return None if path is None else _tried(path)
+
+
+def processor_level() -> int | None:
+    """The level of x86-64 that this processor and its system support, 1 to 4; 0 on others, None if not known."""
+    library = kernel_library()
+    return None if library is None else int(library.processor_level())
 
 
 def _tried(path: Path) -> ctypes.PyDLL | None:

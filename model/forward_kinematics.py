@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, NoPoseError
 from gough_stewart.model.kinematics import conditioning, handedness_of_legs, leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import SINGULAR_CONDITION_NUMBER
-from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
+from gough_stewart.model.rotations import matrix_from_orientation, matrix_from_quaternion, orientation_from_matrix
 from gough_stewart.model.vectors import FloatArray
 
 # Bound of a Newton step: translation as a fraction of the platform's size, rotation in rad.
@@ -101,7 +100,7 @@ def forward_kinematics(
         share = min(1.0, LARGEST_STEP / float(size))
         while share > SMALLEST_SHARE:
             t_next = t + share * step[:3]
-            R_next = Rotation.from_rotvec(share * step[3:]).as_matrix() @ R
+            R_next = _turn(share * step[3:]) @ R
             o_next = orientation_from_matrix(R_next)
             legs = leg_geometry(platform, t_next, o_next)
             error_next = target - legs.length
@@ -124,3 +123,9 @@ def _no_pose(reason: str, t: FloatArray, o: FloatArray, history: list[float]) ->
         "iterations; check the lengths or use a closer guess",
         result,
     )
+
+
+def _turn(vector: FloatArray) -> FloatArray:
+    """The matrix of a rotation vector, by the quaternion (sin(φ/2) v/φ, cos(φ/2)) with φ = |v|."""
+    half = np.linalg.norm(vector) / 2
+    return matrix_from_quaternion(np.append(np.sinc(half / np.pi) * vector / 2, np.cos(half)))

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.vectors import FloatArray
@@ -40,6 +39,8 @@ def integrate(
     StepError
         The tolerance cannot be met, or needs more than `MOST_INTERNAL_STEPS`.
     """
+    from scipy.integrate import DOP853  # a third of a second of imports, needed where steps are made one by one
+
     start, end = span
     first = None if internal_step is None else min(internal_step, end - start)
     # A trial step can reach a pole: infinities there mean a rejected step and need no warning.

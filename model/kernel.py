@@ -88,13 +88,13 @@ class Kernel:
         """A function on the block: machine code if there is any, else CasADi."""
         library = kernel_library()
         if library is None:
-            return _traced_call(name, self._parts)
+            return traced_call(name, self._parts)
         function = getattr(library, PREFIX + name)
         function.restype = None
         return partial(function, address_of(self._block))
 
 
-def _traced_call(name: str, parts: Mapping[str, FloatArray]) -> Callable[[], object]:
+def traced_call(name: str, parts: Mapping[str, FloatArray]) -> Callable[[], object]:
     """A call of a traced Function on parts of a block.
 
     Raises

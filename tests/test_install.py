@@ -1,9 +1,11 @@
 """What users install: the sdist, the wheel made of it, and a plain install with nothing but what the wheel declares.
 
 The install is a virtual environment of its own, with links to those packages of this environment that the wheel asks
-for, and to what these ask for; so it takes seconds and no network.
+for, and to what these ask for; so it takes seconds and no network. The wheel has compiled code for this machine only.
 """
 
+import base64
+import importlib
 import os
 import shutil
 import subprocess
@@ -12,6 +14,7 @@ import tarfile
 import venv
 import zipfile
 from collections.abc import Iterator
+from hashlib import sha256
 from importlib.metadata import Distribution, distribution
 from pathlib import Path
 from typing import NamedTuple
@@ -19,10 +22,15 @@ from typing import NamedTuple
 import pytest
 from packaging.requirements import Requirement
 
+from gough_stewart.fmu_build.targets import native
+from gough_stewart.model.compiled_kernel import processor_level
+
 ROOT = Path(__file__).parent.parent
 FOLDERS = ("model", "fmu_build", "harness")
+PREBUILT = "gough_stewart/prebuilt/"
 PACKED = (
     *FOLDERS,
+    "build_backend",
     "gough_stewart",
     "tests",
     "pyproject.toml",
@@ -41,11 +49,18 @@ class Install(NamedTuple):
     wheel: Path
     environment: Path
 
+    @property
+    def cache(self) -> Path:
+        """The folder of caches."""
+        return self.environment / "cache"
+
     def run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         """A program of the environment, outside of the repository and with none of its variables."""
         command = [str(self.environment / "bin" / program), *arguments]
         kept = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
-        env = {**kept, "MPLBACKEND": "agg", "COLUMNS": "200", "NO_COLOR": "1"}
+        # no compiler on the path, and a cache of its own
+        env = {**kept, "MPLBACKEND": "agg", "COLUMNS": "200", "NO_COLOR": "1", "PATH": str(self.environment / "bin")}
+        env |= {"XDG_CACHE_HOME": str(self.cache), "ZIG_GLOBAL_CACHE_DIR": ""}
         return subprocess.run(command, cwd=self.environment, env=env, capture_output=True, text=True, check=False)
 
 
@@ -78,7 +93,9 @@ def link_packages(wheel: Path, site: Path) -> None:
 
 def packed(kind: str, source: Path, folder: Path) -> list[Path]:
     """The sdist or the wheel of some sources, as their build system makes it."""
-    script = f"import sys; from setuptools import build_meta; build_meta.build_{kind}(sys.argv[1])"
+    settings = {"targets": "native", "level": str(processor_level() or 0)} if kind == "wheel" else {}
+    script = "import sys; sys.path.insert(0, 'build_backend'); import prebuilt_wheel as backend\n"
+    script += f"backend.build_{kind}(sys.argv[1], {settings})"
     subprocess.run([sys.executable, "-c", script, str(folder)], cwd=source, capture_output=True, check=True)
     return list(folder.glob({"sdist": "*.tar.gz", "wheel": "*.whl"}[kind]))
 
@@ -90,7 +107,8 @@ def install(tmp_path_factory: pytest.TempPathFactory) -> Install:
     source.mkdir()
     for name in PACKED:
         if (ROOT / name).is_dir():
-            shutil.copytree(ROOT / name, source / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+            ignored = shutil.ignore_patterns("__pycache__", "prebuilt")
+            shutil.copytree(ROOT / name, source / name, symlinks=True, ignore=ignored)
         else:
             shutil.copy(ROOT / name, source)
     (sdist,) = packed("sdist", source, folder)
@@ -116,7 +134,7 @@ def test_the_wheel_has_every_file_of_the_package(install: Install) -> None:
         if path.is_file() and "__pycache__" not in path.parts
     }
     with zipfile.ZipFile(install.wheel) as wheel:
-        names = {name for name in wheel.namelist() if ".dist-info/" not in name}
+        names = {name for name in wheel.namelist() if ".dist-info/" not in name and not name.startswith(PREBUILT)}
     face = ("__init__.py", "__init__.pyi", "__main__.py", "py.typed")
     assert names == expected | {f"gough_stewart/{name}" for name in face}
 
@@ -124,7 +142,7 @@ def test_the_wheel_has_every_file_of_the_package(install: Install) -> None:
 def test_the_sdist_has_no_tests_that_cannot_run_and_what_a_reader_looks_for(install: Install) -> None:
     with tarfile.open(install.sdist) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    assert not [name for name in names if name.startswith(("tests", "benchmarks", "docs", "tools"))]
+    assert not [name for name in names if name.startswith(("tests", "benchmarks", "docs", "tools", PREBUILT))]
     assert {"pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", "CITATION.cff"} <= names
 
 
@@ -141,37 +159,93 @@ def test_a_plain_install_has_all_it_needs_to_run_and_show_an_experiment(install:
     assert {"record.csv", "pose.png", "report.html"} <= {path.name for path in out.iterdir()}
 
 
-def test_a_plain_install_has_no_compiler_and_says_how_to_get_it(install: Install) -> None:
-    """Expected: the one error base and the extra's name at every door; many platforms are stepped by NumPy."""
-    heavy = ("ziglang", "pandas")
+def test_the_wheel_has_compiled_code_in_its_record(install: Install) -> None:
+    """Expected: by the names of the standard's platform tuple; digests and sizes as PEP 376 has them."""
+    own = native()
+    with zipfile.ZipFile(install.wheel) as wheel:
+        contents = {name: wheel.read(name) for name in wheel.namelist()}
+    assert install.wheel.name.endswith("-py3-none-any.whl")
+    expected = {f"{own.name}/{name}{own.suffix}" for name in ("kernel", "gough_stewart")}
+    found = {name.removeprefix(PREBUILT) for name in contents if name.startswith(PREBUILT)}
+    assert found >= expected | {"kernel.c", "dependencies.json", "manifest.json"}
+    assert {name.split("-v")[0].removesuffix(own.suffix) for name in found} >= {f"{own.name}/loop", f"{own.name}/folds"}
+    (record,) = (name for name in contents if name.endswith("/RECORD"))
+    rows = [line.rsplit(",", 2) for line in contents[record].decode().splitlines()]
+    assert {row[0] for row in rows} == set(contents)
+    for name, digest, size in rows:
+        if name != record:
+            raw = base64.urlsafe_b64encode(sha256(contents[name]).digest()).decode().rstrip("=")
+            assert (digest, int(size)) == (f"sha256={raw}", len(contents[name])), name
+
+
+def test_a_plain_install_builds_runs_and_varies_without_a_compiler(install: Install) -> None:
+    """Expected: units that FMPy's check finds right, a run on one, an ensemble; nothing of a compiler in the cache."""
+    heavy = ("casadi", "ziglang", "pandas")
     there = f"from importlib.util import find_spec; print([each for each in {heavy} if find_spec(each)])"
     assert install.run("python", "-c", there).stdout == "[]\n"
+    out = install.environment / "made"
+    for command in (
+        ["build", "--check", "--preset", "motion_base", "--out", str(out / "units")],
+        ["run", "heave_step", "--plant", "fmu3", "--set", "loop.duration=0.1", "--out", str(out / "run")],
+        [
+            "ensemble",
+            "heave_tolerances",
+            "--members",
+            "8",
+            "--set",
+            "loop.duration=0.1",
+            "--out",
+            str(out / "ensemble"),
+        ],
+    ):
+        done = install.run("gough-stewart", *command)
+        assert done.returncode == 0, (command, done.stdout, done.stderr)
+        assert "NumPy" not in done.stderr, done.stderr
+    assert {path.name for path in (install.cache / "gough-stewart" / "build").iterdir()} == {"agrees", "fmus"}
+    level = f" x86-64-v{processor_level()}" if processor_level() else ""
+    assert f"{native().name}{level} " in (out / "ensemble" / "metadata.json").read_text()
+
+
+def test_a_plain_install_says_what_tracing_and_compiling_need(install: Install) -> None:
+    """Expected: the one error base and the extra's name at every door."""
     script = """
-import warnings
-
 import gough_stewart as gs
-from gough_stewart.harness.plants.lanes import lanes_plant
-from gough_stewart.model.state import State
 
-refused = (
-    gs.build,
-    gs.reproduce,
-    lambda: gs.run("heave_step", plant="fmu3"),
-    lambda: gs.export("heave_step", forms=["fmu"], out="exported"),
-)
-for each in refused:
+for each in (
+    lambda: gs.export("heave_step", forms=["c"], out="exported"),
+    lambda: gs.identify("log.csv", platform="liu2000"),
+    lambda: gs.excite("liu2000"),
+    lambda: gs.build("units", targets=["all"]),
+):
     try:
         each()
     except gs.GoughStewartError as error:
         assert "pip install 'gough-stewart[compile]'" in str(error), error
     else:
         raise AssertionError(each)
-platform = gs.load_preset("motion_base")
-start = State(platform.home_position, platform.home_orientation, [0, 0, 0], [0, 0, 0])
-with warnings.catch_warnings(record=True) as heard:
-    warnings.simplefilter("always")
-    lanes_plant([platform], [start], substeps=1)
-assert any("NumPy" in str(each.message) and "gough-stewart[compile]" in str(each.message) for each in heard), heard
 """
     done = install.run("python", "-c", script)
     assert done.returncode == 0, done.stderr
+    for command in (
+        ["export", "heave_step", "--as", "c"],
+        ["identify", "log.csv", "--preset", "liu2000", "--estimate", "platform_mass"],
+        ["excite", "--preset", "liu2000"],
+    ):
+        done = install.run("gough-stewart", *command)
+        assert (done.returncode, done.stderr.count("gough-stewart[compile]")) == (1, 1), (command, done.stderr)
+        assert "Traceback" not in done.stderr
+
+
+def test_the_same_contents_make_the_same_wheel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: equal bytes whatever the order of the contents, and the time of SOURCE_DATE_EPOCH."""
+    monkeypatch.syspath_prepend(str(ROOT / "build_backend"))
+    backend = importlib.import_module("prebuilt_wheel")
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    contents = {"b/code.py": b"x = 1", "own-1.dist-info/RECORD": b"", "own-1.dist-info/METADATA": b"Name: own"}
+    for name, given in (("one", contents), ("other", dict(reversed(contents.items())))):
+        backend._write(tmp_path / name, dict(given))
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "other").read_bytes()
+    with zipfile.ZipFile(tmp_path / "one") as wheel:
+        assert {entry.date_time for entry in wheel.infolist()} == {(2023, 11, 14, 22, 13, 20)}
+        assert wheel.namelist()[-1] == "own-1.dist-info/RECORD"
+    assert [path.name for path in sorted(tmp_path.iterdir())] == ["one", "other"]

@@ -1,14 +1,14 @@
 """The plant as a component, with start values, pictures and documents of a platform."""
 
+import json
 from collections.abc import Iterable
 from functools import cache
 
-import casadi
 import numpy as np
 
 from gough_stewart.fmu_build.archive import PLANT_STEM
-from gough_stewart.fmu_build.codegen import kernel_source
 from gough_stewart.fmu_build.component import Code, Component, Icon, Kind, SlotDependencies, Terminal, terminals_of
+from gough_stewart.fmu_build.errors import TRACER, check_installed
 from gough_stewart.fmu_build.layout import Role, Row
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.plant.documentation import documentation_page
@@ -17,14 +17,18 @@ from gough_stewart.fmu_build.plant.layout import NOMINAL, PLANT
 from gough_stewart.fmu_build.plant.reference_results import reference_cases, reference_files, reference_results
 from gough_stewart.fmu_build.plant.related_files import related_files
 from gough_stewart.fmu_build.plant.tables import plant_header
+from gough_stewart.fmu_build.source_state import state_of_texts
 from gough_stewart.fmu_build.sources import c_folder
-from gough_stewart.model import interface, traced
+from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.process.prebuilt import prebuilt
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = "gough_stewart"
+# Names of what is traced, in the manifest of prebuilt files.
+KERNEL_SOURCE, DEPENDENCIES = "kernel.c", "dependencies.json"
 _Group = tuple[str, ...]
 _ACTUATOR: _Group = ("actuator_force", "leg_length", "leg_velocity")
 _POSE: _Group = ("position", "orientation", "velocity", "angular_velocity")
@@ -96,7 +100,18 @@ def plant_component(
 @cache
 def _code() -> Code:
     own = c_folder("plant")
-    return Code({**own.units, "kernel.c": kernel_source()}, {**own.headers, "plant_table.h": plant_header()})
+    return Code({**own.units, KERNEL_SOURCE: _kernel_source()}, {**own.headers, "plant_table.h": plant_header()})
+
+
+def _kernel_source() -> str:
+    """The C of the equations: what came with the package, else traced."""
+    path = prebuilt(KERNEL_SOURCE, state_of_texts())
+    if path is not None:
+        return path.read_text(encoding="utf-8")
+    check_installed(TRACER)
+    from gough_stewart.fmu_build.codegen import kernel_source
+
+    return kernel_source()
 
 
 def _terminals(fmi_version: str) -> tuple[Terminal, ...]:
@@ -109,8 +124,23 @@ def _terminals(fmi_version: str) -> tuple[Terminal, ...]:
 def slot_dependencies() -> SlotDependencies:
     """Dependencies of derivatives, outputs and locals on inputs, states and parameters.
 
-    A dependency is `constant` if its entry of the Jacobian is a plain number.
+    A dependency is `constant` if its entry of the Jacobian is a plain number. The table came with the package, else the
+    equations are traced.
     """
+    path = prebuilt(DEPENDENCIES, state_of_texts())
+    if path is not None:
+        read = json.loads(path.read_bytes())
+        return {int(slot): {int(known): kind for known, kind in kinds.items()} for slot, kinds in read.items()}
+    check_installed(TRACER)
+    return traced_dependencies()
+
+
+def traced_dependencies() -> SlotDependencies:
+    """The same, traced."""
+    import casadi
+
+    from gough_stewart.model import traced
+
     x, u, p = traced.derivatives_function().sx_in()
     f = casadi.vertcat(traced.derivatives_function()(x, u, p), traced.outputs_function()(x, u, p))
     jacobian = casadi.jacobian(f, casadi.vertcat(x, u, p))

@@ -7,9 +7,9 @@ For each case: `_in.csv` (inputs, linear between rows), `_ref.csv` (results), `_
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from gough_stewart.model import interface
+from gough_stewart.model.extrapolation import extrapolated
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
@@ -60,7 +60,7 @@ def _varying(case: OpenLoopCase) -> FloatArray:
 
 
 def reference_results(case: ReferenceCase) -> FloatArray:
-    """Results (n, N_RESULTS) at the case's times: the kernel, integrated by DOP853 from row to row.
+    """Results (n, N_RESULTS) at the case's times: the kernel, integrated by another rule than the unit's.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def reference_results(case: ReferenceCase) -> FloatArray:
             share = (t - t0) / (t1 - t0)  # noqa: B023 - used only within this row
             return kernel.derivatives(x, u0 + share * (u1 - u0), p).copy()  # noqa: B023
 
-        x = solve_ivp(derivatives, (t0, t1), x, method="DOP853", rtol=TOLERANCE, atol=TOLERANCE).y[:, -1]
+        x = extrapolated(derivatives, x, (t0, t1), TOLERANCE)
         rows.append(kernel.outputs(x, u1, p).copy())
     return np.array(rows)
 
@@ -132,7 +132,7 @@ open_loop        the simulation of Liu, Li & Li (2000), scaled to the size of th
 varying_inputs   varying forces and a varying external wrench, from the start values in modelDescription.xml
 
 *_in.csv    inputs, linear between the rows
-*_ref.csv   results: the equations integrated by SciPy's DOP853 at tolerance {tolerance:g}
+*_ref.csv   results: the equations integrated by the extrapolated midpoint rule at tolerance {tolerance:g}
 *_ref.opt   experiment
 *_start.csv start values of the states
 """

@@ -45,9 +45,9 @@ def build_command(
 ) -> None:
     """Build the platform as an FMU: self-contained, compiled, Co-Simulation and Model Exchange.
 
-    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. `pip install 'gough-stewart[compile]'`
-    installs the compiler, which builds for all targets on any machine. The first build takes ten seconds per target
-    (Windows: two minutes), later ones two.
+    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. The
+    package carries the compiled code for all targets, so nothing is compiled. A checkout of the sources compiles at
+    its first build (Windows: two minutes) and keeps the code.
 
     The chosen platform sets the start values; parameters can change them to another platform without a new build.
 

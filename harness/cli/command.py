@@ -17,6 +17,7 @@ from gough_stewart.harness.cli.terminal import Terminal, errors
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.process.environment import check_environment
+from gough_stewart.model.process.installed import tracer_is_named
 
 
 @dataclass
@@ -104,7 +105,8 @@ def clear_errors() -> Iterator[Command]:
     _latest[:] = [command := Command()]
     try:
         check_environment()
-        yield command
+        with tracer_is_named():
+            yield command
     except GoughStewartError as error:
         _say_error(str(error), error)
         missed = ExitCode.MISSED if isinstance(error, MissedError) else ExitCode.FAILED

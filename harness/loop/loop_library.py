@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.fmu_build.cached import state_of_files
-from gough_stewart.fmu_build.lanes import LanesLibrary, machine_code
+from gough_stewart.fmu_build.lanes import LanesLibrary, MachineCode, machine_code
+from gough_stewart.fmu_build.source_state import state_of_files
 from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.force_limits import ForceLimits
@@ -34,20 +34,25 @@ _OWN = (
 
 @cache
 def loop_library() -> LanesLibrary:
-    """The library for this processor, from the cache if it was built from the same sources before.
+    """The library for this processor; see `lanes.machine_code`.
 
     Raises
     ------
     BuildError, OSError
         As `lanes_library`.
     """
+    return machine_code(*loop_code())
+
+
+def loop_code() -> MachineCode:
+    """Name, sources and their state."""
 
     def sources() -> tuple[dict[str, str], dict[str, str]]:
         from gough_stewart.fmu_build.lanes import loop_sources
 
         return loop_sources(components_header())
 
-    return machine_code("loop", sources, state=state_of_files(*_OWN))
+    return MachineCode("loop", sources, state_of_files(*_OWN))
 
 
 def coefficients_of(component: type[Stepped], values: dict[str, Any], period: float) -> FloatArray:

@@ -1,11 +1,14 @@
 """The machine code of the loop for this machine, if it is there and agrees with NumPy's loop."""
 
 import warnings
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
+from gough_stewart.fmu_build.cache_files import digest_of
+from gough_stewart.fmu_build.compiler_cache import cache_folder
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.lanes import LanesLibrary
 from gough_stewart.harness.control.laws import LinearController
@@ -33,7 +36,7 @@ _AGREES = 1e-9
 def loop_kernel() -> CompiledLanes | None:
     """What runs loops in machine code; None, with a warning if it does not work, where NumPy's loop has to.
 
-    At its first use on a machine it is held against NumPy's loop, and a note of that is kept beside the library.
+    At its first use on a machine it is held against NumPy's loop, and a note of that is kept in the cache.
     """
     try:
         library = loop_library()
@@ -47,14 +50,16 @@ def loop_kernel() -> CompiledLanes | None:
                     stacklevel=2,
                 )
                 return None
-            write_whole(_note(library), library.features.encode())
+            with suppress(OSError):  # then it is held against NumPy's again next time
+                _note(library).parent.mkdir(parents=True, exist_ok=True)
+                write_whole(_note(library), library.features.encode())
     except (BuildError, OSError):
         return None
     return kernel
 
 
 def _note(library: LanesLibrary) -> Path:
-    return library.path.with_name("agrees.txt")
+    return cache_folder() / "agrees" / f"{digest_of(library.features.encode())[:24]}.txt"
 
 
 def _is_noted(library: LanesLibrary) -> bool:

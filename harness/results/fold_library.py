@@ -4,9 +4,10 @@ from functools import cache
 
 import numpy as np
 
-from gough_stewart.fmu_build.cached import state_of_files
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.folds import FoldKernel, folds_library
+from gough_stewart.fmu_build.folds import FoldKernel, folds_sources
+from gough_stewart.fmu_build.lanes import MachineCode, machine_code
+from gough_stewart.fmu_build.source_state import state_of_files
 from gough_stewart.harness.loop.fold_kernels import FoldKernels
 from gough_stewart.harness.loop.term_folds import TermFold
 from gough_stewart.harness.results.metric_folds import metric_folds
@@ -22,9 +23,14 @@ _OWN = (
 def metric_kernels() -> FoldKernels | None:
     """The machine code of all metrics for this processor; None without a compiler, with the same numbers by NumPy."""
     try:
-        return FoldKernels(folds_library(_traced, state_of_files(*_OWN)).path)
+        return FoldKernels(machine_code(*folds_code()).path)
     except (BuildError, OSError):
         return None
+
+
+def folds_code() -> MachineCode:
+    """Name, sources and their state."""
+    return MachineCode("folds", lambda: folds_sources(_traced()), state_of_files(*_OWN))
 
 
 def _traced() -> list[FoldKernel]:

@@ -59,11 +59,6 @@ def is_as_made(content: bytes, digest: str) -> bool:
     return sha256(content).hexdigest() == digest
 
 
-def prebuilt_names() -> tuple[str, ...]:
-    """All names in the manifest."""
-    return tuple(_manifest().get("files", ()))
-
-
 def prebuilt_numbers() -> Mapping[str, Any]:
     """Arguments and results of an evaluation, by which a library is tried on a machine."""
     found: Mapping[str, Any] = _manifest().get("numbers", {})

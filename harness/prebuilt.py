@@ -1,0 +1,146 @@
+"""Make what the package carries ready to use: `python -m gough_stewart.harness.prebuilt`.
+
+From the one description of the equations, for each target: the unit of the plant without its start values; the kernel;
+the code that steps many members, their loop and their folds, for several levels of processors. With them the C of the
+kernel and the table of dependencies, which units carry, so that nothing has to be traced. The wheel's build makes all;
+`make` makes the kernel of the machine at hand, and what else it needs is compiled at first use and kept.
+`gough_stewart.model.process.prebuilt` finds the files.
+"""
+
+import argparse
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gough_stewart.fmu_build.builder import blank_library, blank_state
+from gough_stewart.fmu_build.codegen import kernel_source
+from gough_stewart.fmu_build.errors import COMPILER, TRACER, check_installed
+from gough_stewart.fmu_build.kernel_library import compiled_kernel
+from gough_stewart.fmu_build.lanes import carried_name, flags_of_level, levels_of, machine_state
+from gough_stewart.fmu_build.plant.component import (
+    DEPENDENCIES,
+    KERNEL_SOURCE,
+    plant_component,
+    traced_dependencies,
+)
+from gough_stewart.fmu_build.source_state import state_of_texts
+from gough_stewart.fmu_build.targets import Target, chosen_targets
+from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.harness.loop.loop_library import loop_code
+from gough_stewart.harness.results.fold_library import folds_code
+from gough_stewart.model.kernel import parameter_vector, traced_call
+from gough_stewart.model.kernel_block import FUNCTIONS, new_block
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.process.files import write_whole
+from gough_stewart.model.process.prebuilt import MANIFEST, manifest_line, prebuilt_folder, state_of_package
+
+
+class Part(NamedTuple):
+    """One file."""
+
+    file: str
+    states: dict[str, str]  # of the sources, by its names in the manifest
+    make: Callable[[], bytes]
+
+
+def parts(targets: Iterable[Target], level: int | None = None, *, only_kernel: bool = False) -> Iterator[Part]:
+    """All files for some targets; of code for several levels of processors, all or one."""
+    targets = tuple(targets)
+    for target in targets:
+        yield _kernel(target)
+    if only_kernel:
+        return
+    texts = state_of_texts()
+    yield Part(KERNEL_SOURCE, {KERNEL_SOURCE: texts}, lambda: kernel_source().encode())
+    yield Part(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())
+    for target in targets:
+        yield _unit(target)
+        yield from _machine_code(target, levels_of(target) if level is None else (level,))
+
+
+def _kernel(target: Target) -> Part:
+    state = {f"{target.name}/kernel": state_of_package("gough_stewart.model")}
+    return Part(f"{target.name}/kernel{target.suffix}", state, lambda: compiled_kernel(target))
+
+
+def _unit(target: Target) -> Part:
+    component = plant_component(load_preset("liu2000"))
+    name = f"{target.name}/{component.identifier}"
+    return Part(name + target.suffix, {name: blank_state(component)}, lambda: blank_library(component, target))
+
+
+def _machine_code(target: Target, levels: Iterable[int]) -> Iterator[Part]:
+    for level in levels:
+        for name, sources, state in (loop_code(), folds_code()):
+            own = carried_name(target, name, level)
+            states = {own: machine_state(state)}
+            if name == "loop":  # it contains the lanes
+                states[carried_name(target, "lanes", level)] = machine_state("")
+
+            def make(level: int = level, name: str = name, sources: Any = sources) -> bytes:
+                return compile_library(name, *sources(), target, flags=flags_of_level(target, level))
+
+            yield Part(own + target.suffix, states, make)
+
+
+def numbers() -> dict[str, list[float]]:
+    """Parts of the kernel's block, evaluated by CasADi: a platform with friction, in motion, off its home pose."""
+    platform = load_preset("desktop_hexapod")
+    _, found = new_block()
+    pose = np.concatenate([np.add(platform.home_position, [2e-3, -3e-3, 4e-3]), [0.02, -0.03, 0.05]])
+    found["x"][:] = np.concatenate([pose, [0.02, -0.01, 0.03], [0.1, -0.2, 0.3]])
+    found["u"][:6] = platform.home_actuator_force + np.linspace(-5.0, 7.0, 6)
+    found["u"][6:] = np.linspace(-2.0, 1.0, found["u"].size - 6)
+    found["p"][:] = parameter_vector(platform)
+    for name in FUNCTIONS:
+        traced_call(name, found)()
+    return {name: part.tolist() for name, part in found.items()}
+
+
+def write_prebuilt(
+    folder: Path, targets: Iterable[Target], level: int | None = None, *, only_kernel: bool = False
+) -> None:
+    """Write the files, then the manifest; after an error there is none, and so nothing that would be used.
+
+    Raises
+    ------
+    BuildError
+        A package of the extra `compile` is not installed, or the compiler fails.
+    OSError
+        The folder cannot be written.
+    """
+    check_installed(TRACER, COMPILER)
+    made = tuple(parts(targets, level, only_kernel=only_kernel))
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        contents = [*pool.map(lambda part: part.make(), made)]
+    shutil.rmtree(folder, ignore_errors=True)
+    lines = {}
+    for part, content in zip(made, contents, strict=True):
+        path = folder / part.file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, content)
+        lines |= {name: manifest_line(part.file, content, state) for name, state in part.states.items()}
+    manifest = {"files": dict(sorted(lines.items())), "numbers": numbers()}
+    write_whole(folder / MANIFEST, f"{json.dumps(manifest, indent=1)}\n".encode())
+
+
+def main() -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(prog="python -m gough_stewart.harness.prebuilt", description=__doc__)
+    parser.add_argument("--out", type=Path, default=prebuilt_folder(), help="folder; the package's by default")
+    parser.add_argument("--target", action="append", help="native, all, or a name; native by default")
+    parser.add_argument("--level", type=int, help="of processors, for one target; all by default")
+    parser.add_argument("--only-kernel", action="store_true", help="without units and what steps many members")
+    options = parser.parse_args()
+    targets = chosen_targets(options.target or ["native"])
+    write_prebuilt(options.out, targets, options.level, only_kernel=options.only_kernel)
+
+
+if __name__ == "__main__":
+    main()

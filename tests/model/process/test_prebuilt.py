@@ -1,0 +1,98 @@
+"""Files that come with the package count only if they are those of its sources, bit by bit."""
+
+import json
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gough_stewart.model.process import prebuilt as module
+from gough_stewart.model.process.prebuilt import (
+    MANIFEST,
+    digest_of_files,
+    is_as_made,
+    manifest_line,
+    prebuilt,
+    prebuilt_folder,
+    state_of_package,
+)
+
+CONTENT = bytes(range(256)) * 40
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with one file, made of sources of the state `now`."""
+    monkeypatch.setattr(module, "prebuilt_folder", lambda: tmp_path)
+    (tmp_path / "code.so").write_bytes(CONTENT)
+    (tmp_path / MANIFEST).write_text(json.dumps({"files": {"code": manifest_line("code.so", CONTENT, "now")}}))
+    module._manifest.cache_clear()
+    module._warn.cache_clear()
+    yield tmp_path
+    module._manifest.cache_clear()
+
+
+def test_a_file_counts_for_its_sources_only(folder: Path) -> None:
+    """Expected: the file for the state that it was made of; nothing for an older one or an unknown name."""
+    assert prebuilt("code", "now") == folder / "code.so"
+    assert prebuilt("code", "before") is None
+    assert prebuilt("other", "now") is None
+
+
+@pytest.mark.parametrize("damage", ["flipped", "short", "gone"])
+def test_a_damaged_file_is_named_and_not_used(folder: Path, damage: str) -> None:
+    file = folder / "code.so"
+    if damage == "gone":
+        file.unlink()
+    else:
+        file.write_bytes(CONTENT[:-1] if damage == "short" else b"\x01" + CONTENT[1:])
+    with pytest.warns(UserWarning, match=r"code\.so is damaged and is not used; install the package again"):
+        assert prebuilt("code", "now") is None
+    with warnings.catch_warnings():  # said once
+        warnings.simplefilter("error")
+        assert prebuilt("code", "now") is None
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1"])
+def test_without_a_whole_manifest_there_is_nothing(folder: Path, text: str) -> None:
+    """Expected: as after a build that was interrupted, whose manifest comes last."""
+    (folder / MANIFEST).write_text(text)
+    module._manifest.cache_clear()
+    assert prebuilt("code", "now") is None
+    (folder / MANIFEST).unlink()
+    module._manifest.cache_clear()
+    assert prebuilt("code", "now") is None
+
+
+@pytest.mark.parametrize("flips", [200, pytest.param(20_000, marks=pytest.mark.evidence)])
+def test_every_flipped_bit_is_seen(flips: int) -> None:
+    digest, rng = manifest_line("code.so", CONTENT, "now")["sha256"], np.random.default_rng(5)
+    assert is_as_made(CONTENT, digest)
+    for bit in rng.integers(0, 8 * len(CONTENT), flips):
+        damaged = bytearray(CONTENT)
+        damaged[bit // 8] ^= 1 << (bit % 8)
+        assert not is_as_made(bytes(damaged), digest)
+
+
+def test_the_state_of_a_package_is_that_of_its_own_files(tmp_path: Path) -> None:
+    """Expected: another state for another name, content or division into files; subfolders do not count."""
+    (tmp_path / "a.py").write_text("one")
+    (tmp_path / "b.py").write_text("two")
+    states = [digest_of_files(tmp_path.iterdir())]
+    (tmp_path / "b.py").rename(tmp_path / "c.py")
+    states.append(digest_of_files(tmp_path.iterdir()))
+    (tmp_path / "c.py").write_text("tow")
+    states.append(digest_of_files(tmp_path.iterdir()))
+    (tmp_path / "a.py").write_text("onet")
+    (tmp_path / "c.py").write_text("ow")
+    states.append(digest_of_files(tmp_path.iterdir()))
+    assert len(set(states)) == 4
+    assert state_of_package("gough_stewart.model") == digest_of_files(
+        path for path in (Path(__file__).parents[3] / "model").iterdir() if path.suffix == ".py"
+    )
+
+
+def test_files_are_in_the_package() -> None:
+    assert prebuilt_folder().parent.resolve() == Path(__file__).parents[3] / "gough_stewart"
