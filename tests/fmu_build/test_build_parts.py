@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from hashlib import sha256
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -21,6 +21,7 @@ from gough_stewart.fmu_build import builder, cached, compiler_cache, errors, lan
 from gough_stewart.fmu_build.builder import contents, unit_archives, unit_of
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.lanes import lanes_library, lanes_sources
+from gough_stewart.fmu_build.source_state import state_of_texts
 from gough_stewart.fmu_build.tables import start_block
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets, native
 from gough_stewart.fmu_build.toolchain import compile_library, place_of
@@ -227,7 +228,9 @@ def test_both_versions_share_a_library_and_are_told_step_by_step(
     seen: list[tuple[str, set[str], str]] = []
     headers: list[dict[str, str]] = []
 
-    def compiled(name: str, units: dict[str, str], includes: dict[str, str], target: targets.Target, *_: Any) -> bytes:
+    def compiled(
+        name: str, units: dict[str, str], includes: dict[str, str], target: targets.Target, *_: Any, **__: Any
+    ) -> bytes:
         seen.append((name, {unit for unit in units if unit.startswith("fmi")}, target.name))
         headers.append(includes)
         return target.name.encode() + start_block(SMALL, None)
@@ -258,7 +261,7 @@ def test_after_a_failure_the_others_are_stopped_and_what_waits_is_not_begun(monk
     begun: list[str] = []
     stopped: list[bool] = []
 
-    def compiled(_name: str, _u: object, _h: object, target: targets.Target, stop: threading.Event) -> bytes:
+    def compiled(_name: str, _u: object, _h: object, target: targets.Target, stop: threading.Event, **_k: Any) -> bytes:
         begun.append(target.name)
         if len(begun) == 1:
             raise BuildError("first")
@@ -345,6 +348,15 @@ def test_a_linked_cache_loses_its_link_and_nothing_behind_it(cache: Path, monkey
     assert (elsewhere / "o/2/c.o").read_bytes() == b"damaged"
 
 
+@pytest.fixture
+def _forgotten() -> Iterator[None]:
+    """No state of sources is kept from before, nor after."""
+    state_of_texts.cache_clear()
+    yield
+    state_of_texts.cache_clear()
+
+
+@pytest.mark.usefixtures("_forgotten")
 def test_the_state_of_the_sources_depends_on_each_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: another state for another version of each package that makes the bytes, and for each of our folders."""
     versions = dict.fromkeys(["gough-stewart", "casadi", "fmpy", "latex2mathml", "numpy", "scipy", "ziglang"], "1")
@@ -366,6 +378,7 @@ def test_the_state_of_the_sources_depends_on_each_package(tmp_path: Path, monkey
         states.append(cached.state_of_sources.__wrapped__())
     for name in ("model", "fmu_build"):
         (tmp_path / name / "a.py").write_text("y")
+        state_of_texts.cache_clear()
         states.append(cached.state_of_sources.__wrapped__())
     assert len(set(states)) == 1 + 7 + 2
     assert {len(state) for state in states} == {24}

@@ -17,7 +17,7 @@ import casadi
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build import cached, codegen, model_description
+from gough_stewart.fmu_build import codegen, model_description, source_state
 from gough_stewart.fmu_build.archive import file_name, to_zip
 from gough_stewart.fmu_build.builder import Unit, chosen_versions, number_of_steps, unit_of
 from gough_stewart.fmu_build.component import Component, Kind
@@ -457,7 +457,7 @@ def test_the_state_of_the_sources_depends_on_every_file_and_on_no_compiled_one(
     monkeypatch.setattr("importlib.resources.files", lambda _package: package)
 
     def state() -> str:
-        return cached.state_of_sources.__wrapped__()
+        return source_state.state_of_texts.__wrapped__()
 
     first = state()
     for name in ("__pycache__/a.pyc", "c/__pycache__/x.pyc"):

@@ -33,7 +33,7 @@ def drawn(seed: int) -> Component:
     )
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, 2, *(pytest.param(k, marks=pytest.mark.evidence) for k in range(3, 51))])
 def test_a_stamped_library_has_the_bytes_of_one_that_was_compiled_with_the_values(seed: int) -> None:
     """Expected: the compiler's bytes, from the values as text."""
     component, own = drawn(seed), library_sources(drawn(seed))
