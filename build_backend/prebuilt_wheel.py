@@ -64,7 +64,7 @@ def build_wheel(wheel_directory: str, config_settings: Settings = None, metadata
     settings = {"targets": "all", **(config_settings or {})}
     options = ["--target", settings["targets"], *(["--level", settings["level"]] if "level" in settings else [])]
     with tempfile.TemporaryDirectory(prefix="gough-stewart-wheel-") as scratch:
-        name = build_meta.build_wheel(scratch, None, metadata_directory)
+        name = str(build_meta.build_wheel(scratch, None, metadata_directory))
         unpacked = Path(scratch, "unpacked")
         with zipfile.ZipFile(Path(scratch, name)) as archive:
             archive.extractall(unpacked)

@@ -11,18 +11,19 @@ import argparse
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from gough_stewart.fmu_build.builder import blank_library, blank_state
 from gough_stewart.fmu_build.codegen import kernel_source
-from gough_stewart.fmu_build.errors import COMPILER, TRACER, check_installed
+from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.kernel_library import compiled_kernel
-from gough_stewart.fmu_build.lanes import carried_name, flags_of_level, levels_of, machine_state
+from gough_stewart.fmu_build.lanes import MachineCode, carried_name, flags_of_level, levels_of, machine_state
 from gough_stewart.fmu_build.plant.component import (
     DEPENDENCIES,
     KERNEL_SOURCE,
@@ -38,6 +39,7 @@ from gough_stewart.model.kernel import parameter_vector, traced_call
 from gough_stewart.model.kernel_block import FUNCTIONS, new_block
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process.files import write_whole
+from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.prebuilt import MANIFEST, manifest_line, prebuilt_folder, state_of_package
 
 
@@ -77,16 +79,18 @@ def _unit(target: Target) -> Part:
 
 def _machine_code(target: Target, levels: Iterable[int]) -> Iterator[Part]:
     for level in levels:
-        for name, sources, state in (loop_code(), folds_code()):
-            own = carried_name(target, name, level)
-            states = {own: machine_state(state)}
-            if name == "loop":  # it contains the lanes
+        flags = flags_of_level(target, level)
+        for code in (loop_code(), folds_code()):
+            own = carried_name(target, code.name, level)
+            states = {own: machine_state(code.state)}
+            if code.name == "loop":  # it contains the lanes
                 states[carried_name(target, "lanes", level)] = machine_state("")
+            yield Part(own + target.suffix, states, partial(_compiled, code, target, flags))
 
-            def make(level: int = level, name: str = name, sources: Any = sources) -> bytes:
-                return compile_library(name, *sources(), target, flags=flags_of_level(target, level))
 
-            yield Part(own + target.suffix, states, make)
+def _compiled(code: MachineCode, target: Target, flags: Sequence[str]) -> bytes:
+    units, headers = code.sources()
+    return compile_library(code.name, units, headers, target, flags=flags)
 
 
 def numbers() -> dict[str, list[float]]:
@@ -120,7 +124,7 @@ def write_prebuilt(
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         contents = [*pool.map(lambda part: part.make(), made)]
     shutil.rmtree(folder, ignore_errors=True)
-    lines = {}
+    lines = dict[str, dict[str, str]]()
     for part, content in zip(made, contents, strict=True):
         path = folder / part.file
         path.parent.mkdir(parents=True, exist_ok=True)

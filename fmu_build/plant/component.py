@@ -8,7 +8,7 @@ import numpy as np
 
 from gough_stewart.fmu_build.archive import PLANT_STEM
 from gough_stewart.fmu_build.component import Code, Component, Icon, Kind, SlotDependencies, Terminal, terminals_of
-from gough_stewart.fmu_build.errors import TRACER, check_installed
+from gough_stewart.fmu_build.errors import check_installed
 from gough_stewart.fmu_build.layout import Role, Row
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.plant.documentation import documentation_page
@@ -21,6 +21,7 @@ from gough_stewart.fmu_build.source_state import state_of_texts
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.prebuilt import prebuilt
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
