@@ -1,7 +1,7 @@
 """The build backend of this project [PEP 517]: setuptools, and a wheel with what is compiled from its own sources.
 
 Only a wheel needs the compiler. An editable install and the sdist are setuptools' own.
-`pip wheel . -C targets=native` compiles for the machine at hand only, `-C level=3` with it for one level of processors.
+`pip wheel . -C only-here=yes` compiles for the processor at hand only.
 """
 
 import base64
@@ -59,10 +59,9 @@ def build_wheel(wheel_directory: str, config_settings: Settings = None, metadata
     Parameters
     ----------
     config_settings
-        `targets`: "all", "native" or the name of one, all by default; `level`, see `gough_stewart.harness.prebuilt`.
+        `only-here`: for the processor at hand instead of every target.
     """
-    settings = {"targets": "all", **(config_settings or {})}
-    options = ["--target", settings["targets"], *(["--level", settings["level"]] if "level" in settings else [])]
+    options = ["--only-here"] if "only-here" in (config_settings or {}) else ["--target", "all"]
     with tempfile.TemporaryDirectory(prefix="gough-stewart-wheel-") as scratch:
         name = str(build_meta.build_wheel(scratch, None, metadata_directory))
         unpacked = Path(scratch, "unpacked")

@@ -3,10 +3,10 @@
 c/folds/folds.h is its interface.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from gough_stewart.fmu_build.lanes import LanesLibrary, in_lanes, machine_code
+from gough_stewart.fmu_build.lanes import in_lanes
 
 # Elements of the columns of all folds together, in a row.
 MOST_COLUMNS = 96
@@ -25,24 +25,6 @@ class FoldKernel(NamedTuple):
         """Elements of the columns, states and parameters."""
         *columns, _, parameters, states = (self.function.numel_in(i) for i in range(self.function.n_in()))
         return sum(columns) // 2, states, parameters
-
-
-def folds_library(kernels: Callable[[], Sequence[FoldKernel]], state: str) -> LanesLibrary:
-    """The library of some kernels for this processor, from the cache if it was built from the same sources before.
-
-    Parameters
-    ----------
-    kernels
-        Traces them, if the library has to be built.
-    state
-        Digest of the sources of the kernels.
-
-    Raises
-    ------
-    BuildError, OSError
-        As `lanes_library`.
-    """
-    return machine_code("folds", lambda: folds_sources(kernels()), state)
 
 
 def folds_sources(kernels: Sequence[FoldKernel]) -> tuple[dict[str, str], dict[str, str]]:

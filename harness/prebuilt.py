@@ -23,7 +23,7 @@ from gough_stewart.fmu_build.builder import blank_library, blank_state
 from gough_stewart.fmu_build.codegen import kernel_source
 from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.kernel_library import compiled_kernel
-from gough_stewart.fmu_build.lanes import MachineCode, carried_name, flags_of_level, levels_of, machine_state
+from gough_stewart.fmu_build.lanes import FLAGS, MachineCode, carried_name, flags_of_level, levels_of, machine_state
 from gough_stewart.fmu_build.plant.component import (
     DEPENDENCIES,
     KERNEL_SOURCE,
@@ -51,8 +51,8 @@ class Part(NamedTuple):
     make: Callable[[], bytes]
 
 
-def parts(targets: Iterable[Target], level: int | None = None, *, only_kernel: bool = False) -> Iterator[Part]:
-    """All files for some targets; of code for several levels of processors, all or one."""
+def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bool = False) -> Iterator[Part]:
+    """All files for some targets; with `only_here` for the processor at hand instead of several levels."""
     targets = tuple(targets)
     for target in targets:
         yield _kernel(target)
@@ -63,7 +63,7 @@ def parts(targets: Iterable[Target], level: int | None = None, *, only_kernel: b
     yield Part(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())
     for target in targets:
         yield _unit(target)
-        yield from _machine_code(target, levels_of(target) if level is None else (level,))
+        yield from _machine_code(target, only_here)
 
 
 def _kernel(target: Target) -> Part:
@@ -77,9 +77,9 @@ def _unit(target: Target) -> Part:
     return Part(name + target.suffix, {name: blank_state(component)}, lambda: blank_library(component, target))
 
 
-def _machine_code(target: Target, levels: Iterable[int]) -> Iterator[Part]:
-    for level in levels:
-        flags = flags_of_level(target, level)
+def _machine_code(target: Target, only_here: bool) -> Iterator[Part]:
+    levels = {level: flags_of_level(target, level) for level in levels_of(target)}
+    for level, flags in {min(levels): FLAGS}.items() if only_here else levels.items():
         for code in (loop_code(), folds_code()):
             own = carried_name(target, code.name, level)
             states = {own: machine_state(code.state)}
@@ -108,7 +108,7 @@ def numbers() -> dict[str, list[float]]:
 
 
 def write_prebuilt(
-    folder: Path, targets: Iterable[Target], level: int | None = None, *, only_kernel: bool = False
+    folder: Path, targets: Iterable[Target], *, only_here: bool = False, only_kernel: bool = False
 ) -> None:
     """Write the files, then the manifest; after an error there is none, and so nothing that would be used.
 
@@ -120,7 +120,7 @@ def write_prebuilt(
         The folder cannot be written.
     """
     check_installed(TRACER, COMPILER)
-    made = tuple(parts(targets, level, only_kernel=only_kernel))
+    made = tuple(parts(targets, only_here=only_here, only_kernel=only_kernel))
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
         contents = [*pool.map(lambda part: part.make(), made)]
     shutil.rmtree(folder, ignore_errors=True)
@@ -139,11 +139,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m gough_stewart.harness.prebuilt", description=__doc__)
     parser.add_argument("--out", type=Path, default=prebuilt_folder(), help="folder; the package's by default")
     parser.add_argument("--target", action="append", help="native, all, or a name; native by default")
-    parser.add_argument("--level", type=int, help="of processors, for one target; all by default")
+    parser.add_argument("--only-here", action="store_true", help="for the processor at hand")
     parser.add_argument("--only-kernel", action="store_true", help="without units and what steps many members")
     options = parser.parse_args()
-    targets = chosen_targets(options.target or ["native"])
-    write_prebuilt(options.out, targets, options.level, only_kernel=options.only_kernel)
+    targets = chosen_targets(["native"] if options.only_here else options.target or ["native"])
+    write_prebuilt(options.out, targets, only_here=options.only_here, only_kernel=options.only_kernel)
 
 
 if __name__ == "__main__":

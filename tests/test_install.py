@@ -1,7 +1,7 @@
 """What users install: the sdist, the wheel made of it, and a plain install with nothing but what the wheel declares.
 
 The install is a virtual environment of its own, with links to those packages of this environment that the wheel asks
-for, and to what these ask for; so it takes seconds and no network. The wheel has compiled code for this machine only.
+for, and to what these ask for; so it takes seconds and no network. The wheel has code for this processor only.
 """
 
 import base64
@@ -95,7 +95,7 @@ def link_packages(wheel: Path, site: Path) -> None:
 
 def packed(kind: str, source: Path, folder: Path) -> list[Path]:
     """The sdist or the wheel of some sources, as their build system makes it."""
-    settings = {"targets": "native", "level": str(LEVEL)} if kind == "wheel" else {}
+    settings = {"only-here": "yes"} if kind == "wheel" else {}
     script = "import sys; sys.path.insert(0, 'build_backend'); import prebuilt_wheel as backend\n"
     script += f"backend.build_{kind}(sys.argv[1], {settings})"
     subprocess.run([sys.executable, "-c", script, str(folder)], cwd=source, capture_output=True, check=True)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.cache_files import digest_of
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.folds import folds_library, folds_sources
+from gough_stewart.fmu_build.folds import folds_sources
+from gough_stewart.fmu_build.lanes import machine_code
 from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.harness.loop.fold_kernels import FoldKernels
 from gough_stewart.harness.loop.folding import FoldsOfRows
@@ -138,7 +139,11 @@ class Numbers:
 
 @pytest.fixture(scope="module")
 def kernels() -> FoldKernels:
-    return FoldKernels(folds_library(lambda: [MadeUp(1.0).traced()], digest_of(Path(__file__).read_bytes())).path)
+    return FoldKernels(
+        machine_code(
+            "folds", lambda: folds_sources([MadeUp(1.0).traced()]), digest_of(Path(__file__).read_bytes())
+        ).path
+    )
 
 
 def expected(given: Numbers, k: int) -> dict[str, list[float]]:
@@ -236,7 +241,7 @@ def test_without_a_library_there_are_no_kernels(error: Exception, monkeypatch: p
     def failing(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr(fold_library, "folds_library", failing)
+    monkeypatch.setattr(fold_library, "machine_code", failing)
     assert metric_kernels.__wrapped__() is None
 
 
