@@ -205,7 +205,7 @@ def test_a_plain_install_builds_runs_and_varies_without_a_compiler(install: Inst
         assert "NumPy" not in done.stderr, done.stderr
     assert {path.name for path in (install.cache / "gough-stewart" / "build").iterdir()} == {"agrees", "fmus"}
     level = f" x86-64-v{LEVEL}" if LEVEL else ""
-    assert f"{native().name}{level} " in (out / "ensemble" / "metadata.json").read_text()
+    assert f"{native().name}{level} " in (out / "ensemble" / "ensemble.json").read_text()
 
 
 def test_a_plain_install_says_what_tracing_and_compiling_need(install: Install) -> None:
