@@ -28,13 +28,13 @@ _OFFERED = re.compile(r"^MACHINE_OFFERED [\w *]*?(\w+)\(", re.M)
 Sources = tuple[dict[str, str], dict[str, str]]
 
 
-def machine_sources(components: str, fields: str, plan: str, law: Any = None) -> Sources:
+def machine_sources(components: str, fields: str, plan: str, design: str, law: Any = None) -> Sources:
     """Units and headers by file name.
 
     Parameters
     ----------
-    components, fields, plan
-        `components.h` of c/loop, `machine_fields.h`, and `plan.h`, the motions.
+    components, fields, plan, design
+        `components.h` of c/loop, `machine_fields.h`, `plan.h`, the motions, and `design.h`, what turned gains give.
     law
         A user's, see `law_library`.
     """
@@ -48,7 +48,7 @@ def machine_sources(components: str, fields: str, plan: str, law: Any = None) ->
     units["legs.c"] = units["legs.c"].replace("#include <math.h>", '#include "elementary.h"')
     units["legs.c"] = re.sub(r"\nstatic double sq\(double x\)\n\{\n.*?\n\}\n", "\n", units["legs.c"], flags=re.S)
     headers = {**headers, **own.headers, "machine_fields.h": f"{GENERATED}\n{fields}"}
-    headers["plan.h"] = f"{GENERATED}\n{plan}"
+    headers["plan.h"], headers["design.h"] = f"{GENERATED}\n{plan}", f"{GENERATED}\n{design}"
     headers["vectors.h"] = headers["vectors.h"].replace("#ifndef WIDTH\n#define WIDTH 8\n#endif", "#define WIDTH 1")
     if law is not None:
         from gough_stewart.fmu_build.lanes import law_sources

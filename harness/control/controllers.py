@@ -119,7 +119,7 @@ class OpenLoop(ControllerChoice):
         return np.asarray(feedforward + np.array(self.force))
 
 
-class _SixChannels(ControllerChoice):
+class SixChannels(ControllerChoice):
     """Proportional and derivative action; gains, or a bandwidth that determines them."""
 
     space: Space = "leg"
@@ -173,7 +173,7 @@ class _SixChannels(ControllerChoice):
         return Gains(kp, np.array(self.derivative_gain), ki, self.derivative_filter, anti_windup_time)
 
     @model_validator(mode="after")
-    def _gains_or_bandwidth(self) -> "_SixChannels":
+    def _gains_or_bandwidth(self) -> "SixChannels":
         gains = (self.proportional_gain, self.derivative_gain)
         if self.bandwidth is None and None in gains:
             raise ValueError("expected a bandwidth, or proportional_gain and derivative_gain")
@@ -186,7 +186,7 @@ class _SixChannels(ControllerChoice):
         return self
 
 
-class PD(_SixChannels):
+class PD(SixChannels):
     """Proportional and derivative action in six channels.
 
     `bandwidth` [Hz] and `damping_ratio`, or `proportional_gain` [N/m] and `derivative_gain` [N s/m], numbers or six of
@@ -206,7 +206,7 @@ class PD(_SixChannels):
         return self._gains(platform, 0.0, None, None)
 
 
-class PID(_SixChannels):
+class PID(SixChannels):
     """A PD with integral action; anti-windup by back-calculation.
 
     The keys of `PD`, and `integral_time` [s], or with gains `integral_gain` [N/(m s)]; `anti_windup_time` [s].

@@ -1,6 +1,7 @@
 """Gains of PD and PID from bandwidth and damping, by the linear model of the platform."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
 
 DAMPING_RATIO = 0.7
 
@@ -68,10 +70,20 @@ def gains_from_bandwidth(
             f"integral_time is {integral_time:g} s; expected more than {shortest:.3g} s = 1/(2 ζ ωn), below which the "
             f"loop is unstable, say {10 * shortest:.2g} s"
         )
+    m = modal_masses(platform, space)
+    kp, kd, ki = gains_of_masses(m, bandwidth, damping_ratio, math.inf if integral_time is None else integral_time)
+    return Gains(kp, kd, ki, derivative_filter, anti_windup_time)
+
+
+def modal_masses(platform: Platform, space: Space) -> FloatArray:
+    """The mass m of each channel (6,) [kg], or of task space [kg, kg m²], see `gains_from_bandwidth`."""
     if space == "task":
-        m = np.diag(mass_matrix(platform, platform.home_position, platform.home_orientation))
-    else:
-        m = np.full(6, np.linalg.eigvalsh(leg_space_mass(platform)).max())
+        return np.diag(mass_matrix(platform, platform.home_position, platform.home_orientation))
+    return np.full(6, np.linalg.eigvalsh(leg_space_mass(platform)).max())
+
+
+def gains_of_masses(m: Any, bandwidth: Any, damping_ratio: Any, integral_time: Any) -> tuple[Any, Any, Any]:
+    """Gains kp = m ωn², kd = 2 ζ m ωn, ki = kp/Ti, of numbers or symbols; an infinite Ti is no integral action."""
+    omega = 2 * math.pi * bandwidth
     kp = m * omega**2
-    ki = 0.0 * kp if integral_time is None else kp / integral_time
-    return Gains(kp, 2 * damping_ratio * m * omega, ki, derivative_filter, anti_windup_time)
+    return kp, 2 * damping_ratio * m * omega, kp / integral_time

@@ -11,7 +11,7 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import Array
+from gough_stewart.model.vectors import Array, FloatArray
 
 # Doubling the number multiplies the time for eigenvalues by ten, to half a minute.
 MOST_STATES = 300
@@ -52,7 +52,6 @@ def loop_transfer(
     ControllerError
         The controller has another sample time, or the delay needs more states than `MOST_STATES`.
     """
-    controller.check_sample_time(sample_time)
     drive = Drive.linear({"lag": lag}, sample_time)
     states = 12 + 6 * drive.nstates + 6 * delay + controller.system.nstates
     if states > MOST_STATES:
@@ -60,15 +59,31 @@ def loop_transfer(
             f"a delay of {delay} samples of {sample_time:g} s gives a linear loop of {states} states; expected at most "
             f"{MOST_STATES}: a delay of fewer, longer samples"
         )
-    linear = linear_matrices(platform, position, orientation, controller.signals, coulomb_friction=coulomb_friction)
-    plant = StateSpace(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
-    if drive.nstates:
-        plant = series(beside(drive, 6), plant)
-    plant = discretised(plant, sample_time, "zoh")
+    plant = held_plant(platform, controller, sample_time, lag, position, orientation, coulomb_friction=coulomb_friction)
     none, one = np.zeros((6, 6)), np.eye(6)
     for _ in range(delay):
         plant = series(StateSpace(none, one, one, none, sample_time), plant)
     return series(plant, feedback_part(platform if believed is None else believed, controller, position, orientation))
+
+
+def held_plant(
+    platform: Platform,
+    controller: LinearController,
+    sample_time: float,
+    lag: float = 0.0,
+    position: Array | None = None,
+    orientation: Array | None = None,
+    *,
+    coulomb_friction: bool = False,
+) -> StateSpace:
+    """ZOH{P(s) / (τ s + 1)}: from commanded forces to the controller's signals, at its sample time."""
+    controller.check_sample_time(sample_time)
+    drive = Drive.linear({"lag": lag}, sample_time)
+    linear = linear_matrices(platform, position, orientation, controller.signals, coulomb_friction=coulomb_friction)
+    plant = StateSpace(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
+    if drive.nstates:
+        plant = series(beside(drive, 6), plant)
+    return discretised(plant, sample_time, "zoh")
 
 
 def feedback_part(
@@ -79,15 +94,25 @@ def feedback_part(
 ) -> StateSpace:
     """C with F = −C y: the controller from measurements to forces at a pose, in its own space."""
     K, n = matrices_of(controller.system), len(signals.positions(controller.signals))
-    one, none = np.eye(n), np.zeros((n, n))
-    if controller.space == "leg":
-        r, y, to_force = none, one, np.eye(6)
-    else:
-        p = platform.home_position if position is None else position
-        o = platform.home_orientation if orientation is None else orientation
-        maps = MapsOfPose(leg_jacobian(platform, p, o))
-        # from lengths that have been constant: the memory of task space, a sum, is no state of small signals
-        (r, y), to_force = displacements(maps, none, none, none, one), maps.to_force(np.eye(6))
+    (r, y), to_force = space_of(platform, controller, position, orientation)
     # what a measurement of each signal puts into u, for F = −C y
     u = -np.concatenate(inputs_of(controller.kinds, r, y, np.zeros((6, n))))
     return StateSpace(K.A, K.B @ u, to_force @ K.C, to_force @ K.D @ u, K.dt)
+
+
+def space_of(
+    platform: Platform,
+    controller: LinearController,
+    position: Array | None = None,
+    orientation: Array | None = None,
+) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
+    """What measurements make of a controller's references and readings (n, n), and of its outputs, forces (6, 6)."""
+    n = len(signals.positions(controller.signals))
+    one, none = np.eye(n), np.zeros((n, n))
+    if controller.space == "leg":
+        return (none, one), np.eye(6)
+    p = platform.home_position if position is None else position
+    o = platform.home_orientation if orientation is None else orientation
+    maps = MapsOfPose(leg_jacobian(platform, p, o))
+    # from lengths that have been constant: the memory of task space, a sum, is no state of small signals
+    return displacements(maps, none, none, none, one), maps.to_force(np.eye(6))

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from gough_stewart.harness.control.state_space import Method, StateSpace, discretised
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface
+from gough_stewart.model.operations import greater, less, minimum, where
 from gough_stewart.model.vectors import Array, FloatArray
 
 if TYPE_CHECKING:
@@ -67,22 +68,33 @@ class Gains:
         """Tf [s]."""
         if self.derivative_filter is not None:
             return self.derivative_filter
-        active = np.asarray(self.derivative)[np.asarray(self.derivative) > 0]
-        if not active.size:
-            return 1.0  # any value: there is no derivative
-        return (
-            float((np.asarray(self.derivative) / self.proportional)[np.asarray(self.derivative) > 0].min())
-            / FILTER_RATIO
-        )
+        kp, kd = np.asarray(self.proportional), np.asarray(self.derivative)
+        return float(filter_time_of(kp, kd)[0])
 
     @property
     def tracking_time(self) -> FloatArray:
         """Tt of each channel [s]."""
         if self.anti_windup_time is not None:
             return np.full(N_CHANNELS, self.anti_windup_time)
-        kp, kd, ki = (np.asarray(v) for v in (self.proportional, self.derivative, self.integral))
-        integral_time = kp / np.where(ki > 0, ki, 1.0)
-        return np.where(kd > 0, np.sqrt(integral_time * kd / kp), integral_time)
+        return np.asarray(
+            tracking_time_of(*(np.asarray(v) for v in (self.proportional, self.derivative, self.integral)))
+        )
+
+
+def filter_time_of(kp: Array, kd: Array) -> Array:
+    """Tf (1,) [s] by default, of numbers or of symbols: a share of the fastest channel's kd/kp."""
+    times = where(greater(kd, 0.0), kd / kp, np.inf)
+    shortest = times[:1]
+    for k in range(1, N_CHANNELS):
+        shortest = minimum(shortest, times[k : k + 1])
+    # any value if there is no derivative
+    return where(less(shortest, np.inf), shortest / FILTER_RATIO, 1.0)
+
+
+def tracking_time_of(kp: Array, kd: Array, ki: Array) -> Array:
+    """Tt of each channel (6,) [s] by default: √(Ti Td), or Ti without derivative action."""
+    integral_time = kp / where(greater(ki, 0.0), ki, 1.0)
+    return where(greater(kd, 0.0), np.sqrt(integral_time * kd / kp), integral_time)
 
 
 class Channels(NamedTuple):
@@ -170,16 +182,17 @@ def actions_of(gains: Gains) -> Actions:
 
 
 def channel_matrices(channels: Channels, derivative_on: DerivativeOn, actions: Actions) -> StateSpace:
-    """`pid_matrices` of numbers, or of CasADi symbols in object arrays."""
+    """`pid_matrices` of numbers, or of CasADi symbols in object arrays; of any number of channels."""
+    size = len(channels.proportional)
     with_integral = bool(actions.integrate.any())
     n_kinds = 3 if with_integral else 2
     # inputs (r, y, excess) of a channel; the derivative acts on v = d · (r, y, excess)
     error = np.array([1.0, -1.0, 0.0])[:n_kinds]
     d = error if derivative_on == "error" else np.array([0.0, -1.0, 0.0])[:n_kinds]
-    one = np.eye(N_CHANNELS)
+    one = np.eye(size)
     kind = channels.proportional.dtype
-    poles, B, C, D = [], [], [], np.zeros((N_CHANNELS, n_kinds, N_CHANNELS), dtype=kind)
-    for k in range(N_CHANNELS):
+    poles, B, C, D = [], [], [], np.zeros((size, n_kinds, size), dtype=kind)
+    for k in range(size):
         # (1,) each: a bare symbol would treat an array as a matrix
         kp, kd, ki, filter_time, tracking_time = (values[k : k + 1] for values in channels)
         D[k, :, k] = kp * error
@@ -193,13 +206,13 @@ def channel_matrices(channels: Channels, derivative_on: DerivativeOn, actions: A
             poles.append(0 * kp)
             B.append(np.outer(np.concatenate([ki, -ki, 1 / tracking_time]), one[k]))
             C.append(one[k])
-    n, m = len(poles), n_kinds * N_CHANNELS
+    n, m = len(poles), n_kinds * size
     return StateSpace(
         np.diag(np.concatenate([np.zeros(0, dtype=kind), *poles])),
         # order: all references, all measurements, all excesses
         np.reshape(np.array(B, dtype=kind), (n, m)),
-        np.reshape(np.array(C, dtype=kind), (n, N_CHANNELS)).T,
-        D.reshape(N_CHANNELS, m),
+        np.reshape(np.array(C, dtype=kind), (n, size)).T,
+        D.reshape(size, m),
     )
 
 

@@ -21,6 +21,7 @@ from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.design_c import design_header
 from gough_stewart.harness.export.plan_c import (
     BY_HAND,
     FEEDFORWARD,
@@ -30,6 +31,8 @@ from gough_stewart.harness.export.plan_c import (
     planned_motion,
     smoothing,
 )
+from gough_stewart.harness.export.turned import FIELDS as TURNING
+from gough_stewart.harness.export.turned import Turned
 from gough_stewart.harness.loop import compiled
 from gough_stewart.harness.loop.compiled import CompiledLoop
 from gough_stewart.harness.loop.law_library import CompiledLaw, compiled_form
@@ -48,7 +51,7 @@ from gough_stewart.model.errors import MembersError
 from gough_stewart.model.vectors import FloatArray
 
 # Of a block: its version, number of words, and whether it is open; then room for what C makes of its fields.
-_HEAD, _ROOM, _VERSION = 4, 320, 2
+_HEAD, _ROOM, _VERSION = 4, 352, 3
 # The last row of a machine without an end.
 _NEVER = 2**53
 _CHANGES = (
@@ -124,8 +127,8 @@ def _shipped_c() -> Sources:
 
 
 @cache
-def _headers() -> tuple[str, str, str]:
-    return components_header(), _fields_header(), plan_header()
+def _headers() -> tuple[str, str, str, str]:
+    return components_header(), _fields_header(), plan_header(), design_header()
 
 
 def machine_block(
@@ -135,6 +138,7 @@ def machine_block(
     plan: Plan | None = None,
     kept: int = 64,
     forever: bool = False,
+    turned: Turned | None = None,
 ) -> Block:
     """A run of one member as a block.
 
@@ -148,6 +152,8 @@ def machine_block(
         Rows that a call of `machine_run` keeps, at most.
     forever
         It does not end with the run, if it has a plan or needs none; jitter and injection do.
+    turned
+        What may be turned while it runs, and the linear loop.
 
     Raises
     ------
@@ -167,10 +173,12 @@ def machine_block(
         )
     plant.set_inputs(changes.inputs[:1])
     with ThreadPoolExecutor(1) as pool:
-        own = CompiledLoop(plant, form, loop, watch, reading, pool, 1)
+        own = CompiledLoop(plant, form, loop if turned is None else turned.with_room(loop), watch, reading, pool, 1)
     if failures := plant.begin():
         raise MembersError(failures)
     arrays = own.arrays
+    if turned is not None:
+        turned.begin(own.structure, arrays)
     outputs: dict[str, NDArray[Any]] = {
         "row_signals": np.zeros((kept, signals.SIZE)),
         "row_forces": np.zeros((kept, N_LEGS)),
@@ -184,12 +192,15 @@ def machine_block(
     if endless:
         c.last = _NEVER
     beyond = _beyond(loop, kept) if endless else {}
+    own_parts: dict[str, dict[str, Any]] = {
+        "own": {**beyond, **changes.words, "kept": kept},
+        "plan": {f"plan_{key}": value for key, value in (planned or {"kind": -1}).items()},
+        "turn": {} if turned is None else {f"turn_{key}": value for key, value in turned.fields.items()},
+    }
     for name, kind in _all_fields():
         part, _, rest = name.partition(".")
-        if part == "own":
-            made.value(kind, {**changes.words, "kept": kept}.get(rest, beyond.get(rest, 0)))
-        elif part == "plan":
-            made.value(kind, planned.get(rest.removeprefix("plan_"), -1 if rest == "plan_kind" else 0))
+        if part in own_parts:
+            made.value(kind, own_parts[part].get(rest, 0))
         elif planned and rest.partition(".")[0] in _TABLES:
             made.planned_table(rest, planned)
         elif endless and rest == "feedforward.row":
@@ -390,6 +401,7 @@ def _all_fields() -> tuple[_Field, ...]:
             found.append(_Field(f"with.{name}", kinds.get(kind, "WHOLE")))
     found += [_Field(f"own.{name}", kind) for name, kind in _CHANGES]
     found += [_Field(f"plan.plan_{name}", kind) for name, kind in _PLAN]
+    found += [_Field(f"turn.turn_{name}", kind) for name, kind in TURNING]
     return tuple(found)
 
 
@@ -409,14 +421,20 @@ def _fields_header() -> str:
         "MOTION_ROUNDING": ROUNDING,
     }
     reads = " \\\n    ".join(
-        f"o->{name.removeprefix('own.').replace('plan.plan_', 'plan.')} = {kind}({k});"
+        f"o->{name.removeprefix('own.').replace('plan.plan_', 'plan.').replace('turn.turn_', 'turned.')} = {kind}({k});"
         for k, (name, kind) in enumerate(_all_fields())
         if kind != "LAW"
     )
     return f"{defines(sizes)}\n\n{defines(known)}\n\n#define MACHINE_READ \\\n    {reads}\n"
 
 
-def machine_of(experiment: Experiment, prepared: Prepared, kept: int = 64, forever: bool = False) -> Block:
+def machine_of(
+    experiment: Experiment,
+    prepared: Prepared,
+    kept: int = 64,
+    forever: bool = False,
+    turned: Turned | None = None,
+) -> Block:
     """A run of an experiment as a block, with its plan.
 
     Raises
@@ -433,4 +451,4 @@ def machine_of(experiment: Experiment, prepared: Prepared, kept: int = 64, forev
         plan = Plan(prepared.reference, prepared.platform, kind, ahead)
     plant = lanes_plant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=prepared.kernel)
     with plant, prepared.law_in_a_run() as law_from:
-        return machine_block(plant, law_from, loop, plan, kept, forever)
+        return machine_block(plant, law_from, loop, plan, kept, forever, turned)

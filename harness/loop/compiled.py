@@ -311,7 +311,7 @@ class CompiledLoop:
         if np.isfinite(values["rate_limit"]).any() or (values["lag"] > 0).any():
             c.drives = self._table(coefficients_of(Drive, values, step.plant_step)[None])
         delay = np.broadcast_to(np.asarray(actuators.delay, float), (n,))
-        c.delay, c.most_delay = self._table(np.ascontiguousarray(delay)[None, None]), int(delay.max())
+        c.delay, c.most_delay = self._table(np.array(delay)[None, None]), int(delay.max())
         self._memory("planned", N_LEGS)[:, :n] = forces
         self._memory("target", N_LEGS)[:, :n] = forces
         self._memory("driven", 2 * N_LEGS)[:, :n] = np.tile(forces, (2, 1))

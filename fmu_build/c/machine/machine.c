@@ -4,6 +4,7 @@
 #include "loop.h"
 #include "machine_fields.h"
 #include "planning.h"
+#include "turning.h"
 #include "vectors.h"
 
 #ifdef MACHINE_HAS_LAW
@@ -18,6 +19,7 @@ typedef struct {
     const int64_t *change_rows;
     const double *change_parameters, *change_inputs;
     planned plan; /* kind -1: it has tables */
+    turning turned;
     int64_t forever; /* it has no end: samples beyond the table's are regular, and nothing is injected there */
     int64_t n_samples;
     const int64_t *sample_rows;
@@ -171,6 +173,18 @@ int64_t machine_ended(const int64_t *block)
 int64_t machine_failure(const int64_t *block)
 {
     return own_of((int64_t *)block)->of.failure[0];
+}
+
+int64_t machine_turn(int64_t *block)
+{
+    own *o = own_of(block);
+    return block[2] ? turn_all(&o->turned, &o->with, &o->plan) : 0;
+}
+
+int64_t machine_margins(int64_t *block)
+{
+    own *o = own_of(block);
+    return block[2] ? turn_margins(&o->turned, &o->with) : 1;
 }
 
 void machine_seed(const uint32_t *entropy, int64_t n, int64_t words[4])

@@ -11,7 +11,9 @@ from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.machine import Block, fields, machine_of
+from gough_stewart.harness.export.turned import MOST_DELAY, POLES, WANTED, Turned, turned_of
 from gough_stewart.model import interface
+from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 
@@ -20,6 +22,7 @@ KEPT = 512
 # Names of the machine's fields that a page reads and writes.
 _FIELDS = (
     *("signals", "inputs", "parameters", "feedforward", "plan_reference", "plan_target"),
+    *("turn_wanted", "turn_used", "turn_results"),
     *("row_signals", "row_forces", "row_force_limited", "row_rate_limited"),
 )
 # What a page says of a run that ended early.
@@ -68,12 +71,29 @@ def live_machine(experiment: Experiment) -> Live:
         raise ExportError(f"{name} has the plant '{experiment.plant.kind}'; expected 'model': set plant.kind=model")
     prepared = prepare(experiment)
     try:
-        block = machine_of(experiment, prepared, KEPT, forever=True)
+        turned = turned_of(experiment, prepared)
+        block = machine_of(experiment, prepared, KEPT, forever=True, turned=turned)
     except ControllerError as error:
         raise ExportError(f"{name}: controller '{kind}': {error}") from error
     if block.law is not None:
         raise ExportError(f"{name}: a page has the laws of shipped components; expected one of them")
-    return Live(block, experiment, prepared, _data(experiment, prepared))
+    return Live(block, experiment, prepared, {**_data(experiment, prepared), "turn": _turned(turned)})
+
+
+def _turned(turned: Turned) -> dict[str, Any]:
+    """What the page may turn, and where it finds poles and margins."""
+    fields = turned.fields
+    return {
+        "wanted": [float(value) if np.isfinite(value) else None for value in fields["wanted"]],
+        "names": WANTED,
+        "gains": fields["variant"] >= 0,
+        "integral": fields["variant"] >= 0 and bool(fields["gains"][12] > 0),
+        "margins": "results" in fields,
+        "poles": POLES,
+        "most": fields.get("most_states", 0),
+        "mostDelay": max(MOST_DELAY, int(turned.loop.actuators.delay)),
+        "sampleTime": fields["sample_time"],
+    }
 
 
 def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
@@ -90,6 +110,9 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
         "kept": KEPT,
         "duration": loop.timing.duration,
         "forceLimit": limit if np.isfinite(limit) else None,
+        "largestForce": float(
+            np.abs(static_leg_forces(platform, platform.home_position, platform.home_orientation)).max()
+        ),
         "stroke": stroke if None not in stroke else None,
         "mass": begins["platform_mass"],
         "gravity": begins["gravity"],

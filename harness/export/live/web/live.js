@@ -3,7 +3,7 @@
 (() => {
   const GS = GoughStewart, { engine } = GS, { given } = engine, $ = (id) => document.getElementById(id);
   const KG = 1, history = GS.history();
-  let playing = !matchMedia("(prefers-reduced-motion: reduce)").matches, last = null, size = 26, fresh = false, over = null;
+  let playing = !given.isOpen && !matchMedia("(prefers-reduced-motion: reduce)").matches, last = null, size = 26, fresh = false, over = null;
   let push = [0, 0, 0], frames = 0, span = 8, rate = null;
   const FAILURES = given.failures;
   let stage = null;
@@ -56,6 +56,7 @@
   };
   const hand = GS.hand({ engine, restart });
   hand.begun();
+  const turning = GS.turning({ engine });
   const toggle = () => {
     if (over) { restart(); return; }
     playing = !playing;
@@ -67,7 +68,10 @@
   $("speed").addEventListener("change", run);
   $("colour").addEventListener("change", () => { stage?.colourBy($("colour").value); fresh = true; });
   document.addEventListener("visibilitychange", run);
+  // by samples, while it is paused
+  const some = (rows) => engine.ask("some", "advanced", { rows });
   document.addEventListener("keydown", (event) => {
+    if (event.key === "." && !playing && !over && !/^(input|select)$/i.test(event.target.tagName)) some(given.every);
     if (event.key !== " " || /^(input|select|button|summary)$/i.test(event.target.tagName)) return;
     toggle();
     event.preventDefault();
@@ -170,5 +174,5 @@
   };
   GS.onTheme(() => { fresh = true; });
   requestAnimationFrame(frame);
-  GS.live = { get frames() { return frames; }, get last() { return last && [...last]; }, get over() { return over; }, get playing() { return playing; }, history: history.points };
+  GS.live = { turning, some, get frames() { return frames; }, get last() { return last && [...last]; }, get over() { return over; }, get playing() { return playing; }, history: history.points };
 })();

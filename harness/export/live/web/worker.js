@@ -1,6 +1,7 @@
 "use strict";
 // Runs the machine's C in a worker: it only moves time and values.
 let c, at, given, start, view, timer = null;
+let turned = false, analysis = null;
 let playing = false, speed = 1, row = 0, ended = false, origin = 0, from = 0, lost = 0, posted = 0;
 const writes = new Map(), limited = new Float64Array(6);
 const BUDGET = 12, BEHIND = 250, POINTS = 64, SIZE = 26;
@@ -21,6 +22,7 @@ const begin = () => {
   ended = false;
   limited.fill(0);
   for (const [name, values] of writes) for (const [k, value] of values) if (place(name)) numbers(name, k + 1)[k] = value;
+  if (turned) c.machine_turn(at);
   hold();
 };
 // real time counts from here
@@ -86,6 +88,15 @@ const go = () => {
   if (timer === null && playing && !ended) again();
 };
 
+// Poles and margins of the loop as it is, once nothing has been turned for a moment.
+const analyse = (after) => {
+  clearTimeout(analysis);
+  analysis = setTimeout(() => {
+    const begun = clock(), none = given.turn.margins ? Number(c.machine_margins(at)) : 1;
+    if (!none) postMessage({ type: "margins", values: numbers("turn_results", given.turn.poles + 4 * given.turn.most).slice(), took: clock() - begun });
+  }, after);
+};
+
 const answers = {
   open: async (message) => {
     given = message.data;
@@ -97,6 +108,7 @@ const answers = {
     c.memory.grow(Math.ceil((at + start.byteLength) / 65536));
     begin();
     postMessage({ type: "ready" });
+    analyse(300);
   },
   run: (message) => {
     clearTimeout(timer);
@@ -113,11 +125,26 @@ const answers = {
   },
   // numbers of a field, kept when it begins again
   write: ({ name, from: first, values, keeps }) => {
-    if (!values.every(Number.isFinite) || !place(name)) return;
+    if (values.some(Number.isNaN) || !place(name)) return;
     numbers(name, first + values.length).set(values, first);
     if (!keeps) return;
     if (!writes.has(name)) writes.set(name, new Map());
     values.forEach((value, k) => writes.get(name).set(first + k, value));
+  },
+  // some rows at once, by no clock
+  some: ({ rows }) => {
+    const points = [], to = row + rows, every = Math.max(1, Math.round(0.005 / given.plantStep), Math.ceil(rows / POINTS));
+    while (row < to && !ended) advance(Math.min(to, row + given.kept), points, every);
+    hold();
+    tell(points);
+    postMessage({ type: "advanced" });
+  },
+  // takes over what has been written of settings: 0, or 1 and the position of the first that is refused
+  turn: () => {
+    turned = true;
+    const status = Number(c.machine_turn(at));
+    postMessage({ type: "turned", status, used: place("turn_used") ? [...numbers("turn_used", 25)] : [] });
+    analyse(120);
   },
   take: () => c.machine_take(at),
   // all rows from the beginning, for who compares them, and how long they took [s]
