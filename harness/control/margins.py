@@ -44,6 +44,12 @@ class LegMargins:
     """The phase margin as time, at the critical crossover [s]."""
     crossover: float
     """The highest gain crossover [Hz]; NaN if there is none."""
+    phase_at: float = math.nan
+    """The crossover with the smallest phase margin [Hz]."""
+    gain_up_at: float = math.nan
+    """Where the phase is −180° and a higher gain ends [Hz]."""
+    gain_down_at: float = math.nan
+    """The same for a lower gain [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -250,24 +256,34 @@ def _leg_margins(L: Any, k: int, omega: FloatArray, loop: ComplexArray) -> LegMa
     def at(frequencies: FloatArray) -> ComplexArray:
         return one_leg_open(response(L, frequencies), k)
 
-    real = at(_crossings(lambda w: at(w).imag, omega, loop.imag))
-    real = np.concatenate([real[np.abs(real.imag) < _FLAT * np.abs(real.real)], _limits(at, L, omega)])
-    gains = 1 / np.abs(real[real.real < 0])
-    gains = gains[(gains > 1 / _BOUNDLESS) & (gains < _BOUNDLESS)]
+    turns = _crossings(lambda w: at(w).imag, omega, loop.imag)
+    real = at(turns)
+    is_real = np.abs(real.imag) < _FLAT * np.abs(real.real)
+    ends, end_values = _limits(at, L, omega)
+    turns, real = np.concatenate([turns[is_real], ends]), np.concatenate([real[is_real], end_values])
+    with np.errstate(divide="ignore"):
+        gains = np.where(real.real < 0, 1 / np.abs(real), 1.0)
+    gains[(gains <= 1 / _BOUNDLESS) | (gains >= _BOUNDLESS)] = 1.0
+    above, below = np.where(gains > 1, gains, math.inf), np.where(gains < 1, gains, 0.0)
     crossings = _crossings(lambda w: np.log(np.abs(at(w))), omega, np.log(np.abs(loop)))
     # delay only adds lag: a lead of φ is a lag of 2π − φ
     lags = np.mod(np.angle(-at(crossings)), 2 * math.pi)
+    phases = np.minimum(lags, 2 * math.pi - lags)
+    up, down = float(above.min(initial=math.inf)), float(below.max(initial=0.0))
     return LegMargins(
-        float(gains[gains > 1].min(initial=math.inf)),
-        float(gains[gains < 1].max(initial=0.0)),
-        float(np.minimum(lags, 2 * math.pi - lags).min(initial=math.inf)),
+        up,
+        down,
+        float(phases.min(initial=math.inf)),
         float((lags / crossings).min(initial=math.inf)),
         float(crossings.max() / (2 * math.pi)) if crossings.size else math.nan,
+        float(crossings[phases.argmin()] / (2 * math.pi)) if crossings.size else math.nan,
+        float(turns[above.argmin()] / (2 * math.pi)) if math.isfinite(up) else math.nan,
+        float(turns[below.argmax()] / (2 * math.pi)) if down > 0 else math.nan,
     )
 
 
-def _limits(at: Callable[[FloatArray], ComplexArray], L: Any, omega: FloatArray) -> ComplexArray:
-    """The response at frequency 0 and at the highest, where it has converged to the real axis (at most 2).
+def _limits(at: Callable[[FloatArray], ComplexArray], L: Any, omega: FloatArray) -> tuple[FloatArray, ComplexArray]:
+    """Frequency 0 and the highest, where the response there has converged to the real axis, and the response.
 
     It may end on the negative real axis there, a stability limit without a change of sign. A response that tends to
     infinity or zero along the axis does not converge.
@@ -276,7 +292,8 @@ def _limits(at: Callable[[FloatArray], ComplexArray], L: Any, omega: FloatArray)
     beyond = high if L.isdtime() else 10 * high
     near, far = at(np.array([low, high])), at(np.array([low / 10, beyond]))
     size = np.abs(near)
-    return near[(np.abs(far - near) <= _FLAT * size) & (np.abs(near.imag) < _FLAT * size)]
+    kept = (np.abs(far - near) <= _FLAT * size) & (np.abs(near.imag) < _FLAT * size)
+    return np.array([low, high])[kept], near[kept]
 
 
 def _crossings(of: Callable[[FloatArray], FloatArray], omega: FloatArray, values: FloatArray) -> FloatArray:

@@ -22,12 +22,16 @@ from gough_stewart.harness.report.document import (
     settings_of,
     time_axis,
 )
+from gough_stewart.harness.report.marks import strip_of
+from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.words import listed, percent, sentence
 
 # A motion that needs more of a limit is done with little room.
 _NEAR = 0.9
 # Larger shares would flatten the others; tables have them.
 _HIGHEST = 2.0
+# Of strips one above the other.
+_STRIPS: tuple[Role, ...] = ("bad", "marginal", "published", "measured", "neutral")
 _OF_LEG = {
     "stroke": "stroke",
     "joint_angle_max": "joint angle",
@@ -147,5 +151,10 @@ def _chart(found: Checked) -> Chart:
     series = tuple(
         Series(LABELS[name], OF_LIMIT, np.minimum(found.shares.over_time[name], 10 * _HIGHEST)) for name in names
     )
-    mark = Mark(1.0, "limit")
-    return Chart("share of each limit", time_axis(found.shares.time), series, marks=(mark,), group="shares")
+    mark, time = Mark(1.0, "limit"), found.shares.time
+    beyond = [
+        strip_of(f"{LABELS[name]} beyond its limit", time, found.shares.over_time[name] > 1, role)
+        for name, role in zip(names, _STRIPS, strict=False)
+    ]
+    strips = tuple(each for each in beyond if each is not None)
+    return Chart("share of each limit", time_axis(time), series, marks=(mark,), strips=strips, group="shares")

@@ -213,9 +213,9 @@ def _charts(found: Measured) -> tuple[Chart, ...]:
         phase.append(Series("linear model", _PHASE, line + 2 * math.pi * turns, "nominal"))
         for name, values in (("S", S), ("T", 1 - S)):
             sizes[name].append(Series("linear model", _GAIN, np.abs(values), "nominal"))
-    one = (Mark(1.0, "gain of 1", role="neutral"),)
+    one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
     unknown = "" if known.all() else "L is left out where its 95 % confidence includes 0."
-    half_turn = Mark(-math.pi, "-180°", role="neutral")
+    half_turn = Mark(-math.pi, "-180°", role="neutral", tells=False)
     coherence = Series("coherence of S and T", _COHERENCE, seen.coherence, "measured")
     return (
         Chart("gain of L", x, tuple(gain), y=Axis("gain of L", _GAIN, scale="log"), marks=one, note=unknown,

@@ -35,6 +35,8 @@ from gough_stewart.harness.report.document import (
     settings_of,
     time_axis,
 )
+from gough_stewart.harness.report.marks import Span
+from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
 from gough_stewart.harness.report.words import about, at_least, counted, sentence
 
@@ -251,18 +253,58 @@ def _responses(found: Analysed) -> tuple[Chart, ...]:
         angles.append(np.where(np.abs(loop) > _BELOW, angle, np.nan))
     gain = tuple(Series(f"leg {k}", _GAIN, np.abs(each), leg=k) for k, each in enumerate(loops, 1))
     phase = tuple(Series(f"leg {k}", ANGLE, each, leg=k) for k, each in enumerate(angles, 1))
-    values = zip(sensitivities(L, omega), ("S", "T"), ("actual", "reference"), strict=True)
+    values = zip(sensitivities(L, omega), ("S", "T"), ("actual", "published"), strict=True)
     sigma = tuple(_sigma(each, name, role) for each, name, role in values)
-    one = (Mark(1.0, "gain of 1", role="neutral"),)
+    one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
+    of_disk = (Mark(found.disk.frequency, f"disk margin {found.disk.alpha:.3g} at", "vertical", _margin_role(found)),)
+    gain_margins, phase_margins = _margins_of_one(found, frequency.values, angles)
     alone = "one leg cut, the others closed"
     log = Axis("gain of L", _GAIN, scale="log")
     return (
-        Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=one, group="bode"),
+        Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=one, spans=gain_margins, group="bode"),
         Chart(f"phase of L, {alone}", frequency, phase, y=Axis("phase of L", ANGLE), group="bode",
-              marks=(Mark(-math.pi, "-180°", role="neutral"),)),
-        Chart("singular values of S and T, all legs closed", frequency, sigma, marks=one,
+              spans=phase_margins, marks=(Mark(-math.pi, "-180°", role="neutral", tells=False),)),
+        Chart("singular values of S and T, all legs closed", frequency, sigma, marks=(*one, *of_disk),
               y=Axis("singular value", _GAIN, scale="log"), group="bode"),
     )  # fmt: skip
+
+
+def _margin_role(found: Analysed) -> Role:
+    return "marginal" if found.disk.alpha < FRAIL else "good"
+
+
+def _margins_of_one(
+    found: Analysed, frequency: np.ndarray, angles: Sequence[np.ndarray]
+) -> tuple[tuple[Span, ...], tuple[Span, ...]]:
+    """The least gain margins of all legs, from the gain of L to 1; the least phase margin, from the phase to ±180°."""
+    legs, role = found.legs, _margin_role(found)
+    gains: list[Span] = []
+    up, down = min(legs, key=lambda leg: leg.gain_up), max(legs, key=lambda leg: leg.gain_down)
+    for leg, factor, at in ((up, up.gain_up, up.gain_up_at), (down, down.gain_down, down.gain_down_at)):
+        if frequency[0] <= at <= frequency[-1]:
+            low, high = sorted((1.0, 1 / factor))
+            size = DECIBEL.text(decibels(high / low))
+            gains.append(Span(at, low, high, f"gain margin {size} at {_at(at)}, {_of_legs(legs, leg)}", role))
+    least = min(legs, key=lambda leg: leg.phase)
+    if not frequency[0] <= least.phase_at <= frequency[-1]:
+        return tuple(gains), ()
+    here = angles[legs.index(least)]
+    known = np.isfinite(here)
+    phase = float(np.interp(math.log(least.phase_at), np.log(frequency[known]), here[known]))
+    # the odd multiple of 180° that is nearest
+    low, high = sorted((phase, math.pi * (2 * round((phase / math.pi - 1) / 2) + 1)))
+    text = f"phase margin {_PHASE.text(least.phase)} at {_at(least.phase_at)}, {_of_legs(legs, least)}"
+    return tuple(gains), (Span(least.phase_at, low, high, text, role),)
+
+
+def _at(frequency: float) -> str:
+    return about(FREQUENCY, frequency, 3)
+
+
+def _of_legs(legs: Sequence[LegMargins], one: LegMargins) -> str:
+    """Which leg; legs that are alike up to rounding are told as any."""
+    alike = max(leg.phase for leg in legs) - min(leg.phase for leg in legs) < _ALIKE * one.phase
+    return "any leg" if alike else f"leg {legs.index(one) + 1}"
 
 
 def _sigma(values: np.ndarray, name: str, role: Any) -> Series:
@@ -277,6 +319,6 @@ def _step(time: np.ndarray, answers: Sequence[np.ndarray] | np.ndarray) -> Chart
         time_axis(time),
         series,
         y=Axis("share compensated", SHARE),
-        marks=(Mark(1.0, "all of it", role="neutral"),),
+        marks=(Mark(1.0, "all of it", role="neutral", tells=False),),
         group="step",
     )

@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from gough_stewart.harness.report.marks import Span, Strip
 from gough_stewart.harness.report.palette import ROLES, Role
 from gough_stewart.harness.report.quantities import NUMBER, TIME, Quantity
 from gough_stewart.harness.report.surface import Surface
@@ -172,6 +173,7 @@ class Mark:
     text: str
     direction: Literal["vertical", "horizontal"] = "horizontal"
     role: Role = "limit"
+    tells: bool = True  # legends add the value to the text
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.value):
@@ -218,11 +220,14 @@ class Chart:
     group: str = ""  # charts of a group are drawn together, as panels of one figure
     detail: bool = False  # not shown at first
     map: Map | None = None  # of a heat map
+    spans: tuple[Span, ...] = ()
+    strips: tuple[Strip, ...] = ()  # when limits are active
 
     def __post_init__(self) -> None:
         _one_of(self.kind, ChartKind, "the kind of chart")
         object.__setattr__(self, "series", tuple(self.series))
-        object.__setattr__(self, "marks", tuple(self.marks))
+        for name in ("marks", "spans", "strips"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.series:
             raise ValueError(f"the chart '{self.title}' has no series; expected at least one")
         if len({each.quantity.unit for each in self.series}) > 1:

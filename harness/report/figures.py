@@ -27,6 +27,7 @@ from gough_stewart.harness.report.heat_figures import (
     slices_shown,
 )
 from gough_stewart.harness.report.palette import DASHES, SIX_DASHES, colour_of, colour_of_six
+from gough_stewart.harness.report.words import percent
 from gough_stewart.model.vectors import FloatArray
 
 KINDS = ("pdf", "png", "svg")
@@ -46,8 +47,12 @@ _MOST_MARKERS = 2000
 _SHORT_LABEL = 3
 # Characters in a line of a note.
 _NOTE = 100
+# And of a name in a legend beside its chart.
+_LABEL = 24
 # Of a group, so many charts of one kind with the same series are small panels with one legend.
 _SMALL = 3
+# Height of a strip, of the axes.
+_STRIP = 0.022
 # Opacity of one band over another.
 _SHADE = 0.22
 
@@ -204,6 +209,7 @@ def _draw_wide(axes: Axes, panel: _Panel) -> None:
         axes.annotate(_note(chart.note), (0, 0), (0, -34), "axes fraction", "offset points", fontsize=7, va="top")
     handles, labels = axes.get_legend_handles_labels()
     if len(labels) > 1:
+        labels = ["\n".join(wrap(label, _LABEL)) for label in labels]
         axes.legend(handles, labels, loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0, handlelength=3.2)
 
 
@@ -250,6 +256,8 @@ def _draw_panel(axes: Axes, panel: _Panel) -> None:
             # 0.9995 is plainer than -0.0005 with +1 above
             axes.ticklabel_format(axis="y", useOffset=False)
     _marks(axes, panel)
+    _spans(axes, panel)
+    _strips(axes, panel)
 
 
 def _style(panel: _Panel, index: int) -> dict[str, Any]:
@@ -424,6 +432,36 @@ def _marks(axes: Axes, panel: _Panel) -> None:
             continue
         draw = axes.axhline if is_across else axes.axvline
         # in a grid, marks of one role have one entry
-        text = mark.text if panel.is_wide else ", ".join(m.text for m in chart.marks if m.role == mark.role)
+        at = "" if is_across or not mark.tells else f" {chart.x.quantity.text(mark.value)}"
+        text = f"{mark.text}{at}" if panel.is_wide else ", ".join(m.text for m in chart.marks if m.role == mark.role)
         draw(value, label=None if text in named else text, **style)
         named.add(text)
+
+
+def _spans(axes: Axes, panel: _Panel) -> None:
+    """Margins as thick lines from end to end, with their text beside them."""
+    chart = panel.chart
+    across, up = chart.x.quantity.factor, panel.series[0].quantity.factor
+    for each in chart.spans:
+        x, (low, high), colour = across * each.at, (up * each.low, up * each.high), colour_of(each.role)
+        axes.plot([x, x], [low, high], color=colour, linewidth=2.2, marker="_", markersize=7, zorder=4)
+        # left of its lower end, where a loop that falls leaves room
+        start, end = axes.get_xlim()
+        is_left = x > (start**0.65 * end**0.35 if chart.x.scale == "log" else 0.65 * start + 0.35 * end)
+        place: dict[str, Any] = {"ha": "right" if is_left else "left", "va": "top", "fontsize": 7.5, "zorder": 5}
+        boxed = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+        shift = (-5 if is_left else 5, -2)
+        axes.annotate(each.text, (x, low), shift, textcoords="offset points", color=colour, bbox=boxed, **place)
+
+
+def _strips(axes: Axes, panel: _Panel) -> None:
+    """When limits are active: bars at the lower edge of the axes, one above the other."""
+    chart, ends = panel.chart, (axes.get_xlim(), axes.get_ylim())
+    for k, each in enumerate(chart.strips):
+        bars = [(chart.x.quantity.factor * a, chart.x.quantity.factor * (b - a)) for a, b in each.intervals]
+        label = f"{each.name}, {percent(each.share)}"
+        place = (_STRIP * (1.4 * k + 0.4), _STRIP)
+        where: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "zorder": 4}
+        axes.broken_barh(bars, place, color=colour_of(each.role), label=label, linewidth=0.8, **where)
+    axes.set_xlim(ends[0])
+    axes.set_ylim(ends[1])

@@ -40,6 +40,8 @@ GLOSSARY: dict[str, str] = {
     "whiteness": "Whether values that follow each other are independent, as noise is.",
 }
 
+_CODE = re.compile(r"`([^`<>]+)`")
+
 
 @cache
 def _words() -> re.Pattern[str]:
@@ -62,7 +64,7 @@ def with_terms(text: str) -> str:
         seen.add(word)
         found += [html.escape(text[at : match.start()]), _term(match[0], _by_word()[word])]
         at = match.end()
-    return "".join(found) + html.escape(text[at:])
+    return _CODE.sub(r"<code>\1</code>", "".join(found) + html.escape(text[at:]))
 
 
 def explained(text: str, explanation: str) -> str:

@@ -48,7 +48,7 @@ _SCENE_SCRIPTS = (
     *("drawn.js", "picture.js", "video.js", "moment.js"),
 )
 _SURFACE_SCRIPTS = ("shapes.js", "orbit.js", "viewer.js", "surface.js")
-_SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "terms.js", "members.js")
+_SCRIPTS = ("page.js", "arrays.js", "state.js", "save.js", "tables.js", "terms.js", "members.js")
 _CHART_SCRIPTS = (
     "reduce.js",
     "lines.js",
@@ -92,6 +92,7 @@ def page_of(report: Report) -> bytes:
     surfaces = [part for part in report.parts() if isinstance(part, Surface)]
     data = {
         "title": report.title,
+        "changed": report.changed,
         "runs": report.runs,
         "palette": {theme: palette_of(theme) for theme in THEMES},
         "dashes": {role: DASHES.get(role, ()) for role in ROLES},

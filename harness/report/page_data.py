@@ -9,6 +9,7 @@ from gough_stewart.harness.report.document import Axis, Chart, Map, Report, Scen
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
 from gough_stewart.harness.report.quantities import TIME, Quantity
 from gough_stewart.harness.report.surface import Surface
+from gough_stewart.harness.report.words import percent
 from gough_stewart.model.vectors import FloatArray
 
 # Letters of a vertical title that fit beside a chart.
@@ -27,7 +28,12 @@ def chart_data(chart: Chart, arrays: Arrays) -> dict[str, Any]:
         "series": [_series(each, chart, arrays) for each in chart.series],
         "marks": [
             {"value": mark.value, "text": mark.text, "vertical": mark.direction == "vertical", "role": mark.role}
+            | ({} if mark.tells else {"said": True})
             for mark in chart.marks
+        ],
+        "spans": [{"at": e.at, "low": e.low, "high": e.high, "text": e.text, "role": e.role} for e in chart.spans],
+        "strips": [
+            {"name": e.name, "role": e.role, "share": percent(e.share), "intervals": e.intervals} for e in chart.strips
         ],
     }
     if chart.kind == "heat" and chart.y is not None:

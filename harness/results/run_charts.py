@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.report.document import Chart, Mark, Scene, Section, Series, time_axis
+from gough_stewart.harness.report.marks import Strip, strip_of
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
+from gough_stewart.harness.results.limits import shares_of_limits
 from gough_stewart.harness.results.metrics import finite_part
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.harness.results.scene import FRAMES, scene_of
@@ -55,15 +57,42 @@ def run_charts(runs: Sequence[Shown]) -> tuple[Section, Section]:
     times = [run.record["time"] for run in runs]
     signals = {each.name: each for each in signals_of([run.record for run in runs], [run.machine for run in runs])}
     references = {each.reference for each in signals.values()}
+    strips = () if several else limits_reached(runs[0].record, runs[0].machine)
     charts: dict[str, Chart] = {}
     for name, signal in signals.items():
         if name in references:
             continue
         reference = signals.get(signal.reference or "")
-        charts[name] = _chart(signal, reference, runs, times, several=several)
+        charts[name] = _chart(signal, reference, runs, times, strips, several=several)
     first = [charts[name] for name in FIRST if name in charts]
     others = [chart for name, chart in charts.items() if name not in FIRST]
     return Section("Over time", tuple(first)), Section("All other signals", tuple(others), detail=True)
+
+
+def limits_reached(record: RecordData, machine: Platform) -> tuple[Strip, ...]:
+    """When a limit of the drives acts on any leg, or a leg exceeds what the machine allows."""
+    time = record["time"]
+    flags: dict[str, tuple[str, Role]] = {
+        "force_limited": ("force at its limit", "bad"),
+        "rate_limited": ("force rate at its limit", "neutral"),
+        "stroke_exceeded": ("beyond the stroke", "marginal"),
+    }
+    beyond: dict[str, tuple[str, Role]] = {
+        "leg_velocity_max": ("leg speed beyond its limit", "published"),
+        "actuator_power_max": ("power beyond its limit", "measured"),
+    }
+    found = [
+        strip_of(text, time, record[f"flag.{name}"].astype(bool).any(axis=1), role)
+        for name, (text, role) in flags.items()
+        if f"flag.{name}" in record
+    ]
+    shares = shares_of_limits(record, machine.as_dict())
+    found += [
+        strip_of(text, time, (shares[name] > 1).any(axis=1), role)
+        for name, (text, role) in beyond.items()
+        if name in shares
+    ]
+    return tuple(each for each in found if each is not None)
 
 
 def scenes(runs: Sequence[Shown], frames: int = FRAMES) -> list[Scene]:
@@ -75,7 +104,13 @@ def scenes(runs: Sequence[Shown], frames: int = FRAMES) -> list[Scene]:
 
 
 def _chart(
-    signal: Signal, reference: Signal | None, runs: Sequence[Shown], times: list[FloatArray], *, several: bool
+    signal: Signal,
+    reference: Signal | None,
+    runs: Sequence[Shown],
+    times: list[FloatArray],
+    strips: tuple[Strip, ...],
+    *,
+    several: bool,
 ) -> Chart:
     quantity = of_unit(signal.unit) if signal.unit else NUMBER
     role: Role = "error" if signal.group == "errors" else "reference" if signal.group == "reference" else "actual"
@@ -104,6 +139,7 @@ def _chart(
         tuple(series),
         "step" if signal.is_flag or signal.group in ("actuators", "controller") else "line",
         marks=tuple(Mark(limit / quantity.factor, "limit") for limit in signal.limits),
+        strips=strips,
         group=signal.group,
         detail=signal.name not in FIRST,
     )

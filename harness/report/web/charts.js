@@ -122,7 +122,8 @@
     let low = Infinity, high = -Infinity;
     for (const { numbers } of figure.parts) for (const v of numbers.y) { if (v < low) low = v; if (v > high) high = v; }
     const values = low <= high ? `values from ${GS.short(low)} to ${GS.short(high)} ${chart.y.unit}`.trim() : "no values";
-    return `Chart of ${chart.title} over ${chart.x.title}: ${names}; ${values}.`;
+    const told = [...chart.spans.map((span) => span.text), ...chart.strips.map(({ name, share }) => `${name}, ${share} of the time`)];
+    return `Chart of ${chart.title} over ${chart.x.title}: ${[names, values, ...told].join("; ")}.`;
   };
 
   const draw = (panel) => (panel.drawn ??= (async () => {
@@ -138,6 +139,7 @@
     panel.plot.setAttribute("aria-label", summary(panel));
     panel.group.panels.push(panel);
     GS.legend(panel);
+    GS.saveButton(panel);
     GS.showMembers(panel);
     if (state.members) GS.markedBars(panel);
     // the figure finds its size in a frame of its own

@@ -56,6 +56,33 @@
         this.figure.add_layout(span);
         this.spans.push({ span, mark });
       }
+      this.margins();
+      this.strips();
+    }
+
+    // Margins as thick lines from end to end, with their text beside them.
+    margins() {
+      const { chart, figure } = this;
+      this.texts = chart.spans.map((span) => {
+        const x = span.at * chart.x.factor, [y0, y1] = [span.low, span.high].map((v) => v * chart.y.factor);
+        const line = figure.segment({ x0: x, x1: x, y0, y1, line_width: 3 });
+        const text = new Bokeh.Label({ x, y: y0, text: span.text, text_font: FONT, text_font_size: "12px", text_baseline: "top", y_offset: -2, padding: 2 });
+        figure.add_layout(text);
+        return { span, line, text, ends: [y0, y1], x };
+      });
+    }
+
+    // When limits are active: bars at the lower edge, one row for each.
+    strips() {
+      const { chart, figure } = this, F = (field) => ({ field });
+      if (!chart.strips.length) return;
+      figure.extra_y_ranges = new Map([["strips", new Bokeh.Range1d({ start: 0, end: 1 })]]);
+      this.bands = chart.strips.map((strip, k) => {
+        const bottom = 0.008 + 0.032 * k, pick = (side) => strip.intervals.map((ends) => chart.x.factor * ends[side]);
+        const source = new Bokeh.ColumnDataSource({ data: { left: pick(0), right: pick(1) } });
+        // a border, so that the shortest is seen
+        return { strip, made: figure.quad({ left: F("left"), right: F("right"), bottom, top: bottom + 0.024, source, y_range_name: "strips", line_width: 1 }) };
+      });
     }
 
     async show() {
@@ -154,6 +181,7 @@
       }
       this.setY(seen, least);
       figure.x_range.setv({ start: from, end: to });
+      this.turnTexts();
     }
 
     setY(seen, least) {
@@ -166,6 +194,8 @@
         const marks = chart.marks.filter((m) => !m.vertical).map((m) => m.value * chart.y.factor).filter((v) => v >= found[0] - near && v <= found[1] + near);
         found = [Math.min(found[0], ...marks), Math.max(found[1], ...marks)];
       }
+      const ends = this.texts.flatMap((each) => each.ends);
+      if (found && ends.length) found = [Math.min(found[0], ...ends), Math.max(found[1], ...ends)];
       const [start, end] = airy(found, least, isLog);
       figure.y_range.setv(chart.kind === "histogram" ? { start: 0, end } : { start, end });
       // powers of ten only where decimals would be long
@@ -195,6 +225,12 @@
       this.heat?.dress(GS.theme());
       if (this.heat?.bar) this.heat.bar.setv({ major_label_text_color: ink, title_text_color: ink, major_label_text_font: FONT, title_text_font: FONT });
       for (const { span, mark } of this.spans) span.setv({ line_color: roles[mark.role], line_dash: GS.page.dashes[mark.role].map((d) => 3 * d) });
+      const { paper } = GS.theme();
+      for (const { span, line, text } of this.texts) {
+        line.glyph.setv({ line_color: roles[span.role] });
+        text.setv({ text_color: roles[span.role], background_fill_color: paper, background_fill_alpha: 0.8 });
+      }
+      for (const { strip, made } of this.bands || []) made.glyph.setv({ fill_color: roles[strip.role], line_color: roles[strip.role] });
       this.parts.forEach((part, k) => {
         if (chart.kind === "heat") return;
         const group = this.groups.find((each) => each.includes(k)), plain = GS.look(chart, part.series);
@@ -223,6 +259,15 @@
       const box = this.view?.frame.bbox;
       return box && box.width > 0 ? { left: box.left, top: box.top, width: box.width, height: box.height } : null;
     }
+
+    // Texts of margins are left of the lower end, where a loop that falls leaves room.
+    turnTexts() {
+      const { start, end } = this.figure.x_range, room = this.chart.x.scale === "log" ? start ** 0.65 * end ** 0.35 : 0.65 * start + 0.35 * end;
+      for (const { text, x } of this.texts) text.setv(x > room ? { text_align: "right", x_offset: -6 } : { text_align: "left", x_offset: 6 });
+    }
+
+    // The chart as drawn on the screen, with sharp pixels.
+    picture() { return this.view.export("png", true).canvas; }
 
     // A drawing of the chart as SVG, made at once: for paper.
     drawing() {

@@ -66,8 +66,13 @@
     });
     rows.push(...last);
     for (const mark of chart.marks) {
-      const colour = GS.theme().roles[mark.role], text = `${mark.text} ${GS.short(mark.value * (mark.vertical ? chart.x : chart.y).factor)} ${(mark.vertical ? chart.x : chart.y).unit}`;
+      const colour = GS.theme().roles[mark.role], axis = mark.vertical ? chart.x : chart.y;
+      const text = mark.said ? mark.text : `${mark.text} ${GS.short(mark.value * axis.factor)} ${axis.unit}`;
       rows.push(element("li", { class: "mark" }, sample({ colour, dashes: page.dashes[mark.role].map((d) => 3 * d) }, 1.6, false), text.trim()));
+    }
+    for (const { name, role, share } of chart.strips) {
+      const look = { colour: GS.theme().roles[role], dashes: [] };
+      rows.push(element("li", { class: "mark" }, sample(look, 2, true), `${name}, ${share}`));
     }
     key.replaceChildren(...rows);
     GS.legendState(panel);

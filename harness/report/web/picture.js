@@ -51,20 +51,9 @@
     pen.textAlign = "left";
   };
 
-  const named = (ending) => `${document.title.replace(/[^\p{L}\p{N}]+/gu, "-").replace(/^-|-$/g, "") || "run"}${ending}`;
-  // Downloads a file.
-  GS.save = (blob, ending) => {
-    const link = document.createElement("a"), name = named(ending);
-    link.href = URL.createObjectURL(blob);
-    link.download = name;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
-    $("saved").textContent = `saved ${name}`;
-  };
-
   GS.savePicture = (view) => {
     const canvas = document.createElement("canvas");
     GS.compose(view, canvas, 2 * view.canvas.clientWidth);
-    canvas.toBlob((blob) => GS.save(blob, `-${GS.state.time.toFixed(3)}s.png`), "image/png");
+    canvas.toBlob((blob) => GS.save(blob, `-${GS.state.time.toFixed(3)}s.png`, $("saved")), "image/png");
   };
 })();

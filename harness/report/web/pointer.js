@@ -53,7 +53,9 @@
       if (x !== null) GS.zoomAbout(group, x, 1.25 ** (event.deltaY / 60), panel.chart.x.scale === "log");
     }, { passive: false });
     plot.addEventListener("keydown", (event) => {
-      if (group.isTime || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.key === "s") { event.preventDefault(); GS.saveChart(panel); return; }
+      if (group.isTime) return;
       if (group.key(event, panel)) { event.preventDefault(); event.stopPropagation(); }
     });
   };

@@ -20,7 +20,7 @@
     const recorder = new MediaRecorder(canvas.captureStream(RATE), { mimeType: kind, videoBitsPerSecond: 8e6 });
     recorder.addEventListener("dataavailable", ({ data }) => parts.push(data));
     recorder.addEventListener("stop", () => {
-      GS.save(new Blob(parts, { type: kind }), kind.includes("mp4") ? ".mp4" : ".webm");
+      GS.save(new Blob(parts, { type: kind }), kind.includes("mp4") ? ".mp4" : ".webm", document.getElementById("saved"));
       ended();
     });
     recorder.start();

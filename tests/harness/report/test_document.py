@@ -33,6 +33,7 @@ from gough_stewart.harness.report.document import (
     Verdict,
     time_axis,
 )
+from gough_stewart.harness.report.marks import Span, Strip
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     COUNT,
@@ -100,10 +101,10 @@ def whole_report() -> Report:
         members=[5, 6, 9],
         of=30,
     )
-    marks = (Mark(2e-3, "limit", "horizontal", "limit"), Mark(7.5, "worst", "vertical", "bad"))
-    chart = _Chart(
-        "errors", time_axis(_TIME), (series,), "step", _Axis("error", LENGTH, scale="log"), marks, "some", "e", True
-    )
+    marks = (Mark(2e-3, "limit", "horizontal", "limit"), Mark(7.5, "worst", "vertical", "bad", tells=False))
+    shown = (Span(7.4, 1e-3, 2e-3, "left", "bad"),), (Strip("force", ((7.3, 7.4), (7.5, 7.6)), "bad", 0.4),)
+    log = _Axis("error", LENGTH, scale="log")
+    chart = _Chart("errors", time_axis(_TIME), (series,), "step", log, marks, "some", "e", True, *shown)
     heat = _Chart(
         "reach",
         _Axis("x", LENGTH, [0, 1]),
@@ -373,7 +374,7 @@ def test_the_documentation_lists_every_field() -> None:
     """The classes themselves are the source; docs/report.md names each field of each in its tables."""
     text = (Path(__file__).parents[3] / "docs/report.md").read_text(encoding="utf-8")
     for kind in vars(document).values():
-        if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ == document.__name__:
+        if isinstance(kind, type) and is_dataclass(kind) and kind.__module__ in (document.__name__, Span.__module__):
             part = re.search(rf"^### {kind.__name__}\n(.*?)(?=^##|\Z)", text, re.DOTALL | re.MULTILINE)
             assert part, kind.__name__
             assert re.findall(r"^\| `(\w+)`", part[1], re.MULTILINE) == [each.name for each in fields(kind)], kind

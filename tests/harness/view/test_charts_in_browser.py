@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page
+from matplotlib.image import imread
+from playwright.sync_api import Browser, Page, expect
 
+from gough_stewart.harness.report.palette import colour_of_six
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.platform import Platform
@@ -389,6 +391,34 @@ def test_paper_is_light_whole_and_without_controls(browser: Browser, report: Pat
     page.close()
 
 
+def test_a_chart_is_saved_as_a_picture_with_title_and_legend(fresh: Page, tmp_path: Path) -> None:
+    """Expected: by button and by key the same file, as wide as the chart with an edge of 12 pixels on either side.
+
+    Above the plot it has ink, where title and legend are; the colours of all legs are in it.
+    """
+    box_of(fresh, FORCE)
+    host = fresh.locator("figure.chart", has=fresh.get_by_role("heading", name="actuator force", exact=True))
+    width = host.locator(".plot").bounding_box()
+    assert width is not None
+    with fresh.expect_download() as by_button:
+        host.get_by_role("button", name="save actuator force as PNG").click()
+    host.locator(".plot").focus()
+    with fresh.expect_download() as by_key:
+        fresh.keyboard.press("s")
+    assert by_button.value.suggested_filename.endswith("-actuator-force.png")
+    expect(host.locator("span[role=status]")).to_have_text(f"saved {by_button.value.suggested_filename}")
+    by_button.value.save_as(tmp_path / "button.png")
+    by_key.value.save_as(tmp_path / "key.png")
+    assert (tmp_path / "button.png").read_bytes() == (tmp_path / "key.png").read_bytes()
+    picture = imread(tmp_path / "button.png")[..., :3]
+    assert picture.shape[1] == round(width["width"] + 24)
+    head = picture[: int(picture.shape[0] - width["height"] - 20)]
+    assert (np.abs(head - head[0, 0]).max(axis=2) > 0.5).any(axis=0).mean() > 0.4
+    for leg in range(6):
+        colour = np.array([int(colour_of_six(leg)[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+        assert (np.abs(head - colour).max(axis=2) < 0.02).sum() > 20, f"leg {leg + 1}"
+
+
 def test_words_are_explained_where_a_reader_points(fresh: Page) -> None:
     """Expected: by pointer and by keyboard; Escape hides it."""
     fresh.evaluate("scrollTo(0, 0)")
@@ -404,10 +434,16 @@ def test_words_are_explained_where_a_reader_points(fresh: Page) -> None:
     assert fresh.locator("#tip").is_hidden()
 
 
-def test_each_chart_has_a_name_that_says_what_it_shows(fresh: Page, record: Record) -> None:
-    """Expected: title, axis, lines, and the smallest and largest value of the record's columns, to four digits."""
+def test_each_chart_has_a_name_that_says_what_it_shows(fresh: Page, record: Record, platform: Platform) -> None:
+    """Expected: title, axis, lines, the smallest and largest value of the record's columns, to four digits, and limits.
+
+    The share of the time at a limit is that of the rows with its flag, but the last.
+    """
     box_of(fresh, FORCE)
     name = fresh.evaluate(f"GoughStewart.panels.find(p => p.chart.title === '{FORCE}').plot.getAttribute('aria-label')")
     low, high = (f"{pick(record['actuator_force']):.4g}".replace("-", "−") for pick in (np.min, np.max))
     legs = "; ".join(f"leg {k}" for k in range(1, 7))
-    assert name == f"Chart of actuator force over time [s]: {legs}; values from {low} to {high} N."
+    shares = (record["flag.force_limited"] > 0, np.abs(record["leg_velocity"]) > platform.leg_velocity_max)
+    force, speed = (f"{100 * each[:-1].any(axis=1).mean():.2g} %" for each in shares)
+    limits = f"force at its limit, {force} of the time; leg speed beyond its limit, {speed} of the time"
+    assert name == f"Chart of actuator force over time [s]: {legs}; values from {low} to {high} N; {limits}."
