@@ -102,9 +102,12 @@ def whole_report() -> Report:
         of=30,
     )
     marks = (Mark(2e-3, "limit", "horizontal", "limit"), Mark(7.5, "worst", "vertical", "bad", tells=False))
-    shown = (Span(7.4, 1e-3, 2e-3, "left", "bad"),), (Strip("force", ((7.3, 7.4), (7.5, 7.6)), "bad", 0.4),)
+    shown: dict[str, Any] = {
+        "spans": (Span(7.4, 1e-3, 2e-3, "left", "bad"),),
+        "strips": (Strip("force", ((7.3, 7.4), (7.5, 7.6)), "bad", 0.4),),
+    }
     log = _Axis("error", LENGTH, scale="log")
-    chart = _Chart("errors", time_axis(_TIME), (series,), "step", log, marks, "some", "e", True, *shown)
+    chart = _Chart("errors", time_axis(_TIME), (series,), "step", log, marks, "some", "e", True, **shown)
     heat = _Chart(
         "reach",
         _Axis("x", LENGTH, [0, 1]),
