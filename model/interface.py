@@ -1,5 +1,7 @@
 """The ONE table of variables: names, shapes, units, meaning. Stepping model, kernel, files and FMU share it.
 
+The module's constants are of the ideal plant, with rigid legs and smooth friction; `variant` adds those of its parts.
+
 Inputs, states, outputs and locals are declared here; a platform's parameters in `gough_stewart.model.parameters`.
 
 The names are part of the public interface. Elements of arrays have their FMI 2.0 names, 1-based:
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.model import parameters
 from gough_stewart.model.errors import InterfaceError
-from gough_stewart.model.parameters import Bound, Parameter
+from gough_stewart.model.parameters import Bound, Parameter, Part
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import Array
 
@@ -41,6 +43,8 @@ class Variable:
     is_state: bool = False
     # Values below (or, for "> 0", at) this bound are rejected when set; None allows any finite number.
     lower_bound: Bound = None
+    # Size of a state's usual changes, by which integrators scale absolute tolerances: a millimetre, a milliradian.
+    nominal: float = 1e-3
 
     @property
     def size(self) -> int:
@@ -64,8 +68,10 @@ def _input(name: str, shape: tuple[int, ...], unit: str, description: str, start
     return Variable(name, shape, unit, "input", "continuous", description, start)
 
 
-def _state(name: str, unit: str, description: str, start: float | str) -> Variable:
-    return Variable(name, (3,), unit, "output", "continuous", description, start, is_state=True)
+def _state(
+    name: str, unit: str, description: str, start: float | str, *, shape: tuple[int, ...] = (3,), nominal: float = 1e-3
+) -> Variable:
+    return Variable(name, shape, unit, "output", "continuous", description, start, True, nominal=nominal)
 
 
 def _result(name: str, shape: tuple[int, ...], unit: str, causality: Causality, description: str) -> Variable:
@@ -118,7 +124,7 @@ VARIABLES: tuple[Variable, ...] = (
         "local",
         "potential energy of platform and legs in gravity, zero at world z = 0",
     ),
-    *map(_parameter, parameters.PHYSICAL),
+    *(_parameter(row) for row in parameters.PHYSICAL if row.part is None),
     Variable(
         "fixed_step_size",
         (),
@@ -132,7 +138,21 @@ VARIABLES: tuple[Variable, ...] = (
 )
 """Every variable of the plant: `name`, `shape`, `unit`, `causality`, `variability`, `description`; see notation."""
 
-BY_NAME: Mapping[str, Variable] = {v.name: v for v in VARIABLES}
+# What a plant with a part has in addition, states in the order of the state vector; see `Variant`.
+OF_PART: Mapping[Part, tuple[Variable, ...]] = {
+    "bristles": (
+        _state("leg_bristle", "m", "deflection of the bristle of each leg's friction", 0.0, shape=(6,), nominal=1e-5),
+        *(_parameter(row) for row in parameters.PHYSICAL if row.part == "bristles"),
+    ),
+    "springs": (
+        _state("motor_position", "m", "length of each leg without its stretch", "home_motor_position", shape=(6,)),
+        _state("motor_velocity", "m/s", "rate of motor_position", 0.0, shape=(6,)),
+        _result("leg_force", (6,), "N", "output", "force of each leg's spring and damper, positive extends the leg"),
+        *(_parameter(row) for row in parameters.PHYSICAL if row.part == "springs"),
+    ),
+}
+
+BY_NAME: Mapping[str, Variable] = {v.name: v for v in (*VARIABLES, *OF_PART["bristles"], *OF_PART["springs"])}
 INPUTS = tuple(v for v in VARIABLES if v.causality == "input")
 STATES = tuple(v for v in VARIABLES if v.is_state)
 OUTPUTS = tuple(v for v in VARIABLES if v.causality == "output")
@@ -141,7 +161,7 @@ LOCALS = tuple(v for v in VARIABLES if v.causality == "local")
 TUNABLE = tuple(v for v in VARIABLES if v.variability == "tunable")
 RESULTS = OUTPUTS + LOCALS
 # The parameters of the platform, arguments of the kernel; `fixed_step_size` belongs to the FMU only.
-PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in parameters.PHYSICAL)
+PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in parameters.PHYSICAL if row.part is None)
 # The first results, without direct feedthrough from the forces.
 SIGNALS = RESULTS[: RESULTS.index(BY_NAME["leg_velocity"]) + 1]
 # Lengths of the vectors from `pack`.
@@ -151,7 +171,7 @@ N_INPUTS, N_STATES, N_RESULTS, N_SIGNALS, N_PARAMETERS = (
 
 RESULT_COLUMNS = tuple(name for v in RESULTS for name in v.scalar_names)
 _ELEMENTS: Mapping[str, tuple[Variable, int]] = {
-    name: (v, k) for v in VARIABLES for k, name in enumerate(v.scalar_names)
+    name: (v, k) for v in BY_NAME.values() for k, name in enumerate(v.scalar_names)
 }
 
 

@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 from gough_stewart.model import interface
 from gough_stewart.model.compiled_kernel import PREFIX, address_of, kernel_library
-from gough_stewart.model.interface import N_INPUTS, N_RESULTS, N_STATES
-from gough_stewart.model.kernel_block import FUNCTIONS, new_block
+from gough_stewart.model.interface import N_INPUTS
+from gough_stewart.model.kernel_block import FUNCTIONS, OF_BRISTLES, new_block
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.installed import TRACER, check_installed
+from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import Array, FloatArray
 
 
@@ -28,33 +29,36 @@ class Linearisation(NamedTuple):
     D: Array  # (N_RESULTS, 12)
 
 
-def parameter_vector(parameters: Parameters) -> FloatArray:
+def parameter_vector(parameters: Parameters, variant: Variant = IDEAL) -> FloatArray:
     """The kernel's parameter vector p of a platform: its parameters in table order, flat, row by row."""
-    names = [v.name for v in interface.PLATFORM_PARAMETERS]
-    return interface.pack(interface.PLATFORM_PARAMETERS, {n: getattr(parameters, n) for n in names})
+    return interface.pack(variant.parameters, {v.name: getattr(parameters, v.name) for v in variant.parameters})
 
 
 class Kernel:
     """The functions with a fixed block of memory: calls copy into it and allocate nothing.
 
     Every method returns a view of the block that its next call overwrites: copy the results that you keep. The
-    arguments are the state x (12,), the inputs u (12,), and the parameters p (`parameter_vector`). Not thread-safe:
-    use one Kernel per thread; they share the code.
+    arguments are the state x (12,), or more of a variant with more states, the inputs u (12,), and the parameters p
+    (`parameter_vector`). Not thread-safe: use one Kernel per thread; they share the code.
     """
 
-    def __init__(self) -> None:
-        self._block, self._parts = new_block()
+    def __init__(self, variant: Variant = IDEAL) -> None:
+        self._variant = variant
+        self._block, self._parts = new_block(variant)
         self._x, self._u, self._p, self._xdot, self._y = (self._parts[name] for name in ("x", "u", "p", "xdot", "y"))
         self._matrices = Linearisation(
             *(
                 self._parts[name].reshape((m, n), order="F")
-                for name, (m, n) in zip("ABCD", product((N_STATES, N_RESULTS), (N_STATES, N_INPUTS)), strict=True)
+                for name, (m, n) in zip(
+                    "ABCD", product((len(self._x), len(self._y)), (len(self._x), N_INPUTS)), strict=True
+                )
             )
         )
         self._call_derivatives = self._call("derivatives")
         self._call_outputs = self._call("outputs")
         self._call_jacobians: Callable[[], object] | None = None  # may have to be traced
         self._call_margins: Callable[[], object] | None = None
+        self._call_decays: Callable[[], object] | None = None
 
     def derivatives(self, x: Array, u: Array, p: Array) -> FloatArray:
         """State derivatives ẋ (12,): velocity, rates of roll, pitch, yaw, acceleration, angular acceleration."""
@@ -84,17 +88,25 @@ class Kernel:
         self._call_margins()
         return self._parts["square"], float(self._parts["determinant"][0]), float(self._parts["size"][0])
 
+    def decays(self, x: Array, p: Array) -> FloatArray:
+        """Decay rates (6,) [1/s] of the bristles, for a variant that has them; see `traced.decays_function`."""
+        if self._call_decays is None:
+            self._call_decays = self._call("decays")
+        self._x[:], self._p[:] = x, p
+        self._call_decays()
+        return self._parts["decay"]
+
     def _call(self, name: str) -> Callable[[], object]:
         """A function on the block: machine code if there is any, else CasADi."""
-        library = kernel_library()
+        library = kernel_library() if self._variant == IDEAL else None
         if library is None:
-            return traced_call(name, self._parts)
+            return traced_call(name, self._parts, self._variant)
         function = getattr(library, PREFIX + name)
         function.restype = None
         return partial(function, address_of(self._block))
 
 
-def traced_call(name: str, parts: Mapping[str, FloatArray]) -> Callable[[], object]:
+def traced_call(name: str, parts: Mapping[str, FloatArray], variant: Variant = IDEAL) -> Callable[[], object]:
     """A call of a traced Function on parts of a block.
 
     Raises
@@ -105,8 +117,8 @@ def traced_call(name: str, parts: Mapping[str, FloatArray]) -> Callable[[], obje
     check_installed({TRACER: "to trace the equations, which are not compiled for this machine here"})
     from gough_stewart.model import traced
 
-    arguments, results = FUNCTIONS[name]
-    buffer, evaluate = getattr(traced, f"{name}_function")().buffer()
+    arguments, results = (FUNCTIONS | OF_BRISTLES)[name]
+    buffer, evaluate = getattr(traced, f"{name}_function")(variant).buffer()
     for i, part in enumerate(arguments):
         buffer.set_arg(i, parts[part].data)
     for i, part in enumerate(results):

@@ -2,15 +2,22 @@
 
 import numpy as np
 
-from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_RESULTS, N_STATES
+from gough_stewart.model import interface
+from gough_stewart.model.interface import N_INPUTS
+from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 
-# Sizes of the parts, in their order; matrices column by column.
-BLOCK = {
-    **{"x": N_STATES, "u": N_INPUTS, "p": N_PARAMETERS, "xdot": N_STATES, "y": N_RESULTS},
-    **{"A": N_STATES * N_STATES, "B": N_STATES * N_INPUTS, "C": N_RESULTS * N_STATES, "D": N_RESULTS * N_INPUTS},
-    **{"square": 6, "determinant": 1, "size": 1},
-}
+
+def sizes_of(variant: Variant) -> dict[str, int]:
+    """Sizes of the parts, in their order; matrices column by column."""
+    n, q, m = (interface.size_of(each) for each in (variant.states, variant.parameters, variant.results))
+    sizes = {"x": n, "u": N_INPUTS, "p": q, "xdot": n, "y": m}
+    sizes |= {"A": n * n, "B": n * N_INPUTS, "C": m * n, "D": m * N_INPUTS, "square": 6, "determinant": 1, "size": 1}
+    return sizes | ({"decay": 6} if variant.bristles else {})
+
+
+# Of the ideal plant, for which there is machine code.
+BLOCK = sizes_of(IDEAL)
 # Arguments and results of the functions, by the names of their parts; `traced` has each as `NAME_function`.
 FUNCTIONS = {
     "derivatives": (("x", "u", "p"), ("xdot",)),
@@ -18,12 +25,14 @@ FUNCTIONS = {
     "jacobians": (("x", "u", "p"), ("A", "B", "C", "D")),
     "margins": (("x", "p"), ("square", "determinant", "size")),
 }
+OF_BRISTLES = {"decays": (("x", "p"), ("decay",))}
 
 
-def new_block() -> tuple[FloatArray, dict[str, FloatArray]]:
+def new_block(variant: Variant = IDEAL) -> tuple[FloatArray, dict[str, FloatArray]]:
     """A block of zeros, and its parts by name, as views."""
-    block = np.zeros(sum(BLOCK.values()))
-    return block, dict(zip(BLOCK, np.split(block, np.cumsum([*BLOCK.values()])[:-1]), strict=True))
+    sizes = sizes_of(variant)
+    block = np.zeros(sum(sizes.values()))
+    return block, dict(zip(sizes, np.split(block, np.cumsum([*sizes.values()])[:-1]), strict=True))
 
 
 def offsets() -> dict[str, int]:

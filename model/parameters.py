@@ -14,6 +14,9 @@ import numpy as np
 from gough_stewart.model.vectors import Array, FloatArray, Scalars
 
 Bound = Literal["> 0", ">= 0"] | None
+# Parts of a plant that not every platform has: bristles, whose friction sticks, and springs between motor and leg.
+Part = Literal["bristles", "springs"]
+FRICTION_MODELS = ("smooth", "elasto_plastic", "lugre")
 
 _Array_co = TypeVar("_Array_co", bound=Array, covariant=True)
 _Number_co = TypeVar("_Number_co", bound=Scalars, covariant=True)
@@ -35,14 +38,33 @@ class Parameter:
     has_default: bool
     # Whether it can be None: a limit that is not stated.
     is_optional: bool
+    # The words that files have for the values 0, 1, 2 …; none for a quantity.
+    words: tuple[str, ...] = ()
+    # What a plant must have to use it; the ideal plant, rigid and with smooth friction, has none of these parts.
+    part: "Part | None" = None
 
 
 def _row(
-    unit: str, description: str, bound: Bound = None, *, shape: tuple[int, ...] = (), tunable: bool = False
+    unit: str,
+    description: str,
+    bound: Bound = None,
+    *,
+    shape: tuple[int, ...] = (),
+    tunable: bool = False,
+    words: tuple[str, ...] = (),
+    part: Part | None = None,
 ) -> dict[str, Any]:
     """The metadata of a field, besides name, type and default."""
     return {
-        "row": {"unit": unit, "description": description, "lower_bound": bound, "shape": shape, "is_tunable": tunable}
+        "row": {
+            "unit": unit,
+            "description": description,
+            "lower_bound": bound,
+            "shape": shape,
+            "is_tunable": tunable,
+            "words": words,
+            "part": part,
+        }
     }
 
 
@@ -113,6 +135,57 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
         default_factory=_vector(*[1.0] * 6),
         metadata=_row("1", "each leg's Coulomb friction over leg_coulomb_friction", ">= 0", shape=(6,), tunable=True),
     )
+    # a word of `FRICTION_MODELS`, or its number, which a platform keeps
+    leg_friction_model: Any = field(
+        default=_number(0.0),
+        metadata=_row(
+            "1", "law of friction: 0 smooth, 1 elasto_plastic, 2 lugre", words=FRICTION_MODELS, part="bristles"
+        ),
+    )
+    leg_static_friction: _Number_co = field(
+        default=_number(0.0),
+        metadata=_row(
+            "N", "friction to overcome at rest, 0 for leg_coulomb_friction", ">= 0", tunable=True, part="bristles"
+        ),
+    )
+    leg_stribeck_velocity: _Number_co = field(
+        default=_number(1e-3),
+        metadata=_row(
+            "m/s", "velocity over which static friction falls to Coulomb's", "> 0", tunable=True, part="bristles"
+        ),
+    )
+    leg_bristle_stiffness: _Number_co = field(
+        default=_number(0.0),
+        metadata=_row(
+            "N/m", "stiffness of a leg that sticks, 0 for presliding of 10 um", ">= 0", tunable=True, part="bristles"
+        ),
+    )
+    leg_bristle_damping: _Number_co = field(
+        default=_number(0.0),
+        metadata=_row(
+            "N.s/m", "damping of a leg that sticks, 0 for half of critical", ">= 0", tunable=True, part="bristles"
+        ),
+    )
+    leg_breakaway_share: _Number_co = field(
+        default=_number(0.0),
+        metadata=_row(
+            "1",
+            "share of Coulomb friction up to which a bristle is elastic, 0 for 0.8; lugre has none",
+            ">= 0",
+            tunable=True,
+            part="bristles",
+        ),
+    )
+    leg_stiffness: _Number_co = field(
+        default=_number(0.0),
+        metadata=_row(
+            "N/m", "stiffness between motor and platform's side of a leg, 0 for rigid", ">= 0", part="springs"
+        ),
+    )
+    leg_damping: _Number_co = field(
+        default=_number(0.0),
+        metadata=_row("N.s/m", "damping of leg_stiffness, 0 for 2 % of critical", ">= 0", part="springs"),
+    )
 
 
 # The argument of the equations: a `Platform`, a batch of platforms, or CasADi symbols.
@@ -173,6 +246,12 @@ PHYSICAL = tuple(_rows(ParametersOf).values())
 _FACTOR = "_factor"
 # Numbers that can also be given per leg, with the parameter of their factors: see `by_leg`.
 FACTOR_OF = {name.removesuffix(_FACTOR): name for name in TABLE if name.endswith(_FACTOR)}
+
+
+def in_words(name: str, value: Any) -> Any:
+    """The word for a value of a parameter that has words, such as `leg_friction_model`; any other value as it is."""
+    words = TABLE[name].words if name in TABLE else ()
+    return words[int(value)] if words else value
 
 
 def stack(parameters: Sequence[Parameters]) -> Parameters:

@@ -13,7 +13,8 @@ from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.joint_circles import REPLACED, Pairing, joints_on_circles
 from gough_stewart.model.joint_order import joint_order_hints
-from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields
+from gough_stewart.model.machine_dynamics import friction_hints, holding_motor_position
+from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields, in_words
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_display import platform_html, platform_text
 from gough_stewart.model.real import real_array
@@ -86,9 +87,14 @@ class Platform(PlatformFields):
         return np.asarray(static_leg_forces(self, self.home_position, self.home_orientation))
 
     @property
+    def home_motor_position(self) -> FloatArray:
+        """Motor positions (6,) [m] that hold the home pose, for legs that give: L + F/k; L for rigid legs."""
+        return holding_motor_position(self, self.home_position, self.home_orientation)
+
+    @property
     def hints(self) -> tuple[str, ...]:
-        """What looks like a mistake but is possible: legs that nearly touch at home, joints in a bad order."""
-        return joint_order_hints(self)
+        """What looks like a mistake but is possible: legs that nearly touch, a bad order of joints, active friction."""
+        return (*joint_order_hints(self), *friction_hints(self))
 
     @classmethod
     def from_radii(
@@ -188,8 +194,9 @@ class Platform(PlatformFields):
         return new
 
     def as_dict(self) -> dict[str, Any]:
-        """All fields by name, in file order: texts, floats, arrays; without limits that are not set."""
-        return {name: getattr(self, name) for name in (*TEXTS, *TABLE) if getattr(self, name) is not None}
+        """All fields by name, in file order: texts, words, floats, arrays; without limits that are not set."""
+        values = {name: getattr(self, name) for name in (*TEXTS, *TABLE)}
+        return {name: in_words(name, value) for name, value in values.items() if value is not None}
 
 
 # help() lists the parameters from the table
@@ -202,6 +209,11 @@ def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | fl
     """A float, or a read-only float64 array of this shape."""
     if type(value) is float and shape == () and abs(value) <= LARGEST_NUMBER:  # the usual case, a shortcut
         return value
+    words = TABLE[name].words
+    if words and isinstance(value, str):
+        if value not in words:
+            raise PlatformError(name, f"is {value!r}; expected {', '.join(words)}")
+        return float(words.index(value))
     try:
         array = real_array(value, shape)
     except ValueError as error:

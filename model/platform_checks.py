@@ -21,6 +21,12 @@ from gough_stewart.model.vectors import Array, FloatArray, dot, transpose
 INERTIA_SLACK = 1e-9
 # Joints closer than this fraction of the largest joint distance coincide.
 COINCIDENCE = 1e-6
+# Farther, a leg that sticks is soft, not stuck: the unit is wrong [m].
+LONGEST_PRESLIDING = 1e-3
+# Below 1, since the bristle needs a range over which it begins to slide.
+LARGEST_SHARE = 0.99
+# Slower than the mode of a platform on its legs can be [Hz].
+SLOWEST_MODE = 1.0
 _GEOMETRY = ("base_points", "platform_points", "home_position", "home_orientation")
 _BOUNDED = [name for name, row in TABLE.items() if row.lower_bound is not None]
 
@@ -212,6 +218,79 @@ def _limits(platform: PlatformFields, home: _Home) -> _Conditions:
         yield angle > np.pi, joints, lambda: f"is {angle:g} rad; expected at most π (radians, not degrees)"
 
 
+def _friction(platform: PlatformFields, _home: _Home) -> _Conditions:
+    """The law of friction is one that exists, static friction at least Coulomb's, and a bristle is short."""
+    model, coulomb = np.asarray(platform.leg_friction_model), np.asarray(platform.leg_coulomb_friction)
+    static, stiffness = np.asarray(platform.leg_static_friction), np.asarray(platform.leg_bristle_stiffness)
+    words = TABLE["leg_friction_model"].words
+    known = np.isin(model, np.arange(len(words)))
+    yield ~known, "leg_friction_model", lambda: f"is {model:g}; expected {', '.join(words)}"
+
+    def below() -> str:
+        return (
+            f"is {static:g} N, below leg_coulomb_friction = {coulomb:g} N; expected at least that, or 0 for the same "
+            "friction at rest as in motion"
+        )
+
+    yield (static > 0) & (static < coulomb), "leg_static_friction", below
+    sticks = model != 0
+    least = coulomb * np.asarray(platform.leg_coulomb_friction_factor).min(axis=-1)
+
+    def nothing() -> str:
+        return (
+            f"is {least:g} N in a leg; friction that sticks needs > 0 in each: set leg_coulomb_friction, or "
+            "leg_friction_model = 'smooth'"
+        )
+
+    yield sticks & ~(least > 0), "leg_coulomb_friction", nothing
+    distance = np.maximum(static, coulomb) / np.where(stiffness > 0, stiffness, np.inf)
+
+    def soft() -> str:
+        return (
+            f"is {stiffness:g} N/m: legs would stick over {distance:.3g} m before they slide; expected at most "
+            f"{LONGEST_PRESLIDING:g} m, that is {np.maximum(static, coulomb) / LONGEST_PRESLIDING:g} N/m or more "
+            "(real legs: 5 to 10 um), or 0 to derive it"
+        )
+
+    yield sticks & (distance > LONGEST_PRESLIDING), "leg_bristle_stiffness", soft
+    share = np.asarray(platform.leg_breakaway_share)
+    yield (
+        share > LARGEST_SHARE,
+        "leg_breakaway_share",
+        lambda: f"is {share:g}; expected at most {LARGEST_SHARE:g}, or 0 for the default",
+    )
+
+
+def _springs(platform: PlatformFields, _home: _Home) -> _Conditions:
+    """Legs that give have motors with inertia, and are no softer than a machine that stands."""
+    stiffness, damping = np.asarray(platform.leg_stiffness), np.asarray(platform.leg_damping)
+    armature = np.asarray(platform.leg_armature)
+
+    def without() -> str:
+        return (
+            "is 0 kg; a leg with leg_stiffness needs a motor with inertia: set leg_armature = J (2 pi/lead)^2, or "
+            "leg_stiffness = 0, which is rigid"
+        )
+
+    yield (stiffness > 0) & ~(armature > 0), "leg_armature", without
+    mass = np.asarray(platform.leg_upper_mass) + np.asarray(platform.platform_mass) / 6
+    frequency = np.sqrt(stiffness / mass) / (2 * np.pi)
+
+    def soft() -> str:
+        least = (2 * np.pi * SLOWEST_MODE) ** 2 * mass
+        return (
+            f"is {stiffness:g} N/m: the platform would bounce at about {frequency:.2g} Hz; expected {least:.3g} N/m "
+            f"({SLOWEST_MODE:g} Hz) or more, or 0 for rigid legs"
+        )
+
+    yield (stiffness > 0) & (frequency < SLOWEST_MODE), "leg_stiffness", soft
+
+    def rigid() -> str:
+        return f"is {damping:g} N s/m, but legs are rigid; set leg_stiffness, or remove leg_damping"
+
+    yield (damping > 0) & ~(stiffness > 0), "leg_damping", rigid
+
+
 # What a check depends on; bounds come first.
 _CHECKS: tuple[tuple[Callable[[PlatformFields, _Home], _Conditions], frozenset[str]], ...] = (
     (_inertia, frozenset({"platform_inertia"})),
@@ -219,6 +298,20 @@ _CHECKS: tuple[tuple[Callable[[PlatformFields, _Home], _Conditions], frozenset[s
     (_home_pose, frozenset(_GEOMETRY)),
     (_com_offsets, frozenset({*_GEOMETRY, "leg_lower_com", "leg_upper_com", "platform_com"})),
     (_limits, frozenset({*_GEOMETRY, "leg_length_min", "leg_length_max", "joint_angle_max"})),
+    (
+        _friction,
+        frozenset(
+            {
+                "leg_coulomb_friction",
+                "leg_coulomb_friction_factor",
+                *(row.name for row in TABLE.values() if row.part == "bristles"),
+            }
+        ),
+    ),
+    (
+        _springs,
+        frozenset({"leg_stiffness", "leg_damping", "leg_armature", "leg_upper_mass", "platform_mass"}),
+    ),
 )
 
 

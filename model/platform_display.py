@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.parameters import TABLE, TEXTS, PlatformFields
+from gough_stewart.model.parameters import TABLE, TEXTS, PlatformFields, in_words
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -35,8 +35,8 @@ def platform_text(platform: PlatformFields) -> str:
 def platform_html(platform: PlatformFields) -> str:
     """Every parameter with its value, unit and meaning."""
     rows = [
-        f"<tr><th scope=row>{name}</th><td>{_text(getattr(platform, name))}</td><td>{html.escape(row.unit)}</td>"
-        f"<td>{html.escape(row.description)}</td></tr>"
+        f"<tr><th scope=row>{name}</th><td>{_text(in_words(name, getattr(platform, name)))}</td>"
+        f"<td>{html.escape(row.unit)}</td><td>{html.escape(row.description)}</td></tr>"
         for name, row in TABLE.items()
         if getattr(platform, name) is not None
     ]
@@ -58,6 +58,8 @@ def _range(values: Any) -> str:
 
 def _text(value: Any) -> str:
     """Numbers with commas, rows with semicolons."""
+    if isinstance(value, str):
+        return value
     array = np.asarray(value)
     if array.ndim < 2:
         return ", ".join(f"{each:.6g}" for each in array.reshape(-1))

@@ -4,6 +4,7 @@ A file is flat: the parameters of `gough_stewart.model.parameters` by name, in S
 fewest digits that give the same float, so TOML → Platform → TOML is lossless.
 """
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import tomlkit
 from gough_stewart.model import joint_circles
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS
+from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.process import shipped
@@ -20,6 +21,7 @@ from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.toml import toml_item, toml_values
 
 KEYS = (*TEXTS, *TABLE)
+DEFAULTS = {each.name: each.default for each in fields(PlatformFields)}
 _FILE_KEYS = (*KEYS, *joint_circles.KEYS)
 _PRESETS = ("gough_stewart.model", "presets")
 
@@ -53,7 +55,12 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
     if missing:
         raise PlatformFileError(where, f"missing {', '.join(missing)}; see a preset for a complete file")
     for key, value in values.items():
-        if key in TABLE and not isinstance(value, np.ndarray) and _holds_other_than_numbers(value):
+        if (
+            key in TABLE
+            and not TABLE[key].words
+            and not isinstance(value, np.ndarray)
+            and _holds_other_than_numbers(value)
+        ):
             raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
     try:
         return Platform(**by_leg(values))
@@ -62,11 +69,16 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
 
 
 def platform_to_toml(platform: Platform) -> str:
-    """TOML text of a platform, with units and descriptions as comments; lossless. Factors of 1 are left out."""
+    """TOML text of a platform, with units and descriptions as comments; lossless.
+
+    Factors of 1 are left out, and what a plant that sticks or gives has beyond the ideal one, if it is the default.
+    """
     document = tomlkit.document()
     for key, value in platform.as_dict().items():
         if key in FACTOR_OF.values() and np.all(value == 1):
             continue  # identical legs
+        if key in TABLE and TABLE[key].part is not None and getattr(platform, key) == DEFAULTS[key]:
+            continue
         item = toml_item(value)
         if key in TABLE:
             item.comment(f"[{TABLE[key].unit}] {TABLE[key].description}")

@@ -12,15 +12,24 @@ from numpy.typing import NDArray
 
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError
+from gough_stewart.model.exponential import Bristled, integrate_bristles
 from gough_stewart.model.integrator import integrate
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
-from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.kinematics import leg_geometry, leg_rates
+from gough_stewart.model.machine_dynamics import holding_motor_position
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose, clear_of_limits
 from gough_stewart.model.real import real_array
+from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
+from gough_stewart.model.variant import CHOOSING, Variant
+
+# The other states' nominal, by which the tolerance is absolute in SI units.
+NOMINAL = 1e-3
+_MOTOR = {"motor_position", "motor_velocity"}
+_ABSENT = {"bristles": "leg_friction_model is 'smooth'", "springs": "leg_stiffness is 0, which is rigid"}
 
 
 @dataclass(frozen=True)
@@ -65,6 +74,10 @@ class SteppingModel:
     9. `save_state` and `restore_state` save and restore the complete state; a restored model repeats its results bit
        by bit. `reset` returns to rule 1, with the platform from the constructor.
     10. The limits of a platform (stroke, force, joint angle) are not enforced; that is up to the caller.
+    11. A platform whose friction sticks or whose legs give has further states (`Variant`): `leg_bristle`,
+       `motor_position`, `motor_velocity`, and the output `leg_force`. Bristles start at 0, motors where they hold the
+       pose at rest and move with it: setting a state of the platform moves them too, unless they are set in the same
+       call. With bristles, steps are of `exponential`. Which friction, and whether legs give, is fixed.
 
     Parameters
     ----------
@@ -94,7 +107,12 @@ class SteppingModel:
                 "tolerance", f"is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}"
             )
         self._initial_platform = platform
-        self._kernel = Kernel()
+        self._variant = Variant.of(platform)
+        self._kernel = Kernel(self._variant)
+        self._bristles = slice(0)
+        if self._variant.bristles:
+            self._bristles = _position_in(self._variant.states, interface.BY_NAME["leg_bristle"])
+        self._sizes = np.concatenate([np.full(v.size, v.nominal / NOMINAL) for v in self._variant.states])
         self.reset()
 
     def __repr__(self) -> str:
@@ -112,7 +130,12 @@ class SteppingModel:
         self._internal_step: float | None = None
         self._u = _starts(interface.INPUTS, self._initial_platform)
         self._use(self._initial_platform)
-        self._x = _starts(interface.STATES, self._initial_platform)
+        self._x = _starts(self._variant.states, self._initial_platform)
+
+    @property
+    def variant(self) -> Variant:
+        """Whether its friction sticks and its legs give."""
+        return self._variant
 
     @property
     def time(self) -> float:
@@ -126,7 +149,7 @@ class SteppingModel:
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """State vector x (12,): position, orientation, velocity, angular velocity; a copy."""
+        """State vector x (n,): position, orientation, velocity, angular velocity, those of rule 11; a copy."""
         return self._x.copy()
 
     # --- variables ---------------------------------------------------------------------------------------------
@@ -149,14 +172,15 @@ class SteppingModel:
         Parameters are checked together, so that elements of an inertia can be changed one by one.
         """
         x, u, parameters = self._x.copy(), self._u.copy(), dict[str, Any]()
-        handedness = self._handedness
+        handedness, moved = self._handedness, set[str]()
         for name, value in values.items():
             variable, element = interface.find(name)
             self._refuse_unsettable(variable)
             if variable.causality == "input":
                 target = u[_position_in(interface.INPUTS, variable)]
             elif variable.is_state:
-                target, handedness = x[_position_in(interface.STATES, variable)], None
+                target, handedness = x[_position_in(self._variant.states, variable)], None
+                moved.add(variable.name)
             else:
                 target = parameters.setdefault(variable.name, np.array(getattr(self._platform, variable.name)))
             if element is None:
@@ -165,9 +189,17 @@ class SteppingModel:
                 target.reshape(-1)[element] = interface.checked_value(variable.element(element), value)
         if not abs(x[4]) < LARGEST_PITCH:
             raise InterfaceError("orientation[2]", f"is {x[4]:g} rad; expected a pitch within ±{LARGEST_PITCH:g} rad")
+        platform = self._platform
         if parameters:
-            self._use(replace(self._platform, **parameters))
+            platform = replace(platform, **parameters)
+            if Variant.of(platform) != self._variant:
+                name = next(n for n in CHOOSING if n in parameters)
+                raise InterfaceError(name, "would give the model other states; make a SteppingModel of that platform")
             handedness = None
+        if self._variant.springs and not self._started and (moved or parameters) and not moved & _MOTOR:
+            self._place_motors(platform, x)
+        if parameters:
+            self._use(platform)
         self._x, self._u, self._handedness = x, u, handedness
 
     def set_inputs(self, inputs: NDArray[np.float64]) -> None:
@@ -204,10 +236,10 @@ class SteppingModel:
 
     def results(self) -> dict[str, NDArray[np.float64]]:
         """All outputs and locals at the current time, by name, in one evaluation."""
-        return interface.unpack(interface.RESULTS, self.result_vector())
+        return interface.unpack(self._variant.results, self.result_vector())
 
     def result_vector(self) -> NDArray[np.float64]:
-        """`results` as one vector, in the order of `interface.RESULT_COLUMNS`."""
+        """`results` as one vector, in the order of `Variant.columns`, first `interface.RESULT_COLUMNS`."""
         return self._kernel.outputs(self._x, self._u, self._p).copy()
 
     def linearise(self) -> Linearisation:
@@ -231,14 +263,21 @@ class SteppingModel:
         if not self._started:
             legs = leg_geometry(self._platform, self._x[:3], self._x[3:6])
             check_leg_com_offsets(self._platform, float(legs.length.min()), "start")
-        self._x, self._internal_step = integrate(
-            lambda x: self._kernel.derivatives(x, self._u, self._p).copy(),
-            self._x,
-            (self._time, end),
-            self._tolerance,
-            self._internal_step,
-            lambda x, at: self._check(x, at, handedness),
-        )
+
+        def derivatives(x: NDArray[np.float64]) -> NDArray[np.float64]:
+            return self._kernel.derivatives(x, self._u, self._p).copy()
+
+        def check(x: NDArray[np.float64], at: float) -> None:
+            self._check(x, at, handedness)
+
+        start, span, tolerance, internal = self._x, (self._time, end), self._tolerance, self._internal_step
+        if self._variant.bristles:
+            system = Bristled(
+                derivatives, lambda x: self._kernel.decays(x, self._p).copy(), self._bristles, self._sizes
+            )
+            self._x, self._internal_step = integrate_bristles(system, start, span, tolerance, internal, check)
+        else:
+            self._x, self._internal_step = integrate(derivatives, start, span, tolerance, internal, check)
         self._handedness = handedness
         self._time, self._started = end, True
 
@@ -269,7 +308,7 @@ class SteppingModel:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore from `__getstate__`, with a new kernel and copied vectors."""
         self.__dict__.update(state)
-        self._x, self._u, self._kernel = self._x.copy(), self._u.copy(), Kernel()
+        self._x, self._u, self._kernel = self._x.copy(), self._u.copy(), Kernel(self._variant)
 
     # --- private -----------------------------------------------------------------------------------------------
 
@@ -280,23 +319,33 @@ class SteppingModel:
 
     def _use(self, platform: Platform) -> None:
         self._platform = platform
-        self._p = parameter_vector(platform)
+        self._p = parameter_vector(platform, self._variant)
         self._handedness = None
 
+    def _place_motors(self, platform: Platform, x: NDArray[np.float64]) -> None:
+        """Write the motors' states into x that hold its pose at rest, and move with its twist."""
+        state = State.from_vector(x[:12])
+        positions = holding_motor_position(platform, state.position, state.orientation)
+        rates = leg_rates(platform, state).length_rate
+        for name, values in zip(sorted(_MOTOR), (positions, rates), strict=True):
+            x[_position_in(self._variant.states, interface.BY_NAME[name])] = values
+
     def _value(self, variable: Variable) -> NDArray[np.float64]:
-        if variable in interface.RESULTS:
+        if variable in self._variant.results:
             return self.results()[variable.name]
         if variable.causality == "input":
             return self._u[_position_in(interface.INPUTS, variable)].copy()
-        if variable in interface.PLATFORM_PARAMETERS:
+        if variable.causality == "parameter" and hasattr(self._platform, variable.name):
             return np.array(getattr(self._platform, variable.name))
+        self._refuse_absent(variable)
         raise InterfaceError(variable.name, f"{variable.description}; the stepping model has none")
 
     def _refuse_unsettable(self, variable: Variable) -> None:
         name = variable.name
         if variable.name == "fixed_step_size":
             raise InterfaceError(name, "is a parameter of the FMU; the stepping model is error-controlled")
-        if variable in interface.RESULTS and not variable.is_state:
+        self._refuse_absent(variable)
+        if variable in self._variant.results and not variable.is_state:
             raise InterfaceError(name, f"is computed ({variable.causality}); set inputs, parameters or states instead")
         if self._started and variable.is_state:
             raise InterfaceError(name, "is a state, which can only be set before the first step; call reset() first")
@@ -304,6 +353,14 @@ class SteppingModel:
             raise InterfaceError(
                 name, "is a fixed parameter, which can only be set before the first step; call reset() first"
             )
+
+    def _refuse_absent(self, variable: Variable) -> None:
+        """Refuse a variable of a part that the platform does not have."""
+        if variable.name in CHOOSING:
+            return
+        for part, variables in interface.OF_PART.items():
+            if variable in variables and part not in self._variant.parts:
+                raise InterfaceError(variable.name, f"is nothing that this platform has: {_ABSENT[part]}")
 
 
 def _number(name: str, value: object) -> float:

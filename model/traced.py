@@ -17,41 +17,56 @@ from typing import Any
 import casadi
 import numpy as np
 
-from gough_stewart.model import dynamics, energy, interface, kinematics
-from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
+from gough_stewart.model import dynamics, energy, friction, interface, kinematics, machine_dynamics
+from gough_stewart.model.interface import N_INPUTS, N_STATES
+from gough_stewart.model.machine_dynamics import MachineState
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.interrupts import interrupts_held_back
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import Array, cross, dot
 
 
 @cache
 @interrupts_held_back()
-def derivatives_function() -> casadi.Function:
+def derivatives_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `derivatives`: (x, u, p) -> xdot."""
-    x, u, p = _arguments()
-    xdot, _ = _trace(x, u, p)
+    x, u, p = _arguments(variant)
+    xdot, _ = _trace(x, u, p, variant)
     return _function("derivatives", [x, u, p], [xdot], ["xdot"])
 
 
 @cache
 @interrupts_held_back()
-def outputs_function() -> casadi.Function:
+def outputs_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `outputs`: (x, u, p) -> y, all outputs and locals of the interface."""
-    x, u, p = _arguments()
-    _, y = _trace(x, u, p)
+    x, u, p = _arguments(variant)
+    _, y = _trace(x, u, p, variant)
     return _function("outputs", [x, u, p], [y], ["y"])
 
 
 @cache
 @interrupts_held_back()
-def jacobians_function() -> casadi.Function:
+def jacobians_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `jacobians`: (x, u, p) -> A, B, C, D, dense."""
-    x, u, p = _arguments()
-    xdot, y = _trace(x, u, p)
+    x, u, p = _arguments(variant)
+    xdot, y = _trace(x, u, p, variant)
     blocks = [casadi.densify(casadi.jacobian(f, z)) for f in (xdot, y) for z in (x, u)]
     return _function("jacobians", [x, u, p], blocks, ["A", "B", "C", "D"])
+
+
+@cache
+@interrupts_held_back()
+def decays_function(variant: Variant) -> casadi.Function:
+    """CasADi Function `decays`: (x, p) -> decay (6) [1/s], of the bristles of a variant: ż = v − decay · z."""
+    x, _, p = _arguments(variant)
+    state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
+    rigid = kinematics.leg_rates(parameters, state.platform).length_rate
+    sliding = state.motor_velocity if variant.springs else rigid
+    law = machine_dynamics.law_of_bristles(variant, parameters)
+    decay = friction.bristle_decay(law, sliding, state.leg_bristle)
+    return casadi.Function("decays", [x, p], casadi.cse([_column(decay)]), ["x", "p"], ["decay"])
 
 
 @cache
@@ -118,14 +133,14 @@ def signals_function() -> casadi.Function:
 
 @cache
 @interrupts_held_back()
-def margins_function() -> casadi.Function:
+def margins_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `margins`: (x, p) -> square (6), determinant, size; distances to the pose limits.
 
     L_i², det K and ρ². K has the rows (l_i, c_i × l_i), so det K = det J L_1 ⋯ L_6. Without roots and quotients, for a
     fast check after every integration step.
     """
-    x, _, p = _arguments()
-    state, parameters = State.from_vector(_symbols(x)), _parameters(p)
+    x, _, p = _arguments(variant)
+    state, parameters = State.from_vector(_symbols(x)[..., :N_STATES]), _parameters(p, variant)
     legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
     halves = [
         [[part[0, i, k] for k in range(3)] for i in range(6)] for part in (legs.vector, cross(legs.arm, legs.vector))
@@ -135,8 +150,9 @@ def margins_function() -> casadi.Function:
     return casadi.Function("margins", [x, p], results, ["x", "p"], ["square", "determinant", "size"])
 
 
-def _arguments() -> tuple[casadi.SX, casadi.SX, casadi.SX]:
-    return casadi.SX.sym("x", N_STATES), casadi.SX.sym("u", N_INPUTS), casadi.SX.sym("p", N_PARAMETERS)
+def _arguments(variant: Variant = IDEAL) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
+    n, q = interface.size_of(variant.states), interface.size_of(variant.parameters)
+    return casadi.SX.sym("x", n), casadi.SX.sym("u", N_INPUTS), casadi.SX.sym("p", q)
 
 
 def _function(name: str, arguments: Iterable[Any], results: list[Any], names: list[str]) -> casadi.Function:
@@ -144,8 +160,10 @@ def _function(name: str, arguments: Iterable[Any], results: list[Any], names: li
     return casadi.Function(name, arguments, casadi.cse(results), [v[0].name()[:-2] for v in arguments], names)
 
 
-def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, casadi.SX]:
+def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX, variant: Variant = IDEAL) -> tuple[casadi.SX, casadi.SX]:
     """The equations with symbols instead of numbers: (ẋ, y)."""
+    if variant != IDEAL:
+        return _trace_machine(x, u, p, variant)
     state, inputs = State.from_vector(_symbols(x)), Inputs.from_vector(_symbols(u))
     parameters = _parameters(p)
     a = dynamics.forward_dynamics(parameters, state, inputs, solve=_solve_symbolically)
@@ -166,8 +184,17 @@ def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, casadi.
     return _column(xdot), casadi.vertcat(*(_column(values[v.name]) for v in interface.RESULTS))
 
 
-def _parameters(p: casadi.SX) -> Parameters:
-    return Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
+def _trace_machine(x: casadi.SX, u: casadi.SX, p: casadi.SX, variant: Variant) -> tuple[casadi.SX, casadi.SX]:
+    state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
+    inputs = Inputs.from_vector(_symbols(u))
+    rates = machine_dynamics.machine_rates(variant, parameters, state, inputs, _solve_symbolically)
+    values = machine_dynamics.machine_results(variant, parameters, state, rates)
+    xdot = machine_dynamics.machine_derivatives(state, rates)
+    return _column(xdot), casadi.vertcat(*(_column(values[v.name]) for v in variant.results))
+
+
+def _parameters(p: casadi.SX, variant: Variant = IDEAL) -> Parameters:
+    return Parameters(**interface.unpack(variant.parameters, _symbols(p)))
 
 
 def _symbols(vector: casadi.SX) -> Array:

@@ -25,6 +25,7 @@ from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.prebuilt import prebuilt
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
+from gough_stewart.model.variant import refuse_parts
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = "gough_stewart"
@@ -64,6 +65,7 @@ def plant_component(
         Whether the unit is for a system with its controller: without reference results, and in the first step,
         actuator forces that are all 0 are replaced by their start values, which some masters do not propagate.
     """
+    refuse_parts(platform, "an FMU", "run it with the plant 'model'")
     starts = interface.start_values(interface.VARIABLES, platform)
     own: dict[str, Array] = {"fixed_step_size": np.array(fixed_step_size)}
     own |= {} if start is None else start._asdict()

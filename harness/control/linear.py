@@ -19,6 +19,7 @@ from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.real import real_array
+from gough_stewart.model.variant import refuse_parts
 from gough_stewart.model.vectors import Array, FloatArray
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
 
     from gough_stewart.model.kernel import Kernel, parameter_vector
 
+    refuse_parts(platform, "the python-control system", "use SteppingModel")
     kernel, p = Kernel(), parameter_vector(platform)
     names, rows = _rows(outputs)
 
@@ -176,6 +178,7 @@ def linear_matrices(
     """`linearise` without python-control, whose import takes longer than all margins."""
     from gough_stewart.model.kernel import Kernel, parameter_vector
 
+    refuse_parts(platform, "the linear model", "use SteppingModel.linearise")
     _, rows = _rows(outputs)
     if not coulomb_friction:
         platform = platform.with_parameters({"leg_coulomb_friction": 0.0})

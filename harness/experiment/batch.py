@@ -29,6 +29,7 @@ from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platforms import Platforms
 from gough_stewart.model.state import State
+from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Size of the plant's vectors: a member's bits do not depend on the others if all vectors are full.
@@ -53,7 +54,12 @@ class Prepared:
 
     @property
     def kernel(self) -> CompiledLanes | None:
-        """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
+        """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone.
+
+        A machine whose friction sticks or whose legs give has no machine code yet.
+        """
+        if Variant.of(self.machine) != IDEAL:
+            return None
         is_linear = self.controller is None or isinstance(self.controller, LinearController)
         return loop_kernel() if is_linear or are_traced([self.controller]) else None
 

@@ -17,6 +17,7 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.harness.results.record import Record, columns, plain
 from gough_stewart.model import interface
 from gough_stewart.model.process.progress import TimeProgress
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Re
     n, at = len(run.time), run.sample_of_row
     parts: list[tuple[list[str], Any]] = [
         (["time"], run.time[:, None]),
-        (list(interface.RESULT_COLUMNS), run.results),
+        (list(Variant.of(prepared.machine).columns[: run.results.shape[1]]), run.results),
         (_INPUT_COLUMNS, run.inputs),
     ]
     if prepared.motion is not None and prepared.legs is not None:

@@ -45,7 +45,8 @@ def _by_parameter(value: Any) -> Any:
     """Quantities with a unit as numbers in SI units; all else as it is, since the platform checks its parameters."""
     if not isinstance(value, dict):
         return value
-    return {name: _in_si(name, each, TABLE[name].unit) if name in TABLE else each for name, each in value.items()}
+    plain = {name for name in value if name not in TABLE or TABLE[name].words}
+    return {name: each if name in plain else _in_si(name, each, TABLE[name].unit) for name, each in value.items()}
 
 
 def _in_si(name: str, value: Any, unit: str) -> Any:

@@ -28,6 +28,7 @@ from gough_stewart.harness.identify.screening.observability import (
 from gough_stewart.harness.identify.screening.screening import Screened, screened
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.variant import refuse_parts
 from gough_stewart.model.vectors import FloatArray
 
 AnyLog = Log | Record | Path | str
@@ -99,6 +100,8 @@ def identify(
         method = "geometry"
     if "pose_frame" in options and method != "geometry":
         raise IdentificationError(f"pose_frame is an option of method geometry only; this one is {method}")
+    if method != "geometry":
+        refuse_parts(platform, "identification", "estimate a smooth or rigid platform from the log")
     logs = _logs(log)
     if method == "geometry":
         if len(logs) != 1 or validation != VALIDATION:

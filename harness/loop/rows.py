@@ -66,7 +66,7 @@ class AllRows(Rows):
     Attributes
     ----------
     results, inputs
-        Sizes N_RESULTS and 12.
+        Sizes N_RESULTS, or more of a plant with more states, and 12.
     measured, state, command, limited
         By sample, arrays (m, size, N): of many members only the signals that controllers use; before the command was
         computed; before limits; which forces are limited.
@@ -76,7 +76,8 @@ class AllRows(Rows):
 
     def __init__(self, timing: Timing, members: int, plant: Plant) -> None:
         n, m, self._plant = timing.steps + 2, len(timing.samples), plant
-        self.results = np.zeros((n, interface.size_of(interface.RESULTS), members))
+        columns = getattr(plant, "columns", interface.RESULT_COLUMNS)
+        self.results = np.zeros((n, len(columns), members))
         self.inputs = np.zeros((n, interface.size_of(interface.INPUTS), members))
         # more than there will be: they are passed on at the end
         super().__init__(n + CHECKED, members, self.results[:, : signals.SIZE], self.inputs[:, :6])

@@ -18,6 +18,7 @@ class Alone(Plant):
     def __init__(self, plant: Plant) -> None:
         self._plant, self._signals = plant, signals_of(plant)
         self.may_overrun = getattr(plant, "may_overrun", False)
+        self.columns = getattr(plant, "columns", Plant.columns)
 
     def set_inputs(self, inputs: FloatArray) -> None:
         """Rule 2 of `Plant`."""

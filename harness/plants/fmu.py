@@ -19,6 +19,7 @@ from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
+from gough_stewart.model.variant import refuse_parts
 from gough_stewart.model.vectors import FloatArray
 
 _DISCARD = 2
@@ -56,6 +57,7 @@ class FmuPlant(Plant):
         tolerance: float = DEFAULT_TOLERANCE,
         fixed_step_size: float = 0.0,
     ) -> None:
+        refuse_parts(platform, "an FMU", "use the plant 'model'")
         self._platform = platform
         with ExitStack() as stack:
             file = path if isinstance(path, UnitFile) else stack.enter_context(UnitFile(path))

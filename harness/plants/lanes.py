@@ -31,6 +31,7 @@ from gough_stewart.model.platforms import Platforms
 from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
+from gough_stewart.model.variant import SMOOTH, refuse_parts
 from gough_stewart.model.vectors import FloatArray
 
 _ARRAYS = tuple(field.name for field in fields(Batch))
@@ -279,6 +280,8 @@ def lanes_plant(
     ------
     PlantError
         No platforms, another number of starts, or an invalid number of substeps or tolerance.
+    PlatformError
+        Friction that sticks, or legs that give.
     BuildError
         `compiler` is True, and the library cannot be built.
     """
@@ -286,6 +289,9 @@ def lanes_plant(
         raise PlantError(
             f"{len(platforms)} platforms and {len(starts)} starts; expected at least one platform, and a start for each"
         )
+    every = Platforms.of(platforms)
+    for k in np.flatnonzero((every.field("leg_friction_model") != SMOOTH) | (every.field("leg_stiffness") > 0))[:1]:
+        refuse_parts(every[int(k)], "a plant of many platforms", "run members one by one on the plant 'model'")
     low, high = TOLERANCES
     if not low <= tolerance <= high:
         raise PlantError(f"tolerance is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}")

@@ -17,6 +17,7 @@ class ModelPlant(Plant):
 
     def __init__(self, platform: Platform, start: State | None = None, tolerance: float = DEFAULT_TOLERANCE) -> None:
         self._model = SteppingModel(platform, tolerance)
+        self.columns = self._model.variant.columns
         if start is not None:
             self._model.set_many(start._asdict())
 

@@ -19,6 +19,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
+from gough_stewart.model.variant import refuse_parts
 
 if TYPE_CHECKING:
     from gough_stewart.harness.plants.unit import UnitFile
@@ -43,6 +44,8 @@ def open_plant(
     ------
     PlantError
         An unknown kind, a file for the model, an FMU of the other version, or as `FmuPlant`.
+    PlatformError
+        An FMU for a platform whose friction sticks, or whose legs give.
     BuildError
         The FMU cannot be built, or what runs it is not installed.
     """
@@ -57,6 +60,7 @@ def open_plant(
         return
     if kind not in FMI_VERSIONS:
         raise PlantError(f"plant is {kind!r}; expected model, fmu2 or fmu3")
+    refuse_parts(platform, "an FMU", "use the plant 'model'")
     version = FMI_VERSIONS[kind]
     if fmu is None:
         from gough_stewart.harness.plants.fmu import FmuPlant

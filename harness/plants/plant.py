@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
+from gough_stewart.model import interface
 from gough_stewart.model.vectors import FloatArray
 
 BoolArray = NDArray[np.bool_]
@@ -23,8 +24,9 @@ class Plant(Protocol):
        hold its platform at home (`Platform.home_actuator_force`) and no external wrench.
     2. `set_inputs` takes the whole input vector (12,) in the order of `interface.INPUTS`; it holds until the next call.
     3. `set_parameters` sets tunable parameters by name, all or none, at any time between two steps.
-    4. `results` returns all outputs and locals (N_RESULTS,) in the order of `interface.RESULT_COLUMNS`, at the present
-       time under the present inputs, as a copy. It has no side effects.
+    4. `results` returns all outputs and locals (N_RESULTS,) in the order of `columns`, at the present time under the
+       present inputs, as a copy. It has no side effects. If its friction sticks or its legs give, it has more of them,
+       see `Variant.columns`.
     5. `do_step(time, step)` advances from `time`, the plant's own, to `time + step`.
     6. A failed call raises an error of this project with the plant's message and leaves the plant unchanged:
        `StepError` for a motion that the plant cannot perform, other errors for wrong use.
@@ -42,6 +44,7 @@ class Plant(Protocol):
 
     shape: tuple[int, ...] = ()
     may_overrun: bool = False
+    columns: tuple[str, ...] = interface.RESULT_COLUMNS
 
     def set_inputs(self, inputs: FloatArray) -> None:
         """Rule 2."""

@@ -166,7 +166,7 @@ def test_a_name_like_no_other_gets_the_list_of_wholes() -> None:
     """Expected: every variable once, none of its elements."""
     with pytest.raises(InterfaceError) as caught:
         interface.find("qqqqq")
-    assert str(caught.value).split("expected one of ")[1].split(", ") == [v.name for v in interface.VARIABLES]
+    assert str(caught.value).split("expected one of ")[1].split(", ") == list(interface.BY_NAME)
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,28 @@ OTHERS = {
     "joint_angle_max": Expected((), "rad", None, "> 0"),
     "leg_acceleration_max": Expected((), "m/s2", None, "> 0"),
 }
-ALL = PHYSICAL | OTHERS
+# Of plants whose friction sticks or whose legs give; units of the ideal plant do not have them.
+PARTS = {
+    "leg_friction_model": Expected((), "1", 0, None),
+    "leg_static_friction": Expected((), "N", 0, ">= 0", True),
+    "leg_stribeck_velocity": Expected((), "m/s", 0.001, "> 0", True),
+    "leg_bristle_stiffness": Expected((), "N/m", 0, ">= 0", True),
+    "leg_bristle_damping": Expected((), "N.s/m", 0, ">= 0", True),
+    "leg_breakaway_share": Expected((), "1", 0, ">= 0", True),
+    "leg_stiffness": Expected((), "N/m", 0, ">= 0"),
+    "leg_damping": Expected((), "N.s/m", 0, ">= 0"),
+}
+ALL = PHYSICAL | PARTS | OTHERS
+OF_PARTS: dict[str, Any] = {
+    "leg_friction_model": 2.0,
+    "leg_static_friction": 1e6,
+    "leg_stribeck_velocity": 0.0023,
+    "leg_bristle_stiffness": 1e12,
+    "leg_bristle_damping": 1234.5,
+    "leg_breakaway_share": 0.71,
+    "leg_stiffness": 1e7 / 3,
+    "leg_damping": 77.7,
+}
 LIMITS: dict[str, Any] = {
     "leg_length_min": 1e-3,
     "leg_length_max": 1e3,
@@ -132,15 +153,22 @@ def test_the_bound_is_held_and_named_with_the_unit(uneven: Platform, name: str) 
 
 
 def test_a_platform_file_holds_every_parameter_with_its_unit(uneven: Platform) -> None:
-    written = platform_to_toml(uneven)
-    assert platform_from_toml(written) == uneven
+    own = replace(uneven, **OF_PARTS)
+    written = platform_to_toml(own)
+    assert platform_from_toml(written) == own
     values = tomllib.loads(written)
+    assert values.pop("leg_friction_model") == "lugre"
+    values["leg_friction_model"] = OF_PARTS["leg_friction_model"]
     for name, expected in ALL.items():
-        assert np.array_equal(values[name], getattr(uneven, name)), name
+        assert np.array_equal(values[name], getattr(own, name)), name
         entry = written[re.search(rf"^{name} = ", written, re.M).start() :]  # type: ignore[union-attr]
         found = re.search(r"# \[(.*?)\] \S", entry)
         assert found, name
         assert found[1] == expected.unit, name
+
+
+def test_a_file_leaves_out_what_an_ideal_plant_does_not_have(uneven: Platform) -> None:
+    assert not set(tomllib.loads(platform_to_toml(uneven))) & set(PARTS)
 
 
 @pytest.mark.parametrize("name", PHYSICAL)
@@ -261,7 +289,7 @@ def test_the_documentation_lists_every_parameter_as_it_is() -> None:
     section = (DOCS / "notation.md").read_text(encoding="utf-8").split("## Parameters")[1]
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in section.split("##")[0].splitlines()[1:]]
     found = {row[0].strip("`"): row[1:] for row in rows if len(row) == 6 and row[0].startswith("`")}
-    assert list(found) == list(ALL)
+    assert list(found) == list(PHYSICAL | OTHERS | PARTS)
     for name, (shape, unit, default, bound, in_fmu) in found.items():
         expected = ALL[name]
         assert shape == (" × ".join(map(str, expected.shape)) or "1")

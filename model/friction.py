@@ -1,0 +1,96 @@
+"""Friction that sticks: one bristle per leg, which bends under the sliding velocity v and carries the friction force.
+
+    f = σ0 z + σ1 ż + σ2 v,    ż = v (1 − α(z, v) σ0 z sgn(v) / g(v)),    g(v) = F_c + (F_s − F_c) exp(−(v/v_s)²)
+
+z is `leg_bristle`, σ0 `leg_bristle_stiffness`, σ1 `leg_bristle_damping`, σ2 `leg_viscous_friction`, F_c
+`leg_coulomb_friction`, F_s `leg_static_friction`, v_s `leg_stribeck_velocity`. In steady sliding z = g sgn(v)/σ0, so
+that f = g sgn(v) + σ2 v.
+
+LuGre, α = 1: C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky, "A New Model for Control of Systems with
+Friction", IEEE Trans. Automatic Control 40(3), 1995. Under forces that vary below F_s it creeps.
+
+Elasto-plastic: P. Dupont, V. Hayward, B. Armstrong, F. Altpeter, "Single State Elastoplastic Friction Models", IEEE
+Trans. Automatic Control 47(5), 2002. The bristle is elastic, α = 0, up to z_ba = `leg_breakaway_share` F_c/σ0, and
+while it unbends; it slides, α = 1, from z_ss = g/σ0. Between these, their sine:
+α = ½ + ½ sin(π (|z| − (z_ss + z_ba)/2) / (z_ss − z_ba)). Below z_ba it returns to where it was: no creep.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gough_stewart.model.operations import clip, greater, maximum, reached, sign, where
+from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.variant import LUGRE
+from gough_stewart.model.vectors import Array, Scalars, per_leg
+
+# Presliding distance F_s/σ0 of ball screws and linear guides, a few to some ten micrometres.
+PRESLIDING = 1e-5
+# Of critical damping, so that a leg that sticks does not ring on.
+DAMPING_RATIO = 0.5
+BREAKAWAY_SHARE = 0.8
+
+
+class Bristles(NamedTuple):
+    """The parameters of the law, derived where they are 0; each broadcasts against (..., 6)."""
+
+    coulomb: Array  # F_c [N]
+    static: Array  # F_s [N]
+    stribeck_velocity: Array  # v_s [m/s]
+    stiffness: Array  # σ0 [N/m]
+    damping: Array  # σ1 [N s/m]
+    viscous: Array  # σ2 [N s/m]
+    breakaway: Array  # z_ba [m]
+    is_lugre: Array  # 1 for LuGre, else 0
+
+
+def bristles_of(parameters: Parameters, mass: Array) -> Bristles:
+    """The law's parameters; those that are 0 follow from the others.
+
+    F_s = F_c, σ0 = F_s / `PRESLIDING`, σ1 = 2 ζ √(σ0 m) with ζ = `DAMPING_RATIO` and the mass m (..., 1) [kg] behind a
+    leg's friction, and a breakaway share of `BREAKAWAY_SHARE`. Each leg's `leg_coulomb_friction_factor` is also that
+    of its static friction.
+    """
+    factor = parameters.leg_coulomb_friction_factor
+    coulomb = per_leg(parameters.leg_coulomb_friction) * factor
+    static = _or(per_leg(parameters.leg_static_friction) * factor, coulomb)
+    stiffness = _or(per_leg(parameters.leg_bristle_stiffness) * (0 * factor + 1), static / PRESLIDING)
+    critical = 2 * np.sqrt(stiffness * mass)
+    return Bristles(
+        coulomb,
+        static,
+        per_leg(parameters.leg_stribeck_velocity),
+        stiffness,
+        _or(per_leg(parameters.leg_bristle_damping) * (0 * factor + 1), DAMPING_RATIO * critical),
+        per_leg(parameters.leg_viscous_friction) * parameters.leg_viscous_friction_factor,
+        _or(per_leg(parameters.leg_breakaway_share), BREAKAWAY_SHARE) * coulomb / stiffness,
+        reached(per_leg(parameters.leg_friction_model), LUGRE),
+    )
+
+
+def bristle_rate(law: Bristles, velocity: Array, bristle: Array) -> Array:
+    """ż (..., 6) [m/s] for sliding velocities v [m/s] and deflections z [m] (..., 6)."""
+    return np.asarray(velocity - bristle_decay(law, velocity, bristle) * bristle)
+
+
+def bristle_decay(law: Bristles, velocity: Array, bristle: Array) -> Array:
+    """The rate α σ0 |v| / g (..., 6) [1/s] at which a bristle forgets: ż = v − decay · z."""
+    slip = np.exp(-((velocity / law.stribeck_velocity) ** 2))
+    level = law.coulomb + (law.static - law.coulomb) * slip
+    sliding = level / law.stiffness
+    # along the velocity: an unbending bristle is below the elastic range
+    along = sign(velocity) * bristle
+    share = clip((along - law.breakaway) / (sliding - law.breakaway), 0.0, 1.0)
+    plastic = maximum(0.5 - 0.5 * np.cos(np.pi * share), law.is_lugre)
+    return np.asarray(plastic * np.abs(velocity) / sliding)
+
+
+def bristle_force(law: Bristles, velocity: Array, bristle: Array) -> Array:
+    """Friction f (..., 6) [N] against the sliding velocity."""
+    rate = bristle_rate(law, velocity, bristle)
+    return np.asarray(law.stiffness * bristle + law.damping * rate + law.viscous * velocity)
+
+
+def _or(value: Array, derived: Scalars) -> Array:
+    """The value, or where it is 0 the derived one."""
+    return where(greater(value, 0.0), value, derived)

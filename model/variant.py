@@ -1,0 +1,92 @@
+"""Which parts a plant has beyond the ideal one: they choose its states, results and parameters.
+
+The ideal plant has rigid legs and friction that is a function of velocity. Friction that sticks needs the bristles'
+deflections as states, legs that give the motors' positions and velocities. The variables of each part follow those of
+the ideal plant, so the first states, results and parameters are the same in all variants.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from gough_stewart.model import interface
+from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.interface import Variable
+from gough_stewart.model.parameters import FRICTION_MODELS, Part
+
+SMOOTH, ELASTO_PLASTIC, LUGRE = (float(k) for k in range(len(FRICTION_MODELS)))
+
+
+@dataclass(frozen=True)
+class Variant:
+    """The parts of a plant, and its variables."""
+
+    bristles: bool = False
+    springs: bool = False
+
+    @classmethod
+    def of(cls, platform: Any) -> "Variant":
+        """Of a platform: bristles unless `leg_friction_model` is smooth, springs unless `leg_stiffness` is 0."""
+        return cls(platform.leg_friction_model != SMOOTH, platform.leg_stiffness > 0)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Their names."""
+        return (*(("bristles",) if self.bristles else ()), *(("springs",) if self.springs else ()))
+
+    @cached_property
+    def states(self) -> tuple[Variable, ...]:
+        """The states, in the order of x."""
+        return (*interface.STATES, *(v for v in self._own if v.is_state))
+
+    @cached_property
+    def results(self) -> tuple[Variable, ...]:
+        """Outputs and locals, in the order of y: those of the ideal plant first."""
+        return (*interface.RESULTS, *(v for v in self._own if v.causality == "output"))
+
+    @cached_property
+    def parameters(self) -> tuple[Variable, ...]:
+        """The platform's parameters that act, in the order of p."""
+        return (*interface.PLATFORM_PARAMETERS, *(v for v in self._own if v.causality == "parameter"))
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """Scalar names of the results."""
+        return tuple(name for v in self.results for name in v.scalar_names)
+
+    @property
+    def _own(self) -> tuple[Variable, ...]:
+        return tuple(v for part in self.parts for v in interface.OF_PART[part])
+
+
+IDEAL = Variant()
+# The parameters that choose it.
+CHOOSING = ("leg_friction_model", "leg_stiffness")
+
+
+def refuse_parts(platform: Any, host: str, instead: str) -> None:
+    """Refuse a platform whose friction sticks or whose legs give, where only the ideal plant can run.
+
+    Parameters
+    ----------
+    host, instead
+        What cannot run it, and what can, for the message.
+
+    Raises
+    ------
+    PlatformError
+        The platform is not ideal; `field` names the parameter that says so.
+    """
+    variant = Variant.of(platform)
+    if variant.bristles:
+        word = FRICTION_MODELS[int(platform.leg_friction_model)]
+        raise PlatformError(
+            "leg_friction_model",
+            f"is '{word}'; {host} has smooth friction only so far: {instead}, or set leg_friction_model = 'smooth'",
+        )
+    if variant.springs:
+        raise PlatformError(
+            "leg_stiffness",
+            f"is {platform.leg_stiffness:g} N/m; {host} has rigid legs only so far: {instead}, or set "
+            "leg_stiffness = 0, which is rigid",
+        )

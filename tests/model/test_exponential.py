@@ -1,0 +1,190 @@
+"""Steps with bristles. Expected: textbook friction of one mass, integrated by SciPy; orders of the scheme; refusals."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from gough_stewart.model.errors import StepError
+from gough_stewart.model.exponential import (
+    Bristled,
+    coefficients,
+    exponential_step,
+    integrate_bristles,
+    phi_functions,
+)
+from gough_stewart.model.friction import bristle_decay, bristle_force, bristle_rate, bristles_of
+from gough_stewart.model.vectors import FloatArray
+
+# Canudas de Wit et al. (1995), table I, a mass of 1 kg
+S0, S1, S2, FC, FS, VS, SHARE = 1e5, np.sqrt(1e5), 0.4, 1.0, 1.5, 1e-3, 0.8
+FREQUENCY = 2.0  # of the force [Hz]
+
+
+def law_of(model: float) -> Any:
+    one = np.ones(1)
+    parameters: Any = SimpleNamespace(
+        leg_coulomb_friction=FC,
+        leg_coulomb_friction_factor=one,
+        leg_static_friction=FS,
+        leg_bristle_stiffness=S0,
+        leg_bristle_damping=S1,
+        leg_viscous_friction=S2,
+        leg_viscous_friction_factor=one,
+        leg_stribeck_velocity=VS,
+        leg_breakaway_share=SHARE,
+        leg_friction_model=model,
+    )
+    return bristles_of(parameters, one)
+
+
+def one_mass(model: float, force: Any) -> Bristled:
+    """A mass of 1 kg on a bristle: position, velocity, bristle, time."""
+    law = law_of(model)
+
+    def derivatives(x: FloatArray) -> FloatArray:
+        v, z = x[1:2], x[2:3]
+        return np.concatenate([v, force(x) - bristle_force(law, v, z), bristle_rate(law, v, z), [1.0]])
+
+    sizes = np.array([1, 1, 1e-2, 1])
+    return Bristled(derivatives, lambda x: bristle_decay(law, x[1:2], x[2:3]), slice(2, 3), sizes)
+
+
+def positions(system: Bristled, rows: FloatArray, tolerance: float) -> FloatArray:
+    # bristles begin off zero: the scheme must return from any
+    x, h, found = np.array([0.0, 0.0, 1e-17, 0.0]), 1e-6, [0.0]
+    for span in zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True):
+        x, h = integrate_bristles(system, x, span, tolerance, h, lambda *_: None)
+        found.append(x[0])
+    return np.array(found)
+
+
+def by_textbook(is_lugre: bool, amplitude: float, rows: FloatArray) -> FloatArray:
+    """The equations as printed, case by case, by SciPy's Radau."""
+    z_ba = SHARE * FC / S0
+
+    def rates(t: float, x: FloatArray) -> list[float]:
+        _, v, z = x
+        z_ss = (FC + (FS - FC) * np.exp(-((v / VS) ** 2))) / S0
+        if is_lugre or (v * z > 0 and abs(z) >= z_ss):
+            alpha = 1.0
+        elif v * z <= 0 or abs(z) <= z_ba:
+            alpha = 0.0
+        else:
+            alpha = 0.5 + 0.5 * np.sin(np.pi * (abs(z) - (z_ss + z_ba) / 2) / (z_ss - z_ba))
+        dz = v - alpha * abs(v) * z / z_ss
+        force = amplitude + amplitude * np.sin(2 * np.pi * FREQUENCY * t)
+        return [v, force - S0 * z - S1 * dz - S2 * v, dz]
+
+    atol: Any = [1e-15, 1e-13, 1e-15]
+    span = float(rows[0]), float(rows[-1])
+    return np.asarray(solve_ivp(rates, span, [0, 0, 0], "Radau", rows, rtol=1e-10, atol=atol, max_step=2e-3).y[0])
+
+
+def oscillating(amplitude: float) -> Any:
+    return lambda x: amplitude + amplitude * np.sin(2 * np.pi * FREQUENCY * x[3])
+
+
+@pytest.mark.parametrize(("is_lugre", "amplitude"), [(False, 0.35), (True, 0.35), (False, 0.6), (True, 0.6)])
+def test_an_oscillating_force_moves_a_mass_as_the_textbook_says(is_lugre: bool, amplitude: float) -> None:
+    """0.35 N ± 0.35 N stay below the elastic range of 0.8 N: no drift; LuGre creeps 3.7 µm a cycle."""
+    rows = np.arange(0, 1.01, 0.5)
+    found = positions(one_mass(2.0 if is_lugre else 1.0, oscillating(amplitude)), rows, 1e-9)
+    expected = by_textbook(is_lugre, amplitude, rows)
+    # where it breaks away, an error grows
+    assert found == pytest.approx(expected, abs=5e-11 if amplitude == 0.35 else 1e-9)
+    drift = found[-1] - found[1]
+    if amplitude == 0.35:
+        assert drift == pytest.approx(3.7e-6, abs=0.1e-6) if is_lugre else abs(drift) < 1e-11
+    else:
+        assert drift > 0.9e-6
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("is_lugre", [False, True])
+def test_after_a_hundred_cycles_lugre_has_crept_and_elasto_plastic_has_not(is_lugre: bool) -> None:
+    """Expected: SciPy's Radau at 1e-10: 366 µm, and 0."""
+    rows = np.arange(0, 50.01, 0.5)
+    found = positions(one_mass(2.0 if is_lugre else 1.0, oscillating(0.35)), rows, 1e-11)
+    drift = found[-1] - found[1]
+    if is_lugre:
+        expected = by_textbook(True, 0.35, rows)
+        assert drift == pytest.approx(366e-6, abs=0.5e-6)
+        assert drift == pytest.approx(expected[-1] - expected[1], abs=2e-10)
+    else:
+        assert abs(drift) <= 1e-12
+
+
+def test_a_mass_that_is_pulled_by_a_spring_sticks_and_slips_as_in_the_paper() -> None:
+    """Canudas de Wit et al. (1995), fig. 6: 1 kg, a spring of 2 N/m whose end moves at 0.1 m/s. Expected: SciPy."""
+    law = law_of(2.0)
+
+    def textbook(_t: float, x: FloatArray) -> list[float]:
+        p, v, z, t = x
+        z_ss = (FC + (FS - FC) * np.exp(-((v / VS) ** 2))) / S0
+        dz = v - abs(v) * z / z_ss
+        return [v, 2.0 * (0.1 * t - p) - S0 * z - S1 * dz - S2 * v, dz, 1.0]
+
+    rows = np.arange(0, 14.001, 0.02)
+    atol: Any = [1e-13, 1e-13, 1e-15, 1e-9]
+    expected = solve_ivp(textbook, (0, 14), [0, 0, 0, 0], "Radau", rows, rtol=1e-9, atol=atol).y[0]
+    system, x, h, found = one_mass(2.0, lambda x: 2.0 * (0.1 * x[3] - x[0])), np.zeros(4), 1e-6, [0.0]
+    for span in zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True):
+        x, h = integrate_bristles(system, x, span, 1e-8, h, lambda *_: None)
+        found.append(x[0])
+    assert law.is_lugre.all()
+    # it has stuck and slipped: for seconds at rest, then by half a metre
+    assert np.ptp(expected[100:350]) < 1e-3
+    assert expected[-1] > 0.6
+    assert found == pytest.approx(expected, abs=1e-3 * np.ptp(expected))
+
+
+def test_phi_functions_are_those_of_their_definition() -> None:
+    """Expected: ∫ e^((1−s) z) s^(k−1)/(k−1)! ds over [0, 1], by Gauss's quadrature of 40 points."""
+    s, w = np.polynomial.legendre.leggauss(40)
+    s, w = (s + 1) / 2, w / 2
+    for z in (0.0, -1e-9, -0.3, -0.999, -1.001, -7.0, -33.0):
+        found = [float(each[0]) for each in phi_functions(np.array([z]))]
+        expected = [float((w * np.exp((1 - s) * z) * s**k / max(k, 1)).sum()) for k in range(3)]
+        assert found == pytest.approx(expected, rel=3e-13), z
+
+
+def test_without_decay_it_is_classical_runge_kutta() -> None:
+    """Expected: RK4 written out, of a nonlinear system."""
+
+    def f(x: FloatArray) -> FloatArray:
+        return np.array([x[1], -np.sin(x[0]), x[0] * x[1]])
+
+    x, h = np.array([0.3, 1.1, -0.4]), 0.2
+    k1 = f(x)
+    k2 = f(x + h / 2 * k1)
+    k3 = f(x + h / 2 * k2)
+    expected = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + f(x + h * k3))
+    decay = np.zeros(1)
+    assert exponential_step(f, x, decay, slice(2, 3), coefficients(decay, h)) == pytest.approx(expected, rel=1e-14)
+
+
+def test_it_has_order_4_while_a_leg_slides_and_is_stable_where_explicit_steps_are_not() -> None:
+    """Expected: the distance from steps eight times as short falls by 2⁴ and more."""
+    system, law = one_mass(1.0, lambda x: 30 * np.cos(40 * x[3])), law_of(1.0)
+
+    def end(n: int) -> FloatArray:
+        x = np.array([0.0, 0.9, FC / S0, 0.0])
+        for _ in range(n):
+            decay = bristle_decay(law, x[1:2], x[2:3])
+            x = exponential_step(system.derivatives, x, decay, system.at, coefficients(decay, 0.016 / n))
+        return x
+
+    # d = 9e4/s at 0.9 m/s: 2 ms are 180 of its time constants
+    exact = end(256)
+    gaps = [float(np.abs(end(n) - exact)[:2].max()) for n in (8, 16, 32)]
+    assert gaps[0] < 1e-6
+    assert min(gaps[0] / gaps[1], gaps[1] / gaps[2]) > 10
+
+
+def test_what_it_cannot_resolve_is_refused() -> None:
+    runaway = Bristled(lambda x: x**2 * np.array([1e9, 0]), lambda _: np.zeros(1), slice(1, 2), np.ones(2))
+    with pytest.raises(StepError, match="the tolerance 1e-08 cannot be met"):
+        integrate_bristles(runaway, np.array([1.0, 0.0]), (0.0, 1.0), 1e-8, None, lambda *_: None)

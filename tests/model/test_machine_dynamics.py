@@ -1,0 +1,274 @@
+"""Friction that sticks and legs that give. Expected: Newton and Euler, and the laws as papers print them."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gough_stewart.model import interface
+from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.formulations import newton_euler
+from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.kinematics import leg_geometry, leg_rates
+from gough_stewart.model.machine_dynamics import MachineState, machine_derivatives, machine_rates
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.traced import decays_function
+from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.vectors import FloatArray
+from tests.support.random_platforms import random_inputs, random_state
+from tests.support.real_platforms import SPRINGS, VARIANTS, printed_law, real_platform
+from tests.support.uneven import UNEVEN
+
+# Bristles below the elastic range, in the blend, beyond steady sliding, and unbending, in units of F_c/σ0.
+BENT = np.array([0.3, 0.95, 2.2, -0.7, 0.8, -1.4])
+
+
+def lively(platform: Platform, seed: int) -> tuple[State, Inputs, FloatArray]:
+    """A state, inputs, and the states of the parts, all of their elements different."""
+    rng = np.random.default_rng(seed)
+    state, inputs = random_state(platform, rng), random_inputs(platform, rng)
+    # slow enough for Stribeck's effect
+    state = state._replace(velocity=3e-3 * rng.normal(size=3), angular_velocity=4e-3 * rng.normal(size=3))
+    length, rate = leg_geometry(platform, *state[:2]).length, leg_rates(platform, state).length_rate
+    bristle = BENT * platform.leg_coulomb_friction * platform.leg_coulomb_friction_factor / 2.9e6
+    motors = length + 1e-5 * rng.normal(size=6), rate + 2e-3 * rng.normal(size=6)
+    return state, inputs, np.array([bristle, *motors])
+
+
+def expected_rates(platform: Platform, state: State, inputs: Inputs, parts: FloatArray) -> FloatArray:
+    """Platform's accelerations, rates of bristles, accelerations of motors, each as if the plant had it."""
+    z, s, ds = parts
+    springs = platform.leg_stiffness > 0
+    length, rate = leg_geometry(platform, *state[:2]).length, leg_rates(platform, state).length_rate
+    sliding = ds if springs else rate
+    if platform.leg_friction_model:
+        friction, bent = np.transpose([printed_law(platform, sliding[k], z[k], k) for k in range(6)])
+    else:
+        viscous = platform.leg_viscous_friction * platform.leg_viscous_friction_factor
+        coulomb = platform.leg_coulomb_friction * platform.leg_coulomb_friction_factor
+        friction, bent = viscous * sliding + coulomb * np.tanh(sliding / platform.leg_friction_velocity), np.zeros(6)
+    force = inputs.actuator_force - friction
+    motor = np.zeros(6)
+    bare = replace(UNEVEN, leg_viscous_friction=0.0, leg_coulomb_friction=0.0, leg_armature=platform.leg_armature)
+    if springs:
+        spring = platform.leg_stiffness * (s - length) + platform.leg_damping * (ds - rate)
+        motor, force = (force - spring) / platform.leg_armature, spring
+        bare = replace(bare, leg_armature=0.0)
+    R = matrix_from_orientation(state.orientation)
+    pushed = inputs._replace(actuator_force=force)
+    found = newton_euler.solve(bare, state.position, R, state.velocity, state.angular_velocity, *pushed)
+    return np.concatenate([found.linear, found.angular, bent, ds, motor])
+
+
+def vector_of(variant: Variant, state: State, parts: FloatArray) -> FloatArray:
+    chosen = [*([parts[0]] if variant.bristles else []), *(parts[1:] if variant.springs else [])]
+    return np.concatenate([*state, *chosen])
+
+
+@pytest.mark.parametrize(("friction", "springs"), VARIANTS)
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_accelerations_bristles_and_motors_are_those_of_the_printed_laws(
+    friction: str, springs: bool, seed: int
+) -> None:
+    platform = real_platform(friction, springs)
+    variant = Variant.of(platform)
+    state, inputs, parts = lively(platform, seed)
+    x, p = vector_of(variant, state, parts), parameter_vector(platform, variant)
+    found = Kernel(variant).derivatives(x, inputs.to_vector(), p)[6:]
+    expected = expected_rates(platform, state, inputs, parts)
+    chosen = [range(6), range(6, 12) if variant.bristles else [], range(12, 24) if springs else []]
+    expected = expected[[k for part in chosen for k in part]]
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected[:6]).max())
+    own = machine_rates(variant, platform, MachineState.from_vector(variant, x), inputs)
+    assert machine_derivatives(MachineState.from_vector(variant, x), own)[6:] == pytest.approx(
+        expected, rel=1e-9, abs=1e-8
+    )
+
+
+@pytest.mark.parametrize(("friction", "springs"), VARIANTS)
+def test_jacobians_are_those_of_differences(friction: str, springs: bool) -> None:
+    platform = real_platform(friction, springs)
+    variant = Variant.of(platform)
+    kernel, p = Kernel(variant), parameter_vector(platform, variant)
+    state, inputs, parts = lively(platform, 4)
+    x, u = vector_of(variant, state, parts), inputs.to_vector()
+    A, B, C, D = (block.copy() for block in kernel.jacobians(x, u, p))
+
+    def both(x: FloatArray, u: FloatArray) -> FloatArray:
+        return np.concatenate([kernel.derivatives(x, u, p), kernel.outputs(x, u, p)])
+
+    def differences(at: FloatArray, of: Any, sizes: FloatArray) -> FloatArray:
+        columns = []
+        for k, h in enumerate(sizes):
+            # order 4: the blend of α is short
+            steps = [of(at + j * h * np.eye(len(at))[k]) for j in (-2, -1, 1, 2)]
+            columns.append((steps[0] - 8 * steps[1] + 8 * steps[2] - steps[3]) / (12 * h))
+        return np.transpose(columns)
+
+    sizes = np.full(len(x), 1e-4)
+    sizes[6:12] = 5e-6
+    if variant.bristles:
+        sizes[12:18] = 4e-9
+    if springs:
+        sizes[-6:] = 5e-6
+    for exact, found in (
+        (np.vstack([A, C]), differences(x, lambda x: both(x, u), sizes)),
+        (np.vstack([B, D]), differences(u, lambda u: both(x, u), np.full(12, 1.0))),
+    ):
+        scale = np.abs(exact).max(axis=1, keepdims=True) + 1e-3
+        assert np.abs((found - exact) / scale).max() < 1e-7
+
+
+def test_what_is_0_is_derived_as_documented() -> None:
+    """Expected: by hand; F_s = F_c, 10 µm of presliding, half of critical damping, a share of 0.8."""
+    names = ("static_friction", "bristle_stiffness", "bristle_damping", "breakaway_share")
+    for springs in (False, True):
+        zero = real_platform(
+            "elasto_plastic", springs, **{f"leg_{name}": 0.0 for name in names}, leg_coulomb_friction=20.0
+        )
+        mass = SPRINGS["leg_armature"] if springs else zero.leg_upper_mass + zero.leg_armature + zero.platform_mass / 6
+        stiffness = 20.0 / 1e-5
+        stated = replace(
+            zero,
+            leg_static_friction=20.0,
+            leg_bristle_stiffness=stiffness,
+            leg_bristle_damping=float(np.sqrt(stiffness * mass)),
+            leg_breakaway_share=0.8,
+        )
+        variant = Variant.of(zero)
+        state, inputs, parts = lively(zero, 5)
+        x, u, kernel = vector_of(variant, state, parts), inputs.to_vector(), Kernel(variant)
+        derived = kernel.derivatives(x, u, parameter_vector(zero, variant)).copy()
+        assert derived == pytest.approx(kernel.derivatives(x, u, parameter_vector(stated, variant)), rel=1e-12)
+    motor, own = SPRINGS["leg_armature"], UNEVEN.leg_upper_mass + UNEVEN.platform_mass / 6
+    damping = 2 * 0.02 * np.sqrt(SPRINGS["leg_stiffness"] * motor * own / (motor + own))
+    soft, stated = real_platform(springs=True, leg_damping=0.0), real_platform(springs=True, leg_damping=float(damping))
+    variant = Variant.of(soft)
+    state, inputs, parts = lively(soft, 6)
+    x, u, kernel = vector_of(variant, state, parts), inputs.to_vector(), Kernel(variant)
+    derived = kernel.derivatives(x, u, parameter_vector(soft, variant)).copy()
+    assert derived == pytest.approx(kernel.derivatives(x, u, parameter_vector(stated, variant)), rel=1e-12)
+
+
+def test_stiffer_legs_tend_to_the_rigid_plant() -> None:
+    """Expected: the rigid plant; the stretch is F/k, so ten times the stiffness is a tenth of the distance.
+
+    Compared are accelerations with motors and platform in equilibrium with each other: s̈ = L̈.
+    """
+    rigid = replace(UNEVEN, leg_armature=SPRINGS["leg_armature"], leg_coulomb_friction=0.0)
+    state, inputs, _ = lively(rigid, 7)
+    x = np.concatenate(state)
+    expected = Kernel().outputs(x, inputs.to_vector(), parameter_vector(rigid)).copy()
+    at = [interface.RESULT_COLUMNS.index(f"acceleration[{k}]") for k in (1, 2, 3)]
+    # the force in each spring, from the balance of its motor
+    length, rate = leg_geometry(rigid, *state[:2]).length, leg_rates(rigid, state).length_rate
+    a = State(*np.split(Kernel().derivatives(x, inputs.to_vector(), parameter_vector(rigid)), 4))
+    from gough_stewart.model.kinematics import leg_accelerations
+
+    needed = leg_accelerations(leg_geometry(rigid, *state[:2]), state, a.velocity, a.angular_velocity)
+    friction = rigid.leg_viscous_friction * rigid.leg_viscous_friction_factor * rate
+    force = inputs.actuator_force - friction - rigid.leg_armature * needed
+    gaps = []
+    for k in (1e7, 1e8):
+        soft = replace(rigid, leg_stiffness=k)
+        variant = Variant.of(soft)
+        y = Kernel(variant).outputs(
+            np.concatenate([x, length + force / k, rate]), inputs.to_vector(), parameter_vector(soft, variant)
+        )
+        assert y[at] == pytest.approx(expected[at], rel=1e-7)
+        names = list(variant.columns)
+        assert y[names.index("leg_force[1]") :][:6] == pytest.approx(force, rel=1e-7)
+        gaps.append(y[names.index("motor_position[1]")] - length[0])
+    assert gaps[0] / gaps[1] == pytest.approx(10, rel=1e-6)
+
+
+def test_energies_have_those_of_motors_and_springs() -> None:
+    """Expected: ½ m_a ṡ² and ½ k (s − L)² in addition to the plant without armature."""
+    soft = real_platform(springs=True)
+    variant = Variant.of(soft)
+    state, inputs, parts = lively(soft, 8)
+    y = dict(
+        zip(
+            variant.columns,
+            Kernel(variant).outputs(
+                vector_of(variant, state, parts), inputs.to_vector(), parameter_vector(soft, variant)
+            ),
+            strict=True,
+        )
+    )
+    bare = replace(soft, leg_armature=0.0, leg_stiffness=0.0, leg_damping=0.0)
+    of_bare = dict(
+        zip(
+            interface.RESULT_COLUMNS,
+            Kernel().outputs(np.concatenate(state), inputs.to_vector(), parameter_vector(bare)),
+            strict=True,
+        )
+    )
+    motors = 0.5 * soft.leg_armature * (parts[2] ** 2).sum()
+    stretch = parts[1] - leg_geometry(soft, *state[:2]).length
+    springs = 0.5 * soft.leg_stiffness * (stretch**2).sum()
+    assert y["kinetic_energy"] == pytest.approx(of_bare["kinetic_energy"] + motors, rel=1e-12)
+    assert y["potential_energy"] - of_bare["potential_energy"] == pytest.approx(springs, rel=1e-6)
+
+
+def test_a_bristle_forgets_as_fast_as_its_decay_says() -> None:
+    """Expected: ż = v − decay · z, with the rate of the printed law."""
+    for friction, springs in VARIANTS:
+        if friction == "smooth":
+            continue
+        platform = real_platform(friction, springs)
+        variant = Variant.of(platform)
+        state, _, parts = lively(platform, 9)
+        sliding = parts[2] if springs else leg_rates(platform, state).length_rate
+        x, p = vector_of(variant, state, parts), parameter_vector(platform, variant)
+        rates = [printed_law(platform, v, z, k)[1] for k, (v, z) in enumerate(zip(sliding, parts[0], strict=True))]
+        decay = decays_function(variant)(x, p).full().ravel()
+        assert sliding - decay * parts[0] == pytest.approx(rates, rel=1e-10, abs=1e-14)
+        assert decay == pytest.approx(Kernel(variant).decays(x, p), rel=1e-15)
+
+
+def test_an_ideal_platform_is_the_plant_that_it_was() -> None:
+    assert Variant.of(UNEVEN) == IDEAL
+    assert IDEAL.states == interface.STATES
+    assert IDEAL.columns == interface.RESULT_COLUMNS
+    assert len(parameter_vector(UNEVEN)) == 74
+
+
+@pytest.mark.parametrize(
+    ("changed", "text"),
+    [
+        ({"leg_static_friction": 5.0, "leg_coulomb_friction": 9.0}, "is 5 N, below leg_coulomb_friction = 9 N"),
+        ({"leg_friction_model": "stick"}, "is 'stick'; expected smooth, elasto_plastic, lugre"),
+        ({"leg_friction_model": 1.5}, "is 1.5; expected smooth, elasto_plastic, lugre"),
+        (
+            {"leg_friction_model": "lugre", "leg_coulomb_friction": 0.0},
+            "is 0 N in a leg; friction that sticks needs > 0",
+        ),
+        ({"leg_friction_model": "lugre", "leg_bristle_stiffness": 1.0}, "is 1 N/m: legs would stick over"),
+        ({"leg_breakaway_share": 1.0}, "is 1; expected at most 0.99"),
+        ({"leg_stiffness": 1e6, "leg_armature": 0.0}, "is 0 kg; a leg with leg_stiffness needs a motor with inertia"),
+        ({"leg_stiffness": 1.0}, "is 1 N/m: the platform would bounce at about 0.09 Hz; expected"),
+        ({"leg_damping": 5.0}, "is 5 N s/m, but legs are rigid"),
+    ],
+)
+def test_impossible_legs_are_refused_with_the_remedy(changed: dict[str, Any], text: str) -> None:
+    with pytest.raises(PlatformError, match=text.replace("(", r"\(")):
+        replace(UNEVEN, **changed)
+
+
+def test_lugre_friction_that_is_not_passive_is_said() -> None:
+    """Expected: σ1 < σ2 F_c/(F_s − F_c), by hand, with 4 N s/m · 20 N / 5 N = 16 N s/m."""
+    one: dict[str, Any] = {
+        "leg_viscous_friction": 4.0,
+        "leg_viscous_friction_factor": np.ones(6),
+        "leg_coulomb_friction": 20.0,
+        "leg_coulomb_friction_factor": np.ones(6),
+        "leg_static_friction": 25.0,
+    }
+    said = real_platform("lugre", **one, leg_bristle_damping=16.1).hints[-1]
+    assert "damping is 16.1 N s/m, and passive is below sigma2 F_c/(F_s - F_c) = 16 N s/m" in said
+    assert not any("passive" in each for each in real_platform("lugre", **one, leg_bristle_damping=15.9).hints)
+    assert not any("passive" in each for each in real_platform("elasto_plastic", **one).hints)

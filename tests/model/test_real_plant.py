@@ -1,0 +1,200 @@
+"""The stepping model of platforms that stick and give. Expected: standing still, energy balance, rules."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.control.linear import linearise, plant_system
+from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.plants.lanes import lanes_plant
+from gough_stewart.harness.plants.open import open_plant
+from gough_stewart.model.errors import InterfaceError, PlatformError
+from gough_stewart.model.kinematics import leg_geometry, leg_rates
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from tests.support.real_platforms import VARIANTS, printed_law, real_platform
+from tests.support.uneven import UNEVEN
+
+
+@pytest.fixture(scope="module")
+def motion_base() -> Platform:
+    return gs.load_preset("motion_base")
+
+
+@pytest.mark.parametrize(
+    ("friction", "springs"), [("elasto_plastic", False), ("lugre", False), ("elasto_plastic", True)]
+)
+def test_legs_that_stick_hold_half_of_their_friction(motion_base: Platform, friction: str, springs: bool) -> None:
+    """50 N on each leg more than its weight, with 100 N of Coulomb friction: stretched by micrometres, then still."""
+    stiff: dict[str, Any] = {"leg_stiffness": 1e8} if springs else {}
+    model = gs.SteppingModel(replace(motion_base, leg_friction_model=friction, leg_coulomb_friction=100.0, **stiff))
+    model.set("actuator_force", model.get("actuator_force") + 50.0)
+    # bristles that are not exactly alike: standing must not be a balance on a needle's point
+    model.set("leg_bristle", 1e-17 * np.arange(6))
+    heights: list[float] = []
+    for end in (0.25, 0.5):
+        while model.time < end - 1e-9:
+            model.do_step(model.time, 0.005)
+        heights.append(float(model.get("position[3]")) - 2.0)
+    # 50 N over 1e7 N/m and the legs' slope
+    assert 4e-6 < heights[0] < 2e-5
+    assert abs(heights[1] - heights[0]) <= 1e-8
+
+
+@pytest.mark.evidence
+@pytest.mark.parametrize("friction", ["elasto_plastic", "lugre"])
+def test_ten_seconds_under_half_of_the_friction_raise_nothing(motion_base: Platform, friction: str) -> None:
+    model = gs.SteppingModel(replace(motion_base, leg_friction_model=friction, leg_coulomb_friction=100.0))
+    model.set("actuator_force", model.get("actuator_force") + 50.0)
+    model.set("leg_bristle", 1e-17 * np.arange(6))
+    heights: list[float] = []
+    for k in range(10_000):
+        model.do_step(model.time, 0.001)
+        if k in (4999, 9999):
+            heights.append(float(model.get("position[3]")))
+    assert abs(heights[1] - heights[0]) <= 1e-8
+
+
+@pytest.mark.parametrize(("friction", "springs"), VARIANTS)
+def test_work_becomes_energy_and_losses(friction: str, springs: bool) -> None:
+    """Expected: ΔT + ΔV + Δ½ σ0 z² + losses, each integrated by Gauss's rule over the steps from the printed laws."""
+    platform = real_platform(friction, springs)
+    model = gs.SteppingModel(platform, tolerance=1e-10)
+    force = model.get("actuator_force")
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    before, work, heat, throughput, step = energy_of(model), 0.0, 0.0, 0.0, 2.5e-4
+    for k in range(60):
+        # piecewise constant, from presliding to sliding and back
+        model.set("actuator_force", force + 60 * np.sin(0.1 * k + np.arange(6)))
+        start = model.time
+        for a, w in zip(nodes, weights, strict=True):
+            at = start + step * (a + 1) / 2
+            model.do_step(model.time, at - model.time)
+            given, lost = powers(model)
+            work, heat, throughput = (
+                work + w * step / 2 * given,
+                heat + w * step / 2 * lost,
+                throughput + w * step / 2 * abs(given),
+            )
+        model.do_step(model.time, start + step - model.time)
+    gap = energy_of(model) - before + heat - work
+    assert throughput > 2e-3
+    assert abs(gap) <= 3e-5 * throughput
+
+
+def energy_of(model: gs.SteppingModel) -> float:
+    stored = float(model.get("kinetic_energy")) + float(model.get("potential_energy"))
+    if model.variant.bristles:
+        stored += 0.5 * model.platform.leg_bristle_stiffness * float((np.asarray(model.get("leg_bristle")) ** 2).sum())
+    return stored
+
+
+def powers(model: gs.SteppingModel) -> tuple[float, float]:
+    """Of the actuators, and lost in friction and dampers [W]."""
+    p = model.platform
+    springs = model.variant.springs
+    rate = np.asarray(model.get("leg_velocity"))
+    v = np.asarray(model.get("motor_velocity")) if springs else rate
+    given = float((np.asarray(model.get("actuator_force")) * v).sum())
+    lost = p.leg_damping * float(((v - rate) ** 2).sum()) if springs else 0.0
+    if model.variant.bristles:
+        z = np.asarray(model.get("leg_bristle"))
+        for k in range(6):
+            friction, bent = printed_law(p, v[k], z[k], k)
+            lost += friction * v[k] - p.leg_bristle_stiffness * z[k] * bent
+    else:
+        coulomb = p.leg_coulomb_friction * p.leg_coulomb_friction_factor * np.tanh(v / p.leg_friction_velocity)
+        lost += float(((p.leg_viscous_friction * p.leg_viscous_friction_factor * v + coulomb) * v).sum())
+    return given, lost
+
+
+def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:
+    """Expected: leg length plus force over stiffness, and the rates of the legs."""
+    platform = real_platform("elasto_plastic", True)
+    model = gs.SteppingModel(platform)
+    stretch = platform.home_actuator_force / platform.leg_stiffness
+    assert model.get("motor_position") == pytest.approx(np.asarray(model.get("leg_length")) + stretch, rel=1e-14)
+    assert model.get("leg_force") == pytest.approx(platform.home_actuator_force, rel=1e-7)
+    state = State(
+        platform.home_position + np.array([0.02, 0.01, -0.03]),
+        platform.home_orientation,
+        np.array([0.1, 0, 0.2]),
+        np.zeros(3),
+    )
+    model.set_many(state._asdict())
+    legs, rates = leg_geometry(platform, *state[:2]).length, leg_rates(platform, state).length_rate
+    assert np.abs(np.asarray(model.get("motor_position")) - legs).max() < 1e-3
+    assert model.get("motor_velocity") == pytest.approx(rates, rel=1e-14)
+    # set in the same call, they stay
+    model.set_many({"position": platform.home_position, "motor_position": legs})
+    assert model.get("motor_position") == pytest.approx(legs, rel=1e-15)
+
+
+def test_a_restored_model_repeats_its_bits() -> None:
+    platform = real_platform("lugre", True)
+    model = gs.SteppingModel(platform)
+    model.set("actuator_force", platform.home_actuator_force + 90 * np.arange(6))
+    model.do_step(0.0, 0.004)
+    saved = model.save_state()
+    model.do_step(0.004, 0.003)
+    first = model.result_vector()
+    model.restore_state(saved)
+    model.do_step(0.004, 0.003)
+    assert np.array_equal(model.result_vector(), first)
+    assert len(first) == len(model.variant.columns) == 50 + 24
+
+
+def test_what_a_platform_does_not_have_is_said() -> None:
+    model = gs.SteppingModel(UNEVEN)
+    with pytest.raises(
+        InterfaceError, match="leg_bristle: is nothing that this platform has: leg_friction_model is 's"
+    ):
+        model.get("leg_bristle")
+    with pytest.raises(InterfaceError, match="leg_damping: is nothing that this platform has: leg_stiffness is 0"):
+        model.set("leg_damping", 3.0)
+    with pytest.raises(InterfaceError, match="leg_stiffness: would give the model other states; make a SteppingModel"):
+        model.set("leg_stiffness", 1e7)
+    assert model.get("leg_friction_model") == 0
+
+
+def test_a_run_records_bristles_and_motors() -> None:
+    """The first columns are those of the ideal plant; the same experiment on it differs by the stiction."""
+    changed = {
+        "loop.duration": 0.02,
+        "plant.parameters.leg_friction_model": "elasto_plastic",
+        "plant.parameters.leg_coulomb_friction": 100,
+        "plant.parameters.leg_stiffness": 1e8,
+    }
+    record = gs.run("heave_step", changed)
+    assert record.metadata["outcome"]["status"] == "completed"
+    assert record["leg_bristle"].shape == record["motor_position"].shape == record["leg_force"].shape
+    assert np.abs(record["leg_bristle"]).max() > 1e-8
+    assert np.abs(record["motor_position"] - record["leg_length"]).max() < 1e-3
+    assert record.metadata["machine"]["leg_friction_model"] == "elasto_plastic"
+
+
+@pytest.mark.parametrize(("friction", "springs"), [("elasto_plastic", False), ("smooth", True)])
+def test_what_has_ideal_legs_only_refuses_others(friction: str, springs: bool, tmp_path: Path) -> None:
+    platform = real_platform(friction, springs)
+    rest = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
+    text = "has rigid legs only so far" if springs else "is 'elasto_plastic'; .* has smooth friction only so far"
+    log: Any = None
+
+    def unit() -> None:
+        with open_plant("fmu2", platform):
+            pass
+
+    for host in (
+        lambda: lanes_plant([UNEVEN, platform], [rest, rest], compiler=False),
+        unit,
+        lambda: linearise(platform),
+        lambda: plant_system(platform),
+        lambda: identify(log, platform, "platform_mass"),
+        lambda: gs.build(tmp_path, platform=platform),
+    ):
+        with pytest.raises(PlatformError, match=text):
+            host()

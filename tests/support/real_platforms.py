@@ -1,0 +1,59 @@
+"""Uneven platforms whose friction sticks and whose legs give, and their laws of friction as papers print them."""
+
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+from tests.support.uneven import UNEVEN
+
+# About the weight that a leg of UNEVEN carries.
+FRICTION: dict[str, Any] = {
+    "leg_coulomb_friction": [21.0, 17.0, 24.0, 19.0, 26.0, 15.0],
+    "leg_static_friction": 31.0,
+    "leg_stribeck_velocity": 2.3e-3,
+    "leg_bristle_stiffness": 2.9e6,
+    "leg_bristle_damping": 410.0,
+    "leg_breakaway_share": 0.62,
+}
+SPRINGS: dict[str, Any] = {"leg_stiffness": 3.1e6, "leg_damping": 95.0, "leg_armature": 4.7}
+
+
+def real_platform(friction: str = "smooth", springs: bool = False, **changed: Any) -> Platform:
+    """UNEVEN with this friction, and with springs or rigid."""
+    with_springs = SPRINGS if springs else {}
+    plain = replace(UNEVEN, leg_coulomb_friction_factor=np.ones(6))
+    return plain.with_parameters({**FRICTION, "leg_friction_model": friction, **with_springs, **changed})
+
+
+VARIANTS = [(f, s) for f, s in product(("smooth", "elasto_plastic", "lugre"), (False, True)) if s or f != "smooth"]
+
+
+def printed_law(platform: Platform, v: float, z: float, leg: int) -> tuple[float, float]:
+    """Friction [N] and rate of the bristle [m/s] of one leg, case by case as papers print them; no number is 0."""
+    share = platform.leg_coulomb_friction_factor[leg]
+    Fc, Fs = platform.leg_coulomb_friction * share, platform.leg_static_friction * share
+    s0, s1 = platform.leg_bristle_stiffness, platform.leg_bristle_damping
+    s2 = platform.leg_viscous_friction * platform.leg_viscous_friction_factor[leg]
+    zss = (Fc + (Fs - Fc) * np.exp(-((v / platform.leg_stribeck_velocity) ** 2))) / s0
+    zba = platform.leg_breakaway_share * Fc / s0
+    if platform.leg_friction_model == 2:
+        alpha = 1.0
+    elif v * z <= 0 or abs(z) <= zba:
+        alpha = 0.0
+    elif abs(z) >= zss:
+        alpha = 1.0
+    else:
+        alpha = 0.5 + 0.5 * np.sin(np.pi * (abs(z) - (zss + zba) / 2) / (zss - zba))
+    rate = v * (1 - alpha * z * np.sign(v) / zss)
+    return s0 * z + s1 * rate + s2 * v, rate
+
+
+def start_of(platform: Platform, variant: Any, **states: FloatArray) -> FloatArray:
+    """The start vector of a variant, with some states replaced."""
+    from gough_stewart.model import interface
+
+    return interface.pack(variant.states, interface.start_values(variant.states, platform) | states)
