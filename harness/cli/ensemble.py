@@ -1,6 +1,9 @@
 """The command `ensemble`: runs the members of an experiment, and writes tables and bands."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -66,8 +69,10 @@ def ensemble_command(
     """Run the members of an experiment's [ensemble]: machines that differ, all with the same controller.
 
     Writes **members.parquet** (one row per member: varied quantities, metrics, outcome), **bands.parquet** (quantiles
-    of signals over time), **ensemble.json**, and the records of the worst members in **worst**; with `--report` a page
-    of all and of each worst member, with `--figures` **distribution**, **bands**, **dependence** and **sensitivity**.
+    of signals over time), **samples.parquet** (signals of the first 1,000 members at 101 times), **ensemble.json**, and
+    in **worst** the records of the worst members and of the nominal machine; with `--report` a page of all, of each
+    worst member, and of these beside the nominal machine; with `--figures` **distribution**, **bands**,
+    **dependence** and **sensitivity**.
     `gough-stewart run FILE --member 17` repeats a member exactly.
 
     A requirement is on every member, or with "for 95 % of members" on that share of all machines: exit code 3 if it is
@@ -124,18 +129,27 @@ def ensemble_command(
             )
             command.written.append(folder)
             progress.update(task, total=None, description="worst members and report")
-            from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
+            from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, SAMPLES
             from gough_stewart.harness.ensemble.files import WORST, write_worst
             from gough_stewart.harness.ensemble.report import FIGURES
 
             worst = write_worst(found, folder, pages=showing.page)
-            report = found.report(charts=showing.draws, worst=worst)
-        files = [MEMBERS, BANDS, METADATA, *([WORST] if worst else [])]
+            report = worst.shown_in(found.report(charts=showing.draws, worst=worst.links))
+            report = replace(report, repeat=_repeats(experiment, settings, members, seed))
+        files = [MEMBERS, BANDS, SAMPLES, METADATA, *([WORST] if worst.links else [])]
         report = showing.present(
             command, report, folder, files, requirements=requirements, figures=FIGURES, exits=False
         )
         _check_some_work(found)
         showing.exit(report)
+
+
+def _repeats(experiment: str, settings: Sequence[str] | None, members: int | None, seed: int | None) -> str:
+    """The command that runs a member again, without its number."""
+    numbers = {"ensemble.members": members, "ensemble.seed": seed}
+    changed = [*(settings or ()), *(f"{key}={value}" for key, value in numbers.items() if value is not None)]
+    options = "".join(f"--set {quote(each)} " for each in changed)
+    return f"gough-stewart run {quote(str(experiment))} {options}--open --member"
 
 
 def _compare(
@@ -172,7 +186,8 @@ def _compare(
         progress.update(task, total=None, description="worst members and reports")
         for name, each in zip(names, (found.a, found.b), strict=True):
             worst = write_worst(each, folder / name, pages=showing.page)
-            showing.write(each.report(charts=showing.draws, worst=worst), folder / name, FIGURES)
+            of_one = worst.shown_in(each.report(charts=showing.draws, worst=worst.links))
+            showing.write(of_one, folder / name, FIGURES)
         report = comparison_report(found, charts=showing.draws)
     report = showing.present(
         command, report, folder, [*names, DIFFERENCES], requirements=requirements, figures=FIGURES, exits=False

@@ -1,4 +1,4 @@
-"""Assembles chunks to the three files of an ensemble, one at a time to save memory."""
+"""Assembles chunks to the files of an ensemble, one at a time to save memory."""
 
 import json
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from typing import Any
 import polars
 
 from gough_stewart.harness.ensemble.chunk_files import ChunkFiles
-from gough_stewart.harness.ensemble.columns import CAUSE, INTEGRATION_ERROR, OSCILLATION, OUTCOME
+from gough_stewart.harness.ensemble.columns import CAUSE, IMPOSSIBLE, INTEGRATION_ERROR, MEMBER, OSCILLATION, OUTCOME
 from gough_stewart.harness.ensemble.exact_versions import exact_versions
 from gough_stewart.harness.ensemble.local import Range
 from gough_stewart.harness.ensemble.result import Ensemble
@@ -18,25 +18,29 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.polars_paths import read_parquet, scan_parquet, write_to
-from gough_stewart.harness.results.bands import bands_frame, joined_samples
+from gough_stewart.harness.results.bands import MOST_KEPT, bands_frame, joined_samples, samples_frame
 from gough_stewart.model.process.files import write_whole
 
-MEMBERS, BANDS, METADATA = "members.parquet", "bands.parquet", "ensemble.json"
+MEMBERS, BANDS, SAMPLES, METADATA = "members.parquet", "bands.parquet", "samples.parquet", "ensemble.json"
 _ROWS_A_GROUP = 65_536
 _MOST_CAUSES = 50
 
 
 def assemble(plan: Plan, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path) -> Ensemble:
-    """Write members.parquet, bands.parquet and ensemble.json from the chunks; the last one marks completion."""
+    """Write the tables and ensemble.json from the chunks; the last one marks completion."""
     rows = polars.concat([scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
 
     def write(path: Path | BytesIO) -> None:
         rows.sink_parquet(path, row_group_size=_ROWS_A_GROUP, maintain_order=True, statistics=False)
 
     write_whole(folder / MEMBERS, lambda path: write_to(path, write))
-    bands = bands_frame(joined_samples(files.bands(first) for first, _ in ranges))
+    joined = joined_samples(files.bands(first) for first, _ in ranges)
+    bands = bands_frame(joined)
     write_whole(folder / BANDS, lambda path: write_to(path, partial(bands.write_parquet, statistics=False)))
     members = scan_parquet(folder / MEMBERS)
+    ran = members.filter(polars.col(OUTCOME) != IMPOSSIBLE).select(MEMBER).head(MOST_KEPT).collect()[MEMBER].to_list()
+    samples = samples_frame(joined, ran)
+    write_whole(folder / SAMPLES, lambda path: write_to(path, partial(samples.write_parquet, statistics=False)))
     write_whole(folder / METADATA, json.dumps(_metadata(plan, members, features), indent=1).encode())
     return read_ensemble(folder)
 
@@ -61,6 +65,8 @@ def read_ensemble(folder: Path | str) -> Ensemble:
             read_parquet(folder / MEMBERS),
             read_parquet(folder / BANDS),
             metadata,
+            # results of older versions have none
+            read_parquet(folder / SAMPLES) if (folder / SAMPLES).is_file() else None,
         )
     except (OSError, ValueError, polars.exceptions.PolarsError) as error:
         raise RecordError(f"{folder} has no ensemble: {error}") from error

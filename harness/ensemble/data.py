@@ -20,6 +20,8 @@ class EnsembleData:
     members: polars.DataFrame
     bands: polars.DataFrame
     metadata: dict[str, Any]
+    # Signals of the first members at few times, of `bands.samples_frame`.
+    samples: polars.DataFrame | None = None
 
     @property
     def metrics(self) -> tuple[str, ...]:

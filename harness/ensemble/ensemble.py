@@ -10,7 +10,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, assemble, read_ensemble
+from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, SAMPLES, assemble, read_ensemble
 from gough_stewart.harness.ensemble.chunk import SIZE, check_names
 from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
 from gough_stewart.harness.ensemble.cluster import chunks_there
@@ -59,8 +59,8 @@ def ensemble(
     members, seed
         Replace the experiment's.
     out
-        A folder for members.parquet, bands.parquet and ensemble.json, and for finished chunks during the run; by
-        default nothing is kept.
+        A folder for members.parquet, bands.parquet, samples.parquet and ensemble.json, and for finished chunks during
+        the run; by default nothing is kept.
     resume
         Continue an interrupted run in that folder.
     workers
@@ -100,7 +100,7 @@ def ensemble(
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
             return _run(chosen, controller, Path(folder), False, workers, scheduler, progress, status)
     with reserved(Path(out)):
-        check_output_folder(Path(out), (MEMBERS, BANDS, METADATA, PLAN))
+        check_output_folder(Path(out), (MEMBERS, BANDS, SAMPLES, METADATA, PLAN))
         remove_leftovers(ChunkFiles(Path(out)).folder)
         return _run(chosen, controller, Path(out), resume, workers, scheduler, progress, status)
 

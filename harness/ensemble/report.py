@@ -51,6 +51,7 @@ from gough_stewart.harness.report.document import (
 )
 from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
 from gough_stewart.harness.report.quantities import NUMBER, SHARE, TIME, Quantity, of_unit
+from gough_stewart.harness.report.samples import Samples
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, sentence
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.results.bands import LEVELS, MOST_MEMBERS, QUANTILES
@@ -212,7 +213,15 @@ def number_of_members(name: str, members: FloatArray) -> Number:
     metric, known = metric_of(name), finite(members)
     level = 1 - SHARE_TOLD if metric.better == "larger" else SHARE_TOLD
     value = float(np.quantile(known, level)) if len(known) else None
-    return Number(name, metric.text, value, metric.quantity, explanation=metric.sentence, members=members)
+    return Number(
+        name,
+        metric.text,
+        value,
+        metric.quantity,
+        explanation=metric.sentence,
+        members=members,
+        small_is_worse=metric.better == "larger",
+    )
 
 
 def quantile_table(members: polars.DataFrame, names: Sequence[str]) -> Table:
@@ -391,7 +400,18 @@ def _band(found: EnsembleData, name: str) -> Chart:
     some = f" Quantiles are of the first {MOST_MEMBERS:,} members." if found.members.height > MOST_MEMBERS else ""
     note = f"Of the members still running.{some}"
     axis = Axis(shown.text, quantity)
-    return Chart(shown.text, time_axis(part["time"].to_numpy()), series, y=axis, note=note, group="bands")
+    time = time_axis(part["time"].to_numpy())
+    return Chart(shown.text, time, series, y=axis, note=note, group="bands", samples=_samples(found, name))
+
+
+def _samples(found: EnsembleData, name: str) -> Samples | None:
+    """The signal of the first members, from which the page draws the bands of those that are marked."""
+    frame = found.samples
+    if frame is None or name not in frame.columns or not frame.height:
+        return None
+    members = frame[MEMBER].unique(maintain_order=True).to_numpy()
+    values = frame[name].fill_null(np.nan).to_numpy().reshape(len(members), -1)
+    return Samples(members, frame["time"].to_numpy()[: values.shape[1]], values, found.members.height)
 
 
 def _dependence(found: EnsembleData, by: str, name: str) -> Chart:

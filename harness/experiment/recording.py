@@ -121,22 +121,26 @@ def member_of(plan: "Plan", member: int) -> tuple[Experiment, Prepared]:
     return own, batch.member(0)
 
 
-def _members_of(plan: "Plan", numbers: Sequence[int]) -> tuple[list[Experiment], Batch]:
+def _members_of(plan: "Plan", numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
     for member in numbers:
-        if not 0 <= member < plan.members:
+        if member is not None and not 0 <= member < plan.members:
             raise ExperimentError(plan.where, "member", f"is {member}; expected 0 to {plan.members - 1}")
     members = plan.prepared
-    values = [members.draws(member, member + 1).values[0] for member in numbers]
+    values = [{} if member is None else members.draws(member, member + 1).values[0] for member in numbers]
     found = members.prepared_with(values, numbers)
     for k, reason in found.reasons.items():
-        raise ExperimentError(plan.where, f"member {numbers[k]}", f"is impossible: {reason}")
+        raise ExperimentError(plan.where, _name_of(numbers[k]), f"is impossible: {reason}")
     own = [experiment_with(members.nominal, each) for each in values]
-    titles = [f"{plan.title}, member {member}" for member in numbers]
+    titles = [f"{plan.title}, {_name_of(member)}" for member in numbers]
     return [each.model_copy(update={"title": title}) for each, title in zip(own, titles, strict=True)], found.batch
 
 
-def records_of(plan: "Plan", members: Sequence[int], progress: TimeProgress | None = None) -> list[Record]:
-    """The records of members, which run in parallel.
+def _name_of(member: int | None) -> str:
+    return "nominal machine" if member is None else f"member {member}"
+
+
+def records_of(plan: "Plan", members: Sequence[int | None], progress: TimeProgress | None = None) -> list[Record]:
+    """The records of members, which run in parallel; None is the nominal machine, with the experiment's own seed.
 
     Raises
     ------
@@ -156,7 +160,7 @@ def records_of(plan: "Plan", members: Sequence[int], progress: TimeProgress | No
             {
                 "title": own.title,
                 "plant": "lanes",
-                "member": member,
+                **({} if member is None else {"member": member}),
                 "experiment": own.model_dump(mode="json"),
                 **({"files": plan.files} if plan.files else {}),
                 **({"replaced": ["controller"]} if plan.controller else {}),

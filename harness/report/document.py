@@ -15,6 +15,7 @@ import numpy as np
 from gough_stewart.harness.report.marks import Span, Strip
 from gough_stewart.harness.report.palette import ROLES, Role
 from gough_stewart.harness.report.quantities import NUMBER, TIME, Quantity
+from gough_stewart.harness.report.samples import Samples
 from gough_stewart.harness.report.surface import Surface
 from gough_stewart.harness.report.words import plain_text
 from gough_stewart.model.vectors import FloatArray
@@ -81,6 +82,7 @@ class Number:
     explanation: str = ""
     # One per member of an ensemble (N,), NaN where it is not defined.
     members: FloatArray | None = None
+    small_is_worse: bool = False
 
     def __post_init__(self) -> None:
         for name in ("value", "low", "high", "limit", "margin"):
@@ -222,6 +224,7 @@ class Chart:
     map: Map | None = None  # of a heat map
     spans: tuple[Span, ...] = ()
     strips: tuple[Strip, ...] = ()  # when limits are active
+    samples: Samples | None = None  # of single members; on the page only
 
     def __post_init__(self) -> None:
         _one_of(self.kind, ChartKind, "the kind of chart")
@@ -471,6 +474,7 @@ class Report:
     runs: tuple[str, ...] = ()  # names, where there are several
     notes: tuple[Note, ...] = ()
     files: tuple[File, ...] = ()
+    repeat: str = ""  # the command that runs a member of an ensemble, without its number
 
     def __post_init__(self) -> None:
         for name in ("sections", "numbers", "requirements", "settings", "runs", "notes", "files"):

@@ -30,13 +30,14 @@ class Arrays:
         self.packed: list[dict[str, Any]] = []
         self._known: dict[tuple[Any, ...], int] = {}
 
-    def add(self, values: Array, quantity: Quantity | None = None) -> int:
+    def add(self, values: Array, quantity: Quantity | None = None, steps: float = _STEPS) -> int:
         """Keep an array of any shape, in C order, and return its number; the same values are kept once.
 
         With a quantity, the values are rounded to its resolution of display, or finer; otherwise all bits are kept.
+        With fewer `steps` of the whole range they are rounded to these.
         """
         array = np.ascontiguousarray(values, dtype=float).ravel()
-        least = None if quantity is None else _step(array, quantity)
+        least = None if quantity is None else _step(array, quantity, steps)
         key = (array.tobytes(), least)
         if key not in self._known:
             self._known[key] = len(self.packed)
@@ -69,16 +70,16 @@ def blocks(time: FloatArray, values: FloatArray, most: int = MOST_ROWS) -> tuple
     return times.ravel(), pairs.ravel()
 
 
-def _step(array: FloatArray, quantity: Quantity) -> float:
+def _step(array: FloatArray, quantity: Quantity, steps: float) -> float:
     finite = array[np.isfinite(array)]
     if not len(finite):
         return 1.0
     low, high = float(finite.min()), float(finite.max())
     # whole numbers, as of flags, stay whole
-    if high - low < _STEPS and np.array_equal(finite, np.rint(finite)):
+    if high - low < steps and np.array_equal(finite, np.rint(finite)):
         return 1.0
     resolution = least_span(quantity.unit, quantity.factor * max(abs(low), abs(high))) / quantity.factor
-    return max((high - low) / _STEPS, resolution / 8)
+    return max((high - low) / steps, resolution / 8)
 
 
 def _uniform(array: FloatArray) -> dict[str, Any] | None:

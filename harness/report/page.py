@@ -48,7 +48,7 @@ _SCENE_SCRIPTS = (
     *("drawn.js", "picture.js", "video.js", "moment.js"),
 )
 _SURFACE_SCRIPTS = ("shapes.js", "orbit.js", "viewer.js", "surface.js")
-_SCRIPTS = ("page.js", "arrays.js", "state.js", "save.js", "tables.js", "terms.js", "members.js")
+_SCRIPTS = ("page.js", "arrays.js", "state.js", "save.js", "tables.js", "terms.js", "members.js", "marked.js")
 _CHART_SCRIPTS = (
     "reduce.js",
     "lines.js",

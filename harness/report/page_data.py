@@ -8,12 +8,15 @@ from gough_stewart.harness.output.display_resolution import least_span
 from gough_stewart.harness.report.document import Axis, Chart, Map, Report, Scene, Series
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
 from gough_stewart.harness.report.quantities import TIME, Quantity
+from gough_stewart.harness.report.samples import Samples
 from gough_stewart.harness.report.surface import Surface
 from gough_stewart.harness.report.words import percent
 from gough_stewart.model.vectors import FloatArray
 
 # Letters of a vertical title that fit beside a chart.
 _LONGEST = 28
+# Steps of the range of a signal in which those of single members are stored.
+_SAMPLE_STEPS = 1000.0
 
 
 def chart_data(chart: Chart, arrays: Arrays) -> dict[str, Any]:
@@ -36,10 +39,21 @@ def chart_data(chart: Chart, arrays: Arrays) -> dict[str, Any]:
             {"name": e.name, "role": e.role, "share": percent(e.share), "intervals": e.intervals} for e in chart.strips
         ],
     }
+    if chart.samples is not None:
+        found["samples"] = _samples(chart, chart.samples, arrays)
     if chart.kind == "heat" and chart.y is not None:
         found["rows"] = _axis(chart.y, arrays)
         found["map"] = None if chart.map is None else _map(chart.map, arrays)
     return found
+
+
+def _samples(chart: Chart, samples: Samples, arrays: Arrays) -> dict[str, int]:
+    return {
+        "members": arrays.add(samples.members),
+        "x": arrays.add(samples.x),
+        # a chart has some 200 pixels of height
+        "values": arrays.add(samples.values, chart.series[0].quantity, _SAMPLE_STEPS),
+    }
 
 
 def _map(of: Map, arrays: Arrays) -> dict[str, Any]:
@@ -118,13 +132,21 @@ def member_data(report: Report, arrays: Arrays) -> dict[str, Any] | None:
     """The members of an ensemble, and their values of the metrics that have a chart; None without such."""
     titles = [chart.title for chart in report.charts]
     shown = [each for each in report.numbers if each.members is not None and each.name in titles]
+    # the first chart is of the metric that the ensemble is judged by
+    shown.sort(key=lambda each: titles.index(each.name))
     points = [series for chart in report.charts for series in chart.series if series.members is not None]
     if not shown or not points or points[0].members is None:
         return None
     return {
         "ids": arrays.add(points[0].members),
+        "repeat": report.repeat,
         "numbers": [
-            {"name": each.name, **_written(each.quantity), "values": arrays.add(each.members, each.quantity)}
+            {
+                "name": each.name,
+                **_written(each.quantity),
+                "smallIsWorse": each.small_is_worse,
+                "values": arrays.add(each.members, each.quantity),
+            }
             for each in shown
             if each.members is not None
         ],

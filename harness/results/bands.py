@@ -18,6 +18,8 @@ from gough_stewart.model.vectors import FloatArray
 # Quantiles are exact, over at most this many members: the first ones.
 MOST_MEMBERS = 10_000
 MOST_TIMES = 200
+# Members whose signals are kept, the first ones, and at how many times.
+MOST_KEPT, TIMES_KEPT = 1000, 101
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95)
 QUANTILES = tuple(f"q{round(100 * level):02d}" for level in LEVELS)
 DEFAULT = ("position", "orientation", "error.position.norm", "error.orientation.norm", "actuator_force")
@@ -134,6 +136,23 @@ def bands_frame(samples: BandSamples) -> polars.DataFrame:
         "highest": samples.highest.ravel(),
     }
     return polars.DataFrame(columns, nan_to_null=True)
+
+
+def samples_frame(samples: BandSamples, members: Sequence[int]) -> polars.DataFrame:
+    """One row per member and time of the first members: `member`, `time` and the signals, with seven digits.
+
+    `members` are the numbers of those that ran, in the order of the samples.
+    """
+    t, columns, n = samples.values.shape
+    n = min(n, MOST_KEPT)
+    rows = np.unique(np.linspace(0, t - 1, min(t, TIMES_KEPT)).round().astype(int))
+    values = samples.values[rows][..., :n].transpose(2, 0, 1).reshape(-1, columns).astype(np.float32)
+    frame = {
+        "member": np.repeat(np.asarray(members[:n], dtype=np.int64), len(rows)),
+        "time": np.tile(samples.time[rows], n),
+        **{name: values[:, k] for k, name in enumerate(samples.columns)},
+    }
+    return polars.DataFrame(frame, nan_to_null=True)
 
 
 def _quantiles(values: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.ensemble.result import Ensemble
-from gough_stewart.harness.results.bands import BandSamples, bands_frame
+from gough_stewart.harness.results.bands import BandSamples, bands_frame, samples_frame
 from gough_stewart.model.vectors import FloatArray
 
 # y = a · x of independent unit normal x: standardised coefficients are a / |a|, Sobol' indices their squares.
@@ -63,4 +63,5 @@ def ensemble_of(
     )
     bands = BandSamples(time, columns, values, values.min(axis=2), values.max(axis=2), np.full(60, n))
     known = {"title": "closed forms", "seed": 7, "sampling": "random", "groups": [[name] for name in INPUTS]}
-    return Ensemble(table, bands_frame(bands), {**known, **metadata})
+    samples = samples_frame(bands, range(n))
+    return Ensemble(table, bands_frame(bands), {**known, **metadata}, samples)

@@ -112,6 +112,7 @@
     panel.figure.dress();
     GS.legend(panel);
     GS.legendValues(panel, panel.group.cursor());
+    if (state.members) GS.markedBand(panel);
   };
 
   // The description of a chart for screen readers.
@@ -141,7 +142,7 @@
     GS.legend(panel);
     GS.saveButton(panel);
     GS.showMembers(panel);
-    if (state.members) GS.markedBars(panel);
+    if (state.members) { GS.markedBars(panel); GS.markedBand(panel); }
     // the figure finds its size in a frame of its own
     new ResizeObserver(() => requestAnimationFrame(() => { if (!GS.isPrinting()) fit(panel); })).observe(panel.plot);
     if (panel.figure.heat) GS.pointHeat(panel); else GS.point(panel);
@@ -177,7 +178,7 @@
     GS.on("leg picked", () => panels.forEach((panel) => { if (panel.figure) { panel.figure.dress(); GS.legendState(panel); } }));
     GS.on("hiddenRuns", () => panels.forEach((panel) => { if (panel.figure) { panel.figure.dress(); GS.legendState(panel); fit(panel); } }));
     GS.on("slice", () => panels.forEach((panel) => panel.figure?.heat?.show(GS.sliceOf(panel.chart))));
-    GS.on("members", () => panels.forEach((panel) => { GS.showMembers(panel); GS.markedBars(panel); }));
+    GS.on("members", () => panels.forEach((panel) => { GS.showMembers(panel); GS.markedBars(panel); GS.markedBand(panel); }));
     GS.onTheme(() => panels.forEach(dress));
     GS.clearCharts = () => { for (const group of groups.values()) group.clear(); };
     // the charts in view first, then the others one by one, for paper and for a reader who scrolls

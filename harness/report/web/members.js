@@ -41,6 +41,15 @@
     const at = share * (sorted.length - 1), low = Math.floor(at), high = Math.min(low + 1, sorted.length - 1);
     return sorted[low] + (at - low) * (sorted[high] - sorted[low]);
   };
+  // Of a single member: its page, if there is one, and the command that runs it.
+  const opened = () => {
+    const { element } = GS, [id] = state.members, told = [];
+    if (state.members.size !== 1) return told;
+    const link = document.querySelector(`tr[data-member="${id}"] a`);
+    if (link) told.push(element("p", {}, element("a", { href: link.getAttribute("href") }, `open the run of member ${id}`)));
+    if (GS.page.members.repeat) told.push(element("p", {}, `Run member ${id} again, with the same numbers: `, element("code", {}, `${GS.page.members.repeat} ${id}`)));
+    return told;
+  };
   const summary = async () => {
     const { members } = GS.page, box = document.getElementById("marked");
     if (!members || !box) return;
@@ -59,7 +68,7 @@
       element("caption", {}, `${state.members.size} of ${ids.length} members are marked`),
       element("thead", {}, element("tr", {}, ...heads.map((head) => element(head ? "th" : "td", head ? { scope: "col", class: "n" } : {}, head)))),
       element("tbody", {}, ...rows.map(([name, ...cells]) => element("tr", {}, element("th", { scope: "row" }, name), ...cells.map((cell) => element("td", { class: "n" }, cell))))));
-    box.replaceChildren(element("div", { class: "sideways", tabindex: "0", role: "group", "aria-label": "marked members" }, table));
+    box.replaceChildren(element("div", { class: "sideways", tabindex: "0", role: "group", "aria-label": "marked members" }, table), ...opened());
   };
   GS.on("members", summary);
 

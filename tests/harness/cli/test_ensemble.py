@@ -5,15 +5,18 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import polars
 import pytest
 from typer.testing import Result
 
+from gough_stewart.harness.report.codec import from_json
+from gough_stewart.harness.report.document import Chart, Table
 from gough_stewart.harness.results.record import read_record
 from tests.support.commands import invoke
 
 SHORT = ("--set", "loop.duration=0.1", "--set", "ensemble.worst=2")
-TABLES = {"members.parquet", "bands.parquet", "ensemble.json"}
+TABLES = {"members.parquet", "bands.parquet", "samples.parquet", "ensemble.json"}
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +36,8 @@ def test_it_writes_tables_a_page_and_the_worst_members(done: tuple[Result, Path]
     names = {path.name for path in out.iterdir()}
     assert names == TABLES | {"report.json", "report.html", "worst"}
     assert json.loads((out / "ensemble.json").read_text())["seed"] == 5
-    assert len(list((out / "worst").iterdir())) == 2
+    assert {path.name for path in (out / "worst").glob("*")} >= {"nominal", "report.html"}
+    assert len(list((out / "worst").iterdir())) == 4
 
 
 def test_the_worst_members_are_those_with_the_largest_error_and_linked_from_the_page(done: tuple[Result, Path]) -> None:
@@ -41,7 +45,7 @@ def test_the_worst_members_are_those_with_the_largest_error_and_linked_from_the_
     members = polars.read_parquet(done[1] / "members.parquet")
     order = members.sort("tracking.position.norm_peak", descending=True)
     worst = order["member"].to_list()[:2]
-    assert {path.name for path in (done[1] / "worst").iterdir()} == {f"member-{member}" for member in worst}
+    assert {path.name for path in (done[1] / "worst").glob("member-*")} == {f"member-{member}" for member in worst}
     page = (done[1] / "report.html").read_text()
     for member, peak in zip(worst, order["tracking.position.norm_peak"], strict=False):
         assert f'href="worst/member-{member}/report.html"' in page
@@ -49,9 +53,33 @@ def test_the_worst_members_are_those_with_the_largest_error_and_linked_from_the_
         assert ((error**2).sum(axis=1) ** 0.5).max() == pytest.approx(peak, rel=1e-12)
 
 
+def test_the_worst_member_is_shown_beside_the_nominal_machine(done: tuple[Result, Path], tmp_path: Path) -> None:
+    """Expected: `run` without a member is the nominal machine, to 1e-9 of its error; the page has both and the gap."""
+    result = invoke("run", "heave_tolerances", *SHORT, "--out", str(tmp_path))
+    assert result.exit_code == 0, result.output
+    alone, kept = read_record(tmp_path), read_record(done[1] / "worst" / "nominal")
+    assert kept["position"] == pytest.approx(alone["position"], abs=1e-9)
+    assert json.loads((done[1] / "worst/nominal/metadata.json").read_text())["title"].endswith(", nominal machine")
+    report = from_json((done[1] / "report.json").read_text())
+    section = next(each for each in report.sections if each.title.endswith("beside the nominal machine"))
+    (member,) = (int(number) for number in re.findall(r"Worst member, (\d+),", section.title))
+    worst = read_record(done[1] / "worst" / f"member-{member}")
+    both, gap = (next(p for p in section.parts if isinstance(p, Chart) and p.title == title)
+                 for title in ("position error", "position error, difference"))  # fmt: skip
+    curves = [np.linalg.norm(record["error.position"], axis=1) for record in (kept, worst)]
+    for series, curve in zip(both.series, curves, strict=True):
+        assert series.values.max() == pytest.approx(curve.max())
+    assert gap.series[0].values.max() == pytest.approx((curves[1] - curves[0]).max())
+    table = next(part for part in section.parts if isinstance(part, Table))
+    assert table.links == ("", f"worst/member-{member}/report.html", "worst/report.html")
+    assert [row[0] for row in table.rows] == ["nominal machine", f"member {member}", "side by side, in 3-D"]
+    assert report.repeat.startswith("gough-stewart run heave_tolerances --set ")
+    assert report.repeat.endswith("--set ensemble.members=64 --set ensemble.seed=5 --open --member")
+
+
 def test_run_repeats_a_member(done: tuple[Result, Path], tmp_path: Path) -> None:
     """Expected: the record that the ensemble has left of it, bit for bit."""
-    kept = next((done[1] / "worst").iterdir())
+    kept = next((done[1] / "worst").glob("member-*"))
     member = kept.name.removeprefix("member-")
     options = (*SHORT, "--set", "ensemble.members=64", "--set", "ensemble.seed=5", "--out", str(tmp_path))
     result = invoke("run", "heave_tolerances", "--member", member, *options)
@@ -90,7 +118,7 @@ def test_two_controllers_are_compared_over_the_same_machines(tmp_path: Path) -> 
     own = {"differences.parquet", "fast", "slow", "report.json", "report.html"}
     assert {path.name for path in out.iterdir()} == own | figures
     for name in ("slow", "fast"):
-        (page,) = (out / name).glob("worst/*/report.html")
+        (page,) = (out / name).glob("worst/member-*/report.html")
         assert f'href="worst/{page.parent.name}/report.html"' in (out / name / "report.html").read_text()
     slow, fast = (polars.read_parquet(out / name / "members.parquet") for name in ("slow", "fast"))
     assert slow["varied.platform_mass"].equals(fast["varied.platform_mass"])
@@ -157,6 +185,7 @@ def test_requirements_on_a_share_of_all_machines_end_with_their_own_code(tmp_pat
     # no page, no figures: they were not asked for
     assert {each.name for each in out.iterdir()} == TABLES | {"report.json", "worst"}
     (kept, *_) = (out / "worst").iterdir()
+    assert not (out / "worst" / "report.html").exists()
     assert {each.name for each in kept.iterdir()} == {"record.parquet", "metadata.json"}
     assert "72 members would tell, if all of them hold it" in " ".join(done.stdout.split())
     assert done.stderr.endswith(f"cannot be told: {wide}\n")

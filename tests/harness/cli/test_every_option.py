@@ -16,6 +16,7 @@ import polars
 import pytest
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY
+from gough_stewart.harness.ensemble.files import Worst
 from gough_stewart.harness.experiment.files import Written
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.document import Note, Report
@@ -390,10 +391,10 @@ def test_ensemble(notes: Notes, kind: str) -> None:
         options["progress"](12, 40)
         seen.append(dict(notes.bars[-1]))
 
-    def write(_: Any, folder: Path, *, pages: bool) -> dict[int, str]:
-        for name in ("members.parquet", "bands.parquet", "ensemble.json"):
+    def write(_: Any, folder: Path, *, pages: bool) -> Worst:
+        for name in ("members.parquet", "bands.parquet", "samples.parquet", "ensemble.json"):
             (folder / name).write_bytes(b"x" * 250)
-        return {17: "there"} if pages else {}
+        return Worst({17: "there"} if pages else {}, None, "")
 
     seen: list[dict[str, Any]] = []
     opened = notes.opened()
@@ -442,7 +443,7 @@ def test_ensemble(notes: Notes, kind: str) -> None:
     done_line = f"Done in T s. Wrote to {out} ({size_of(out)}):"
     said(done, "members found", "members", done_line)
     more = "worst, report.json, report.html" if kind == "all" else "report.json"
-    assert f"members.parquet, bands.parquet, ensemble.json, {more}" in " ".join(done.stdout.split())
+    assert f"members.parquet, bands.parquet, samples.parquet, ensemble.json, {more}" in " ".join(done.stdout.split())
     assert opened == ([Path(out, "report.html").absolute().as_uri()] if kind == "all" else [])
 
 
@@ -463,7 +464,7 @@ def test_ensembles_compared(notes: Notes, fails: str) -> None:
     compared = SimpleNamespace(a=a, b=b)
     notes.replace("harness.ensemble.compare.run_compared", compared, act)
     notes.replace("harness.ensemble.compare.comparison_report", made_report("differences"))
-    notes.replace("harness.ensemble.files.write_worst", {3: "there"})
+    notes.replace("harness.ensemble.files.write_worst", Worst({3: "there"}, None, ""))
     options = ("--members", "8", "--seed", "2", "--workers", "3", "--resume", "--set", "loop.duration=0.4")
     done = invoke("ensemble", "heave_tolerances", "--compare", "circle", *options)
     out = "results/ensemble_heave_tolerances_compared"

@@ -194,7 +194,8 @@ def test_every_pair_of_options_does_what_the_documentation_says(
             assert members["margins.stable"].is_in([0.0, 1.0]).all()
     again = gs.read_ensemble(tmp_path / "out")
     assert again.members.equals(members)
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"members.parquet", "bands.parquet", "ensemble.json"}
+    tables = {"members.parquet", "bands.parquet", "samples.parquet", "ensemble.json"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == tables
 
 
 SIGNAL_COLUMNS = [

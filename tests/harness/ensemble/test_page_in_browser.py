@@ -1,9 +1,11 @@
 """The page of an ensemble in a real browser: members are marked, tables sorted, and nothing moves unasked."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars
 import pytest
 from playwright.sync_api import Browser, Page
 
@@ -36,7 +38,8 @@ def ensemble() -> Ensemble:
 def page(browser: Browser, ensemble: Ensemble, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     path: Path = tmp_path_factory.mktemp("ensemble") / "report.html"
     pages = {7: "worst/member-7/report.html", 21: ""}
-    path.write_bytes(page_of(ensemble_report(ensemble, PEAK, sensitivity(ensemble, PEAK), pages)))
+    report = ensemble_report(ensemble, PEAK, sensitivity(ensemble, PEAK), pages)
+    path.write_bytes(page_of(replace(report, repeat="gough-stewart run mine.toml --member")))
     found = watched(browser, 1440, 900)
     found.page.goto(path.as_uri())
     until(found.page, "GoughStewart.ready.all === true")
@@ -115,3 +118,45 @@ def test_a_member_opens_as_a_run(page: Page) -> None:
 
 def test_nothing_plays_by_itself_where_there_is_no_machine_to_see(page: Page) -> None:
     assert not page.evaluate("GoughStewart.state.playing")
+
+
+def test_marked_members_have_a_band_their_median_and_their_worst_as_lines(page: Page, ensemble: Ensemble) -> None:
+    """Expected: by NumPy from the signals of those members, to a thousandth of their range."""
+    chosen = [3, 7, 12, 33, 58]
+    page.evaluate(f"GoughStewart.set({{ members: new Set({chosen}) }})")
+    panel = "GoughStewart.panels.find((each) => each.chart.title === 'error of position, norm')"
+    until(page, f"({panel}).markedCurves?.rows === 5")
+    found = page.evaluate(
+        f"(() => {{ const m = ({panel}).markedCurves; return "
+        "Object.fromEntries(['x', 'low', 'mid', 'high', 'line'].map((n) => [n, [...m[n]]])); })()"
+    )
+    assert ensemble.samples is not None
+    frame = ensemble.samples.filter(polars.col("member").is_in(chosen))
+    values = 1e3 * frame["error.position.norm"].to_numpy().astype(float).reshape(5, -1)
+    step = float(np.ptp(ensemble.samples["error.position.norm"].to_numpy()))  # [mm]
+    assert found["x"] == pytest.approx(frame["time"].to_numpy()[: values.shape[1]])
+    for name, expected in (("low", values.min(0)), ("mid", np.median(values, 0)), ("high", values.max(0))):
+        assert found[name] == pytest.approx(expected, abs=step), name
+    # a run that did not complete has no peak to compare
+    peaks = ensemble.values(PEAK)
+    worst = max((m for m in chosen if m != 7), key=lambda m: peaks[m])
+    assert found["line"] == pytest.approx(values[chosen.index(worst)], abs=step)
+    key = f"[...({panel}).key.querySelectorAll('.of-marked')].map((each) => each.textContent)"
+    assert page.evaluate(key) == [
+        "5 marked: lowest to highest, and their median",
+        f"member {worst}: largest position error, peak",
+    ]
+    page.evaluate("GoughStewart.set({ members: null })")
+    until(page, f"({panel}).key.querySelectorAll('.of-marked').length === 0")
+
+
+def test_a_single_member_is_opened_or_run_by_a_command(page: Page) -> None:
+    """Expected: the page of member 7, which has one, and the command with the number of the member."""
+    for member, links in ((7, ["worst/member-7/report.html"]), (12, [])):
+        page.evaluate(f"GoughStewart.set({{ members: new Set([{member}]) }})")
+        until(
+            page,
+            f"document.querySelector('#marked code')?.textContent === 'gough-stewart run mine.toml --member {member}'",
+        )
+        assert page.eval_on_selector_all("#marked a", "all => all.map((a) => a.getAttribute('href'))") == links
+    page.evaluate("GoughStewart.set({ members: null })")

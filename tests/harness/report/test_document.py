@@ -145,7 +145,7 @@ def whole_report() -> Report:
         detail=True,
     )
     number = _Number(
-        "tracking.position.norm_peak", "peak", 8e-4, LENGTH, 7e-4, 9e-4, 1e-3, 2e-4, "largest", [1.0, math.nan]
+        "tracking.position.norm_peak", "peak", 8e-4, LENGTH, 7e-4, 9e-4, 1e-3, 2e-4, "largest", [1.0, math.nan], True
     )
     required = Requirement("a <= 1 mm", "a", "the a", "open", None, 1e-3, LENGTH, math.inf, "needs 60 members")
     return Report(
@@ -163,6 +163,7 @@ def whole_report() -> Report:
         runs=("one", "two"),
         notes=(Note("well"),),
         files=(File("record.csv", "rows"),),
+        repeat="gough-stewart run mine.toml --member",
     )
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from gough_stewart.harness.output.display_resolution import decimated
 from gough_stewart.harness.report.document import Axis, Chart, Flag, Report, Scene, Section, Series, Verdict, time_axis
 from gough_stewart.harness.report.quantities import COUNT, LENGTH
+from gough_stewart.harness.report.samples import Samples
 from gough_stewart.harness.report.thinning import FRAMES, thinned
 from gough_stewart.model.vectors import FloatArray
 
@@ -88,3 +89,11 @@ def test_gap_of_a_whole_bucket_stays_a_gap() -> None:
     values = np.ones(1000)
     values[400:600] = np.nan
     assert np.isnan(decimated(np.arange(1000.0), values, 100)[1]).any()
+
+
+def test_signals_of_single_members_are_for_the_page_only() -> None:
+    samples = Samples(np.array([3.0, 5.0]), np.array([0.0, 1.0]), np.array([[1.0, 2.0], [3.0, 4.0]]), 9)
+    chart = Chart("c", time_axis([0.0, 1.0]), (Series("a", LENGTH, np.array([1.0, 2.0])),), samples=samples)
+    (found,) = thinned(_with(chart)).charts
+    assert found.samples is None
+    assert found.series[0].values.tolist() == [1.0, 2.0]

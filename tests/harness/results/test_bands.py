@@ -8,7 +8,14 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.results.bands import Bands, bands_frame, joined_samples
+from gough_stewart.harness.results.bands import (
+    MOST_KEPT,
+    Bands,
+    BandSamples,
+    bands_frame,
+    joined_samples,
+    samples_frame,
+)
 from gough_stewart.model.vectors import FloatArray
 from tests.support.rows import pass_rows
 
@@ -134,3 +141,24 @@ def test_a_signal_that_is_none_is_refused_with_the_nearest_name() -> None:
     """Expected: the name and the one that was meant."""
     with pytest.raises(RecordError, match=r"no signal 'error\.positon'.*error\.position"):
         Bands(("error.positon",), TIMING)
+
+
+def test_samples_are_those_of_the_first_members_that_ran_by_their_numbers() -> None:
+    """Expected: the values themselves, member by member; of more times every other one, with both ends."""
+    rng = np.random.default_rng(8)
+    values = rng.normal(size=(201, 2, 3))
+    values[120:, :, 1] = np.nan
+    time = np.linspace(0, 4, 201)
+    samples = BandSamples(time, ("a", "b"), values, values[..., 0], values[..., 0], np.full(201, 3))
+    # member 1 was impossible
+    frame = samples_frame(samples, [0, 2, 5])
+    assert frame["member"].to_list() == [0] * 101 + [2] * 101 + [5] * 101
+    for k, member in enumerate((0, 2, 5)):
+        own = frame.filter(polars.col("member") == member)
+        assert own["time"].to_numpy() == pytest.approx(time[::2])
+        for column, name in enumerate("ab"):
+            assert own[name].fill_null(np.nan).to_numpy() == pytest.approx(
+                values[::2, column, k], rel=1e-6, nan_ok=True
+            )
+    many = BandSamples(time[:2], ("a",), np.zeros((2, 1, 1500)), np.zeros((2, 1)), np.zeros((2, 1)), np.full(2, 1500))
+    assert samples_frame(many, range(1500))["member"].max() == MOST_KEPT - 1

@@ -1,0 +1,103 @@
+"""The worst member of an ensemble beside the nominal machine: signals, and their differences."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from gough_stewart.harness.report.document import (
+    Axis,
+    Cell,
+    Chart,
+    Column,
+    File,
+    Report,
+    Section,
+    Series,
+    Table,
+    Value,
+    time_axis,
+)
+from gough_stewart.harness.report.quantities import ANGLE, FORCE, LENGTH, Quantity
+from gough_stewart.harness.results.metric_folds import metric_of
+from gough_stewart.harness.results.metrics import finite_part, flattened, metrics
+from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.record import Record
+from gough_stewart.harness.view.comparison import difference
+from gough_stewart.model.vectors import FloatArray
+
+_METRICS = ("tracking.position.norm_peak", "tracking.orientation.norm_peak", "force.peak")
+# Title, columns of a record, how they are drawn as one curve, and whether that is held between rows.
+_SIGNALS: tuple[tuple[str, str, Quantity, str], ...] = (
+    ("position error", "error.position", LENGTH, "length"),
+    ("orientation error", "error.orientation", ANGLE, "length"),
+    ("largest force of a leg", "actuator_force", FORCE, "largest"),
+)
+
+
+def beside_nominal(nominal: Record, worst: Record, member: int, page: str = "", own: str = "") -> Section:
+    """What a member does otherwise than the nominal machine: metrics, signals over each other, and differences.
+
+    Parameters
+    ----------
+    page, own
+        Addresses of a page of both, and of the member alone; "" for none.
+    """
+    charts: list[Chart] = []
+    for title, name, quantity, kind in _SIGNALS:
+        curves = [_curve(record, name, kind) for record in (nominal, worst)]
+        if any(curve is None for curve in curves):
+            continue
+        (t0, first), (t1, second) = (curve for curve in curves if curve is not None)
+        common, gap = difference((t0, t1), (first, second))
+        both = (
+            Series("nominal machine", quantity, first, "nominal", x=t0),
+            Series(f"member {member}", quantity, second, "actual", x=t1),
+        )
+        axis = Axis(title, quantity)
+        charts.append(Chart(title, time_axis(t0 if len(t0) >= len(t1) else t1), both, y=axis, group="beside"))
+        if len(common):
+            series = (Series(f"member {member} − nominal machine", quantity, gap, "error"),)
+            y = Axis("difference", quantity)
+            charts.append(Chart(f"{title}, difference", time_axis(common), series, y=y, group="beside"))
+    return Section(
+        f"Worst member, {member}, beside the nominal machine", (_table(nominal, worst, member, page, own), *charts)
+    )
+
+
+def with_beside(report: Report, section: Section, page: str = "") -> Report:
+    """The report with this section after what it shows over time, and with the page of both among its files."""
+    titles = [each.title for each in report.sections]
+    at = titles.index("Over time") + 1 if "Over time" in titles else 1
+    sections = (*report.sections[:at], section, *report.sections[at:])
+    files = (*report.files, File(page, "the worst members beside the nominal machine")) if page else report.files
+    return replace(report, sections=sections, files=files)
+
+
+def _curve(record: Record, name: str, kind: str) -> tuple[FloatArray, FloatArray] | None:
+    """Times and one value of a signal: its length as a vector, or its largest magnitude."""
+    part = finite_part(record)
+    if name not in part or not part.table.height:
+        return None
+    values = np.asarray(part[name], dtype=float)
+    one = np.linalg.norm(values, axis=1) if kind == "length" else np.abs(values).max(axis=1)
+    return part["time"], np.asarray(one)
+
+
+def _table(nominal: Record, worst: Record, member: int, page: str, own: str) -> Table:
+    found = [metrics(record) for record in (nominal, worst)]
+    flat = [flattened(each) for each in found]
+    shown = [path for path in _METRICS if any(each.get(path) is not None for each in flat)]
+    rows: list[tuple[Cell, ...]] = [
+        (name, outcome_text(each["outcome"]), *(_value(path, values.get(path)) for path in shown))
+        for name, each, values in zip(("nominal machine", f"member {member}"), found, flat, strict=True)
+    ]
+    links = ["", own]
+    if page:
+        rows.append(("side by side, in 3-D", "", *("" for _ in shown)))
+        links.append(page)
+    columns = (Column("machine"), Column("outcome"), *(Column(metric_of(path).text) for path in shown))
+    return Table("", columns, tuple(rows), links=tuple(links) if any(links) else ())
+
+
+def _value(path: str, value: float | None) -> Value:
+    return Value(value, metric_of(path).quantity)
