@@ -8,33 +8,56 @@ from functools import cache
 GLOSSARY: dict[str, str] = {
     "actuator force": "The force of a leg's actuator along the leg; positive extends the leg.",
     "bandwidth": "The frequency up to which the closed loop follows its reference, here where its gain falls by 3 dB.",
+    "candidate": "A set of values that a search tries.",
+    "Clopper–Pearson": "An exact confidence interval of a share that was counted among independent members.",
+    "Co-Simulation": "The kind of FMU that has an integrator of its own.",
     "coherence": "The share of an output's power that a linear response to the input explains, from 0 to 1.",
     "condition number": "The largest over the smallest singular value of the leg Jacobian; large near singular poses.",
     "confidence interval": (
         "A range from a method that holds the true value in the stated share of cases, 95 % unless said otherwise."
     ),
+    "constraint drift": "How far integration lets the parts of a mechanism move apart that should stay connected.",
     "crossover": "The frequency at which the gain of the open loop is 1.",
+    "damping ratio": "How fast an oscillation decays: not at all at 0, without overshoot from 1 on.",
     "disk margin": "How far gain and phase of the loop may change at once, at any frequency, before it is unstable.",
+    "eigenvalue": (
+        "A number of a linear system that says how one of its modes decays or grows, and how fast it oscillates."
+    ),
     "feedforward": "Actuator forces computed from the reference, before any error has occurred.",
+    "FMU": "A model in a file that simulation tools import, as the standard FMI defines it.",
+    "fresh member": "A member that a search did not use, drawn anew to test its result.",
     "gain margin": "The factor by which the loop's gain may change before it is unstable.",
     "growing loop": (
         "A loop whose error rises without a cause from outside: it is unstable, though limits may bound it."
     ),
     "home": "The pose in the middle of the strokes, at which the platform starts unless told otherwise.",
+    "injection": "A force that is added in the loop to measure its frequency response.",
     "jitter": "A random delay of each sample.",
     "leg Jacobian": "The matrix that turns the platform's velocity into the velocities of the six legs.",
+    "linear model": (
+        "The equations linearised at a pose at rest, without Coulomb friction, limits and rounding of sensors."
+    ),
     "median": "The value that half of the members stay below.",
     "member": "One of the machines that an ensemble runs, with parameters drawn for it.",
+    "mode": "A motion of a linear system that decays or grows by itself, with one frequency.",
+    "Model Exchange": "The kind of FMU that the importing tool integrates.",
     "nominal": "The machine as the design assumes it, before anything is varied.",
     "overshoot": "How far a response goes beyond its final value, as a share of the step.",
     "phase margin": "The phase that the loop may lose at its crossover before it is unstable.",
     "quantile": "The value that a stated share of the members stays below.",
+    "quantisation": "The rounding of a measurement to the steps of its sensor.",
     "reference": "The pose that the platform is asked to follow.",
+    "regressor": "The matrix that turns parameters into the forces that they cause in a log.",
     "residual": "What a fitted model leaves of a measured signal.",
+    "rise time": "The time from 10 to 90 % of a step.",
     "RMS": "Root mean square: the square root of the mean of the squares over time.",
     "sensitivity": "The ratio of the error with feedback to the error without it, by frequency.",
     "settling time": "The time after which the error stays within its tolerance.",
     "singular pose": "A pose at which the legs cannot hold the platform in some direction.",
+    "singular value": (
+        "A gain of a system with several inputs and outputs; the largest and the smallest are those of all directions."
+    ),
+    "SSP": "A file with several connected FMUs, as the standard SSP defines it.",
     "stroke": "The range of lengths that a leg allows.",
     "tracking": "How well the true pose follows its reference.",
     "whiteness": "Whether values that follow each other are independent, as noise is.",

@@ -156,7 +156,7 @@ def colours() -> str:
 def _head(report: Report) -> str:
     study = f'<p class="study">{html.escape(report.study)}</p>' if report.study else ""
     leads = [report.lead, f"set: {report.changed}" if report.changed else ""]
-    lead = "".join(f'<p class="lead">{html.escape(each)}</p>' for each in leads if each)
+    lead = "".join(f'<p class="lead">{with_terms(each)}</p>' for each in leads if each)
     theme = f'<label class="theme">colours <select id="theme" autocomplete="off">{THEME_OPTIONS}</select></label>'
     return f"<header>{theme}<div>{study}<h1>{html.escape(report.title)}</h1>{lead}</div></header>"
 

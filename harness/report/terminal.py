@@ -95,9 +95,12 @@ def _numbers(numbers: Sequence[Number]) -> Rows:
     rows = Rows.grid(padding=(0, 2, 0, 0))
     rows.add_column(overflow="fold")
     rows.add_column(justify="right", no_wrap=True)
-    rows.add_column(overflow="fold")
-    for each in numbers:
-        rows.add_row(Text(each.name), Text(each.text, "bold"), Text(remark_of(each), "dim"))
+    remarks = [Text(remark_of(each), "dim") for each in numbers]
+    if any(remark.plain for remark in remarks):
+        # an empty column would take room from the words
+        rows.add_column(overflow="fold")
+    for each, remark in zip(numbers, remarks, strict=True):
+        rows.add_row(Text(each.name), Text(each.text, "bold"), *([remark] if len(rows.columns) > 2 else []))
     return rows
 
 
