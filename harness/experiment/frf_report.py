@@ -104,7 +104,7 @@ def frf_verdict(found: Measured) -> Verdict:
         parts.append("no linear model to compare with")
         status = "told" if status == "good" else status
     else:
-        parts.append(f"{percent(agree.value)} of S agree with the linear model within their 95 % confidence")
+        parts.append(f"S agrees with the linear model within its 95 % confidence at {percent(agree.value)} of them")
         status = "marginal" if agree.value < _FEW else status
     return Verdict(sentence(parts), status, tuple(numbers[path] for path in ("S.peak", "L.crossover", "agreement")))
 
@@ -136,10 +136,11 @@ def _numbers(found: Measured) -> tuple[Number, ...]:
         ),
         Number(
             "agreement",
-            "S within its confidence of the linear model",
+            "agreement of S with the linear model",
             within,
             SHARE,
-            explanation="share of the frequencies; 95 % would be so if the model were exact and friction linear",
+            explanation="share of the frequencies at which the model is within the 95 % confidence of S; 95 % if the "
+            "model were exact and friction linear",
         ),
         Number("coherence", "least coherence", float(seen.coherence.min()), _COHERENCE,
                explanation="share of the force that the injection explains, of S and T"),

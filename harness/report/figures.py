@@ -456,12 +456,14 @@ def _spans(axes: Axes, panel: _Panel) -> None:
 
 def _strips(axes: Axes, panel: _Panel) -> None:
     """When limits are active: bars at the lower edge of the axes, one above the other."""
-    chart, ends = panel.chart, (axes.get_xlim(), axes.get_ylim())
+    chart, (low, high) = panel.chart, axes.get_ylim()
+    ends, room = axes.get_xlim(), 1.4 * _STRIP * len(chart.strips)
     for k, each in enumerate(chart.strips):
         bars = [(chart.x.quantity.factor * a, chart.x.quantity.factor * (b - a)) for a, b in each.intervals]
         label = f"{each.name}, {percent(each.share)}"
         place = (_STRIP * (1.4 * k + 0.4), _STRIP)
         where: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "zorder": 4}
         axes.broken_barh(bars, place, color=colour_of(each.role), label=label, linewidth=0.8, **where)
-    axes.set_xlim(ends[0])
-    axes.set_ylim(ends[1])
+    axes.set_xlim(ends)
+    # below all curves
+    axes.set_ylim(low - (high - low) * room / (1 - room), high)

@@ -65,7 +65,7 @@ class Found(Protocol):
 
 def tuning_report(found: Found, statement: str, *, charts: bool = True) -> Report:
     """The report of a search."""
-    sections = [Section("Values", (_values(found), _worth(found)))]
+    sections = [Section("Values", (_values(found), _judged(found)))]
     if charts:
         sections.append(Section("Search", (_chart(found), *_landscape(found))))
     return Report(
@@ -161,7 +161,7 @@ def _values(found: Found) -> Table:
     return Table("Tuned", tuple(map(Column, ("", "was", "is", "from", "to"))), tuple(rows))
 
 
-def _worth(found: Found) -> Table:
+def _judged(found: Found) -> Table:
     """The metric and the conditions before and after, also on fresh members."""
     heads, over = ["was", "is"], found.members > 1
     evaluations = [found.before, found.seen]
@@ -177,7 +177,7 @@ def _worth(found: Found) -> Table:
     failed = "members that failed" if over else "runs that failed"
     rows.append((failed, *(None if each is None else each.failed for each in evaluations)))
     of = f", {percent(goal.quantile)} of {found.members} members" if over else ""
-    return Table(f"Worth{of}", tuple(map(Column, ("", *heads))), tuple(rows))
+    return Table(f"Metric and conditions{of}", tuple(map(Column, ("", *heads))), tuple(rows))
 
 
 def _landscape(found: Found) -> list[Chart]:

@@ -2,7 +2,7 @@
 // One chart as a Bokeh figure: its models, their data in a range, and their colours.
 (() => {
   const GS = GoughStewart;
-  const FONT = 'system-ui, "Segoe UI", sans-serif', LEFT = 68, RIGHT = 14, AIR = 0.06, NEAR = 0.02;
+  const FONT = 'system-ui, "Segoe UI", sans-serif', LEFT = 68, RIGHT = 14, AIR = 0.06, NEAR = 0.02, STRIP = 0.032;
 
   const times = (values, factor) => (factor === 1 ? values : values.map((v) => factor * v));
   // The numbers of a chart, in the units shown.
@@ -78,10 +78,10 @@
       if (!chart.strips.length) return;
       figure.extra_y_ranges = new Map([["strips", new Bokeh.Range1d({ start: 0, end: 1 })]]);
       this.bands = chart.strips.map((strip, k) => {
-        const bottom = 0.008 + 0.032 * k, pick = (side) => strip.intervals.map((ends) => chart.x.factor * ends[side]);
+        const bottom = STRIP * (k + 0.2), pick = (side) => strip.intervals.map((ends) => chart.x.factor * ends[side]);
         const source = new Bokeh.ColumnDataSource({ data: { left: pick(0), right: pick(1) } });
         // a border, so that the shortest is seen
-        return { strip, made: figure.quad({ left: F("left"), right: F("right"), bottom, top: bottom + 0.024, source, y_range_name: "strips", line_width: 1 }) };
+        return { strip, made: figure.quad({ left: F("left"), right: F("right"), bottom, top: bottom + 0.75 * STRIP, source, y_range_name: "strips", line_width: 1 }) };
       });
     }
 
@@ -196,7 +196,10 @@
       }
       const ends = this.texts.flatMap((each) => each.ends);
       if (found && ends.length) found = [Math.min(found[0], ...ends), Math.max(found[1], ...ends)];
-      const [start, end] = airy(found, least, isLog);
+      let [start, end] = airy(found, least, isLog);
+      // strips lie below all curves
+      const room = STRIP * chart.strips.length;
+      if (room && !isLog) start -= (end - start) * room / (1 - room);
       figure.y_range.setv(chart.kind === "histogram" ? { start: 0, end } : { start, end });
       // powers of ten only where decimals would be long
       const most = Math.max(Math.abs(start), Math.abs(end));

@@ -197,7 +197,7 @@ def test_an_l_that_cannot_be_known_is_not_shown_however_coherent() -> None:
     report = found.report()
     assert report.number("L.crossover").value == pytest.approx(8.0)
     assert "L is known at 3 of 4 frequencies" in report.verdict.text
-    assert "100 % of S agree" in report.verdict.text
+    assert "S agrees with the linear model within its 95 % confidence at 100 % of them" in report.verdict.text
     table = next(part for part in report.parts() if isinstance(part, Table))
     assert table.rows[3][3] is None
     assert table.rows[3][-1] == 1.0

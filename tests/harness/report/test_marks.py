@@ -78,8 +78,11 @@ def test_figures_draw_them_in_the_units_of_their_axes() -> None:
     line = axes.lines[1]
     assert (list(line.get_xdata()), list(line.get_ydata())) == ([9.5, 9.5], [1.0, 4.0])
     assert "3 mm left" in [text.get_text() for text in axes.texts]
-    # neither moves the axes
-    assert (axes.get_xlim(), axes.get_ylim()) == (without.get_xlim(), without.get_ylim())
+    # the strip is below the curve
+    assert (axes.get_xlim(), axes.get_ylim()[1]) == (without.get_xlim(), without.get_ylim()[1])
+    top = max(path.vertices[:, 1].max() for path in bars.get_paths())
+    (low, high), (lowest, _) = axes.get_ylim(), without.get_ylim()
+    assert low + top * (high - low) <= lowest + 1e-9 * high
 
 
 def test_the_margins_of_a_loop_are_drawn_where_they_are() -> None:

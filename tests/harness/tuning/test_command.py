@@ -132,7 +132,7 @@ def test_tables_and_statement_show_the_numbers_in_their_units(found: gs.Tuning, 
     assert lines[0][-4:] == ["was", "is", "from", "to"]
     assert [float(x) for x in rows["controller.bandwidth Hz"]] == [3, values["controller.bandwidth"], 2, 5]
     assert [float(x) for x in rows["plant.leg_armature kg"]] == [1.7, values["plant.leg_armature"], 0.5, 6]
-    assert "Worth, 60 % of 3 members" in shown
+    assert "Metric and conditions, 60 % of 3 members" in shown
     assert lines[3][-4:] == ["was", "is", "was, fresh", "is, fresh"]
     order: list[Any] = [found.before, found.seen, found.before_fresh, found.fresh]
 
@@ -260,7 +260,7 @@ def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:
     assert written["before_fresh"] is None
     assert f"z: rise time: {best['value']:.4g} s in the search; not evaluated again: nothing is random" in done.stdout
     assert "runs that failed" in done.stdout
-    assert "\nWorth\n" in done.stdout
+    assert "\nMetric and conditions\n" in done.stdout
 
 
 def test_progress_and_status_count_what_is_done(folder: Path) -> None:
