@@ -27,6 +27,8 @@ from gough_stewart.harness.report.words import counted, listed, percent, sentenc
 
 # A parameter whose interval is at most this share of its scale counts as well known.
 WELL_KNOWN = 0.05
+# Letters of a cause that is told whole.
+_LONG = 100
 # So few parameters are told one by one.
 _FEW = 3
 
@@ -54,7 +56,7 @@ def estimate_verdict(found: Estimate) -> Verdict:
     """Whether the values are valid, how well they are known, what the log does not tell, whether the model fits."""
     numbers = _numbers(found)
     if found.alarms:
-        return Verdict(sentence(found.alarms), "bad", numbers[: _FEW + 1])
+        return Verdict(sentence(map(_brief, found.alarms)), "bad", numbers[: _FEW + 1])
     known = [k for k in range(len(found.names)) if math.isfinite(found.standard_errors[k])]
     shares = {k: _half(found, k) / max(abs(found.values[k]), found.scale[k]) for k in known}
     well = [k for k, share in shares.items() if share <= WELL_KNOWN]
@@ -80,6 +82,12 @@ def estimate_verdict(found: Estimate) -> Verdict:
     is_whole = len(well) == len(found.names) and found.diagnosis is not None and found.diagnosis.test is not None
     status: Status = "good" if is_whole else "marginal"
     return Verdict(sentence(parts), status, numbers[: _FEW + 1])
+
+
+def _brief(alarm: str) -> str:
+    """An alarm without a long list of values, which tables and notes have."""
+    what, likely, cause = alarm.partition(". Most likely: ")
+    return f"{what}{likely}{cause.partition(': ')[0] if len(cause) > _LONG else cause}"
 
 
 def _some(names: Sequence[str]) -> str:

@@ -90,7 +90,7 @@ def _residuals(estimate: Estimate) -> Table:
         share = float(rms / found.signal_rms[k]) if found.signal_rms[k] > 0 else None
         white = None if found.whiteness is None else float(found.whiteness[k])
         rows.append((f"{found.quantity} {k + 1}", float(rms), aside, share, white))
-    return Table(f"Residuals of the {found.quantity}", columns, tuple(rows))
+    return Table("Residuals", columns, tuple(rows))
 
 
 def _tests(test: LackOfFit) -> Table:

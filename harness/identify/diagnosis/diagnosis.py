@@ -71,8 +71,8 @@ class Diagnosis:
         if self.test is None or not self.alarm:
             return ()
         said = (
-            f"the log contradicts the model (p {_p(self.test.combined)}; {100 * LEVEL:.0f} of 100 right logs seem to); "
-            "values and intervals are not valid"
+            f"the log contradicts the model (p {_p(self.test.combined)}; a false alarm in {100 * LEVEL:.0f} of 100 "
+            "logs); values and intervals are not valid"
         )
         if self.findings:
             said += f". Most likely: {self.findings[0].text}"

@@ -19,7 +19,7 @@ from scipy.special import chdtrc, fdtrc
 
 from gough_stewart.model.vectors import FloatArray
 
-# Share of right logs that raise an alarm.
+# Share of logs that agree with the model and raise a false alarm.
 LEVEL = 0.05
 _SIMULATED = 4000
 # Singular values below this share of the column's own size are rounding errors.

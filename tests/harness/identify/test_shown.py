@@ -118,7 +118,7 @@ def test_tables_have_every_number_in_its_place() -> None:
         ("0.99 leg_coulomb_friction + 0.10 platform_com[3]", "25"),
         ("0.95 force_gain[4] − 0.30 platform_com[3]", "unobservable"),
     ]
-    assert residuals.title == "Residuals of the force of leg"
+    assert residuals.title == "Residuals"
     assert heads_of(residuals) == (*("residual", "fitted [N]", "validation [N]", "of signal [%]", "p of whiteness"),)
     assert rows_of(residuals) == [
         ("force of leg 1", "10.01", "20.1", "1", "0.91"),
@@ -240,16 +240,16 @@ def test_the_diagnosis_is_in_the_file_with_its_sentences() -> None:
         (
             {},
             (
-                "the log contradicts the model (p = 0.0042; 5 of 100 right logs seem to); values and intervals are not "
-                "valid. Most likely: forces of leg 4 read high",
+                "the log contradicts the model (p = 0.0042; a false alarm in 5 of 100 logs); values and intervals are "
+                "not valid. Most likely: forces of leg 4 read high",
             ),
             tuple(SENTENCES),
         ),
         (
             {"test": LackOfFit({}, 0.0002), "findings": (), "remains": 1e-9, "common_gain": None},
             (
-                "the log contradicts the model (p < 0.0003; 5 of 100 right logs seem to); values and intervals are not "
-                "valid",
+                "the log contradicts the model (p < 0.0003; a false alarm in 5 of 100 logs); values and intervals are "
+                "not valid",
             ),
             (),
         ),
