@@ -41,7 +41,7 @@ def text_with_settings(source: Experiment | Path | str, *settings: Settings, fol
         The source cannot be read, or the experiment with these keys is not valid.
     """
     if isinstance(source, Experiment):
-        text = tomlkit.dumps(_without_none(source.model_dump(mode="json", exclude_unset=True)))
+        text = tomlkit.dumps(without_none(source.model_dump(mode="json", exclude_unset=True)))
         where, origin = source.where, source.folder
     else:
         text, where = experiment_text(source)
@@ -68,8 +68,8 @@ def text_with_settings(source: Experiment | Path | str, *settings: Settings, fol
     return tomlkit.dumps(expected)
 
 
-def _without_none(value: Any) -> Any:
+def without_none(value: Any) -> Any:
     """Plain values without the keys that are None, which TOML does not have."""
     if isinstance(value, dict):
-        return {key: _without_none(each) for key, each in value.items() if each is not None}
-    return [_without_none(each) for each in value] if isinstance(value, list) else value
+        return {key: without_none(each) for key, each in value.items() if each is not None}
+    return [without_none(each) for each in value] if isinstance(value, list) else value

@@ -1,5 +1,6 @@
 """What a live page runs: an experiment's machine as data, and what a hand may do to it."""
 
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,9 +10,13 @@ from gough_stewart.harness.control.controllers import OpenLoop
 from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.recording import FORMAT
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.setting_file import without_none
 from gough_stewart.harness.export.machine import Block, fields, machine_of
 from gough_stewart.harness.export.turned import MOST_DELAY, POLES, WANTED, Turned, turned_of
+from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.results.record import plain
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
@@ -21,7 +26,7 @@ from gough_stewart.model.platform import Platform
 KEPT = 512
 # Names of the machine's fields that a page reads and writes.
 _FIELDS = (
-    *("signals", "inputs", "parameters", "feedforward", "plan_reference", "plan_target"),
+    *("signals", "inputs", "parameters", "feedforward", "plan_reference", "plan_target", "plan_smoothed"),
     *("turn_wanted", "turn_used", "turn_results"),
     *("row_signals", "row_forces", "row_force_limited", "row_rate_limited"),
 )
@@ -118,11 +123,33 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
         "gravity": begins["gravity"],
         "platformMass": machine.platform_mass,
         "g": np.asarray(machine.gravity).tolist(),
+        "taken": _taken(experiment, prepared),
         "isOpen": is_open,
         "forces": np.ravel(loop.feedforward[0])[:6].tolist() if is_open else [],
         "failures": _FAILURES,
         "reach": reach_of(platform).tolist(),
         "home": [*np.asarray(platform.home_position).tolist(), *np.asarray(platform.home_orientation).tolist()],
+    }
+
+
+def _taken(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
+    """What goes with a record and an experiment that are taken home."""
+    of_file = without_none(experiment.model_dump(mode="json", exclude_unset=True))
+    actuators, timing = prepared.loop.actuators, prepared.loop.timing
+    return {
+        "name": Path(experiment.where).stem,
+        "experiment": of_file,
+        "metadata": {
+            "format": FORMAT,
+            "title": f"{experiment.title}, live",
+            "plant": experiment.plant.kind,
+            "experiment": experiment.model_dump(mode="json"),
+            "sample_time": timing.sample_time,
+            "force_limit": actuators.force_limit,
+            "platform": plain(prepared.platform),
+            "machine": plain(prepared.machine),
+            "versions": versions(),
+        },
     }
 
 

@@ -22,7 +22,7 @@ from gough_stewart.harness.report.palette import THEMES
 # Of the report's page: what all pages share, and the 3-D view.
 _SHARED = ("page.js", "state.js", "records.js", "colours.js", "shapes.js", "bodies.js", "motion.js", "orbit.js")
 _VIEW = ("viewer.js", "scene.js", "drawn.js")
-_OWN = ("engine.js", "plots.js", "stage.js", "hand.js", "turning.js", "live.js")
+_OWN = ("engine.js", "plots.js", "stage.js", "hand.js", "turning.js", "home.js", "live.js")
 
 
 _NAMED = ("gough-stewart", "numpy", "casadi", "ziglang")

@@ -12,7 +12,8 @@
       }));
     // from home, in the unit that is shown
     const wanted = axes.map((axis) => axis.start);
-    let taken = false, held = null;
+    const listeners = [];
+    let taken = false, held = null, stepped = 2, out = false;
     const take = () => {
       if (taken || open) return;
       taken = true;
@@ -51,11 +52,13 @@
     const set = (values) => {
       for (const [k, value] of Object.entries(values)) {
         wanted[k] = clipped(k, value);
+        stepped = Number(k);
         fields[k].number.removeAttribute("aria-invalid");
       }
       take();
       send();
       show();
+      for (const listener of listeners) listener();
     };
     // A pad moves two axes: by mouse or finger, while it is held.
     const pad = (element, [i, j]) => {
@@ -104,14 +107,36 @@
     };
     $("centre").addEventListener("click", () => set(Object.fromEntries(axes.map((axis, k) => [k, open ? axis.start : 0]))));
     $("motion").hidden = open;
-    $("motion").addEventListener("click", restart);
+    $("motion").addEventListener("click", () => restart());
     $("hand-title").textContent = open ? "The six forces" : "Move it";
     $("centre").textContent = open ? "the experiment's forces" : "back to home";
     show();
+    // A step of a tenth of the reach along the axis that was moved last, and back: past the filter.
+    const step = () => {
+      if (open) return;
+      take();
+      out = !out;
+      const by = (out ? 0.1 : -0.1) * given.reach[stepped];
+      wanted[stepped] = clipped(stepped, wanted[stepped] + by * axes[stepped].factor);
+      engine.say("jump", { axis: stepped, by });
+      show();
+      $("said").textContent = `a step of ${GS.short(by * axes[stepped].factor, 3)} ${axes[stepped].unit} along ${axes[stepped].name}`;
+    };
+    document.addEventListener("keydown", (event) => {
+      if (event.key.toLowerCase() === "t" && !event.ctrlKey && !event.metaKey && !event.altKey && !/^(input|select)$/i.test(event.target.tagName)) step();
+    });
+    $("step").addEventListener("click", step);
+    $("step").hidden = open;
     return {
       poll,
+      taken: () => taken,
+      wanted: () => [...wanted],
+      forces: () => [...wanted],
+      to: (values) => set(Object.fromEntries(values.map((value, k) => [k, value ?? 0]))),
+      onChange: (listener) => listeners.push(listener),
       begun: () => {
         taken = false;
+        out = false;
         if (!open) wanted.fill(0);
         $("follows").textContent = open ? "constant forces" : "the experiment's motion";
         show();

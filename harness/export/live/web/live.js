@@ -44,14 +44,14 @@
     $("play").textContent = playing ? "❚❚ pause" : "▶ play";
     rate = null;
   };
-  const restart = () => {
+  const restart = (plays = true) => {
     over = null;
     last = null;
     history.clear();
     engine.say("again");
     hand.begun();
     $("over").hidden = true;
-    playing = true;
+    playing = plays;
     run();
   };
   const hand = GS.hand({ engine, restart });
@@ -63,8 +63,8 @@
     run();
   };
   $("play").addEventListener("click", toggle);
-  $("again").addEventListener("click", restart);
-  $("over-again").addEventListener("click", restart);
+  $("again").addEventListener("click", () => restart());
+  $("over-again").addEventListener("click", () => restart());
   $("speed").addEventListener("change", run);
   $("colour").addEventListener("change", () => { stage?.colourBy($("colour").value); fresh = true; });
   document.addEventListener("visibilitychange", run);
@@ -90,10 +90,13 @@
   const most = given.platformMass;
   Object.assign($("payload"), { min: 0, max: Number(most.toPrecision(2)), step: most / 100, value: 0 });
   amount("payload", "kg", (value) => engine.write("parameters", given.mass, [KG * (given.platformMass + value)]));
-  amount("tilt", "°", (value) => {
-    const angle = value * Math.PI / 180, [x, y, z] = given.g, [c, s] = [Math.cos(angle), Math.sin(angle)];
-    engine.write("parameters", given.gravity, [c * x + s * z, y, c * z - s * x]);
-  });
+  // what acts of it now: the mass and gravity as they were written, and the sliders
+  const outside = () => {
+    const angle = Number($("tilt").value) * Math.PI / 180, [x, y, z] = given.g, [c, s] = [Math.cos(angle), Math.sin(angle)];
+    return { mass: given.platformMass + Number($("payload").value), gravity: angle ? [c * x + s * z, y, c * z - s * x] : given.g, sliders: { payload: Number($("payload").value), tilt: Number($("tilt").value) } };
+  };
+  amount("tilt", "°", () => engine.write("parameters", given.gravity, outside().gravity));
+  const home = GS.home({ engine, outside, hand, turning });
   const weight = given.platformMass * Math.hypot(...given.g);
   const shove = (force) => {
     push = force;
@@ -154,6 +157,7 @@
   });
   engine.on("ready", () => {
     GS.ready.picture = GS.ready.curves = true;
+    home.restore();
     run();
   });
 
@@ -174,5 +178,5 @@
   };
   GS.onTheme(() => { fresh = true; });
   requestAnimationFrame(frame);
-  GS.live = { turning, some, get frames() { return frames; }, get last() { return last && [...last]; }, get over() { return over; }, get playing() { return playing; }, history: history.points };
+  GS.live = { turning, some, home, restart, get frames() { return frames; }, get last() { return last && [...last]; }, get over() { return over; }, get playing() { return playing; }, history: history.points };
 })();

@@ -75,7 +75,8 @@
       for (const listener of listeners) listener();
     };
     engine.on("turned", ({ status }) => {
-      if (--waiting > 0) return;
+      waiting = Math.max(0, waiting - 1);
+      if (waiting) return;
       if (status === 0) { kept = [...now]; return; }
       const key = names[status - 1], why = key === "filter_time" ? "the derivative's filter would be faster than half a sample: a longer filter, or less bandwidth"
         : key === "integral_time" ? "the integral time is too short for these gains" : `${kinds[key][0]} is ${shown(key, now[status - 1])}, beyond its bounds`;

@@ -4,6 +4,9 @@ let c, at, given, start, view, timer = null;
 let turned = false, analysis = null;
 let playing = false, speed = 1, row = 0, ended = false, origin = 0, from = 0, lost = 0, posted = 0;
 const writes = new Map(), limited = new Float64Array(6);
+// the last rows: time, signals (24), forces (6), the reference (24), and which legs are limited
+const KEPT = 56, MINUTE = 60;
+let ring = null, ringRows = 0, ringed = 0, thin = 1;
 const BUDGET = 12, BEHIND = 250, POINTS = 64, SIZE = 26;
 const clock = () => performance.now();
 
@@ -19,6 +22,7 @@ const begin = () => {
   const status = c.machine_open(at, BigInt(start.byteLength / 8));
   if (status !== 0n) throw new Error(`the machine cannot be opened: ${status}`);
   row = 0;
+  ringed = 0;
   ended = false;
   limited.fill(0);
   for (const [name, values] of writes) for (const [k, value] of values) if (place(name)) numbers(name, k + 1)[k] = value;
@@ -35,9 +39,18 @@ const advance = (to, points, every) => {
   const n = next - first, signals = numbers("row_signals", 24 * n), forces = numbers("row_forces", 6 * n);
   const flags = new Uint8Array(c.memory.buffer, place("row_force_limited"), 6 * n), reference = place("plan_reference");
   const skipped = first - Math.floor(first / given.every) * given.every;
+  const planned = reference ? new Float64Array(c.memory.buffer, reference, 30 * (skipped + n)) : null;
   for (let k = 0; k < n; k++) {
     const cut = flags.subarray(6 * k, 6 * k + 6);
     for (let leg = 0; leg < 6; leg++) limited[leg] = cut[leg] ? limited[leg] + given.plantStep : 0;
+    if ((first + k) % thin === 0) {
+      const to = (ringed++ % ringRows) * KEPT;
+      ring[to] = (first + k) * given.plantStep;
+      ring.set(signals.subarray(24 * k, 24 * k + 24), to + 1);
+      ring.set(forces.subarray(6 * k, 6 * k + 6), to + 25);
+      if (planned) ring.set(planned.subarray(30 * (skipped + k), 30 * (skipped + k) + 24), to + 31);
+      ring[to + 55] = cut.reduce((mask, flag, leg) => mask | (flag ? 1 << leg : 0), 0);
+    }
     if ((first + k) % every !== 0 && !(next >= to && k === n - 1)) continue;
     points.push((first + k) * given.plantStep);
     for (let i = 0; i < 6; i++) points.push(signals[24 * k + i]);
@@ -106,6 +119,9 @@ const answers = {
     if (c._initialize) c._initialize();
     at = (c.__heap_base.value + 15) & ~15;
     c.memory.grow(Math.ceil((at + start.byteLength) / 65536));
+    thin = Math.max(1, Math.round(0.001 / given.plantStep));
+    ringRows = Math.min(60001, Math.ceil(MINUTE / given.plantStep / thin) + 1);
+    ring = new Float64Array(KEPT * ringRows);
     begin();
     postMessage({ type: "ready" });
     analyse(300);
@@ -138,6 +154,20 @@ const answers = {
     hold();
     tell(points);
     postMessage({ type: "advanced" });
+  },
+  used: () => postMessage({ type: "usedGains", used: place("turn_used") ? [...numbers("turn_used", 25)] : [] }),
+  // the rows of the last minute, the oldest first
+  kept: () => {
+    const n = Math.min(ringed, ringRows), first = ringed - n, values = new Float64Array(KEPT * n);
+    for (let k = 0; k < n; k++) values.set(ring.subarray(((first + k) % ringRows) * KEPT, ((first + k) % ringRows) * KEPT + KEPT), k * KEPT);
+    postMessage({ type: "keptRows", values, size: KEPT, step: thin * given.plantStep }, [values.buffer]);
+  },
+  // the reference jumps to a target along one axis: a step, past the hand's filter
+  jump: ({ axis, by }) => {
+    if (!place("plan_target")) return;
+    const target = numbers("plan_target", 6), smoothed = numbers("plan_smoothed", 18);
+    target[axis] += by;
+    smoothed[axis] += by;
   },
   // takes over what has been written of settings: 0, or 1 and the position of the first that is refused
   turn: () => {

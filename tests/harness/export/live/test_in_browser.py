@@ -1,5 +1,6 @@
 """The page of a live loop in Chromium: it runs, offline, with the bits of native code, and does what a hand asks."""
 
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -245,4 +246,69 @@ def test_with_reduced_motion_it_waits_for_a_hand(browser: Browser, tmp_path: Pat
     assert page.evaluate("GoughStewart.live.last") is None
     page.keyboard.press("Space")
     until(page, "GoughStewart.live.last !== null")
+    page.close()
+
+
+def test_what_was_dragged_is_taken_home_and_run_again(browser: Browser, tmp_path: Path) -> None:
+    """Expected: `run` of the experiment from the page repeats its rows, and its record is read back.
+
+    To 1e-6 m and rad: the reference is a spline through the rows, where the page had accelerations linear in time.
+    """
+    found = opened(browser, tmp_path, "pitch_sine", {"actuators.lag": 3e-3})
+    page = found.page
+    later(page, 0.01)
+    page.click("#again")
+    later(page, 0.01)
+    page.fill("[aria-label='bandwidth, as a number']", "2.5")
+    page.press("[aria-label='bandwidth, as a number']", "Tab")
+    page.evaluate("GoughStewart.live.restart(false)")
+    page.locator("#pad-0").scroll_into_view_if_needed()
+    box = page.locator("#pad-0").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    for share in (0.6, 0.7, 0.3):
+        page.mouse.move(box["x"] + share * box["width"], box["y"] + (1 - share / 2) * box["height"])
+        later(page, 0.5)
+    page.mouse.up()
+    with page.expect_download() as download:
+        page.click("#home")
+    with zipfile.ZipFile(download.value.path()) as archive:
+        assert archive.testzip() is None
+        archive.extractall(tmp_path / "home")
+    theirs = gs.read_record(tmp_path / "home")
+    again = gs.run(tmp_path / "home" / "experiment.toml")
+    assert theirs.table.height == again.table.height == 750
+    for name in ("position", "orientation"):
+        assert np.abs(again[name] - theirs[name]).max() < 1e-6
+        assert np.abs(again[f"reference.{name}"] - theirs[f"reference.{name}"]).max() < 1e-9
+    assert np.ptp(theirs["position"], axis=0)[:2].min() > 0.02
+    assert found.errors == []
+    page.close()
+
+
+def test_a_link_holds_the_settings(browser: Browser, tmp_path: Path) -> None:
+    """Expected: the page opened by its link has what was set; a broken link is told."""
+    found = opened(browser, tmp_path, "heave_step")
+    page = found.page
+    page.fill("[aria-label='bandwidth, as a number']", "2.6")
+    page.press("[aria-label='bandwidth, as a number']", "Tab")
+    page.evaluate(LOAD, 0.5)
+    page.fill("[aria-label='yaw [°], as a number']", "3")
+    page.press("[aria-label='yaw [°], as a number']", "Tab")
+    address = page.evaluate("GoughStewart.live.home.link()")
+    payload = page.input_value("#payload")
+    other = browser.new_page()
+    other.goto(address)
+    until(other, "GoughStewart.live && GoughStewart.live.last !== null")
+    assert other.input_value("[aria-label='bandwidth, as a number']") == "2.6"
+    assert other.input_value("[aria-label='yaw [°], as a number']") == "3"
+    assert other.input_value("#payload") == payload
+    other.close()
+    broken = browser.new_page()
+    broken.goto(address.split("#")[0] + "#%7Bnot")
+    until(broken, "GoughStewart.live && GoughStewart.live.last !== null")
+    assert "cannot be read" in broken.inner_text("#home-said")
+    broken.close()
+    assert found.errors == []
     page.close()
