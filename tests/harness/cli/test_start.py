@@ -65,3 +65,21 @@ def test_a_run_through_the_fmu_does_without_python_control_casadi_and_scipy(
     loaded = loaded_after(MAIN, *arguments, "--out", str(tmp_path))
     assert (tmp_path / "metrics.json").is_file()
     assert not loaded & {"casadi", "control", "matplotlib", "scipy"}
+
+
+def test_a_run_of_the_model_in_machine_code_does_without_casadi_and_scipy(tmp_path: Path) -> None:
+    """Expected: the second run, when all that has to be compiled is there."""
+    arguments = ["run", "heave_step", "--set", "loop.duration=0.01", "--out", str(tmp_path)]
+    loaded_after(MAIN, *arguments)
+    assert not loaded_after(MAIN, *arguments) & {"casadi", "control", "matplotlib", "scipy"}
+
+
+def test_building_a_unit_does_without_casadi_and_scipy_if_its_code_is_there(tmp_path: Path) -> None:
+    """Expected: with the traced tables given, as a wheel carries them, nothing else asks for CasADi or SciPy."""
+    given = """from gough_stewart.fmu_build.plant import component as c
+    sources, dependencies = c.Code({}, {}), {}
+    c._code, c.slot_dependencies = (lambda: sources), (lambda: dependencies)
+    import gough_stewart.fmu_build.build, gough_stewart.fmu_build.builder, gough_stewart.model.kernel
+    from gough_stewart.model.platform_toml import load_preset
+    c.plant_component(load_preset('liu2000'))"""
+    assert not loaded_after(given, str(tmp_path)) & {"casadi", "control", "matplotlib", "scipy"}
