@@ -28,8 +28,28 @@ class Compiler(NamedTuple):
     identity: str
     is_zig: bool = False
 
-    def link(self, library: str, files: Sequence[str], include: str, target: Target, flags: Sequence[str]) -> list[str]:
-        """The command that compiles files to a shared library."""
+    def commands(
+        self, library: str, files: Sequence[str], include: str, target: Target, flags: Sequence[str]
+    ) -> list[list[str]]:
+        """The commands that compile files to a shared library, each in the same folder.
+
+        zig builds the C library of Windows anew for each kind of processor, in minutes; so only the files are compiled
+        for that.
+        """
+        if not (self.is_zig and target.suffix == ".dll" and any(flag.startswith("-mcpu=") for flag in flags)):
+            return [self._link(library, files, include, target, flags)]
+        plain = [flag for flag in flags if flag not in ("-shared", "-s")]
+        objects = [f"{k}.obj" for k in range(len(files))]
+        compiled = [
+            [*self.command, "-target", target.triple, *plain, "-I", include, "-c", file, "-o", made]
+            for file, made in zip(files, objects, strict=True)
+        ]
+        general = [flag for flag in flags if not flag.startswith("-mcpu=")]
+        return [*compiled, self._link(library, objects, include, target, general)]
+
+    def _link(
+        self, library: str, files: Sequence[str], include: str, target: Target, flags: Sequence[str]
+    ) -> list[str]:
         if self.is_zig:
             aim = ("-target", target.triple, *flags, *target.flags_of(Path(library).stem))
             return [*self.command, *aim, "-I", include, *files, "-o", library, "-lm"]

@@ -60,13 +60,13 @@ def compile_library(
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
     with compiling() as in_use, tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
         library = Path(scratch, name + target.suffix)
-        command = (compiler or zig()).link(str(library), files, str(include), target, flags)
+        commands = (compiler or zig()).commands(str(library), files, str(include), target, flags)
         stop = stop or Event()
-        code, message = _run(command, scratch, stop, in_use)
+        code, message = _run_all(commands, scratch, stop, in_use)
         # an error that neither the sources nor a full disk explain may be of the cache
         if code != 0 and not (stop.is_set() or _is_about_sources(message) or _nearly_full(scratch)):
             empty_objects(in_use)
-            code, message = _run(command, scratch, stop, in_use)
+            code, message = _run_all(commands, scratch, stop, in_use)
         if code != 0:
             raise BuildError(f"the compiler failed for {target.name}:\n{_complaint(code, message, scratch)}")
         return library.read_bytes()
@@ -98,6 +98,16 @@ def _complaint(code: int, message: str, scratch: str) -> str:
     return (
         f"{text}\nEmptying the cache did not help; if there is no other explanation, delete the folder {cache_folder()}"
     )
+
+
+def _run_all(commands: Sequence[Sequence[str]], folder: str, stop: Event, in_use: IO[str]) -> tuple[int, str]:
+    """Exit code and error output of the first command that fails, or of the last one."""
+    code, message = 0, ""
+    for command in commands:
+        code, message = _run(command, folder, stop, in_use)
+        if code != 0:
+            break
+    return code, message
 
 
 def _run(command: Sequence[str], folder: str, stop: Event, in_use: IO[str]) -> tuple[int, str]:

@@ -76,9 +76,20 @@ def test_another_program_or_option_is_another_compiler(path: Path) -> None:
 
 def test_msvc_has_options_of_its_own() -> None:
     """Expected: by Microsoft's manual: a library, C11, no contraction of floating-point operations."""
-    command = Compiler((r"cl.exe",), "").link("unit.dll", ["a.c"], "include", BY_NAME["x86_64-windows"], FLAGS)
+    (command,) = Compiler((r"cl.exe",), "").commands("unit.dll", ["a.c"], "include", BY_NAME["x86_64-windows"], FLAGS)
     options = ["/nologo", "/LD", "/O2", "/std:c11", "/fp:precise", "/MT"]
     assert command == ["cl.exe", *options, "/I", "include", "a.c", "/Fe:unit.dll"]
+
+
+def test_only_files_are_compiled_for_a_processor_of_windows() -> None:
+    """Expected: by hand; the library is linked as for any processor, from all objects."""
+    target, flags = BY_NAME["x86_64-windows"], ("-mcpu=x86_64_v3", "-O3", "-shared", "-s")
+    first, second, last = Compiler(("zig",), "", is_zig=True).commands("u.dll", ["a.c", "b.c"], "h", target, flags)
+    aim = ["zig", "-target", target.triple]
+    assert first == [*aim, "-mcpu=x86_64_v3", "-O3", "-I", "h", "-c", "a.c", "-o", "0.obj"]
+    assert second == [*aim, "-mcpu=x86_64_v3", "-O3", "-I", "h", "-c", "b.c", "-o", "1.obj"]
+    assert last == [*aim, "-O3", "-shared", "-s", "-I", "h", "0.obj", "1.obj", "-o", "u.dll", "-lm"]
+    assert len(Compiler(("zig",), "", is_zig=True).commands("u.dll", ["a.c", "b.c"], "h", target, flags[1:])) == 1
 
 
 @pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix", reason="no compiler of the system here")
