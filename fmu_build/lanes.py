@@ -28,8 +28,8 @@ from gough_stewart.model.process.prebuilt import prebuilt
 # Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
 WIDTH = 8
 _NATIVE = "-mcpu=native"
-# Of x86-64 [x86-64 psABI, 3.1.1], by level.
-_LEVELS = {1: "-mcpu=x86_64", 3: "-mcpu=x86_64_v3", 4: "-mcpu=x86_64_v4"}
+# Of x86-64 [x86-64 psABI, 3.1.1], by level: with AVX2, as nearly all since 2013, and with AVX-512.
+_LEVELS = {3: "-mcpu=x86_64_v3", 4: "-mcpu=x86_64_v4"}
 FLAGS = (
     *("-O3", _NATIVE, "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden"),
     # fused operations are the same for all members; NaN is kept, since the checks look for it
@@ -121,13 +121,18 @@ def machine_state(state: str) -> str:
 
 
 def levels_of(target: Target) -> tuple[int, ...]:
-    """The levels of processors of a target for which there is machine code, see `compiled_kernel.processor_level`."""
-    return tuple(_LEVELS) if target.name.startswith("x86_64") else (0,)
+    """The levels of processors of a target for which a wheel has machine code, see `compiled_kernel.processor_level`.
+
+    Level 0 is for all processors of a target; Apple's systems enable AVX-512 late in a process, if at all.
+    """
+    if not target.name.startswith("x86_64"):
+        return (0,)
+    return (3,) if target.suffix == ".dylib" else (3, 4)
 
 
-def flags_of_level(target: Target, level: int) -> tuple[str, ...]:
+def flags_of_level(level: int) -> tuple[str, ...]:
     """The compiler's flags for machine code of a level."""
-    own = (_LEVELS[level],) if level in levels_of(target) and level else ()
+    own = (_LEVELS[level],) if level else ()
     return (*own, *(flag for flag in FLAGS if flag != _NATIVE))
 
 
@@ -138,10 +143,9 @@ def carried_name(target: Target, name: str, level: int) -> str:
 
 def _carried(name: str, state: str, target: Target) -> LanesLibrary | None:
     """The machine code that came with the package, of the highest level that this processor has; None if none."""
-    most = processor_level()
-    for level in sorted(levels_of(target), reverse=True):
-        if most is None or level > most:
-            continue
+    most = processor_level() or 0
+    # level 0: also of a wheel that was made for the processor at hand
+    for level in (0, *(level for level in sorted(_LEVELS, reverse=True) if level <= most)):
         path = prebuilt(carried_name(target, name, level), machine_state(state))
         if path is not None and _loads(path):
             words = [target.name, *([f"x86-64-v{level}"] if level else []), digest_of(path.read_bytes())[:16]]

@@ -78,8 +78,8 @@ def _unit(target: Target) -> Part:
 
 
 def _machine_code(target: Target, only_here: bool) -> Iterator[Part]:
-    levels = {level: flags_of_level(target, level) for level in levels_of(target)}
-    for level, flags in {min(levels): FLAGS}.items() if only_here else levels.items():
+    levels = {level: flags_of_level(level) for level in levels_of(target)}
+    for level, flags in {0: FLAGS}.items() if only_here else levels.items():
         for code in (loop_code(), folds_code()):
             own = carried_name(target, code.name, level)
             states = {own: machine_state(code.state)}
