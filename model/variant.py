@@ -5,6 +5,7 @@ deflections as states, legs that give the motors' positions and velocities. The 
 the ideal plant, so the first states, results and parameters are the same in all variants.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -62,6 +63,8 @@ class Variant:
 IDEAL = Variant()
 # The parameters that choose it.
 CHOOSING = ("leg_friction_model", "leg_stiffness")
+# Parameters of a plant whose legs slide without Coulomb friction, as a moving platform's do about its motion.
+SLIDING: Mapping[str, float] = {"leg_friction_model": SMOOTH, "leg_coulomb_friction": 0.0, "leg_static_friction": 0.0}
 
 
 def refuse_parts(platform: Any, host: str, instead: str) -> None:

@@ -16,17 +16,17 @@ from gough_stewart.model import interface
 from gough_stewart.model.dynamics import mass_matrix, solve_leg_forces, static_leg_forces
 from gough_stewart.model.errors import InterfaceError
 from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart.model.machine_dynamics import holding_motor_position
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.real import real_array
-from gough_stewart.model.variant import refuse_parts
+from gough_stewart.model.variant import SLIDING, Variant
 from gough_stewart.model.vectors import Array, FloatArray
 
 if TYPE_CHECKING:
     import control
 
 OUTPUTS = tuple(v.name for v in interface.OUTPUTS)
-STATE_NAMES = [name for v in interface.STATES for name in v.scalar_names]
 INPUT_NAMES = [name for v in interface.INPUTS for name in v.scalar_names]
 
 
@@ -61,8 +61,8 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
     Returns
     -------
     control.NonlinearIOSystem
-        12 states, the pose and the twist; 12 inputs, the actuator forces and the external wrench;
-        the outputs asked for.
+        12 states, the pose and the twist, then those of a platform whose friction sticks or whose legs give; 12 inputs,
+        the actuator forces and the external wrench; the outputs asked for.
 
     Raises
     ------
@@ -78,9 +78,9 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
 
     from gough_stewart.model.kernel import Kernel, parameter_vector
 
-    refuse_parts(platform, "the python-control system", "use SteppingModel")
-    kernel, p = Kernel(), parameter_vector(platform)
-    names, rows = _rows(outputs)
+    variant = Variant.of(platform)
+    kernel, p = Kernel(variant), parameter_vector(platform, variant)
+    names, rows = _rows(outputs, variant)
 
     def update(_t: float, x: Any, u: Any, _params: Any) -> FloatArray:
         return kernel.derivatives(x, u, p).copy()
@@ -88,7 +88,7 @@ def plant_system(platform: Platform, outputs: Iterable[str] = OUTPUTS) -> "contr
     def output(_t: float, x: Any, u: Any, _params: Any) -> FloatArray:
         return np.asarray(kernel.outputs(x, u, p)[rows])
 
-    return nlsys(update, output, states=STATE_NAMES, inputs=INPUT_NAMES, outputs=names, name="plant")
+    return nlsys(update, output, states=_state_names(variant), inputs=INPUT_NAMES, outputs=names, name="plant")
 
 
 def trim(
@@ -141,13 +141,14 @@ def linearise(
     ----------
     coulomb_friction
         Keep the slope of the smoothed Coulomb friction at rest, leg_coulomb_friction / leg_friction_velocity [N s/m].
-        It acts as a large damper that the moving platform does not have, so it is left out by default.
+        It acts as a large damper that the moving platform does not have, so it is left out by default. With friction
+        that sticks: legs that stick, each on a spring of leg_bristle_stiffness; by default legs slide.
 
     Returns
     -------
     control.StateSpace
-        12 states, the pose and the twist; 12 inputs, the actuator forces and the external wrench;
-        the outputs asked for. All in SI units, as deviations from rest.
+        12 states, the pose and the twist, then those of a platform whose friction sticks or whose legs give; 12 inputs,
+        the actuator forces and the external wrench; the outputs asked for. All in SI units, as deviations from rest.
 
     Raises
     ------
@@ -161,9 +162,11 @@ def linearise(
     """
     from control import ss
 
-    names, _ = _rows(outputs)
-    linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
-    labels = {"states": STATE_NAMES, "inputs": INPUT_NAMES, "outputs": names}
+    platform = platform if coulomb_friction else platform.with_parameters(SLIDING)
+    variant = Variant.of(platform)
+    names, _ = _rows(outputs, variant)
+    linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=True)
+    labels = {"states": _state_names(variant), "inputs": INPUT_NAMES, "outputs": names}
     return ss(linear.A, linear.B, linear.C, linear.D, **labels, name="plant")
 
 
@@ -178,12 +181,17 @@ def linear_matrices(
     """`linearise` without python-control, whose import takes longer than all margins."""
     from gough_stewart.model.kernel import Kernel, parameter_vector
 
-    refuse_parts(platform, "the linear model", "use SteppingModel.linearise")
-    _, rows = _rows(outputs)
-    if not coulomb_friction:
-        platform = platform.with_parameters({"leg_coulomb_friction": 0.0})
+    platform = platform if coulomb_friction else platform.with_parameters(SLIDING)
+    variant = Variant.of(platform)
+    _, rows = _rows(outputs, variant)
     point = trim(platform, position, orientation)
-    A, B, C, D = (block.copy() for block in Kernel().jacobians(*point, parameter_vector(platform)))
+    # at rest: bristles unbent, motors where their springs carry the platform
+    motors = holding_motor_position(platform, point.state[:3], point.state[3:6])
+    parts = {"leg_bristle": np.zeros(6), "motor_position": motors, "motor_velocity": np.zeros(6)}
+    x = np.concatenate([point.state, *(parts[v.name] for v in variant.states[len(interface.STATES) :])])
+    A, B, C, D = (
+        block.copy() for block in Kernel(variant).jacobians(x, point.inputs, parameter_vector(platform, variant))
+    )
     return StateSpace(A, B, C[rows], D[rows])
 
 
@@ -247,10 +255,14 @@ def _checked(name: str, value: object, shape: tuple[int, ...]) -> FloatArray:
         raise InterfaceError(name, str(error)) from None
 
 
-def _rows(outputs: Iterable[str]) -> tuple[list[str], NDArray[np.intp]]:
+def _state_names(variant: Variant) -> list[str]:
+    return [name for v in variant.states for name in v.scalar_names]
+
+
+def _rows(outputs: Iterable[str], variant: Variant) -> tuple[list[str], NDArray[np.intp]]:
     """Scalar names of some results, and their positions in the kernel's y."""
     chosen = [outputs] if isinstance(outputs, str) else list(outputs)
-    everything = interface.unpack(interface.RESULTS, np.arange(interface.size_of(interface.RESULTS)))
+    everything = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
     if not chosen:
         raise InterfaceError("outputs", "is empty; expected at least one name, such as 'leg_length'")
     for name in chosen:

@@ -9,8 +9,10 @@ from gough_stewart.harness.control.linear_law import MapsOfPose, displacements, 
 from gough_stewart.harness.control.state_space import StateSpace, beside, discretised, matrices_of, series
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
+from gough_stewart.model.interface import size_of
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.variant import SLIDING, Variant
 from gough_stewart.model.vectors import Array, FloatArray
 
 # Doubling the number multiplies the time for eigenvalues by ten, to half a minute.
@@ -53,7 +55,9 @@ def loop_transfer(
         The controller has another sample time, or the delay needs more states than `MOST_STATES`.
     """
     drive = Drive.linear({"lag": lag}, sample_time)
-    states = 12 + 6 * drive.nstates + 6 * delay + controller.system.nstates
+    # those of legs that give, or of an ideal platform; sliding legs have no bristles
+    variant = Variant.of(platform if coulomb_friction else platform.with_parameters(SLIDING))
+    states = size_of(variant.states) + 6 * drive.nstates + 6 * delay + controller.system.nstates
     if states > MOST_STATES:
         raise ControllerError(
             f"a delay of {delay} samples of {sample_time:g} s gives a linear loop of {states} states; expected at most "

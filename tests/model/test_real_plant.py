@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.control.linear import linearise, plant_system
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.plants.lanes import lanes_plant
 from gough_stewart.harness.plants.open import open_plant
@@ -191,8 +190,6 @@ def test_what_has_ideal_legs_only_refuses_others(friction: str, springs: bool, t
     for host in (
         lambda: lanes_plant([UNEVEN, platform], [rest, rest], compiler=False),
         unit,
-        lambda: linearise(platform),
-        lambda: plant_system(platform),
         lambda: identify(log, platform, "platform_mass"),
         lambda: gs.build(tmp_path, platform=platform),
     ):

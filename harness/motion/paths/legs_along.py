@@ -13,6 +13,7 @@ from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rate
 from gough_stewart.model.leg_dynamics import friction_force
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
+from gough_stewart.model.variant import SLIDING
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
@@ -96,4 +97,4 @@ def dry_friction(platform: Platform, velocity: FloatArray) -> FloatArray:
 
 def without_dry_friction(platform: Platform) -> Platform:
     """The platform without Coulomb friction."""
-    return platform.with_parameters({"leg_coulomb_friction": 0.0})
+    return platform.with_parameters(SLIDING)
