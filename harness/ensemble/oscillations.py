@@ -9,7 +9,7 @@ import polars
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
 from gough_stewart.harness.experiment.batch import Batch, Prepared
-from gough_stewart.harness.loop.folds import Block, Fold, State
+from gough_stewart.harness.loop.folds import KeptRows, State
 from gough_stewart.harness.loop.loop import LENGTHS, Loop
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.loop.timing import Timing
@@ -27,28 +27,25 @@ from gough_stewart.model.vectors import FloatArray
 MOST_ROWS = 2048
 
 
-class LegErrors(Fold):
+class LegErrors(KeptRows):
     """Keeps the errors of the leg lengths (rows, 6, N), of every row or of each so-many-th."""
 
     needs = ("error.leg_length",)
-    keeps_ended = False
 
     def __init__(self, timing: Timing) -> None:
         self.every = ceil((timing.steps + 1) / MOST_ROWS)
+        self.at = np.arange(0, timing.steps + 1, self.every)
         self.time = timing.times[:: self.every]
-        self.errors: FloatArray = np.zeros((len(self.time), 6, 0))
+
+    @property
+    def errors(self) -> FloatArray:
+        """What is kept (rows, 6, N)."""
+        return self.kept[self.needs[0]]
 
     def start(self, members: int) -> State:
         """None by member: whoever reads the errors knows who has ended."""
-        self.errors = np.zeros((len(self.time), 6, members))
+        self.kept = {self.needs[0]: np.zeros((len(self.at), 6, members))}
         return {}
-
-    def rows(self, _state: State, block: Block) -> None:
-        """Keep the rows whose turn it is."""
-        first = -block.first % self.every
-        if self.needs[0] in block and first < block.rows:
-            at, rows = (block.first + first) // self.every, slice(first, None, self.every)
-            block.of_rows(rows, self.needs[0], self.errors[at : at + len(range(first, block.rows, self.every))])
 
 
 def oscillations(batch: Batch, outcomes: Sequence[Outcome], kept: LegErrors) -> list[Oscillation | None]:

@@ -103,6 +103,7 @@ class Structure(ctypes.Structure):
         *((name, ctypes.c_void_p) for name in MEMORY),
         ("first_row", ctypes.c_int64),
         *((name, _Out) for name in (*_ROWS_OUT, *_SAMPLES_OUT)),
+        ("takes", ctypes.c_void_p),
     ]
 
 
@@ -155,6 +156,10 @@ class CompiledLoop:
         self._set_actuators()
         self._set_limits()
         self._set_samples(watch.rows)
+        self.taker = watch.observer.taker()
+        if self.taker is not None:
+            self.taker.counting[: self._n] = np.where(watch.outcomes.going, -1, 0)
+            c.takes = self.taker.address
 
     def run(self, row: int, to: int) -> None:
         """Run rows from `row` to before `to`, and give them to the watch with all ends.
@@ -165,7 +170,8 @@ class CompiledLoop:
             Between two parts of the work; rows that all members have done count.
         """
         batch, rows, c = self._plant.batch, self._watch.rows, self._c
-        self._set_rows(rows, row)
+        if self.taker is None:
+            self._set_rows(rows, row)
         run = self._plant.loop_run
         assert run is not None  # whoever made this has asked for it
         of, with_, is_interrupted = reference(batch), ctypes.byref(c), Event()
@@ -187,8 +193,11 @@ class CompiledLoop:
             raise
         finally:
             done = int(self._at_row.min())
-            rows.count += done - row
             self._watch.outcomes.rows = done
+            if self.taker is None:
+                rows.count += done - row
+            else:
+                self.taker.rows = done
         self._end_members(done)
         self._watch.has_checked()
 
@@ -213,7 +222,7 @@ class CompiledLoop:
             if not 0 <= row < done:
                 continue
             if failure in (Failure.STROKE, Failure.AWAY):
-                watch.end_beyond(k, row, stroke=failure == Failure.STROKE)
+                watch.end_beyond(k, row, self._signals[:, k], stroke=failure == Failure.STROKE)
             elif failure == Failure.COMMAND:
                 command = self._command[:, k].tolist()
                 watch.outcomes.end_after(k, row + 1, "diverged", f"the controller's forces are {command} N")
@@ -438,6 +447,7 @@ def run_compiled(
             if row and row in changes:
                 plant.set_inputs(apply(row))
             room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count
+            room = room if own.taker is None else steps + 1
             to = min(row + room, next(stop for stop in stops if stop > row))
             own.run(row, to)
             row = to

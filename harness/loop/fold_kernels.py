@@ -1,7 +1,7 @@
 """Folds in machine code: those that are described by terms, for eight members at once."""
 
 import ctypes
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.lanes import WIDTH
-from gough_stewart.harness.loop.folds import Block, State
+from gough_stewart.harness.loop.folds import LIMITED, ROW, Block, State
 from gough_stewart.harness.loop.term_folds import TermFold
 from gough_stewart.model.vectors import FloatArray
 
@@ -32,9 +32,9 @@ class _RowsOfMembers(ctypes.Structure):
     _fields_ = [
         *(
             (name, ctypes.c_int64)
-            for name in ("members", "first", "rows", "n_columns", "n_folds", "n_states", "n_parameters")
+            for name in ("members", "first", "rows", "n_columns", "n_folds", "n_states", "n_parameters", "n_checked")
         ),
-        *((name, ctypes.c_void_p) for name in ("columns", "folds", "parameters", "states", "counting")),
+        *((name, ctypes.c_void_p) for name in ("columns", "folds", "parameters", "states", "counting", "checked")),
     ]
 
 
@@ -51,6 +51,11 @@ class FoldKernels:
         number = int(self._library.folds_kernel(fold.kernel.encode(), sizes))
         of_fold = [sum(fold.sizes.values()), sum(size for _, size, _ in fold.states), len(fold.parameters)]
         return number if number >= 0 and list(sizes) == of_fold else None
+
+    @property
+    def of_rows(self) -> int:
+        """The address of `folds_rows`, which c/loop calls."""
+        return int(ctypes.cast(self._library.folds_rows, ctypes.c_void_p).value or 0)
 
     def add(self, rows: _RowsOfMembers) -> None:
         """Add rows to states."""
@@ -84,6 +89,7 @@ class CompiledFolds:
             padded[:members] = value
             self._parameters[:, k] = padded.reshape(vectors, WIDTH)
         self._of_folds: Any = None
+        self._elements = np.zeros(0, np.int64)  # that have to be finite
         self._kept: list[Any] = []
 
     def add(self, block: Block, counting: NDArray[np.int64]) -> None:
@@ -92,30 +98,43 @@ class CompiledFolds:
         arrays = dict(sorted(given.items(), key=lambda each: each[1][0].dtype == bool))
         columns = np.array([_column(*each) for each in arrays.values()], dtype=np.int64)
         if self._of_folds is None:
-            self._of_folds = self._placed({name: values.shape[1] for name, (values, _) in arrays.items()})
-        self._kernels.add(
-            _RowsOfMembers(
-                *(self._members, block.first, block.rows, len(columns), len(self._folds)),
-                *(self._states.shape[1], self._parameters.shape[1]),
-                *(columns.ctypes.data, ctypes.addressof(self._of_folds)),
-                *(each.ctypes.data for each in (self._parameters, self._states, counting)),
-            )
+            ends = np.cumsum([0, *(values.shape[1] for values, _ in arrays.values())]).tolist()
+            self._place(dict(zip(arrays, map(slice, ends, ends[1:]), strict=False)), flags=_flags_of(arrays))
+        self._kernels.add(self._rows(counting, block.first, block.rows, columns))
+
+    def in_loop(self, counting: NDArray[np.int64]) -> tuple[int, int, Any]:
+        """For c/loop: the function that gets rows, its first argument, and what owns that; rows are as `ROW`.
+
+        `counting` has -1 for members (M,) all of whose rows count so far, else how many did.
+        """
+        self._place(ROW, flags=LIMITED)
+        rows = self._rows(counting)
+        return self._kernels.of_rows, ctypes.addressof(rows), rows
+
+    def _rows(
+        self, counting: NDArray[np.int64], first: int = 0, rows: int = 0, columns: NDArray[np.int64] | None = None
+    ) -> _RowsOfMembers:
+        n_columns, at = (0, None) if columns is None else (len(columns), columns.ctypes.data)
+        return _RowsOfMembers(
+            *(self._members, first, rows, n_columns, len(self._folds)),
+            *(self._states.shape[1], self._parameters.shape[1], len(self._elements)),
+            *(at, ctypes.addressof(self._of_folds)),
+            *(each.ctypes.data for each in (self._parameters, self._states, counting, self._elements)),
         )
 
-    def _placed(self, sizes: Mapping[str, int]) -> Any:
-        """The folds with the places of their columns in a row, from the columns' sizes."""
-        place, begins = 0, dict[str, int]()
-        for name, size in sizes.items():
-            begins[name] = place
-            place += size
+    def _place(self, row: Mapping[str, slice], flags: Collection[str]) -> None:
+        """Give the folds the places of their columns in a row, some of which are flags."""
         found, state, parameter = [], 0, 0
         for fold in self._folds:
-            places = [begins[need] + fold.begins.get(of, 0) for of, need in zip(fold.sizes, fold.needs, strict=True)]
+            needs = zip(fold.sizes, fold.needs, strict=True)
+            places = [row[need].start + fold.begins.get(of, 0) for of, need in needs]
             self._kept.append(np.array(places, dtype=np.int64))
             found.append(_Fold(self._kernels.kernel(fold), self._kept[-1].ctypes.data, state, parameter))
             state += sum(size for _, size, _ in fold.states)
             parameter += len(fold.parameters)
-        return (_Fold * len(found))(*found)
+        self._of_folds = (_Fold * len(found))(*found)
+        numbers = [range(row[name].start, row[name].stop) for name in self._names if name not in flags]
+        self._elements = np.array([at for each in numbers for at in each], np.int64)
 
     def states(self) -> list[State]:
         """The states of each fold."""
@@ -128,6 +147,10 @@ class CompiledFolds:
                 at += size
             found.append(own)
         return found
+
+
+def _flags_of(arrays: Mapping[str, tuple[NDArray[Any], Any]]) -> list[str]:
+    return [name for name, (values, _) in arrays.items() if values.dtype == bool]
 
 
 def _column(values: NDArray[Any], reference: FloatArray | None) -> list[int]:

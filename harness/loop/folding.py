@@ -5,11 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.fmu_build.lanes import WIDTH
 from gough_stewart.harness.loop.fold_kernels import CompiledFolds, FoldKernels
-from gough_stewart.harness.loop.folds import AT, FORCES, LIMITED, Block, Fold, State
+from gough_stewart.harness.loop.folds import AT, FORCES, LIMITED, ROW, Block, Fold, KeptRows, State
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.rows import Observer, Rows
+from gough_stewart.harness.loop.taking import RowTaker
 from gough_stewart.harness.loop.term_folds import TermFold
+from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 
@@ -40,6 +43,7 @@ class Folding:
         self._final: list[State] | None = None  # of members that have ended
         self._rows = np.zeros(members, dtype=np.intp)
         self._count = 0
+        self._taker: RowTaker | None = None
         self.running: BoolArray = np.ones(members, dtype=bool)
 
     def add(self, block: Block, counting: NDArray[np.intp] | None = None) -> None:
@@ -59,6 +63,16 @@ class Folding:
                 if ending is not None:
                     self._end(ending & self.running)
 
+    def taker(self, timing: Timing) -> RowTaker | None:
+        """What takes the rows of a run in machine code, in place of `add`; None if a fold needs blocks of rows."""
+        is_known = all(name in ROW for fold in self._folds for name in fold.needs)
+        kept = [fold for fold in self._others if isinstance(fold, KeptRows)]
+        idle = [fold for fold in self._others if type(fold).rows is Fold.rows]
+        if self._compiled is None or not is_known or len(kept) + len(idle) < len(self._others):
+            return None
+        self._taker = RowTaker(self._compiled, kept, timing, -(-len(self.running) // WIDTH))
+        return self._taker
+
     def _end(self, members: BoolArray) -> None:
         """End members (N,): later rows do not count for them."""
         if not members.any():
@@ -74,6 +88,9 @@ class Folding:
     def results(self) -> dict[str, FloatArray]:
         """Results (..., N) of all folds by name, so far."""
         rows = np.where(self.running, self._count, self._rows)
+        if self._taker is not None:
+            counting = self._taker.counting[: len(rows)]
+            rows = np.where(counting < 0, self._taker.rows, counting)
         compiled = iter([] if self._compiled is None else self._compiled.states())
         others = iter(self._kept())
         found = dict[str, FloatArray]()
@@ -133,7 +150,11 @@ class FoldsOfRows(Observer):
 
     def __init__(self, loop: Loop, folds: Sequence[Fold], members: int = 1, kernels: FoldKernels | None = None) -> None:
         self._folding = Folding(folds, members, kernels)
-        self._reference = loop.reference_rows
+        self._reference, self._timing = loop.reference_rows, loop.timing
+
+    def taker(self) -> RowTaker | None:
+        """Folds and kept rows within the loop's machine code, if all can be."""
+        return self._folding.taker(self._timing)
 
     def block(self, rows: Rows) -> None:
         """Fold a block."""

@@ -24,6 +24,25 @@ AT = {name: slice(int(at[0]), int(at[-1]) + 1) for name in signals.NAMES if len(
 # Signals whose errors are reference − actual, and their places among signals and references.
 ERRORS: Mapping[str, slice] = {f"error.{name}": AT[name] for name in ("position", "orientation", "leg_length")}
 
+
+def _row() -> dict[str, slice]:
+    sizes = {**{name: at.stop - at.start for name, at in (AT | ERRORS).items()}, **dict.fromkeys((FORCES, *LIMITED), 6)}
+    found, end = dict[str, slice](), 0
+    for name in (*AT, FORCES, *ERRORS, *LIMITED):
+        found[name] = slice(end, end + sizes[name])
+        end += sizes[name]
+    return found
+
+
+# Places of columns in a row of machine code: signals, forces, errors, flags; and where these parts begin.
+ROW: Mapping[str, slice] = _row()
+ROW_PARTS: Mapping[str, int] = {
+    "FORCES": ROW[FORCES].start,
+    "ERRORS": ROW[next(iter(ERRORS))].start,
+    "FLAGS": ROW[LIMITED[0]].start,
+    "ELEMENTS": ROW[LIMITED[1]].stop,
+}
+
 State = dict[str, NDArray[Any]]
 
 
@@ -114,6 +133,35 @@ class Fold(Protocol):
     def result(self, _state: State, _rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Results (..., N) by name for members with these numbers of rows (N,); NaN where undefined."""
         return {}
+
+
+class KeptRows(Fold):
+    """A fold that keeps columns at some rows, also those after a member has ended.
+
+    Attributes
+    ----------
+    at
+        The rows, in order.
+    kept
+        By column (rows, size, N): where they are kept, from `start` on.
+    """
+
+    keeps_ended = False
+    at: NDArray[np.intp]
+    kept: Mapping[str, FloatArray] = {}
+
+    def rows(self, _state: State, block: Block) -> None:
+        """Keep the rows whose turn it is; of columns that the block lacks, NaN."""
+        first, last = np.searchsorted(self.at, (block.first, block.first + block.rows))
+        if first == last:
+            return
+        at = self.at[first:last] - block.first
+        rows = slice(None) if last - first == block.rows else at
+        for name, into in self.kept.items():
+            if name in block:
+                block.of_rows(rows, name, into[first:last])
+            else:
+                into[first:last] = np.nan
 
 
 def add_rows(total: FloatArray, terms: FloatArray) -> None:

@@ -14,6 +14,7 @@ from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.loop.folds import AT, ROW_PARTS
 from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.platform import LARGEST_NUMBER
@@ -28,7 +29,7 @@ _COMPONENTS: tuple[tuple[str, type[Stepped], int], ...] = (
 # Sources besides those of the plant's machine code.
 _OWN = (
     ("gough_stewart.harness.control", "component.py", "drive.py", "force_limits.py", "sensor.py"),
-    (str(__package__), "loop_library.py"),
+    (str(__package__), "folds.py", "loop_library.py"),
 )
 
 
@@ -68,6 +69,8 @@ def components_header() -> str:
     sizes: dict[str, Any] = {
         "LARGEST_COMMAND": LARGEST_NUMBER,
         "FIRST_LENGTH": LENGTHS.start,
+        "N_POSE": AT["velocity"].start,
+        **{f"ROW_{name}": place for name, place in ROW_PARTS.items()},
         "N_ACCELERATIONS": 6,
         "MOST_ELEMENTS": 6,
     }

@@ -1,6 +1,6 @@
 """The rows of a run, as the loop fills them and as observers get them: in blocks, members last."""
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -9,6 +9,9 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant
 from gough_stewart.model import interface
 from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.loop.taking import RowTaker
 
 # Rows times members in a block. Fewer cost calls, more no longer fit into the processor's cache.
 _SIZE = 8192
@@ -123,7 +126,14 @@ class AllRows(Rows):
 
 
 class Observer(Protocol):
-    """Gets the rows of a run in blocks, in order, after their limits have been checked."""
+    """Gets the rows of a run in blocks, in order, after their limits have been checked.
+
+    One with a `taker` gets none where machine code runs the loop, which gives them to that instead.
+    """
+
+    def taker(self) -> "RowTaker | None":
+        """Asked for once, before the first row."""
+        return None
 
     def start(self, timing: Timing, plant: Plant, members: int) -> Rows:  # noqa: ARG002
         """The rows to be filled."""

@@ -17,8 +17,8 @@ class Watch:
     """
 
     def __init__(self, loop: Loop, rows: Rows, observer: Observer, outcomes: Outcomes) -> None:
-        self.rows, self.outcomes = rows, outcomes
-        self._limits, self._observer = loop.limits, observer
+        self.rows, self.outcomes, self.observer = rows, outcomes, observer
+        self._limits = loop.limits
         self._wanted = loop.reference_rows
         self._checked = 0  # rows of the run
         self.every = 1
@@ -41,10 +41,8 @@ class Watch:
         """The rows so far have been checked by somebody else, who calls `end_beyond`."""
         self._checked = self.outcomes.rows
 
-    def end_beyond(self, k: int, row: int, *, stroke: bool) -> None:
-        """End member k at a row of the present block, which is beyond its stroke, or too far from the reference."""
-        rows = self.rows
-        now = rows.signals[row - rows.first + 1, :, k]
+    def end_beyond(self, k: int, row: int, now: FloatArray, *, stroke: bool) -> None:
+        """End member k at a row with these signals (24,), beyond its stroke, or too far from the reference."""
         if stroke:
             lengths, low_high = now[LENGTHS], [members.of(each, k) for each in self._limits.stroke]
             beyond = (lengths < low_high[0]) | (lengths > low_high[1])
@@ -70,7 +68,7 @@ class Watch:
         rows = self.rows
         if rows.count:
             rows.counting = np.clip(self.outcomes.counting - rows.first, 0, rows.count)
-            self._observer.block(rows)
+            self.observer.block(rows)
             rows.clear()
 
     def _check(self, first: int, now: FloatArray) -> None:

@@ -9,7 +9,7 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.loop.folds import ERRORS, Block, Fold, State
+from gough_stewart.harness.loop.folds import ERRORS, ROW, KeptRows, State
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.interface import BY_NAME, nearest
@@ -43,7 +43,7 @@ class BandSamples(NamedTuple):
     running: NDArray[np.intp]  # (T,), number of members still running
 
 
-class Bands(Fold):
+class Bands(KeptRows):
     """A fold that samples signals of all members at some times.
 
     Parameters
@@ -63,8 +63,6 @@ class Bands(Fold):
         A name is not in `NAMES`.
     """
 
-    keeps_ended = False
-
     def __init__(
         self, names: Sequence[str], timing: Timing, members: int = 1, first: int = 0, times: int = MOST_TIMES
     ) -> None:
@@ -73,37 +71,46 @@ class Bands(Fold):
                 raise RecordError(f"no signal '{name}' for bands{nearest(name, NAMES)}")
         self._names, self._members = tuple(names), members
         self.needs = tuple(dict.fromkeys(name.removesuffix(".norm") for name in names))
-        self._rows = np.unique(np.linspace(0, timing.steps, min(times, timing.steps + 1)).round().astype(int))
-        self._time = timing.times[self._rows]
+        self.at = np.unique(np.linspace(0, timing.steps, min(times, timing.steps + 1)).round().astype(np.intp))
+        self._time = timing.times[self.at]
         of_names = [_columns(name) for name in self._names]
         self.columns = tuple(column for each in of_names for column in each)
         ends = np.cumsum([0, *map(len, of_names)]).tolist()
-        self._at = {name: slice(*each) for name, each in zip(self._names, pairwise(ends), strict=True)}
-        size = (len(self._rows), len(self.columns))
-        self._values = np.full((*size, min(members, max(MOST_MEMBERS - first, 0))), np.nan)
-        self._lowest, self._highest = np.full(size, np.nan), np.full(size, np.nan)
-        self._running = np.zeros(len(self._rows), dtype=np.intp)
+        self._places = {name: slice(*each) for name, each in zip(self._names, pairwise(ends), strict=True)}
+        self._counted = min(members, max(MOST_MEMBERS - first, 0))
+        self.start(0)
+        self.result({}, np.zeros(0, np.intp))
 
-    def rows(self, _state: State, block: Block) -> None:
-        """Sample the signals at the sample times in a block, of members that have not ended."""
-        running, n = block.running[: self._members], self._values.shape[2]
-        first, last = np.searchsorted(self._rows, (block.first, block.first + block.rows))
-        rows = self._rows[first:last] - block.first
-        if not len(rows):
-            return
-        values = np.empty((len(rows), len(self.columns), self._members))
-        for name, at in self._at.items():
-            values[:, at] = _values(name, block, rows)[..., : self._members]
-        values[~np.isfinite(values)] = np.nan
-        values[..., ~running] = np.nan
-        here = slice(first, last)
-        self._values[here] = values[..., :n]
-        self._lowest[here], self._highest[here] = np.fmin.reduce(values, axis=2), np.fmax.reduce(values, axis=2)
-        self._running[here] = np.count_nonzero(running)
+    def start(self, members: int) -> State:
+        """No samples; columns are kept where they belong, and those of norms beside them."""
+        self._values: FloatArray = np.zeros((len(self.at), len(self.columns), members))
+        own = {name: self._values[:, at] for name, at in self._places.items() if not name.endswith(".norm")}
+        others = [name for name in self.needs if name not in own]
+        self.kept = own | {name: np.zeros((len(self.at), _size(name), members)) for name in others}
+        return {}
+
+    def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
+        """No metrics; `samples` has what was kept, of members with these numbers of rows."""
+        for name in self._names:
+            if name.endswith(".norm"):
+                kept = self.kept[name.removesuffix(".norm")]
+                self._values[:, self._places[name]] = np.sqrt((kept * kept).sum(axis=1, keepdims=True))
+        values, runs = self._values[..., : self._members], self.at[:, None] < rows[: self._members]
+        # one time after the other: few numbers fit into the processor's cache
+        for at, has in zip(values, runs, strict=True):
+            np.copyto(at, np.nan, where=~(np.isfinite(at) & has))
+        size = self._values.shape[:2]
+        self._lowest, self._highest = np.full(size, np.nan), np.full(size, np.nan)
+        if values.size:
+            np.fmin.reduce(values, axis=2, out=self._lowest)
+            np.fmax.reduce(values, axis=2, out=self._highest)
+        self._running = np.count_nonzero(runs, axis=1)
+        return {}
 
     def samples(self) -> BandSamples:
-        """The samples so far."""
-        return BandSamples(self._time, self.columns, self._values, self._lowest, self._highest, self._running)
+        """The samples of the run, after `result`."""
+        values = self._values[..., : self._counted]
+        return BandSamples(self._time, self.columns, values, self._lowest, self._highest, self._running)
 
 
 def joined_samples(parts: Iterable[BandSamples]) -> BandSamples:
@@ -175,10 +182,5 @@ def _columns(name: str) -> list[str]:
     return [f"{prefix}.{column}" if prefix else column for column in BY_NAME[variable].scalar_names]
 
 
-def _values(name: str, block: Block, rows: NDArray[np.intp]) -> FloatArray:
-    """The signal (rows, size, N) of a name at some rows of a block."""
-    column = name.removesuffix(".norm")
-    if column not in block:
-        return np.full((1, 1, 1), np.nan)
-    values: FloatArray = block.of_rows(rows, column)
-    return values if column == name else np.sqrt((values * values).sum(axis=1, keepdims=True))
+def _size(name: str) -> int:
+    return ROW[name].stop - ROW[name].start

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.loop.folds import FORCES, Block, Fold, State
+from gough_stewart.harness.loop.folds import FORCES, Fold, State
 from gough_stewart.harness.loop.loop import Loop, stroke_of
 from gough_stewart.harness.loop.term_folds import First, Given, Largest, Reduction, Smallest, Sum, SumButLast, TermFold
 from gough_stewart.harness.report.quantities import (
@@ -46,9 +46,6 @@ class Rows(Fold):
 
     def __init__(self, time: FloatArray) -> None:
         self._time = time
-
-    def rows(self, _state: State, _block: Block) -> None:
-        """Nothing to add."""
 
     def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`rows` and `duration`."""

@@ -107,9 +107,9 @@ static void read_rows(const rows_of_members *of, int64_t vector, int64_t from, i
     }
 }
 
-/* Adds rows of a chunk to a fold; `stop` has for each member how many of them count. */
+/* Adds rows of a chunk, whose first one is that before, to a fold; `stop` has for each member how many of them count. */
 static void add(const rows_of_members *of, const fold *f, int64_t vector, int64_t index, int64_t rows, mask stop,
-                lanes (*chunk)[MOST_COLUMNS])
+                const lanes *chunk, int64_t elements)
 {
     const kernel *k = &KERNELS[f->kernel];
     const double *given = of->parameters + (vector * of->n_parameters + f->parameter) * WIDTH;
@@ -120,8 +120,9 @@ static void add(const rows_of_members *of, const fold *f, int64_t vector, int64_
     for (int64_t i = 0; i < k->states; i++)
         state[i] = ((const anywhere *)kept)[i];
     for (int64_t row = 0; row < rows; row++) {
+        const lanes *here = chunk + (row + 1) * elements, *before = index + row ? here - elements : here;
         lanes at = (lanes)(double)(index + row), *swap = state;
-        k->step(chunk[row + 1], chunk[row], f->places, &at, parameters, state, next);
+        k->step(here, before, f->places, &at, parameters, state, next);
         state = next;
         next = swap;
         mask ends = stop == (whole)(row + 1);
@@ -131,24 +132,53 @@ static void add(const rows_of_members *of, const fold *f, int64_t vector, int64_
     }
 }
 
-/* Members whose numbers of a row, the first `n` of its elements, are not all finite. */
-static mask broken(const lanes row[], int64_t n)
+/* Members with an element of a row that has to be finite and is not. */
+static mask broken(const rows_of_members *of, const lanes row[])
 {
+    const int64_t n = of->n_checked, *at = of->checked;
     lanes a = (lanes)0.0, b = a, c = a, d = a;
     int64_t i = 0;
     for (; i + 4 <= n; i += 4) {
-        a += row[i] * 0;
-        b += row[i + 1] * 0;
-        c += row[i + 2] * 0;
-        d += row[i + 3] * 0;
+        a += row[at[i]] * 0;
+        b += row[at[i + 1]] * 0;
+        c += row[at[i + 2]] * 0;
+        d += row[at[i + 3]] * 0;
     }
     for (; i < n; i++)
-        a += row[i] * 0;
+        a += row[at[i]] * 0;
     lanes sum = (a + b) + (c + d);
     return sum != sum;
 }
 
-static void add_vector(const rows_of_members *of, int64_t vector, int64_t numbers)
+/* How many of the rows of a chunk count: those before one that is broken, `most` at the most. */
+static mask counted(const rows_of_members *of, int64_t rows, mask most, const lanes *chunk, int64_t elements)
+{
+    for (int64_t row = 0; row < rows; row++) {
+        mask ends = broken(of, chunk + (row + 1) * elements), here = (mask)(whole)row;
+        most = (ends & least(most, here)) | (~ends & most);
+    }
+    return most;
+}
+
+void folds_rows(const rows_of_members *of, int64_t vector, int64_t first, int64_t rows, int64_t elements,
+                const int64_t *ends, const double *chunk)
+{
+    int64_t *counting = of->counting + vector * WIDTH;
+    mask most = (mask)(whole)0;
+    for (int64_t k = 0; k < WIDTH; k++)
+        if (counting[k] < 0)
+            most[k] = ends[k] < rows ? ends[k] : rows;
+    if (!any(most))
+        return;
+    mask stop = counted(of, rows, most, (const lanes *)chunk, elements);
+    for (const fold *f = of->folds; f < of->folds + of->n_folds; f++)
+        add(of, f, vector, first, rows, stop, (const lanes *)chunk, elements);
+    for (int64_t k = 0; k < WIDTH; k++)
+        if (counting[k] < 0 && (stop[k] < rows || ends[k] <= rows))
+            counting[k] = first + stop[k];
+}
+
+static void add_vector(const rows_of_members *of, int64_t vector)
 {
     lanes chunk[CHUNK + 1][MOST_COLUMNS];
     int64_t *counting = of->counting + vector * WIDTH, members = of->members - vector * WIDTH;
@@ -159,15 +189,11 @@ static void add_vector(const rows_of_members *of, int64_t vector, int64_t number
         int64_t rows = of->rows - from < CHUNK ? of->rows - from : CHUNK;
         int is_first = of->first + from == 0;
         read_rows(of, vector, from - !is_first, from + rows, chunk + is_first);
-        if (is_first)
-            memcpy(chunk[0], chunk[1], sizeof chunk[0]);
-        for (int64_t row = 0; row < rows; row++) {
-            mask ends = broken(chunk[row + 1], numbers), here = (mask)(whole)(from + row);
-            count = (ends & least(count, here)) | (~ends & count);
-        }
-        mask stop = least(count - (whole)from, (mask)(whole)rows);
+        mask left = least(count - (whole)from, (mask)(whole)rows);
+        mask stop = counted(of, rows, left, chunk[0], MOST_COLUMNS);
+        count = (count & (stop == left)) | ((stop + (whole)from) & (stop != left));
         for (const fold *f = of->folds; f < of->folds + of->n_folds; f++)
-            add(of, f, vector, of->first + from, rows, stop, chunk);
+            add(of, f, vector, of->first + from, rows, stop, chunk[0], MOST_COLUMNS);
     }
     for (int64_t k = 0; k < members && k < WIDTH; k++)
         counting[k] = count[k];
@@ -175,16 +201,13 @@ static void add_vector(const rows_of_members *of, int64_t vector, int64_t number
 
 int64_t folds_add(const rows_of_members *of)
 {
-    int64_t elements = 0, numbers = 0;
-    for (int64_t i = 0; i < of->n_columns; i++) {
+    int64_t elements = 0;
+    for (int64_t i = 0; i < of->n_columns; i++)
         elements += of->columns[i].size;
-        if (of->columns[i].kind != FLAGS)
-            numbers = elements;
-    }
     if (elements > MOST_COLUMNS)
         return -1;
     for (int64_t vector = 0; vector * WIDTH < of->members; vector++)
-        add_vector(of, vector, numbers);
+        add_vector(of, vector);
     return 0;
 }
 

@@ -10,6 +10,9 @@
 #include "components.h"
 #include "noise.h"
 
+/* Rows that folds get at once: they stay in the cache. */
+#define CHUNK 8
+
 /* The members of one vector. */
 typedef struct {
     group plant;
@@ -17,8 +20,9 @@ typedef struct {
     const loop *with;
     int64_t first; /* member */
     int live;      /* members in it */
+    int64_t taken; /* rows of the chunk, after the one before */
+    lanes (*chunk)[ROW_ELEMENTS];
 } vector;
-
 
 static lanes at(const vector *v, const table *t, int64_t row, int64_t element)
 {
@@ -345,6 +349,43 @@ static void keep_row(vector *v, int64_t row, const lanes is_behind[])
         write_flags(v, &w->row_rate_limited, row, i, is_behind[i], everyone);
 }
 
+/* The elements of a row for folds, and what is kept of it. */
+static void take_row(vector *v, int64_t row, const lanes is_behind[])
+{
+    const loop *w = v->with;
+    lanes *into = v->chunk[++v->taken];
+    recall(v, w->signals, N_SIGNALS, into);
+    recall(v, w->acting, N_LEGS, into + ROW_FORCES);
+    for (int i = 0; i < ROW_FLAGS - ROW_ERRORS; i++) {
+        int of = i < N_POSE ? i : FIRST_LENGTH + i - N_POSE;
+        into[ROW_ERRORS + i] = w->reference.at ? at(v, &w->reference, row, of) - into[of] : (lanes)NAN;
+    }
+    for (int i = 0; i < N_LEGS; i++) {
+        into[ROW_FLAGS + i] = remembered(v, w->limited, i);
+        into[ROW_FLAGS + N_LEGS + i] = is_behind[i];
+    }
+    for (const kept_rows *k = w->takes->kept; k < w->takes->kept + w->takes->n_kept; k++)
+        for (int64_t i = 0; k->place[row] >= 0 && i < k->size; i++)
+            write_numbers(v, &k->to, k->place[row], i, into[k->elements[i]]);
+}
+
+/* Gives the chunk of rows before `row` to the folds. */
+static void fold_rows(vector *v, int64_t row)
+{
+    const loop *w = v->with;
+    int64_t ends[WIDTH], rows = v->taken;
+    for (int lane = 0; lane < WIDTH; lane++) {
+        int64_t end = w->ended[v->first + lane];
+        ends[lane] = end < 0 ? rows + 1 : end < row - rows ? 0 : end - (row - rows) + 1;
+    }
+    if (rows && w->takes->fold)
+        w->takes->fold(w->takes->folding, v->first / WIDTH, row - rows, rows, ROW_ELEMENTS, ends,
+                       (const double *)v->chunk);
+    for (int i = 0; i < ROW_ELEMENTS; i++)
+        v->chunk[0][i] = v->chunk[rows][i];
+    v->taken = 0;
+}
+
 static void check_limits(vector *v, int64_t row)
 {
     const loop *w = v->with;
@@ -428,26 +469,43 @@ static void at_row(vector *v, int64_t row)
         drive(v, is_behind);
     }
     recall(v, w->acting, N_LEGS, v->plant.u);
-    keep_row(v, row, is_behind);
+    if (w->takes)
+        take_row(v, row, is_behind);
+    else
+        keep_row(v, row, is_behind);
     check_limits(v, row);
 }
 
 int64_t loop_run(const batch *of, const loop *with, int64_t first, int64_t end, int64_t to, int64_t most_work)
 {
+    lanes chunk[CHUNK + 1][ROW_ELEMENTS];
     for (int64_t block = first; block < end; block++) {
-        vector v = {.of = of, .with = with, .first = block * WIDTH};
+        vector v = {.of = of, .with = with, .first = block * WIDTH, .chunk = chunk};
         if (with->at_row[block] >= to || v.first >= with->members)
             continue;
         v.live = with->members - v.first < WIDTH ? (int)(with->members - v.first) : WIDTH;
         read_group(&v.plant, of, block, N_PARAMETERS);
         read_inputs(&v.plant);
+        if (with->takes)
+            recall(&v, with->takes->latest, ROW_ELEMENTS, chunk[0]);
         while (with->at_row[block] < to) {
             int64_t row = with->at_row[block]++;
             at_row(&v, row);
             if (row < with->last)
                 most_work -= step_plant(&v, row);
+            if (v.taken == CHUNK)
+                fold_rows(&v, row + 1);
+            if (with->takes && !any(v.plant.running)) { /* no row of theirs counts any more */
+                fold_rows(&v, row + 1);
+                with->at_row[block] = to;
+            }
             if (most_work < 0)
                 break;
+        }
+        if (with->takes) {
+            fold_rows(&v, with->at_row[block]);
+            for (int i = 0; i < ROW_ELEMENTS; i++)
+                remember(&v, with->takes->latest, i, chunk[0][i]);
         }
         *(mask_anywhere *)(of->running + v.first) = v.plant.running;
         if (most_work < 0)

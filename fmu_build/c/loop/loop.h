@@ -30,6 +30,25 @@ typedef struct {
     int64_t row, element;
 } rows_of_flags;
 
+/* What is kept of some rows: elements of a row, see ROW_ELEMENTS in components.h. */
+typedef struct {
+    const int64_t *place; /* by row of the run: where it is kept, or -1 */
+    int64_t size;
+    const int64_t *elements;
+    rows_of_numbers to;
+} kept_rows;
+
+/* Who takes the rows as they come, in the cache, so that they need not be written: folds, see `folds_rows` of
+   c/folds/folds.h, and what is kept of some rows. */
+typedef struct {
+    void (*fold)(const void *folding, int64_t vector, int64_t first, int64_t rows, int64_t elements, const int64_t *ends,
+                 const double *chunk); /* NULL: none */
+    const void *folding;
+    double *latest; /* (ROW_ELEMENTS, M): the row before the next one */
+    int64_t n_kept;
+    const kept_rows *kept;
+} taker;
+
 typedef struct {
     int64_t members; /* N, at most those of the batch; the others are not read and not written */
     int64_t last;    /* row of the run's end: after it there is no step */
@@ -97,6 +116,7 @@ typedef struct {
     rows_of_flags row_force_limited, row_rate_limited;
     rows_of_numbers sample_measured, sample_state, sample_command;
     rows_of_flags sample_limited;
+    const taker *takes; /* NULL: nobody */
 } loop;
 
 /* Runs the vectors from `first` to before `end` to the rows before `to`, each with the step from there, or until about
