@@ -36,7 +36,7 @@ FLAGS = (
     *("-ffp-contract=fast-honor-pragmas", "-fno-math-errno", "-fno-signed-zeros"),
 )
 # Limits of error-controlled steps: internal steps of a plant step, and the smallest one as a share of it.
-CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9}
+CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9, "SMALLEST_ERROR": 1e-200}
 _NAME = "lanes"
 # Instruction sets that the machine code may use.
 _VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")
@@ -245,6 +245,8 @@ def _vector_kernels() -> tuple[Any, ...]:
         traced.outputs_function(),
         traced.signals_function(),
         traced.margins_function(),
+        traced.posed_function(),
+        traced.motion_function(),
     )
 
 
@@ -299,6 +301,7 @@ def in_lanes(function: Any, declarator: str = _KERNEL, *, exact: bool = False, c
 def _table(scalar_kernel: str) -> str:
     """`lanes_table.h`: sizes of the kernels' vectors, and the kernel of single members."""
     from gough_stewart.fmu_build.tables import GENERATED, defines
+    from gough_stewart.model import traced
 
     sizes = {
         "N_STATES": interface.N_STATES,
@@ -306,6 +309,7 @@ def _table(scalar_kernel: str) -> str:
         "N_PARAMETERS": interface.N_PARAMETERS,
         "N_RESULTS": interface.N_RESULTS,
         "N_SIGNALS": interface.N_SIGNALS,
+        "N_SHARED": traced.motion_function().numel_in(0),
     }
     declaration = scalar_kernel[: scalar_kernel.index("\n{")].strip()
     return f"""{GENERATED}

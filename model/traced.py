@@ -9,7 +9,7 @@ The Functions are traced by calling the functions of `dynamics`, `kinematics` an
 `casadi.SX` scalars. They keep a leading axis of length 1, since NumPy turns 0-d object arrays into scalars.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from itertools import combinations
 from typing import Any
@@ -150,6 +150,32 @@ def margins_function(variant: Variant = IDEAL) -> casadi.Function:
     return casadi.Function("margins", [x, p], results, ["x", "p"], ["square", "determinant", "size"])
 
 
+@cache
+@interrupts_held_back()
+def posed_function() -> casadi.Function:
+    """CasADi Function `posed`: (x, p) -> y, square, determinant, size, s: all that depends on the state alone.
+
+    y are the signals, the next three as of `margins`; from s and the inputs, `motion` gives the derivatives. So a state
+    that is looked at, checked, and driven by one input after the other is evaluated once.
+    """
+    x, u, p = _arguments()
+    _, y = _trace(x, u, p)
+    shared, _ = _split(x, u, p)
+    margins = margins_function()(x, p)
+    results = casadi.cse([y[: interface.N_SIGNALS], *margins, shared])
+    return casadi.Function("posed", [x, p], results, ["x", "p"], ["y", "square", "determinant", "size", "s"])
+
+
+@cache
+@interrupts_held_back()
+def motion_function() -> casadi.Function:
+    """CasADi Function `motion`: (s, x, u) -> xdot, with s of `posed`: a wrench, and the solution of factors."""
+    x, u, p = _arguments()
+    shared, solved = _split(x, u, p)
+    s = casadi.SX.sym("s", shared.numel())
+    return casadi.Function("motion", [s, x, u], casadi.cse([solved(s)]), ["s", "x", "u"], ["xdot"])
+
+
 def _arguments(variant: Variant = IDEAL) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
     n, q = interface.size_of(variant.states), interface.size_of(variant.parameters)
     return casadi.SX.sym("x", n), casadi.SX.sym("u", N_INPUTS), casadi.SX.sym("p", q)
@@ -191,6 +217,36 @@ def _trace_machine(x: casadi.SX, u: casadi.SX, p: casadi.SX, variant: Variant) -
     values = machine_dynamics.machine_results(variant, parameters, state, rates)
     xdot = machine_dynamics.machine_derivatives(state, rates)
     return _column(xdot), casadi.vertcat(*(_column(values[v.name]) for v in variant.results))
+
+
+def _split(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, Callable[[casadi.SX], casadi.SX]]:
+    """What the derivatives need of (x, p), s, and the derivatives as a function of s.
+
+    M [v̇; ω̇] = b + B u with M = L D Lᵀ: s has the orientation's rates, D, Lᵀ, b and B.
+    """
+    state, inputs = State.from_vector(_symbols(x)), Inputs.from_vector(_symbols(u))
+    systems = list[tuple[Array, Array]]()
+
+    def keep(matrix: Array, vector: Array) -> Array:
+        systems.append((matrix, vector))
+        return vector
+
+    dynamics.forward_dynamics(_parameters(p), state, inputs, solve=keep)
+    ((M, vector),) = systems
+    wrench = _column(vector)
+    D, LT, order = casadi.ldl(casadi.vertcat(*(casadi.horzcat(*row) for row in M[0])))
+    rate = _column(orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity))
+    B, b = casadi.jacobian(wrench, u), casadi.substitute(wrench, u, casadi.SX.zeros(u.numel()))
+    parts = [rate, casadi.vec(D), LT.nz[:], b, B.nz[:]]
+    ends = np.cumsum([0, *(part.numel() for part in parts)]).tolist()
+
+    def solved(s: casadi.SX) -> casadi.SX:
+        rate, d, factors, b, gains = casadi.vertsplit(s, ends)
+        of_wrench = b + casadi.SX(B.sparsity(), gains) @ u
+        a = casadi.ldl_solve(of_wrench, d.reshape(D.shape), casadi.SX(LT.sparsity(), factors), order)
+        return casadi.vertcat(x[6:9], rate, a)
+
+    return casadi.vertcat(*parts), solved
 
 
 def _parameters(p: casadi.SX, variant: Variant = IDEAL) -> Parameters:

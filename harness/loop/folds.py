@@ -26,7 +26,10 @@ ERRORS: Mapping[str, slice] = {f"error.{name}": AT[name] for name in ("position"
 
 
 def _row() -> dict[str, slice]:
-    sizes = {**{name: at.stop - at.start for name, at in (AT | ERRORS).items()}, **dict.fromkeys((FORCES, *LIMITED), 6)}
+    sizes = {
+        **{name: at.stop - at.start for name, at in {**AT, **ERRORS}.items()},
+        **dict.fromkeys((FORCES, *LIMITED), 6),
+    }
     found, end = dict[str, slice](), 0
     for name in (*AT, FORCES, *ERRORS, *LIMITED):
         found[name] = slice(end, end + sizes[name])
@@ -127,8 +130,9 @@ class Fold(Protocol):
         """The state before the first row; by default none by member."""
         return {}
 
-    def rows(self, state: State, block: Block) -> None:
-        """Add a block to the state, in place."""
+    def rows(self, _state: State, _block: Block) -> None:
+        """Add a block to the state, in place; by default nothing."""
+        return
 
     def result(self, _state: State, _rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Results (..., N) by name for members with these numbers of rows (N,); NaN where undefined."""

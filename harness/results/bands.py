@@ -183,4 +183,4 @@ def _columns(name: str) -> list[str]:
 
 
 def _size(name: str) -> int:
-    return ROW[name].stop - ROW[name].start
+    return int(ROW[name].stop - ROW[name].start)

@@ -23,6 +23,18 @@ static void put(double *to, lanes x)
     *(anywhere *)to = x;
 }
 
+/* How far a state is from the pose limits: L_i^2, det K and rho^2, see margins_function of model/traced.py. */
+typedef struct {
+    lanes square[N_LEGS], determinant, size;
+} margins;
+
+/* What depends on a state alone: signals, margins, and what the derivatives need of it besides the inputs. */
+typedef struct {
+    lanes signals[N_SIGNALS];
+    margins from_limits;
+    lanes shared[N_SHARED];
+} posed;
+
 /* Eight members during a step. */
 typedef struct {
     const batch *of;
@@ -30,6 +42,7 @@ typedef struct {
     const lanes *p;
     lanes x[N_STATES], u[N_INPUTS], side;
     mask running;
+    posed here; /* of x, for error-controlled steps: see `look` */
 } group;
 
 static void read_rows(lanes rows[], int n, const double *from, int64_t stride)
@@ -117,10 +130,9 @@ static void fail(group *g, int lane, int64_t failure, double after, const lanes 
 }
 
 /* Stops members beyond the pose limits and records the reason. */
-static void check(group *g, lanes after)
+static void check(group *g, lanes after, const margins *from_limits)
 {
-    lanes square[N_LEGS], det, size;
-    kernel_margins(g->x, g->p, square, &det, &size);
+    const lanes *square = from_limits->square, det = from_limits->determinant, size = from_limits->size;
     lanes shortest = square[0], product = square[0], nothing = g->x[0] * 0;
     for (int i = 1; i < N_LEGS; i++) {
         shortest = choose(square[i] < shortest, square[i], shortest);
@@ -148,6 +160,25 @@ static void check(group *g, lanes after)
         if (failure != FAILURE_GOES_ON)
             fail(g, lane, failure, LANE(after, lane), g->x);
     }
+}
+
+static void check_now(group *g, lanes after)
+{
+    margins m;
+    kernel_margins(g->x, g->p, m.square, &m.determinant, &m.size);
+    check(g, after, &m);
+}
+
+static void look_at(const group *g, const lanes x[], posed *found)
+{
+    margins *m = &found->from_limits;
+    kernel_posed(x, g->p, found->signals, m->square, &m->determinant, &m->size, found->shared);
+}
+
+/* Evaluates the state where it has not come by `advance`. */
+static void look(group *g)
+{
+    look_at(g, g->x, &g->here);
 }
 
 /* The larger one of two numbers without NaN. */
@@ -269,7 +300,7 @@ int64_t lanes_step(const batch *of, double size, int64_t substeps, double *signa
         mask ran = g.running;
         for (int64_t k = 1; k <= substeps && any(g.running); k++) {
             error += fixed_step(&g, size);
-            check(&g, (lanes)(k * size));
+            check_now(&g, (lanes)(k * size));
         }
         if (any(ran)) {
             failed += settle(&g, ran);
@@ -294,6 +325,19 @@ static lanes factor_of(lanes r)
     return choose(factor > 0.2, factor, (lanes)0.2);
 }
 
+/* Takes what is of another state for members. */
+static void keep_posed(posed *kept, const posed *other, mask members)
+{
+    if (!any(~members)) {
+        *kept = *other;
+        return;
+    }
+    lanes *to = (lanes *)kept;
+    const lanes *from = (const lanes *)other;
+    for (size_t i = 0; i < sizeof *kept / sizeof *to; i++)
+        to[i] = choose(members, from[i], to[i]);
+}
+
 /* Sizes of the members' next internal steps: the proposed ones, or what is left, or half of it. */
 static lanes size_of(lanes proposed, lanes left)
 {
@@ -301,21 +345,57 @@ static lanes size_of(lanes proposed, lanes left)
     return choose(proposed >= left, left, size);
 }
 
+/* An internal step of classical RK4 of a size from a state with the derivatives `rate[0]`: the state at its end, what
+   depends on that, the derivatives there as `rate[4]`, and the error.
+
+   With the fifth stage k5 at the end there is a solution of order 3, h (k4 - k5) / 6 away, and with k2 in place of k3 one
+   of order 2, h (k3 - k2) / 3 away. Their distances e3 and e2 fall as h^4 and h^3, so that 10 e3^2 / e2 falls as h^5 like
+   the error of order 4, of which it is 2.8 times for x' = a x (as in Hairer, Norsett and Wanner's DOP853); it is taken
+   where it is below e3, element by element and relative to 1 + |x|. */
+static void controlled_step(const group *g, lanes size, lanes rate[5][N_STATES], lanes end[], posed *there, lanes *error)
+{
+    lanes at[N_STATES], nothing = (lanes)0.0; /* NaN if one of them is not finite */
+    for (int stage = 1; stage < 4; stage++) {
+        lanes part = stage < 3 ? 0.5 * size : size;
+        for (int i = 0; i < N_STATES; i++)
+            at[i] = g->x[i] + part * rate[stage - 1][i];
+        kernel_derivatives(at, g->u, g->p, rate[stage]);
+    }
+    for (int i = 0; i < N_STATES; i++)
+        end[i] = g->x[i] + (size * (1.0 / 6)) * ((rate[0][i] + rate[3][i]) + 2 * (rate[1][i] + rate[2][i]));
+    look_at(g, end, there);
+    kernel_motion(there->shared, end, g->u, rate[4]);
+    *error = (lanes)0.0;
+    for (int i = 0; i < N_STATES; i++) {
+        lanes third = (size * (1.0 / 6)) * magnitude(rate[3][i] - rate[4][i]);
+        lanes second = (size * (1.0 / 30)) * magnitude(rate[2][i] - rate[1][i]);
+        lanes scale = (third + second + SMALLEST_ERROR) * (1 + magnitude(g->x[i]));
+        *error = larger(third * third * reciprocal(scale), *error);
+        nothing += (end[i] + rate[4][i]) * 0;
+    }
+    *error += nothing;
+}
+
 static void advance(group *g, double duration, double tolerance)
 {
     const batch *of = g->of;
     lanes left = (lanes)duration, proposed = get(of->proposed + g->first), taken = get(of->internal_steps + g->first);
-    lanes sum = (lanes)0.0, begin = taken;
+    lanes sum = (lanes)0.0, begin = taken, rate[5][N_STATES];
+    kernel_motion(g->here.shared, g->x, g->u, rate[0]);
     mask is_new = proposed == 0;
     proposed = choose(is_new, left, proposed);
     while (any(g->running & (left > 0))) {
         mask active = g->running & (left > 0);
         lanes size = choose(active, size_of(proposed, left), (lanes)0.0), end[N_STATES], error;
-        pair(g, size, end, &error);
+        posed there;
+        controlled_step(g, size, rate, end, &there, &error);
         lanes ratio = error / tolerance, next = size * factor_of(ratio);
         mask passes = active & (ratio <= 1);
-        for (int i = 0; i < N_STATES; i++)
+        for (int i = 0; i < N_STATES; i++) {
             g->x[i] = choose(passes, end[i], g->x[i]);
+            rate[0][i] = choose(passes, rate[4][i], rate[0][i]);
+        }
+        keep_posed(&g->here, &there, passes);
         sum = choose(passes, sum + error, sum);
         taken = choose(active, taken + 1, taken);
         /* a step that was shortened to end on time says little of the next one */
@@ -323,7 +403,7 @@ static void advance(group *g, double duration, double tolerance)
         left = choose(passes, choose(size == left, (lanes)0.0, left - size), left);
         lanes after = duration - left;
         if (any(passes))
-            check(g, after);
+            check(g, after, &g->here.from_limits);
         mask ends = g->running & (left > 0) &
                     ((taken - begin >= MOST_LANE_STEPS) | (~passes & (proposed < SMALLEST_SHARE * duration)));
         for (int lane = 0; any(ends) && lane < WIDTH; lane++)
@@ -344,12 +424,16 @@ int64_t lanes_advance(const batch *of, double duration, double tolerance, double
         read_group(&g, of, block, N_PARAMETERS);
         read_inputs(&g);
         mask ran = g.running;
+        look(&g);
         if (any(ran)) {
             advance(&g, duration, tolerance);
-            failed += settle(&g, ran);
+            int64_t of_group = settle(&g, ran);
+            failed += of_group;
+            if (of_group)
+                look(&g);
         }
         if (signals)
-            write_signals(&g, signals);
+            write_rows(signals + g.first, N_SIGNALS, g.here.signals, of->stride);
     }
     return failed;
 }
@@ -361,7 +445,7 @@ int64_t lanes_check(const batch *of)
         group g;
         read_group(&g, of, block, N_GEOMETRY);
         mask ran = g.running;
-        check(&g, (lanes)0.0);
+        check_now(&g, (lanes)0.0);
         failed += settle(&g, ran);
     }
     return failed;

@@ -423,15 +423,17 @@ static int64_t step_plant(vector *v, int64_t row)
         double size = w->plant_step / (double)w->substeps;
         for (int64_t k = 1; k <= w->substeps && any(v->plant.running); k++) {
             error += fixed_step(&v->plant, size);
-            check(&v->plant, (lanes)((double)k * size));
+            check_now(&v->plant, (lanes)((double)k * size));
         }
         work = w->substeps;
         settle(&v->plant, ran);
         keep_errors(&v->plant, error);
+        kernel_signals(v->plant.x, v->plant.p, v->plant.here.signals);
     } else {
         lanes before = get(of->internal_steps + v->first);
         advance(&v->plant, w->plant_step, w->tolerance);
-        settle(&v->plant, ran);
+        if (settle(&v->plant, ran))
+            look(&v->plant);
         lanes taken = get(of->internal_steps + v->first) - before;
         for (int lane = 0; lane < WIDTH; lane++)
             work = LANE(taken, lane) > (double)work ? (int64_t)LANE(taken, lane) : work;
@@ -441,10 +443,8 @@ static int64_t step_plant(vector *v, int64_t row)
             w->ended[v->first + lane] = row;
             work = MOST_LANE_STEPS;
         }
-    lanes y[N_SIGNALS];
-    kernel_signals(v->plant.x, v->plant.p, y);
     for (int i = 0; i < N_SIGNALS; i++)
-        remember(v, w->signals, i, y[i]);
+        remember(v, w->signals, i, v->plant.here.signals[i]);
     return work;
 }
 
@@ -486,6 +486,8 @@ int64_t loop_run(const batch *of, const loop *with, int64_t first, int64_t end, 
         v.live = with->members - v.first < WIDTH ? (int)(with->members - v.first) : WIDTH;
         read_group(&v.plant, of, block, N_PARAMETERS);
         read_inputs(&v.plant);
+        if (!with->substeps)
+            look(&v.plant);
         if (with->takes)
             recall(&v, with->takes->latest, ROW_ELEMENTS, chunk[0]);
         while (with->at_row[block] < to) {

@@ -98,7 +98,8 @@ def assert_equal(ours: Folded, theirs: Folded) -> None:
         np.testing.assert_array_equal(values[..., :n], theirs.metrics[name][..., :n], err_msg=name)
     samples = ours.bands.samples(), theirs.bands.samples()
     for field in BandSamples._fields:
-        np.testing.assert_array_equal(*(getattr(each, field) for each in samples), err_msg=field)
+        one, other = (getattr(each, field) for each in samples)
+        np.testing.assert_array_equal(one, other, err_msg=field)
 
 
 CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {

@@ -399,8 +399,8 @@ def test_controlled_steps_hold_their_tolerance_over_a_long_step(tolerance: float
     assert 1.3 < finer.internal_steps[0] / taken < 4
 
 
-def test_controlled_steps_have_order_five() -> None:
-    """Expected: one internal step of half the size is off by a 64th, as the stepping model says from the same start."""
+def test_controlled_steps_have_order_four() -> None:
+    """Expected: one internal step of half the size is off by a 32nd, as the stepping model says from the same start."""
     smooth = replace(UNEVEN, leg_coulomb_friction=0.0)
     true = []
     for size in (0.02, 0.01, 0.005):
@@ -409,7 +409,7 @@ def test_controlled_steps_have_order_five() -> None:
         plant.do_step(0.0, size)
         assert plant.internal_steps[0] == 1
         true.append(_distance(plant, _after(smooth, STATE, INPUTS.to_vector(), size, 1e-13)))
-    np.testing.assert_allclose(np.array(true[:-1]) / true[1:], 64, rtol=0.35)
+    np.testing.assert_allclose(np.array(true[:-1]) / true[1:], 32, rtol=0.2)
 
 
 def test_a_stiff_member_takes_small_steps_and_its_neighbours_do_not(compiler: bool) -> None:
@@ -426,7 +426,7 @@ def test_a_stiff_member_takes_small_steps_and_its_neighbours_do_not(compiler: bo
     own = np.diff(taken, axis=0)
     assert (own[:, [0, 2]] <= 4).all()
     assert (own[:, 1] > 2 * own[:, 0]).all()
-    assert own[0, 1] < 25  # its first size is found within some trials
+    assert own[0, 1] < 40  # its first size is found within some trials
     assert own[2, 1] < own[0, 1] / 2
     for member, platform in ((0, UNEVEN), (1, sticky)):
         exact = _after(platform, start, u, 3 * STEP, 1e-12)
