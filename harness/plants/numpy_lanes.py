@@ -147,13 +147,14 @@ def _controlled(
 
     As `controlled_step` of c/lanes/lanes.c.
     """
-    k2 = _derivatives(parameters, x + 0.5 * size * first, u)
-    k3 = _derivatives(parameters, x + 0.5 * size * k2, u)
-    k4 = _derivatives(parameters, x + size * k3, u)
-    end = x + size * (1 / 6) * ((first + k4) + 2 * (k2 + k3))
+    k2 = _derivatives(parameters, x + size / 3 * first, u)
+    k3 = _derivatives(parameters, x + size * (k2 - first / 3), u)
+    k4 = _derivatives(parameters, x + size * (first - k2 + k3), u)
+    end = x + size / 8 * (first + 3 * k2 + 3 * k3 + k4)
     k5 = _derivatives(parameters, end, u)
-    third, second = size / 6 * np.abs(k4 - k5), size / 30 * np.abs(k3 - k2)
-    error = third * third / ((third + second + CONTROLLED["SMALLEST_ERROR"]) * (1 + np.abs(x)))
+    e3 = size / 24 * np.abs(first - 3 * k2 + 3 * k3 + 3 * k4 - 4 * k5)
+    e2 = size / 40 * np.abs(first - 2 * k2 + k3)
+    error = e3 * e3 / ((e3 + e2 + CONTROLLED["SMALLEST_ERROR"]) * (1 + np.abs(x)))
     return end, np.where(np.isfinite(end + k5).all(axis=0), error.max(axis=0), np.nan), k5
 
 
