@@ -88,6 +88,7 @@ figures: $(VENV)/dev
 	$(BIN)/python docs/figures/draw_fastest.py
 	$(BIN)/python docs/figures/draw_shares.py
 	$(BIN)/python docs/figures/draw_ensemble.py
+	$(BIN)/python docs/figures/draw_tolerance.py
 	$(BIN)/python -m tools.pages
 
 dist: $(VENV)/dev

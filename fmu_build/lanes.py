@@ -36,7 +36,7 @@ FLAGS = (
     *("-ffp-contract=fast-honor-pragmas", "-fno-math-errno", "-fno-signed-zeros"),
 )
 # Limits of error-controlled steps: internal steps of a plant step, and the smallest one as a share of it.
-CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9, "SMALLEST_ERROR": 1e-200}
+CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9, "SMALLEST_RATE": 1e-200}
 _NAME = "lanes"
 # Instruction sets that the machine code may use.
 _VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")

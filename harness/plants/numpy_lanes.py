@@ -130,7 +130,7 @@ def _derivatives(parameters: Parameters, x: FloatArray, u: FloatArray) -> FloatA
 
 
 def _pair(parameters: Parameters, x: FloatArray, u: FloatArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """States (12, M) after an internal step of sizes (M), and its errors (M); as `pair` of c/lanes/lanes.c."""
+    """States (12, M) of order 5 after a step of sizes (M), and its errors (M); as `pair` of c/lanes/lanes.c."""
     rates: list[FloatArray] = []
     for row in _A:
         weighted = sum((a * rate for a, rate in zip(row, rates, strict=True)), np.zeros_like(x))
@@ -152,9 +152,10 @@ def _controlled(
     k4 = _derivatives(parameters, x + size * (first - k2 + k3), u)
     end = x + size / 8 * (first + 3 * k2 + 3 * k3 + k4)
     k5 = _derivatives(parameters, end, u)
-    e3 = size / 24 * np.abs(first - 3 * k2 + 3 * k3 + 3 * k4 - 4 * k5)
-    e2 = size / 40 * np.abs(first - 2 * k2 + k3)
-    error = e3 * e3 / ((e3 + e2 + CONTROLLED["SMALLEST_ERROR"]) * (1 + np.abs(x)))
+    e3, smallest = np.abs(first - 3 * k2 + 3 * k3 + 3 * k4 - 4 * k5) / 24, CONTROLLED["SMALLEST_RATE"]
+    e2, e1 = np.abs(first - 2 * k2 + k3), np.abs(k2 - first)
+    quotients = e3 * e3 / (e3 + e2 / 40 + smallest), e2 * (e2 / (e1 + e2 + smallest)) ** 2 / 15
+    error = size * np.maximum(*quotients) / (1 + np.abs(x))
     return end, np.where(np.isfinite(end + k5).all(axis=0), error.max(axis=0), np.nan), k5
 
 

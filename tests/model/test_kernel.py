@@ -171,6 +171,8 @@ NAMES = {
     "legs": (["x", "p"], ["length", "length_rate", "jacobian", "rho"]),
     "signals": (["x", "p"], ["y"]),
     "margins": (["x", "p"], ["square", "determinant", "size"]),
+    "posed": (["x", "p"], ["y", "square", "determinant", "size", "s"]),
+    "motion": (["s", "x", "u"], ["xdot"]),
 }
 
 
@@ -211,6 +213,23 @@ def test_functions_of_the_legs_alone_are_those_of_geometry(seed: int) -> None:
     signals = np.array(traced.signals_function()(x, p)).ravel()
     assert signals.shape == (24,)
     assert signals == pytest.approx(np.concatenate([x, L, rates]), rel=1e-9, abs=1e-12)
+
+
+@given(seeds)
+def test_what_depends_on_a_state_alone_serves_any_inputs(seed: int) -> None:
+    """Expected: NumPy's derivatives for two inputs, forces and wrench; signals and margins of their own functions."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    x, p = random_state(platform, rng).to_vector(), parameter_vector(platform)
+    y, square, determinant, size, s = map(np.array, traced.posed_function()(x, p))
+    for _ in range(2):
+        u = random_inputs(platform, rng).to_vector()
+        xdot = np.array(traced.motion_function()(s, x, u)).ravel()
+        expected = derivative_by_numpy(platform, x, u)
+        assert np.abs(xdot - expected).max() <= 1e-9 * np.abs(expected).max()
+    assert np.array_equal(y, np.array(traced.signals_function()(x, p)))
+    for found, alone in zip((square, determinant, size), traced.margins_function()(x, p), strict=True):
+        assert found == pytest.approx(np.array(alone), rel=1e-12)
 
 
 def test_the_parameter_vector_has_each_number_once_in_the_order_of_the_table() -> None:

@@ -34,14 +34,13 @@ typedef struct {
    Writes the signals at the end (N_SIGNALS, M) unless NULL; computing them here is
    cheap.
 
-   The error is max |x - x5| / (1 + |x|) with x5 from the solution of order 5 of `lanes_advance` from the begin of each
-   substep, the sum over the substeps. */
+   The error is max |x - x5| / (1 + |x|) with x5 of order 5 by Cash and Karp (ACM Trans. Math. Softw. 16, 1990, 201-222)
+   from the begin of each substep, the sum over the substeps. */
 OFFERED int64_t lanes_step(const batch *of, double size, int64_t substeps, double *signals);
-/* A step of `duration` [s] under constant inputs with error-controlled internal steps, each member's own, that end at its
-   end: Cash-Karp 5(4), continued with the solution of order 5 (ACM Trans. Math. Softw. 16, 1990, 201-222). The error of
-   an internal step is max |x5 - x4| / (1 + |x|), at most `tolerance`; that of a step the sum of its internal ones. Poses
-   are checked at the end of each internal step. A member that needs more than MOST_LANE_STEPS fails. Returns and
-   writes as `lanes_step`. */
+/* A step of `duration` [s] under constant inputs with error-controlled internal steps of order 4, each member's own, that
+   end at its end. The error of an internal step, see `controlled_step`, is at most `tolerance`; that of a step the sum of
+   its internal ones. Poses are checked at the end of each internal step. A member that needs more than MOST_LANE_STEPS
+   fails. Returns and writes as `lanes_step`. */
 OFFERED int64_t lanes_advance(const batch *of, double duration, double tolerance, double *signals);
 /* Checks the current poses: like `lanes_step` of zero duration. */
 OFFERED int64_t lanes_check(const batch *of);

@@ -425,7 +425,7 @@ static int64_t step_plant(vector *v, int64_t row)
             error += fixed_step(&v->plant, size);
             check_now(&v->plant, (lanes)((double)k * size));
         }
-        work = w->substeps;
+        work = 2 * w->substeps; /* each is compared with a step of order 5 */
         settle(&v->plant, ran);
         keep_errors(&v->plant, error);
         kernel_signals(v->plant.x, v->plant.p, v->plant.here.signals);
