@@ -83,7 +83,7 @@ def chunk(plan: Plan, first: int, last: int, threads: int = 1) -> Chunk:
     if members.choice.margins:
         columns |= margins_of([batch.member(k) for k in range(len(batch))])
     ended = outcomes[: len(batch)]
-    own = oscillations(batch, ended, errors)
+    own = oscillations(batch, ended, errors, threads)
     return Chunk(_rows(first, draws.columns, found, ended, own, columns), bands.samples(), features)
 
 

@@ -1,11 +1,13 @@
 """Members whose loops oscillate or grow by themselves, judged by their rows as `run` judges a record."""
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from math import ceil
 from typing import Any
 
 import numpy as np
 import polars
+from numpy.typing import NDArray
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
 from gough_stewart.harness.experiment.batch import Batch, Prepared
@@ -25,6 +27,8 @@ from gough_stewart.model.vectors import FloatArray
 
 # Rows that are kept of each member: 100 kB, 50 MB in a chunk.
 MOST_ROWS = 2048
+# Members that a thread looks at in one go.
+_TOGETHER = 64
 
 
 class LegErrors(KeptRows):
@@ -48,14 +52,16 @@ class LegErrors(KeptRows):
         return {}
 
 
-def oscillations(batch: Batch, outcomes: Sequence[Outcome], kept: LegErrors) -> list[Oscillation | None]:
+def oscillations(
+    batch: Batch, outcomes: Sequence[Outcome], kept: LegErrors, threads: int = 1
+) -> list[Oscillation | None]:
     """The motion by itself of each member that completed; None for a sound loop.
 
     Rows that are left out of long runs make fast oscillations look slower, so that `frequency` is then None.
     """
     completed = [k for k, outcome in enumerate(outcomes) if outcome.status == "completed"]
     found: list[Oscillation | None] = [None] * len(batch)
-    for k in _candidates(batch, completed, kept):
+    for k in _candidates(batch, completed, kept, threads):
         found[k] = _self_excited(batch.member(k), kept.time, kept.errors[:, :, k].copy(), kept.every)
     return found if kept.every == 1 else [each and each._replace(frequency=None) for each in found]
 
@@ -83,7 +89,7 @@ def _self_excited(prepared: Prepared, time: FloatArray, error: FloatArray, every
     return self_excited(LegRows(time, error, reference, _rest_begins(loop, last_change(reference), every), least))
 
 
-def _candidates(batch: Batch, members: Sequence[int], kept: LegErrors) -> Iterator[int]:
+def _candidates(batch: Batch, members: Sequence[int], kept: LegErrors, threads: int) -> Iterator[int]:
     """Members that may oscillate or grow; those that share what acts on the loop are looked at together."""
     alike = dict[tuple[int, ...], list[int]]()
     for k in members:
@@ -96,10 +102,16 @@ def _candidates(batch: Batch, members: Sequence[int], kept: LegErrors) -> Iterat
         assert loop.reference is not None
         reference = loop.reference[:: kept.every, LENGTHS]
         begins = _rest_begins(loop, last_change(reference), kept.every)
-        # those of consecutive members without a copy
-        at = slice(group[0], group[-1] + 1) if group[-1] - group[0] == len(group) - 1 else group
-        may = may_move(np.moveaxis(kept.errors[..., at], 1, 2), kept.time, reference, begins)
-        yield from (k for k, is_one in zip(group, may.tolist(), strict=True) if is_one)
+
+        def may(part: list[int], reference: FloatArray = reference, begins: int = begins) -> NDArray[np.bool_]:
+            # those of consecutive members without a copy
+            at = slice(part[0], part[-1] + 1) if part[-1] - part[0] == len(part) - 1 else part
+            return may_move(np.moveaxis(kept.errors[..., at], 1, 2), kept.time, reference, begins)
+
+        parts = [group[k : k + _TOGETHER] for k in range(0, len(group), _TOGETHER)]
+        with ThreadPoolExecutor(threads) as pool:
+            for part, found in zip(parts, pool.map(may, parts), strict=True):
+                yield from (k for k, is_one in zip(part, found.tolist(), strict=True) if is_one)
 
 
 def _one(values: Any) -> dict[str, float]:
