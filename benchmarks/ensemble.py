@@ -26,6 +26,7 @@ from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.lanes import Stepping
+from gough_stewart.harness.results.fold_library import metric_kernels
 from gough_stewart.harness.results.metric_folds import folds_of_loop
 
 ROUNDS, MEMBERS = 3, 1000
@@ -53,7 +54,7 @@ def simulated_seconds(plan: Plan, stepping: Stepping) -> tuple[float, float]:
     for _ in range(ROUNDS):
         running = batch.in_parallel(stepping)
         folds = folds_of_loop(running.loop, limits_of_members(batch, running.size))
-        rows = FoldsOfRows(running.loop, folds, running.size)
+        rows = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
         start = time.perf_counter()
         with running.plant:
             observe(running.plant, running.law_from, running.loop, rows)
