@@ -200,6 +200,26 @@ def test_runs_with_internal_steps_of_their_own_are_those_with_very_small_ones(na
     assert np.ptp(fixed, axis=0).max() > 1e-3
 
 
+def test_errors_go_down_with_the_tolerance_where_legs_slip() -> None:
+    """Expected: 64 fixed steps a row; of 40 machines whose legs change direction within rows, none is off by chance.
+
+    A row's forces turn the friction of all legs within less than a row, where one estimate alone may vanish.
+    """
+    varied = {"members": 40, "seed": 1, "platform_mass": {"factor": {"uniform": [0.8, 1.3]}}}
+    varied["leg_coulomb_friction"] = {"uniform": ["0 N", "100 N"]}
+    settings = {"loop.duration": 0.1, "reference.at": 0.03, "sensors.quantisation": {}, "ensemble": varied}
+    batch = Members(gs.load_experiment("heave_step", settings)).prepared(0, 40).batch
+    found = []
+    for stepping in (Stepping(substeps=64), *(Stepping(tolerance=each) for each in (1e-6, 1e-8, 1e-10))):
+        running = batch.in_parallel(stepping)
+        with running.plant:
+            found.append(simulate(running.plant, running.law_from, running.loop).results[..., :12])
+    exact, *own = found
+    worst = [float((np.abs(each - exact) / (1 + np.abs(exact))).max()) for each in own]
+    assert all(gap < 20 * tolerance for gap, tolerance in zip(worst, (1e-6, 1e-8, 1e-10), strict=True)), worst
+    assert worst[0] > 100 * worst[2]  # coarse steps are coarse
+
+
 @pytest.mark.parametrize("member", [-1, 40, 1000])
 def test_a_member_that_is_not_there_is_refused(member: int) -> None:
     with pytest.raises(ExperimentError, match=f"member: is {member}; expected 0 to 39"):
