@@ -35,6 +35,8 @@ _BEST = "★ "
 _PEAK = "tracking.position.norm_peak"
 # Times of two clocks closer than this are the same, computed differently [s].
 _SAME_TIME = 1e-9
+# Letters of values that stand beside a key in a sentence.
+_SHORT = 40
 
 
 def comparison_report(records: Sequence[Record], shown: Sequence[Shown], title: str) -> Report:
@@ -57,6 +59,7 @@ def comparison_report(records: Sequence[Record], shown: Sequence[Shown], title: 
         _verdict(records, found, names),
         tuple(each for each in sections if each.parts),
         study="compare",
+        lead=_differ_in(differing_settings(records)),
         settings=differing_settings(records),
         runs=names,
         notes=tuple(
@@ -65,6 +68,15 @@ def comparison_report(records: Sequence[Record], shown: Sequence[Shown], title: 
             if not is_sound(each["outcome"])
         ),
     )
+
+
+def _differ_in(settings: Sequence[Setting], most: int = 4) -> str:
+    """The keys in which the runs differ, with their values, but for names; "" if there is none."""
+    own = [each for each in settings if each.key not in ("title", "description")]
+    values = [", ".join(each.values) for each in own[:most]]
+    told = [each.key + (f" ({text})" if len(text) <= _SHORT else "") for each, text in zip(own, values, strict=False)]
+    more = [f"{len(own) - most} more"] if len(own) > most else []
+    return f"They differ in {listed([*told, *more])}" if told else ""
 
 
 def _verdict(records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Verdict:

@@ -177,7 +177,13 @@
     GS.on("zoom", () => { for (const panel of timeGroup.panels) { if (seen(panel)) fit(panel); else panel.stale = true; } });
     GS.on("leg picked", () => panels.forEach((panel) => { if (panel.figure) { panel.figure.dress(); GS.legendState(panel); } }));
     GS.on("hiddenRuns", () => panels.forEach((panel) => { if (panel.figure) { panel.figure.dress(); GS.legendState(panel); fit(panel); } }));
-    GS.on("slice", () => panels.forEach((panel) => panel.figure?.heat?.show(GS.sliceOf(panel.chart))));
+    GS.on("slice", () => {
+      for (const panel of panels) {
+        if (!panel.figure?.heat) continue;
+        panel.figure.heat.show(GS.sliceOf(panel.chart));
+        GS.legend(panel);
+      }
+    });
     GS.on("members", () => panels.forEach((panel) => { GS.showMembers(panel); GS.markedBars(panel); GS.markedBand(panel); }));
     GS.onTheme(() => panels.forEach(dress));
     GS.clearCharts = () => { for (const group of groups.values()) group.clear(); };

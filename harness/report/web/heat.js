@@ -114,9 +114,10 @@
     const mapper = map.kinds
       ? new Bokeh.LinearColorMapper({ palette: GS.kindColours(chart), low: -0.5, high: map.kinds - 0.5 })
       : new Bokeh.LinearColorMapper({ palette: colours, low, high, nan_color: "rgba(128,128,128,0.14)" });
-    const source = new Bokeh.ColumnDataSource({ data: { image: [] } }), edges = new Bokeh.ColumnDataSource({ data: { x0: [], y0: [], x1: [], y1: [] } });
+    const source = new Bokeh.ColumnDataSource({ data: { image: [] } }), edges = new Bokeh.ColumnDataSource({ data: { x: [], y: [] } });
     figure.image({ image: F("image"), source, x: data.x[0] - dx, y: data.rows[0] - dy, dw: data.x.at(-1) - data.x[0] + 2 * dx, dh: data.rows.at(-1) - data.rows[0] + 2 * dy, color_mapper: mapper });
-    const border = figure.segment({ x0: F("x0"), y0: F("y0"), x1: F("x1"), y1: F("y1"), source: edges, line_width: 1.5, line_cap: "round" });
+    // one line with gaps: its colour changes at once, for paper; that of segments one frame later
+    const border = figure.line({ x: F("x"), y: F("y"), source: edges, line_width: 1.5, line_cap: "round" });
     const [px, py] = chart.map?.point.length ? [chart.map.point[0] * chart.x.factor, chart.map.point[1] * chart.rows.factor] : [];
     const marks = px === undefined ? [] : [5, 2].map((width) => figure.scatter({ x: [px], y: [py], marker: "cross", size: 13, line_width: width }));
     let bar = null;
@@ -129,7 +130,8 @@
     const show = (slice) => {
       const { values, shape } = map.image(slice);
       source.data = { image: [Bokeh.require("core/util/ndarray").ndarray(values, { dtype: "float64", shape })] };
-      edges.data = map.border(slice);
+      const { x0, y0, x1, y1 } = map.border(slice);
+      edges.data = { x: x0.flatMap((v, k) => [v, x1[k], NaN]), y: y0.flatMap((v, k) => [v, y1[k], NaN]) };
       for (const mark of marks) mark.visible = slice === chart.map.first;
     };
     const dress = ({ ink, paper }) => {
@@ -155,7 +157,8 @@
   GS.heatLegend = ({ chart, figure }) => {
     const { map } = figure.heat, colours = map.kinds ? GS.kindColours(chart) : [];
     const items = [...map.present].sort((a, b) => a - b).map((k) => element("li", {}, element("i", { class: "kind", style: `background:${colours[k]}` }), chart.map.classes[k]));
-    if (chart.map?.pointName) items.push(element("li", {}, "+ ", chart.map.pointName));
+    if (chart.map?.slices) items.push(element("li", { class: "slice" }, `at ${chart.map.slices.name} ${GS.short(figure.data.slices[GS.sliceOf(chart)])} ${chart.map.slices.unit}`.trim()));
+    if (chart.map?.pointName && GS.sliceOf(chart) === chart.map.first) items.push(element("li", {}, "+ ", chart.map.pointName));
     return items;
   };
 

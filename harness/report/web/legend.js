@@ -76,6 +76,7 @@
     }
     key.replaceChildren(...rows);
     GS.legendState(panel);
+    GS.markedKey(panel);
   };
   GS.legendState = (panel) => {
     for (const { series, button, item } of panel.items || []) {

@@ -51,12 +51,18 @@
     mid.glyph.line_color = roles.nominal;
     line.glyph.line_color = roles.bad;
     source.data = found ? { x: found.x, low: found.low, high: found.high, mid: found.mid, line: found.line } : { x: [], low: [], high: [], mid: [], line: [] };
+    panel.markedCurves = found;
+    GS.markedKey(panel);
+  };
+
+  // What they are, in the key of the chart.
+  GS.markedKey = (panel) => {
+    const found = panel.markedCurves, { roles } = GS.theme();
     for (const each of panel.key.querySelectorAll(".of-marked")) each.remove();
     if (!found) return;
     const count = found.rows === state.members.size ? `${found.rows} marked` : `${found.rows} of ${state.members.size} marked, whose signals the page keeps`;
     const items = [[`${count}: lowest to highest, and their median`, roles.nominal]];
     if (found.worst) items.push([found.worst.text, roles.bad]);
     panel.key.append(...items.map(([text, colour]) => GS.element("li", { class: "of-marked" }, GS.element("i", { style: `background:${colour}` }), text)));
-    panel.markedCurves = found;
   };
 })();

@@ -228,3 +228,16 @@ def test_clocks_that_agree_but_for_rounding_have_the_same_rows() -> None:
     assert time == pytest.approx(one)
     assert not values.any()
     assert difference((one, other), (one, 3 * other))[1] == pytest.approx(2 * one)
+
+
+def test_what_differs_between_the_files_is_said_first() -> None:
+    """Expected: by hand, in the order of the files; no names; long values and more than four keys are counted only."""
+    keys = {"title": "t{}", "a": "{}", "b": "b{}", "c": 60 * "{}", "d": "d{}", "e": "e{}", "f": "f{}"}
+    base = load_preset("motion_base")
+    records = []
+    for k in (1, 2):
+        record = waving_record(base)
+        own = {key: text.format(*[k] * 60) for key, text in keys.items()}
+        records.append(replace(record, metadata={**record.metadata, "experiment": {**own, "same": 5}}))
+    assert view_report(records, ["one", "two"]).lead == "They differ in a (1, 2), b (b1, b2), c, d (d1, d2) and 2 more"
+    assert view_report([records[0]] * 2, ["one", "two"]).lead == ""
