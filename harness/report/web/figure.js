@@ -274,6 +274,8 @@
 
     // A drawing of the chart as SVG, made at once: for paper.
     drawing() {
+      // colours of glyphs change a frame later, for which paper does not wait
+      for (const { glyph, model, all_indices } of this.view.renderer_views.values()) glyph?.set_visuals(model.data_source, all_indices);
       const { width, height } = this.host.getBoundingClientRect(), svg = this.view.export("svg", false).canvas;
       svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
       svg.removeAttribute("width");

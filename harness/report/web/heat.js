@@ -116,7 +116,6 @@
       : new Bokeh.LinearColorMapper({ palette: colours, low, high, nan_color: "rgba(128,128,128,0.14)" });
     const source = new Bokeh.ColumnDataSource({ data: { image: [] } }), edges = new Bokeh.ColumnDataSource({ data: { x: [], y: [] } });
     figure.image({ image: F("image"), source, x: data.x[0] - dx, y: data.rows[0] - dy, dw: data.x.at(-1) - data.x[0] + 2 * dx, dh: data.rows.at(-1) - data.rows[0] + 2 * dy, color_mapper: mapper });
-    // one line with gaps: its colour changes at once, for paper; that of segments one frame later
     const border = figure.line({ x: F("x"), y: F("y"), source: edges, line_width: 1.5, line_cap: "round" });
     const [px, py] = chart.map?.point.length ? [chart.map.point[0] * chart.x.factor, chart.map.point[1] * chart.rows.factor] : [];
     const marks = px === undefined ? [] : [5, 2].map((width) => figure.scatter({ x: [px], y: [py], marker: "cross", size: 13, line_width: width }));

@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from gough_stewart.harness.report.page import page_of
+from gough_stewart.harness.report.palette import INK
 from gough_stewart.harness.workspace.report import workspace_report
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.workspace import Limit, evaluate_poses
@@ -129,6 +130,30 @@ def test_the_volume_is_drawn_with_all_its_triangles(volume: tuple[Watched, Works
     assert triangles > 500
     assert drawn >= triangles + 2
     assert len(found.requests) == 1
+
+
+def test_paper_is_light_names_the_slice_and_has_the_border_also_from_a_dark_page(
+    volume: tuple[Watched, Workspace],
+) -> None:
+    """Expected: the ink of paper in each drawing, none of the dark page; the third coordinate in each key."""
+    found, space = volume
+    page = found.page
+    page.emulate_media(color_scheme="dark")
+    until(page, "GoughStewart.theme().dark")
+    page.wait_for_timeout(200)
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    strokes = "[...document.querySelectorAll('.paper')].map((each) => each.innerHTML)"
+    drawings = page.evaluate(strokes)
+    assert len(drawings) == 7
+    for drawing in drawings:
+        assert INK["light"] in drawing
+        assert INK["dark"] not in drawing
+    level = page.evaluate("GoughStewart.sliceOf(GoughStewart.page.charts[0])")
+    keys = page.eval_on_selector_all(".key", "all => all.map((each) => each.textContent)")
+    assert all(f"at z {1e3 * space.swept['z'][level]:.4g} mm" in key for key in keys)
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    page.emulate_media(color_scheme="light")
+    assert found.errors == []
 
 
 def test_a_zoom_of_one_map_is_that_of_all_and_a_double_click_ends_it(browser: Browser, tmp_path: Path) -> None:
