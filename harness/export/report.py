@@ -44,7 +44,8 @@ def export_report(
         judged = verdicts[0]
     else:
         least = verdicts[0].removeprefix("stable ")
-        judged = f"stable in all {len(verdicts)} loops that it is made for; least robust: {least}"
+        number = "both" if len(verdicts) == 2 else f"all {len(verdicts)}"
+        judged = f"stable in {number} loops that it is made for; least robust: {least}"
     table = Table(
         "Loops of the forms, the least robust first", (Column("judged"),), tuple((text,) for text in verdicts)
     )

@@ -26,7 +26,7 @@ def test_the_verdict_names_forms_and_the_least_robust() -> None:
     texts = ["stable in C with a delay of 2 samples: disk margin 0.2", "stable in the SSP: disk margin 0.5"]
     report = export_report("made", ("fmu", "c", "ssp"), texts, ["without noise"], ["a.c"])
     assert report.verdict.text == (
-        "Written as FMU, C and SSP; stable in all 2 loops that it is made for; least robust: in C with a delay of "
+        "Written as FMU, C and SSP; stable in both loops that it is made for; least robust: in C with a delay of "
         "2 samples: disk margin 0.2"
     )
     assert report.verdict.status == "good"

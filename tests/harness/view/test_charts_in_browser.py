@@ -10,7 +10,7 @@ import pytest
 from matplotlib.image import imread
 from playwright.sync_api import Browser, Page, expect
 
-from gough_stewart.harness.report.palette import colour_of_six
+from gough_stewart.harness.report.palette import THEMES, colour_of_six
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.platform import Platform
@@ -374,6 +374,15 @@ def test_paper_is_light_whole_and_without_controls(browser: Browser, report: Pat
     )
     assert letters
     assert all(int(each.split("(")[1].split(",")[0]) < 120 for each in letters)
+    strokes = page.eval_on_selector_all(
+        ".paper svg [stroke]", "all => [...new Set(all.map(each => getComputedStyle(each).stroke))]"
+    )
+    light, dark = (
+        {f"rgb({', '.join(str(int(colour_of_six(k, theme)[i : i + 2], 16)) for i in (1, 3, 5))})" for k in range(6)}
+        for theme in THEMES[:2]
+    )
+    assert light <= set(strokes)
+    assert not (dark - light) & set(strokes)
     assert "time [s]" in drawings.first.text_content()  # type: ignore[operator]
     assert (
         page.locator(
