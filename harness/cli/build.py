@@ -139,7 +139,12 @@ def _report(
         else f"all {len(checks)} checks passed"
     )
     rows = tuple((each.file, each.name, "passed" if each.passed else "FAILED", each.found) for each in checks)
-    table = Table("Checks", (Column("unit"), Column("check"), Column("outcome"), Column("deviation or problem")), rows, note=EXPLANATION)
+    table = Table(
+        "Checks",
+        (Column("unit"), Column("check"), Column("outcome"), Column("deviation or problem")),
+        rows,
+        note=EXPLANATION,
+    )
     numbers.append(Number("checks.failed", "failed checks", float(len(failed)), COUNT))
     known = [each.deviation for each in checks if each.deviation is not None]
     worst = max(known, default=None)
