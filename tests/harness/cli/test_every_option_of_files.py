@@ -191,7 +191,8 @@ def test_identify(notes: Notes, kind: str) -> None:  # noqa: PLR0915
     notes.replace("harness.identify.log.read_log", act=lambda log, *_, **__: f"read {log}")
     notes.replace("harness.identify.identify.identify", found)
     notes.replace(
-        "harness.identify.retuned.before_and_after", SimpleNamespace(table=SimpleNamespace(title="before and after"))
+        "harness.identify.retuned.before_and_after",
+        SimpleNamespace(table=SimpleNamespace(title="before and after"), numbers=()),
     )
     notes.replace("harness.identify.files.identification_files", {"platform.toml": b"x" * 3000})
     alarms = tuple(Note(text, "warning") for text in found.alarms)
