@@ -13,6 +13,7 @@ EXAMPLES = [
     errors.PlatformFileError("mine.toml", "is odd"),
     errors.ArgumentError("is None"),
     errors.EnvironmentVariableError("is 'abc'"),
+    errors.NotInstalledError("casadi is not installed"),
     errors.OutputError("is a file"),
     errors.OrientationError("odd"),
     errors.SingularPoseError("odd", 1e13),
