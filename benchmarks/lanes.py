@@ -22,7 +22,7 @@ from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.harness.plants.lane_batch import rows
 from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, lanes_plant, reference
-from gough_stewart.model import interface, kernel
+from gough_stewart.model import interface, traced
 from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.state import State
@@ -61,7 +61,7 @@ def plant_of(members: int) -> LanesPlant:
 def scalar_kernel(folder: Path) -> ctypes.CDLL:
     """`many`: the FMU's derivatives, one member after the other."""
     text = _SCALAR.format(
-        kernel=function_source(kernel.derivatives_function(), "static void kernel_"),
+        kernel=function_source(traced.derivatives_function(), "static void kernel_"),
         states=N_STATES,
         inputs=N_INPUTS,
         parameters=N_PARAMETERS,

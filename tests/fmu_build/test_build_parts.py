@@ -560,8 +560,8 @@ def test_the_vector_library_is_compiled_for_this_processor(monkeypatch: pytest.M
     assert {Path(each).name for each in command if each.endswith(".c")} == set(units)
     words = [line.split() for line in headers["lanes_table.h"].splitlines()]
     assert {line[1]: float(line[2]) for line in words if line[:1] == ["#define"] and len(line) > 2} == {
-        **{"N_STATES": 12, "N_INPUTS": 12, "N_PARAMETERS": 74, "N_RESULTS": 50, "N_SIGNALS": 24},
-        **{"MOST_LANE_STEPS": 10_000, "SMALLEST_SHARE": 1e-9, "FAILURE_TOO_MANY_STEPS": 11},
+        **{"N_STATES": 12, "N_INPUTS": 12, "N_PARAMETERS": 74, "N_RESULTS": 50, "N_SIGNALS": 24, "N_SHARED": 72},
+        **{"MOST_LANE_STEPS": 10_000, "SMALLEST_SHARE": 1e-9, "SMALLEST_RATE": 1e-200, "FAILURE_TOO_MANY_STEPS": 11},
         **{"FAILURE_GOES_ON": 0, "FAILURE_NOT_FINITE": 1, "FAILURE_PITCHED": 2, "FAILURE_SINGULAR": 3},
         **{"FAILURE_PASSED_SINGULAR": 4, "FAILURE_COLLAPSED": 5},
         **{"FAILURE_COMMAND": 12, "FAILURE_STROKE": 13, "FAILURE_AWAY": 14, "FAILURE_NOT_STARTED": 15},

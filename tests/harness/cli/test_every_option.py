@@ -32,7 +32,7 @@ BAR = Path("bar")
 @pytest.mark.parametrize("kind", ["folder", "file", "out"])
 def test_frf(notes: Notes, kind: str) -> None:
     told = replace(made_report("responses"), notes=tuple(Note(text, "warning") for text in ("a note", "another")))
-    found = SimpleNamespace(notes=("a note", "another"), report=lambda **_: told)
+    found = SimpleNamespace(notes=("a note", "another"), requirements=(), report=lambda **_: told)
     notes.replace("harness.experiment.frf.frf", found)
     notes.replace("harness.experiment.frf.frf_files", {"frf.csv": b"x" * 100, "frf.svg": b""})
     Path("run 1").mkdir()

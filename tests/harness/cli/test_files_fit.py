@@ -115,6 +115,7 @@ PRODUCERS: tuple[tuple[str, ...], ...] = (
         "out/found",
     ),
     ("export", "mine/own.toml", "--as", "fmu,c,ssp", "--out", "out/export"),
+    ("live", "mine/own.toml", "--no-open", "--out", "out/live.html"),
     ("build", "--platform", "platforms/own.toml", "--out", "out/build"),
     ("workspace", "--platform", "platforms/own.toml", "--points", "3", "--out", "out/workspace"),
     ("reproduce", "--platform", "out/excite/platform.toml", "--out", "out/reproduce"),
@@ -143,6 +144,7 @@ CONSUMERS = (
         {"experiment": EXPERIMENT, "compare": EXPERIMENT},
     ),
     Use(("export", "{experiment}", "--as", "c", "--out", "used/export"), {"experiment": EXPERIMENT}),
+    Use(("live", "{experiment}", *LOOP, "--no-open", "--out", "used/live.html"), {"experiment": EXPERIMENT}),
     Use(("view", "{records}", "--out", "used/page.html"), {"records": RECORD}),
     Use(
         ("frf", "{record}", "--experiment", "{experiment}", "--out", "used/frf"),

@@ -13,7 +13,7 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.ensemble import ensemble as runner
 from gough_stewart.harness.ensemble import local
-from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA
+from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, SAMPLES
 from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
 from gough_stewart.harness.ensemble.local import Range, chunks_here
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
@@ -22,7 +22,7 @@ from gough_stewart.harness.plants.isolated import Isolated
 from gough_stewart.model.errors import OutputError
 from tests.support.small_ensemble import small
 
-FILES = (MEMBERS, BANDS, METADATA)
+FILES = (MEMBERS, BANDS, SAMPLES, METADATA)
 
 
 @pytest.fixture(autouse=True)
@@ -44,7 +44,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, bytes]
     return files_in(folder)
 
 
-def test_it_leaves_three_files(undisturbed: Mapping[str, bytes]) -> None:
+def test_it_leaves_its_files(undisturbed: Mapping[str, bytes]) -> None:
     assert set(undisturbed) == set(FILES)
     said = json.loads(undisturbed[METADATA])
     assert sum(said["outcomes"].values()) == 40

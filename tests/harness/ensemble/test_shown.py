@@ -54,7 +54,8 @@ def with_columns(ensemble: Ensemble, **columns: Any) -> Ensemble:
 
 
 def words_of(page: bytes) -> str:
-    return " ".join(re.sub("<[^>]*>", " ", page.decode().partition("<script")[0]).split())
+    text = re.sub('<span class="term"[^>]*>([^<]*)</span>', r"\1", page.decode().partition("<script")[0])
+    return " ".join(re.sub("<[^>]*>", " ", text).split())
 
 
 NAMES = tuple(f"input {k}" for k in range(17))
