@@ -154,7 +154,7 @@ def test_the_command_says_a_line_for_each_check_and_fails_with_one(
     done = invoke("build", "--check", "--fmi", "3.0", "--out", "other", "--require", "checks.deviation <= 0.01")
     assert done.exit_code == 3
     assert "; 1 of 2 checks failed: Model Exchange of a.fmu" in done.stdout.splitlines()[0]
-    assert re.search(r"Model Exchange +│ FAILED +│ 2.0e-03 \(open_loop\)", done.stdout)
+    assert re.search(r"Model Exchange +│ FAILED +│ +2.0e-03 \(open_loop\)", done.stdout)
     assert np.array_equal([p.name for p in Path("other").iterdir()], ["gough_stewart_fmi3.fmu"])
     assert invoke("build", "--fmi", "3.0", "--out", "other").exit_code == 0
 
