@@ -43,7 +43,10 @@ KINDS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("gough_stewart_fmi[23].fmu", (PLANT,)),
     ("*_controller_fmi[23].fmu", (CONTROLLER,)),
     ("members.parquet", (ENSEMBLE,)),
-    *((name, (OTHER,)) for name in ("bands.parquet", "differences.parquet", "frf.parquet", "frf.csv")),
+    *(
+        (name, (OTHER,))
+        for name in ("bands.parquet", "samples.parquet", "differences.parquet", "frf.parquet", "frf.csv")
+    ),
     *((name, (OTHER,)) for name in ("candidates.csv", "workspace.csv", "needs.csv", "*.ssp", "*.c", "*.h")),
     *((f"*.{suffix}", (OTHER,)) for suffix in ("png", "svg", "html", "json", "md")),
 )

@@ -114,7 +114,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
     out = folder / "out"
     result = invoke("ensemble", str(folder / "differ.toml"), "--workers", "1", "--report", "--out", str(out))
     members = polars.read_parquet(out / "members.parquet")
-    numbers = [int(path.name.removeprefix("member-")) for path in (out / "worst").iterdir()]
+    numbers = [int(path.name.removeprefix("member-")) for path in (out / "worst").glob("member-*")]
     return Done(result, out, members, {k: gs.read_record(out / "worst" / f"member-{k}") for k in sorted(numbers)})
 
 
