@@ -1,4 +1,4 @@
-"""Chunks on this machine's cores, in processes that are restarted if one dies."""
+"""Chunks on this machine's cores: in this process, and in others that are restarted if one dies."""
 
 import os
 import threading
@@ -19,12 +19,12 @@ from gough_stewart.harness.plants.isolated import Isolated
 
 # The first member, and the one after the last.
 Range = tuple[int, int]
-# Python's share of so many chunks takes longer than a process needs to import its modules.
-_CHUNKS_A_PROCESS = 6
+# So many chunks for each process take longer than one needs to import its modules.
+_CHUNKS_A_PROCESS = 4
 # How often a chunk is tried if its process dies.
 _TRIES = 3
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS")
-# Chunks queued for workers; few, so that Ctrl-C acts soon.
+# How often it is looked whether a chunk has come [s], so that Ctrl-C acts soon.
 _WAIT = 0.2
 
 
@@ -74,13 +74,14 @@ def chunks_here(plan: Plan, ranges: Sequence[Range], workers: "int | Workers") -
 
 
 class Workers:
-    """Processes for chunks, one per thread; they start to import their modules at once."""
+    """Processes for chunks: the present one, and others, one per thread here, which start to import at once."""
 
     def __init__(self, number: int) -> None:
+        """Start one process fewer than `number`, which is two or more."""
         self._own, self._lock = threading.local(), threading.Lock()
         self._open, self._ended = list[Isolated](), False
-        self._threads = ThreadPoolExecutor(number)
-        for _ in range(number):
+        self._threads = ThreadPoolExecutor(number - 1)
+        for _ in range(number - 1):
             self._threads.submit(self._worker)  # an error here recurs with the first chunk
 
     def __enter__(self) -> Self:
@@ -97,11 +98,15 @@ class Workers:
             worker.kill()
 
     def chunks(self, plan: Plan, ranges: Sequence[Range]) -> Iterator[tuple[Range, ChunkBytes]]:
-        """See `chunks_here`."""
+        """See `chunks_here`. The others begin with the first chunk, this process with the last."""
         controller = packed(plan)
         waiting = {self._threads.submit(self._chunk, plan.text, controller, each): each for each in ranges}
         while waiting:
-            for done in wait(waiting, _WAIT, FIRST_COMPLETED).done:
+            own = next((each for each in reversed(waiting) if each.cancel()), None)
+            if own is not None:
+                own_range = waiting.pop(own)
+                yield own_range, ChunkBytes.of(chunk(plan, *own_range))
+            for done in wait(waiting, _WAIT if own is None else 0, FIRST_COMPLETED).done:
                 yield waiting.pop(done), done.result()
 
     def _chunk(self, plan: str, controller: bytes | None, members: Range) -> ChunkBytes:

@@ -66,6 +66,7 @@ def bokeh_licence() -> str:
     return f"BokehJS\n{_licence_of('bokeh')}"
 
 
+@cache
 def _licence_of(package: str) -> str:
     return next(file.read_text() for file in files(package) or () if file.name.startswith("LICENSE"))
 

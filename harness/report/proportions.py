@@ -49,11 +49,11 @@ def quantile_interval(values: FloatArray, level: float, confidence: float = CONF
     The number of members below the quantile is binomial: the r-th smallest is a lower end with
     P(B ≥ r) ≥ 1 − α/2, the s-th an upper one with P(B ≤ s − 1) ≥ 1 − α/2.
     """
-    from scipy.stats import binom
+    from scipy.special import bdtr
 
     ordered, n, tail = np.sort(values), len(values), (1 - confidence) / 2
-    r = int(binom.ppf(tail, n, level))  # the largest r with P(B < r) <= tail, see below
-    while r > 0 and binom.cdf(r - 1, n, level) > tail:
-        r -= 1
-    s = int(binom.ppf(1 - tail, n, level)) + 1
+    # P(B <= k) for k = 0 … n
+    cumulative = bdtr(np.arange(n + 1.0), n, level)
+    r = int(np.searchsorted(cumulative, tail, side="right"))  # the largest r with P(B <= r - 1) <= tail
+    s = int(np.searchsorted(cumulative, 1 - tail)) + 1  # the smallest s with P(B <= s - 1) >= 1 - tail
     return Interval(float(ordered[r - 1]) if r > 0 else None, float(ordered[s - 1]) if s <= n else None)

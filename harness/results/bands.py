@@ -169,9 +169,9 @@ def _quantiles(values: FloatArray) -> FloatArray:
         # NaN, of members that have ended, sorts last
         order = np.sort(at, axis=1)
         counts = np.count_nonzero(np.isfinite(order), axis=1)
-        for column, count in enumerate(counts.tolist()):
-            if count:
-                found[:, k, column] = np.quantile(order[column, :count], LEVELS)
+        for count in set(counts.tolist()) - {0}:
+            columns = counts == count
+            found[:, k, columns] = np.quantile(order[columns, :count], LEVELS, axis=1)
     return found
 
 

@@ -1,8 +1,10 @@
 """The rows of a run as a table, one per time, in SI units; interface variables under their FMI 2.0 names."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import numpy as np
 import polars
 
 from gough_stewart.harness.errors import RecordError
@@ -25,18 +27,28 @@ class RecordData:
         RecordError
             There is no such column; suggests the nearest name.
         """
-        if name in self.table.columns:
-            return self.table[name].to_numpy()
-        columns = self.columns_of(name)
-        if not columns:
-            names = {column.split("[")[0]: None for column in self.table.columns}
+        columns = self._columns.get(name)
+        if columns is None:
+            names = [each for each in self._columns if "[" not in each]
             raise RecordError(f"the record has no '{name}'{interface.nearest(name, names)}")
-        return self.table.select(columns).to_numpy()
+        found = [self.table.get_column(column).to_numpy() for column in columns]
+        return found[0] if columns == [name] else np.column_stack(found)
 
     def __contains__(self, name: str) -> bool:
         """Whether a column or variable of this name exists."""
-        return name in self.table.columns or bool(self.columns_of(name))
+        return name in self._columns
 
     def columns_of(self, name: str) -> list[str]:
         """The columns of a variable."""
-        return [column for column in self.table.columns if column.startswith(f"{name}[")]
+        return [column for column in self._columns.get(name, []) if column != name]
+
+    @cached_property
+    def _columns(self) -> dict[str, list[str]]:
+        """The columns that each name stands for: a column for itself, a variable for all of its columns."""
+        found: dict[str, list[str]] = {}
+        for column in self.table.columns:
+            variable, bracket, _ = column.partition("[")
+            if bracket:
+                found.setdefault(variable, []).append(column)
+            found[column] = [column]
+        return found

@@ -4,6 +4,7 @@ import errno
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import gough_stewart as gs
 from gough_stewart.harness.ensemble import ensemble as runner
 from gough_stewart.harness.ensemble import local
 from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, SAMPLES
+from gough_stewart.harness.ensemble.chunk import chunk as chunk_of_plan
 from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
 from gough_stewart.harness.ensemble.local import Range, chunks_here
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
@@ -217,8 +219,32 @@ def test_a_killed_worker_is_replaced(
         return call(self, method, *arguments)
 
     monkeypatch.setattr(Isolated, "call", kills)
+    monkeypatch.setattr(Future, "cancel", lambda _: False)  # the other process has to run them all
     gs.ensemble(small(), out=tmp_path, workers=2)
     assert len(killed) == 1
+    assert files_in(tmp_path) == undisturbed
+
+
+def test_this_process_is_one_of_the_workers(
+    undisturbed: Mapping[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: it begins with the last chunk, each chunk is computed once, and the bytes are the same."""
+    own, elsewhere = list[int](), list[int]()
+    call = Isolated.call
+
+    def here(plan: Plan, first: int, last: int, threads: int = 1) -> Any:
+        own.append(first)
+        return chunk_of_plan(plan, first, last, threads)
+
+    def there(self: Isolated, method: str, *arguments: Any) -> Any:
+        elsewhere.extend([arguments[1]] if method == "chunk" else [])
+        return call(self, method, *arguments)
+
+    monkeypatch.setattr(local, "chunk", here)
+    monkeypatch.setattr(Isolated, "call", there)
+    gs.ensemble(small(), out=tmp_path, workers=2)
+    assert own[0] == max(own + elsewhere)
+    assert sorted(own + elsewhere) == list(range(0, 16 * len(own + elsewhere), 16))
     assert files_in(tmp_path) == undisturbed
 
 
@@ -232,6 +258,7 @@ def test_a_worker_that_dies_again_and_again_is_an_error(tmp_path: Path, monkeypa
         return call(self, method, *arguments)
 
     monkeypatch.setattr(Isolated, "call", kills)
+    monkeypatch.setattr(Future, "cancel", lambda _: False)
     with pytest.raises(EnsembleError, match=r"crashed \(SIGKILL\).*tried 1 times. Not enough memory"):
         gs.ensemble(small(), out=tmp_path, workers=2)
 
