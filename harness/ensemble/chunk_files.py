@@ -1,11 +1,11 @@
 """The files of chunks, written atomically, with checksums that show whether they are complete."""
 
-import hashlib
 import json
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -97,4 +97,5 @@ class ChunkFiles:
 
 
 def _digest(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
+    """A checksum against torn files and failing disks, at a tenth of the time of SHA-256."""
+    return f"{crc32(content):08x}"
