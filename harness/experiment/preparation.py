@@ -129,8 +129,9 @@ class Preparation:
         actuators = stage(_actuators, drives, force_limit, delay)
         ends = stage(stages.limits, limits.map(of("position_error")), platform, is_closed)
         changes: Distinct[tuple[Change, ...]] = Distinct.common((), n)
-        if self.experiment.change or self.experiment.disturbance:
-            changes = stage(stages.changes, tables["change"], tables["disturbance"], machine, timing)
+        if self.experiment.change or self.experiment.disturbance or self.experiment.fault:
+            changing = (tables[name] for name in ("change", "disturbance", "fault"))
+            changes = stage(stages.changes, *changing, machine, timing)
         added = stage(stages.injection, tables["injection"], platform, planned, timing, Distinct.common(injection, n))
         self._results = {name: found for name, found in stage.results.items() if len(found) <= _REPEATED}
         every = Batch(

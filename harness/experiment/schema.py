@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_
 
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.control.drive import ActuatorChoice
+from gough_stewart.harness.control.faults import FaultChoice
 from gough_stewart.harness.control.injections import InjectionChoice
 from gough_stewart.harness.control.sensor import SensorChoice
 from gough_stewart.harness.motion import excitation  # noqa: F401 - by being there its motion is known
@@ -224,6 +225,7 @@ class Experiment(Section):
     limits: LimitChoice = LimitChoice()
     change: list[ChangeChoice] = Field(default_factory=list)
     disturbance: list[DisturbanceChoice] = Field(default_factory=list)
+    fault: list[FaultChoice] = Field(default_factory=list)
     injection: Annotated[InjectionChoice, ByType()] | None = None
     ensemble: EnsembleChoice | None = None
     require: Requirements = Field(default_factory=dict)

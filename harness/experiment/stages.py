@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.control.controllers import ControllerChoice
+from gough_stewart.harness.control.faults import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.feedforward import Feedforward, feedforward
 from gough_stewart.harness.control.injections import InjectionChoice
 from gough_stewart.harness.control.laws import Controller, controller_of
@@ -216,16 +217,19 @@ class Stages:
         self,
         parameters: Sequence[schema.ChangeChoice],
         wrenches: Sequence[schema.DisturbanceChoice],
+        faults: Sequence[FaultChoice],
         machine: Platform,
         timing: Timing,
     ) -> tuple[Change, ...]:
-        """Of the machine's parameters, then of the load; each list in order of time."""
+        """Of the machine's parameters, then of the load, then faults; each list in order of time."""
         with part_of(self.experiment.where, "change"):
             changes = _parameter_changes(parameters, machine)
             for change in changes:
                 timing.row(change.time, "a change")
         with part_of(self.experiment.where, "disturbance"):
-            return (*changes, *_disturbances(wrenches, timing))
+            loads = _disturbances(wrenches, timing)
+        with part_of(self.experiment.where, "fault"):
+            return (*changes, *loads, *_faults(faults, timing))
 
     def injection(
         self,
@@ -292,20 +296,39 @@ def _parameter_changes(choices: Sequence[schema.ChangeChoice], platform: Platfor
 
 def _disturbances(choices: Sequence[schema.DisturbanceChoice], timing: Timing) -> list[Change]:
     """The external wrench from every time at which a disturbance begins or ends: the sum of the active ones."""
-    ends = [(each.at, each.at + each.duration, np.concatenate([each.force, each.torque])) for each in choices]
+    spans = [(each.at, each.at + each.duration, np.concatenate([each.force, each.torque])) for each in choices]
+    return [
+        Change(time, external_wrench=sum(active, start=np.zeros(6)))
+        for time, active in _active(spans, timing, "disturbance")
+    ]
+
+
+def _faults(choices: Sequence[FaultChoice], timing: Timing) -> list[Change]:
+    """What fails from every time at which a fault begins or ends."""
+    spans = [(each.at, math.inf if each.duration is None else each.at + each.duration, each.flags) for each in choices]
+    return [
+        Change(time, faults=np.max([np.zeros(N_FAULTS), *active], axis=0))
+        for time, active in _active(spans, timing, "fault")
+    ]
+
+
+def _active(
+    spans: Sequence[tuple[float, float, FloatArray]], timing: Timing, what: str
+) -> list[tuple[float, list[FloatArray]]]:
+    """Every time at which a span (begin, end, value) begins or ends, with the values of those that are active then."""
     rows = set[int]()
-    for begin, end, _ in ends:
-        rows.add(timing.row(begin, "a disturbance"))
+    for begin, end, _ in spans:
+        rows.add(timing.row(begin, f"a {what}"))
         if end - begin < 0.5 * timing.plant_step:
             raise ControllerError(
-                f"a disturbance of {end - begin:g} s at {begin:g} s; expected at least the plant_step of "
+                f"a {what} of {end - begin:g} s at {begin:g} s; expected at least the plant_step of "
                 f"{timing.plant_step:g} s"
             )
         if end < timing.duration:
-            rows.add(timing.row(end, "the end of a disturbance"))
+            rows.add(timing.row(end, f"the end of a {what}"))
     # half a plant step later, so that rounding does not confuse begin and end
     aside = timing.plant_step / 2
     return [
-        Change(time, external_wrench=sum((w for a, b, w in ends if a < time + aside < b), start=np.zeros(6)))
+        (time, [value for begin, end, value in spans if begin < time + aside < end])
         for time in timing.times[sorted(rows)].tolist()
     ]

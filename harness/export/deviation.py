@@ -48,7 +48,7 @@ def deviation_of(experiment: Experiment, designed: Designed, controller: Any = N
     BuildError
         The code cannot be compiled here.
     """
-    calm = experiment.model_copy(update={"change": [], "disturbance": [], "injection": None})
+    calm = experiment.model_copy(update={"change": [], "disturbance": [], "fault": [], "injection": None})
     prepared = prepare(calm, controller)
     with prepared.law_in_a_run() as law:
         run = simulate(ModelPlant(prepared.machine, prepared.start), law, prepared.loop)

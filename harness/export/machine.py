@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.machine import Sources, machine_sources
 from gough_stewart.harness.control.controllers import OpenLoop
+from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.control.feedforward import Feedforward
 from gough_stewart.harness.control.laws_of_members import LawFrom
 from gough_stewart.harness.control.linear_law import LinearLaw
@@ -60,6 +61,7 @@ _CHANGES = (
     ("change_rows", "PLACE"),
     ("change_parameters", "PLACE"),
     ("change_inputs", "PLACE"),
+    ("change_faults", "PLACE"),
     ("forever", "WHOLE"),
     ("n_samples", "WHOLE"),
     ("sample_rows", "PLACE"),
@@ -164,7 +166,7 @@ def machine_block(
     """
     watch = Watch(loop, Rows.of(loop.timing, 1), _Nobody(), Outcomes(1, loop.timing.times))
     changes = _changes(plant, loop)
-    reading = Encoders(loop.sensors, None, *plant.shape)(0, plant.signals(), 0)
+    reading = Encoders(loop.sensors, None, plant.shape[0])(0, plant.signals(), 0)
     law = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
     form = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
     if law is not None and form is None:
@@ -174,6 +176,7 @@ def machine_block(
     plant.set_inputs(changes.inputs[:1])
     with ThreadPoolExecutor(1) as pool:
         own = CompiledLoop(plant, form, loop if turned is None else turned.with_room(loop), watch, reading, pool, 1)
+    own.fail(changes.faults[:1])
     if failures := plant.begin():
         raise MembersError(failures)
     arrays = own.arrays
@@ -268,27 +271,31 @@ class _Changes(NamedTuple):
     rows: NDArray[np.int64]
     parameters: FloatArray  # (n, N_PARAMETERS)
     inputs: FloatArray  # (n, 12)
+    faults: FloatArray  # (n, N_FAULTS), or (n, 0) if the loop has none, so that those of a hand stay
 
     @property
     def words(self) -> dict[str, Any]:
         """What is after the begin, by field."""
-        rows, parameters, inputs = (each[1:] for each in self)
-        return {"n_changes": len(rows), "change_rows": rows, "change_parameters": parameters, "change_inputs": inputs}
+        names = ("change_rows", "change_parameters", "change_inputs", "change_faults")
+        return {"n_changes": len(self.rows) - 1, **{name: each[1:] for name, each in zip(names, self, strict=True)}}
 
 
 def _changes(plant: LanesPlant, loop: Loop) -> _Changes:
-    """The parameters and inputs from the start and from each change on; the plant has those of the start again."""
+    """Parameters, inputs and faults from the start and from each change on; the plant has those of the start again."""
     from gough_stewart.harness.loop.observe import by_row, change_plant
 
     acting = np.zeros((*plant.shape, 12))
     acting[:, :N_LEGS] = loop.start_force
+    faults = np.zeros((*plant.shape, N_FAULTS))
     rows = by_row(loop)
     batch, found = plant.batch, []
     first: FloatArray = batch.parameters
     for row in sorted({0, *rows}):
         for change in rows.get(row, ()):
-            change_plant(change, plant, acting)
-        found.append((row, batch.parameters[0, :, 0].copy(), acting[0].copy()))
+            change_plant(change, plant, acting, faults)
+        found.append(
+            (row, batch.parameters[0, :, 0].copy(), acting[0].copy(), faults[0, : N_FAULTS * loop.has_faults].copy())
+        )
         if row == 0:
             first = batch.parameters.copy()
     batch.parameters[...] = first

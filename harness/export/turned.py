@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.controllers import SixChannels
+from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.control.gains import DAMPING_RATIO, modal_masses
 from gough_stewart.harness.control.laws import linear_of
 from gough_stewart.harness.control.loop_transfer import held_plant, space_of
@@ -16,7 +17,7 @@ from gough_stewart.harness.control.pid import Gains, channels_of
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.design_c import VARIANTS, variant_of
-from gough_stewart.harness.loop.loop import LENGTHS, Loop
+from gough_stewart.harness.loop.loop import LENGTHS, Change, Loop
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.vectors import FloatArray
 
@@ -62,7 +63,7 @@ class Turned(NamedTuple):
     loop: Loop
 
     def with_room(self, loop: Loop) -> Loop:
-        """The loop with noise, quantisation, a force limit and the longest delay, for their tables in machine code."""
+        """The loop with all that is turned, and the longest delay, for their tables in machine code."""
         sensors, actuators = loop.sensors, loop.actuators
         noise = {**sensors.noise, _ENCODERS: sensors.noise.get(_ENCODERS) or 1.0}
         steps = {**sensors.quantisation, _ENCODERS: sensors.quantisation.get(_ENCODERS) or 1.0}
@@ -72,6 +73,7 @@ class Turned(NamedTuple):
             loop,
             sensors=replace(sensors, noise=noise, quantisation=steps),
             actuators=replace(actuators, force_limit=limit, delay=delay),
+            changes=(Change(0.0, faults=np.zeros(N_FAULTS)), *loop.changes),
         )
 
     def begin(self, c: Any, arrays: Mapping[int, NDArray[Any]]) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.lanes import WIDTH, Failure
 from gough_stewart.harness.control.drive import Drive
+from gough_stewart.harness.control.faults import CUT, FROZEN
 from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.control.sensor import Sensor
@@ -70,7 +71,7 @@ MEMORY = (
         "limited",
         "planned",
     ),
-    *("delayed", "target", "driven", "acting", "at_row", "ended"),
+    *("delayed", "target", "driven", "acting", "cut", "frozen", "held", "at_row", "ended"),
 )
 _ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_force_limited", "row_rate_limited")
 _SAMPLES_OUT = ("sample_measured", "sample_state", "sample_command", "sample_limited")
@@ -155,6 +156,7 @@ class CompiledLoop:
         self._set_sensors(law)
         self._set_actuators()
         self._set_limits()
+        self._set_faults(reading)
         self._set_samples(watch.rows)
         self.taker = watch.observer.taker()
         if self.taker is not None:
@@ -335,6 +337,18 @@ class CompiledLoop:
         if self._loop.reference is not None:  # without a limit, what is not a number ends a run
             c.farthest = self._table(_numbers(limits.largest_position_error))
 
+    def _set_faults(self, reading: FloatArray) -> None:
+        self._faults = None
+        if self._loop.has_faults:
+            self._faults = self._memory("cut", N_LEGS), self._memory("frozen", signals.SIZE)
+            self._memory("held", signals.SIZE)[:, : self._n] = reading.T
+
+    def fail(self, faults: FloatArray) -> None:
+        """What has failed from now on, by flags (N, N_FAULTS); none of them change nothing."""
+        if self._faults is not None and faults.size:
+            for memory, part in zip(self._faults, (CUT, FROZEN), strict=True):
+                memory[:, : self._n] = faults[:, part].T
+
     def _set_samples(self, rows: Rows) -> None:
         if not isinstance(rows, AllRows):
             return
@@ -415,6 +429,7 @@ def run_compiled(
     loop: Loop,
     watch: Watch,
     acting: FloatArray,
+    faults: FloatArray,
     apply: Callable[[int], FloatArray],
     changes: Collection[int],
     progress: TimeProgress | None = None,
@@ -428,9 +443,10 @@ def run_compiled(
         Linear or traced controllers before their first sample, and what they read then (N, 24); None for feedforward
         alone.
     apply
-        Applies the changes of a row, if there are any, and gives the inputs (N, 12) of then.
+        Applies the changes of a row, if there are any, gives the inputs (N, 12) of then, and changes the faults
+        (N, N_FAULTS).
     changes
-        Rows that have changes; those of the first one have been applied, to these inputs.
+        Rows that have changes; those of the first one have been applied, to these inputs and faults.
     threads
         Their number at the most; results do not depend on it.
     """
@@ -439,6 +455,7 @@ def run_compiled(
     with ThreadPoolExecutor(threads) as pool:
         own = CompiledLoop(plant, law, loop, watch, reading, pool, threads)
         plant.set_inputs(acting)
+        own.fail(faults)
         plant.freeze(~outcomes.going)
         own.not_started(plant.begin())
         stops = sorted({*changes, steps + 1} - {0})
@@ -446,6 +463,7 @@ def run_compiled(
         while row <= steps and outcomes.going.any():
             if row and row in changes:
                 plant.set_inputs(apply(row))
+                own.fail(faults)
             room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count
             room = room if own.taker is None else steps + 1
             to = min(row + room, next(stop for stop in stops if stop > row))

@@ -22,15 +22,17 @@ LENGTHS = slice(12, 18)  # leg lengths, in the vector of all signals
 
 @dataclass(frozen=True)
 class Change:
-    """From `time` [s] on, new values of tunable parameters, or a new external wrench (6,) [N, N m].
+    """From `time` [s] on, new values of tunable parameters, a new external wrench (6,) [N, N m], or what has failed.
 
-    With many members, parameters and wrench may have a leading axis (N,), and `members` (N,) selects those that change.
+    Faults are flags (N_FAULTS,), see `control/faults.py`. With many members, all of these may have a leading axis (N,),
+    and `members` (N,) selects those that change.
     """
 
     time: float
     parameters: Mapping[str, object] = field(default_factory=dict)
     external_wrench: FloatArray | None = None
     members: BoolArray | None = None
+    faults: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,11 @@ class Loop:
     shape: tuple[int, ...] = ()
 
     @property
+    def has_faults(self) -> bool:
+        """Whether something may fail in it."""
+        return any(change.faults is not None for change in self.changes)
+
+    @property
     def reference_rows(self) -> FloatArray | None:
         """The reference with the members last (n, 30, N), or (n, 30, 1) if common to all; None without one."""
         if self.reference is None:
@@ -82,7 +89,7 @@ class Loop:
 def changes_of_members(each: Sequence[Sequence[Change]], timing: Timing) -> tuple[Change, ...]:
     """The changes of N members as those of one loop, in order of time, and of each member's own at equal times.
 
-    The i-th changes of members at a row are one if they change the same parameters, or the wrench.
+    The i-th changes of members at a row are one if they change the same parameters, the wrench, or faults.
     """
     if all(changes is each[0] for changes in each):
         return tuple(each[0])
@@ -92,7 +99,8 @@ def changes_of_members(each: Sequence[Sequence[Change]], timing: Timing) -> tupl
         for change in changes:
             row = timing.row(change.time, "a change")
             of_row[row] = of_row.get(row, -1) + 1
-            kind = (row, of_row[row], tuple(sorted(change.parameters)), change.external_wrench is not None)
+            given = change.external_wrench is not None, change.faults is not None
+            kind = (row, of_row[row], tuple(sorted(change.parameters)), *given)
             kinds.setdefault(kind, {})[member] = change
     return tuple(_change_of_some(kinds[kind], len(each)) for kind in sorted(kinds))
 
@@ -111,4 +119,5 @@ def _change_of_some(changes: Mapping[int, Change], n: int) -> Change:
         {name: values([change.parameters[name] for change in own]) for name in some.parameters},
         None if some.external_wrench is None else values([change.external_wrench for change in own]),
         None if whose.all() else whose,
+        None if some.faults is None else values([change.faults for change in own]),
     )

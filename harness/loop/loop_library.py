@@ -12,6 +12,7 @@ from gough_stewart.fmu_build.lanes import LanesLibrary, MachineCode, machine_cod
 from gough_stewart.fmu_build.source_state import state_of_files
 from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.drive import Drive
+from gough_stewart.harness.control.faults import Cut, Freeze
 from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.folds import AT, ROW_PARTS
@@ -25,10 +26,12 @@ _COMPONENTS: tuple[tuple[str, type[Stepped], int], ...] = (
     ("sensor", Sensor, 1),
     ("limits", ForceLimits, N_LEGS),
     ("drive", Drive, N_LEGS),
+    ("cut", Cut, N_LEGS),
+    ("freeze", Freeze, 1),
 )
 # Sources besides those of the plant's machine code.
 _OWN = (
-    ("gough_stewart.harness.control", "component.py", "drive.py", "force_limits.py", "sensor.py"),
+    ("gough_stewart.harness.control", "component.py", "drive.py", "faults.py", "force_limits.py", "sensor.py"),
     (str(__package__), "folds.py", "loop_library.py"),
 )
 
@@ -79,12 +82,15 @@ def components_header() -> str:
         text, n_coefficients, n_states = traced(component, name, channels)
         texts.append(text)
         macro = {"limits": "LIMIT"}.get(name, name.upper())
-        sizes |= {f"{macro}_COEFFICIENTS": n_coefficients} | ({f"{macro}_STATES": n_states} if n_states else {})
+        sizes |= {f"{macro}_{what}": n for what, n in (("COEFFICIENTS", n_coefficients), ("STATES", n_states)) if n}
     return f"{GENERATED}\n{defines(sizes)}\n{''.join(texts)}"
 
 
 def traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int, int]:
-    """The C of a step, `component_NAME(coefficients, states, inputs ..., next states, outputs ...)`, and its sizes."""
+    """The C of a step, `component_NAME(coefficients, states, inputs ..., next states, outputs ...)`, and its sizes.
+
+    Without coefficients or states these arguments are missing.
+    """
     import casadi  # needed once, to build
 
     from gough_stewart.fmu_build.lanes import in_lanes
@@ -106,7 +112,7 @@ def traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int
     x = casadi.vertcat(*states)
     following, outputs = component.step(coefficients, tuple(map(column, states)), tuple(map(column, inputs.values())))
     of_states = {"states": x} if states else {}
-    given = {"coefficients": c, **of_states, **inputs}
+    given = {**({"coefficients": c} if kind._fields else {}), **of_states, **inputs}
     found = {**({"next": joined(following)} if states else {})}
     found |= {key: joined([each]) for key, each in zip(component.outputs, outputs, strict=True)}
     function = casadi.Function(name, [*given.values()], [*found.values()], [*given], [*found])

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from gough_stewart.harness.control.faults import CUT, N_FAULTS, Cut, NoCoefficients
 from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLaws
 from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.errors import ControllerError, PlantError, SharedMemoryError
@@ -122,11 +123,12 @@ def _run(
     shape = watch.outcomes.going.shape
     acting = members.zeros(shape, interface.size_of(interface.INPUTS))
     acting[..., :6] = loop.start_force
+    faults = members.zeros(shape, N_FAULTS)
     changes = by_row(loop)
 
     def changed(row: int) -> FloatArray:
         for change in changes.get(row, ()):
-            change_plant(change, plant, acting)
+            change_plant(change, plant, acting, faults)
         return acting
 
     changed(0)
@@ -140,10 +142,10 @@ def _run(
         if law is None or own is not None:
             for member, error in ({} if law is None else law.failures).items():
                 watch.outcomes.end(watch.outcomes.only(member), "stopped", str(error))
-            run_compiled(plant, own, reading, loop, watch, acting, changed, changes, progress, threads)
+            run_compiled(plant, own, reading, loop, watch, acting, faults, changed, changes, progress, threads)
             return
         law_from = _already(law)
-    _run_rows(plant, law_from, loop, watch, acting, changed, progress)
+    _run_rows(plant, law_from, loop, watch, acting, faults, changed, progress)
 
 
 def _already(law: Law) -> LawFrom:
@@ -156,14 +158,16 @@ def _run_rows(
     loop: Loop,
     watch: Watch,
     acting: FloatArray,
+    faults: FloatArray,
     changed: Callable[[int], FloatArray],
     progress: TimeProgress | None,
 ) -> None:
     outcomes, timing, is_alone = watch.outcomes, loop.timing, isinstance(plant, Alone)
     n, plant_step = timing.steps, timing.plant_step
     forces = acting[..., :6]  # a view
+    failing = faults if loop.has_faults else None
     drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
-    sampler = Sampler(loop, law_from, drives, outcomes, watch.rows)
+    sampler = Sampler(loop, law_from, drives, outcomes, watch.rows, failing)
     read_signals = signals_of(plant)
     for k, time in enumerate(timing.times.tolist()):
         if k:
@@ -183,6 +187,9 @@ def _run_rows(
             else:
                 np.copyto(forces, drive, where=outcomes.going[..., None])
                 rate_limited = rate_limited & outcomes.going[..., None]
+        if failing is not None:
+            _, (left,) = Cut.step(NoCoefficients(), (), (forces, failing[..., CUT]))
+            np.copyto(forces, left, where=outcomes.going[..., None])
         plant.set_inputs(acting)
         watch.row(now, acting, sampler.force_limited, rate_limited)
         if not k and plant.may_overrun and sampler.may_overrun:
@@ -210,16 +217,18 @@ def _step(plant: Plant, time: float, step: float, outcomes: Outcomes) -> bool:
     return True
 
 
-def change_plant(change: Change, plant: Plant, acting: FloatArray) -> None:
-    """Pass parameters to the plant, and the wrench to the inputs (*shape, 12)."""
+def change_plant(change: Change, plant: Plant, acting: FloatArray, faults: FloatArray) -> None:
+    """Pass parameters to the plant, the wrench to the inputs (*shape, 12), and what fails to the flags (*shape, 30)."""
     if change.parameters:
         if change.members is None:
             plant.set_parameters(change.parameters)
         else:
             plant.set_parameters_of(change.members, change.parameters)
+    concerned = True if change.members is None else change.members[..., None]
     if change.external_wrench is not None:
-        concerned = True if change.members is None else change.members[..., None]
         np.copyto(acting[..., 6:], change.external_wrench, where=concerned)
+    if change.faults is not None:
+        np.copyto(faults, change.faults, where=concerned)
 
 
 def by_row(loop: Loop) -> dict[int, list[Change]]:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from gough_stewart.harness.control.faults import FROZEN
 from gough_stewart.harness.control.laws_of_members import Law, LawFrom
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.actuators import Drives
@@ -20,17 +21,25 @@ from gough_stewart.model.vectors import FloatArray
 class Sampler:
     """The actions at the samples of a run.
 
-    With jitter, members may be sampled at different rows, but always within the same sample time.
+    With jitter, members may be sampled at different rows, but always within the same sample time. `faults` (N, 30) are
+    flags that others change, None if nothing can fail.
     """
 
     def __init__(
-        self, loop: Loop, law_from: LawFrom | None, drives: Drives, outcomes: Outcomes, rows_of_run: Rows
+        self,
+        loop: Loop,
+        law_from: LawFrom | None,
+        drives: Drives,
+        outcomes: Outcomes,
+        rows_of_run: Rows,
+        faults: FloatArray | None = None,
     ) -> None:
         timing, shape = loop.timing, outcomes.going.shape
         own = loop.sensors.sample_time
         every = None if own is None else timing.steps_in(own, "the sensors' sample_time")
         rows = timing.rows_of_samples
-        self._encoders = Encoders(loop.sensors, every, *shape)
+        frozen = None if faults is None else faults[..., FROZEN]
+        self._encoders = Encoders(loop.sensors, every, *shape, frozen=frozen)
         self._loop, self._law_from, self._drives, self._outcomes, self._shape = loop, law_from, drives, outcomes, shape
         self._every, self._plant_step = timing.steps_a_sample, timing.plant_step
         self._kept = rows_of_run if isinstance(rows_of_run, AllRows) else None
@@ -52,7 +61,7 @@ class Sampler:
         else:
             due = self._rows_of_members[j] == k
             is_sample = bool(due.any())
-        reading = self._encoders(k, now, j if is_sample else None)
+        reading = self._encoders(k, now, j if is_sample else None, due)
         if is_sample:
             self._sample(j, reading, due)
 

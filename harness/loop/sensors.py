@@ -6,10 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gough_stewart.harness.control.faults import Freeze, NoCoefficients
 from gough_stewart.harness.control.sensor import Sensor, SensorCoefficients
 from gough_stewart.harness.loop.seeds import Seeds, entropy_of, stream
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.members import PerMember
+from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 
 # Number of readings per block in which noise is drawn; the numbers do not depend on it.
@@ -71,21 +73,39 @@ class Encoders:
     ----------
     every
         Plant steps between readings; None for readings at the samples.
+    frozen
+        Flags (N, 24), changed by others, of what stays as the member's last reading was; None if nothing can.
     """
 
-    def __init__(self, sensors: Sensors, every: int | None, members: int = 1) -> None:
+    def __init__(self, sensors: Sensors, every: int | None, members: int = 1, frozen: FloatArray | None = None) -> None:
+        self._frozen = frozen
+        self._last: FloatArray | None = None
         self._every, self._readings = every, Readings(sensors, members)
         self._latest: FloatArray = np.zeros((members, signals.SIZE))
         self.only = self._readings.only
 
-    def __call__(self, k: int, now: FloatArray, sample: int | None) -> FloatArray:
-        """The latest reading at a row, from the present signals (N, 24); None if no member is sampled."""
+    def __call__(self, k: int, now: FloatArray, sample: int | None, due: BoolArray | None = None) -> FloatArray:
+        """The latest reading at a row, from the present signals (N, 24); None if no member is sampled.
+
+        With own clocks of members, `due` (N,) are those whose sample this is.
+        """
         if self._every is None:
             if sample is not None:
-                self._latest = self._readings(sample, now)
+                self._latest = self._with_faults(self._readings(sample, now), due)
         elif k % self._every == 0:
-            self._latest = self._readings(k // self._every, now)
+            self._latest = self._with_faults(self._readings(k // self._every, now), None)
         return self._latest
+
+    def _with_faults(self, reading: FloatArray, due: BoolArray | None) -> FloatArray:
+        """The reading, but of frozen sensors the last one; a sensor that is frozen from the start has its first."""
+        if self._frozen is None:
+            return reading
+        if self._last is None:
+            self._last = reading.copy()
+        found: FloatArray
+        _, (found,) = Freeze.step(NoCoefficients(), (), (reading, self._last, self._frozen))
+        np.copyto(self._last, found, where=True if due is None else due[:, None])
+        return found
 
 
 class _Noise:

@@ -17,7 +17,7 @@ from gough_stewart.model.platform import Platform
 
 _SECTIONS = (
     *("reference", "controller", "loop", "sensors", "actuators", "limits", "start", "change", "disturbance"),
-    *("injection",),
+    *("fault", "injection"),
 )
 
 

@@ -132,7 +132,8 @@ static void draw_noise(const vector *v, int64_t reading)
     }
 }
 
-static void read_sensors(const vector *v, int64_t reading, int64_t n, const int64_t *used)
+/* Readings of the members whose sample it is; those of frozen sensors stay. */
+static void read_sensors(const vector *v, int64_t reading, int64_t n, const int64_t *used, mask whose)
 {
     const loop *w = v->with;
     draw_noise(v, reading);
@@ -145,6 +146,12 @@ static void read_sensors(const vector *v, int64_t reading, int64_t n, const int6
             for (int k = 0; k < SENSOR_COEFFICIENTS; k++)
                 c[k] = at(v, &w->sensors, 0, element * SENSOR_COEFFICIENTS + k);
             component_sensor(c, &now, &noise, &now);
+        }
+        if (w->frozen) {
+            lanes last = remembered(v, w->held, element), frozen = remembered(v, w->frozen, element), found;
+            component_freeze(&now, &last, &frozen, &found);
+            keep(v, w->held + element * v->of->stride, 1, &found, whose);
+            now = found;
         }
         remember(v, w->measured, element, now);
     }
@@ -325,6 +332,17 @@ static void drive(vector *v, lanes is_behind[])
     keep(v, w->acting, N_LEGS, mean, v->plant.running);
 }
 
+/* Legs without force; their drives go on. */
+static void cut_legs(vector *v)
+{
+    const loop *w = v->with;
+    lanes driven[N_LEGS], cut[N_LEGS], left[N_LEGS];
+    recall(v, w->acting, N_LEGS, driven);
+    recall(v, w->cut, N_LEGS, cut);
+    component_cut(driven, cut, left);
+    keep(v, w->acting, N_LEGS, left, v->plant.running);
+}
+
 static void keep_row(vector *v, int64_t row, const lanes is_behind[])
 {
     const loop *w = v->with;
@@ -463,11 +481,14 @@ static void at_row(vector *v, int64_t row)
             if (rows[w->sampled.member ? v->first + lane : 0] != row)
                 LANE(due, lane) = 0;
         if (w->kinds && (w->reading_every ? row % w->reading_every == 0 : any(due)))
-            read_sensors(v, w->reading_every ? row / w->reading_every : sample, w->size, w->used);
+            read_sensors(v, w->reading_every ? row / w->reading_every : sample, w->size, w->used,
+                         w->reading_every ? v->plant.running : due);
         if (any(due))
             sample_at(v, row, sample, due);
         drive(v, is_behind);
     }
+    if (w->cut)
+        cut_legs(v);
     recall(v, w->acting, N_LEGS, v->plant.u);
     if (w->takes)
         take_row(v, row, is_behind);

@@ -107,6 +107,9 @@ typedef struct {
     double *target;      /* 6: of the drives */
     double *driven;      /* DRIVE_STATES: of the drives */
     double *acting;      /* 6: forces [N] */
+    double *cut;         /* 6: whether the leg has no force, 1 or 0; NULL, as the next two: nothing can fail */
+    double *frozen;      /* 24: whether the reading stays */
+    double *held;        /* 24: readings of the last sample */
     int64_t *at_row;     /* (blocks): next row of each vector */
     int64_t *ended;      /* (M): row of the member's end, or -1 */
 

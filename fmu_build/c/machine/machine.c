@@ -17,7 +17,7 @@ typedef struct {
     loop with;
     int64_t n_changes, kept;
     const int64_t *change_rows;
-    const double *change_parameters, *change_inputs;
+    const double *change_parameters, *change_inputs, *change_faults;
     planned plan; /* kind -1: it has tables */
     turning turned;
     int64_t forever; /* it has no end: samples beyond the table's are regular, and nothing is injected there */
@@ -69,13 +69,18 @@ int64_t machine_open(int64_t *block, int64_t words)
     return MACHINE_OPEN;
 }
 
-/* New parameters and inputs from a row on. */
+/* New parameters, inputs and faults from a row on. */
 static void change(own *o)
 {
     const double *p = o->change_parameters + o->next_change * N_PARAMETERS;
     const double *u = o->change_inputs + o->next_change * N_INPUTS;
     memcpy((double *)o->of.parameters, p, N_PARAMETERS * sizeof *p);
     memcpy((double *)o->of.inputs, u, N_INPUTS * sizeof *u);
+    if (o->with.cut && o->change_faults) {
+        const double *failed = o->change_faults + o->next_change * (N_LEGS + N_SIGNALS);
+        memcpy(o->with.cut, failed, N_LEGS * sizeof *failed);
+        memcpy(o->with.frozen, failed + N_LEGS, N_SIGNALS * sizeof *failed);
+    }
     o->next_change++;
 }
 

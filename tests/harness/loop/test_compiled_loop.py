@@ -49,9 +49,16 @@ ALL = {
     "actuators": {"force_limit": "75 N", "rate_limit": "2 kN/s", "lag": "3 ms"},
     "change": [{"at": 0.05, "factors": {"platform_mass": 1.4}}],
     "disturbance": [{"at": 0.03, "duration": 0.03, "force": ["180 N", "-90 N", "120 N"]}],
+    "fault": [
+        {"at": 0.035, "cut": [2, 5], "duration": 0.02},
+        {"at": 0.05, "freeze": {"leg_length": [3, 4]}, "duration": 0.045},
+        {"at": 0.08, "cut": [1], "freeze": {"leg_length": [4]}},
+    ],
 }
 MANY: dict[str, Any] = {
     **VARIED,
+    "fault.1.at": {"choice": ["21 ms", "35 ms"]},
+    "fault.2.duration": {"choice": ["20 ms", "45 ms"]},
     "loop": {"delay": {"choice": [0, 1, 3]}, "jitter": {"choice": ["0 ms", "1 ms", "3 ms"]}},
     "sensors": {"noise": {"leg_length": {"uniform": ["0 um", "40 um"]}}},
     "actuators": {"lag": {"choice": ["0 ms", "2 ms", "5 ms"]}, "force_limit": {"uniform": ["68 N", "80 N"]}},

@@ -48,9 +48,20 @@ def test_the_table_of_a_run() -> None:
         ("platform", "uneven"),
         ("rows", "301"),
     ]
-    every = ("reference", "controller", "loop", "sensors", "actuators", "limits", "start", "change", "disturbance")
+    every = (
+        "reference",
+        "controller",
+        "loop",
+        "sensors",
+        "actuators",
+        "limits",
+        "start",
+        "change",
+        "disturbance",
+        "fault",
+    )
     full = Record(RUN.table, {**RUN.metadata, "experiment": {name: {"k": n} for n, name in enumerate(reversed(every))}})
-    assert rows_of(run_table(full, BELIEVED))[8:] == [(name, f"k {8 - n}") for n, name in enumerate(every)]
+    assert rows_of(run_table(full, BELIEVED))[8:] == [(name, f"k {9 - n}") for n, name in enumerate(every)]
 
 
 def test_the_table_of_limits_and_flags() -> None:
