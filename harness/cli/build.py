@@ -140,7 +140,7 @@ def _report(
     )
     rows = tuple((each.file, each.name, "passed" if each.passed else "FAILED", each.found) for each in checks)
     table = Table(
-        "Checks",
+        "",
         (Column("unit"), Column("check"), Column("outcome"), Column("deviation or problem")),
         rows,
         note=EXPLANATION,

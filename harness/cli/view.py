@@ -1,7 +1,7 @@
 """The command `view`: shows records in a browser."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +10,9 @@ from gough_stewart.harness.cli.options import OpenOption, path
 from gough_stewart.harness.cli.showing import DATA, PAGE
 from gough_stewart.harness.cli.terminal import progress_bar
 from gough_stewart.harness.errors import RecordError, UsageError
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.report.document import Report
 
 
 def view_command(
@@ -77,9 +80,21 @@ def _view_report(command: Command, place: Path, out: Path, *, open_it: bool) -> 
             report = from_json(data.read_bytes())
         except (ValueError, KeyError) as error:
             raise RecordError(f"{data}: cannot be read as a report: {error}; expected what a command writes") from error
+        report = _with_members(report, data.parent)
         write_files(out.parent, {out.name: page_of(report)})
     command.written.append(out)
     command.close([out.name], out.parent, open_it=open_it)
+
+
+def _with_members(report: "Report", folder: Path) -> "Report":
+    """The report of an ensemble with signals of its members, from which the page draws bands of the marked ones."""
+    if report.study != "ensemble" or not any(folder.glob("samples.parquet")):
+        return report
+    from gough_stewart.harness.ensemble.assembly import read_ensemble
+    from gough_stewart.harness.ensemble.report import with_samples
+
+    samples = read_ensemble(folder).samples
+    return report if samples is None else with_samples(report, samples)
 
 
 def _has_other_data(data: Path) -> bool:

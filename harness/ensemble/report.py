@@ -39,6 +39,7 @@ from gough_stewart.harness.report.document import (
     Mark,
     Note,
     Number,
+    Part,
     Report,
     Section,
     Series,
@@ -101,7 +102,7 @@ def ensemble_report(
     members = found.members
     tables: list[Table] = [quantile_table(members, usual_metrics(members))]
     if failures(members):
-        tables.append(failure_table(members))
+        tables.append(failure_table(members, pages=worst if isinstance(worst, Mapping) else None))
     if known is not None:
         tables.append(sensitivity_table(known))
     if worst:
@@ -271,11 +272,15 @@ def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:
     ]
 
 
-def failure_table(members: polars.DataFrame, most: int = _MOST_CAUSES) -> Table:
-    """Members that did not complete, by cause; the text is that of the first one."""
-    columns = (Column("outcome"), Column("members"), Column("cause of the first"), Column("first"))
-    rows = tuple((each.outcome, len(each.members), each.cause, each.members[0]) for each in failures(members))
-    return Table("Not completed", columns, rows, sortable=True, first_shown=most)
+def failure_table(members: polars.DataFrame, most: int = _MOST_CAUSES, pages: Mapping[int, str] | None = None) -> Table:
+    """Members that did not complete, by cause; the first of each stands for it, with its page if there is one."""
+    found, pages = failures(members), pages or {}
+    columns = (Column(MEMBER), Column("outcome"), Column("cause"), Column("members with it"))
+    rows = tuple((each.members[0], each.outcome, each.cause, len(each.members)) for each in found)
+    links = tuple(pages.get(each.members[0], "") for each in found)
+    note = "The first member of each cause. `gough-stewart run EXPERIMENT --member N --open` shows member N as a run."
+    shown = links if any(links) else ()
+    return Table("Not completed", columns, rows, sortable=True, first_shown=most, note=note, links=shown)
 
 
 def sensitivity_table(known: Sensitivity, most: int = _MOST_INPUTS) -> Table:
@@ -401,17 +406,37 @@ def _band(found: EnsembleData, name: str) -> Chart:
     note = f"Of the members still running.{some}"
     axis = Axis(shown.text, quantity)
     time = time_axis(part["time"].to_numpy())
-    return Chart(shown.text, time, series, y=axis, note=note, group="bands", samples=_samples(found, name))
+    return Chart(
+        shown.text,
+        time,
+        series,
+        y=axis,
+        note=note,
+        group="bands",
+        samples=_samples(found.samples, name, found.members.height),
+    )
 
 
-def _samples(found: EnsembleData, name: str) -> Samples | None:
+def _samples(frame: polars.DataFrame | None, name: str, of: int) -> Samples | None:
     """The signal of the first members, from which the page draws the bands of those that are marked."""
-    frame = found.samples
     if frame is None or name not in frame.columns or not frame.height:
         return None
     members = frame[MEMBER].unique(maintain_order=True).to_numpy()
     values = frame[name].fill_null(np.nan).to_numpy().reshape(len(members), -1)
-    return Samples(members, frame["time"].to_numpy()[: values.shape[1]], values, found.members.height)
+    return Samples(members, frame["time"].to_numpy()[: values.shape[1]], values, of)
+
+
+def with_samples(report: Report, frame: polars.DataFrame) -> Report:
+    """A report that was read back, with the samples of its members, which its data leave out."""
+    of = max((len(each.members) for each in report.numbers if each.members is not None), default=0)
+    names = {shown_signal(name).text: name for name in frame.columns if name not in (MEMBER, "time")}
+
+    def filled(part: Part) -> Part:
+        is_band = isinstance(part, Chart) and part.group == "bands" and part.title in names
+        return replace(part, samples=_samples(frame, names[part.title], of)) if is_band else part
+
+    sections = tuple(replace(each, parts=tuple(map(filled, each.parts))) for each in report.sections)
+    return replace(report, sections=sections)
 
 
 def _dependence(found: EnsembleData, by: str, name: str) -> Chart:

@@ -69,7 +69,7 @@ _CODE = re.compile(r"`([^`<>]+)`")
 @cache
 def _words() -> re.Pattern[str]:
     terms = sorted(GLOSSARY, key=len, reverse=True)
-    return re.compile(rf"\b({'|'.join(map(re.escape, terms))})(s?)\b", re.IGNORECASE)
+    return re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, terms))})(s?)\b", re.IGNORECASE)
 
 
 @cache

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart.harness.experiment.key_units import value_text
 from gough_stewart.harness.report.document import (
     Axis,
     Cell,
@@ -21,7 +22,7 @@ from gough_stewart.harness.report.document import (
     Verdict,
 )
 from gough_stewart.harness.report.quantities import LENGTH, Quantity
-from gough_stewart.harness.report.words import at_most, listed, plain_text
+from gough_stewart.harness.report.words import at_most, listed
 from gough_stewart.harness.results.circumstances import parameters_table, run_table, versions_table
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of, shown_metric
 from gough_stewart.harness.results.metrics import flattened, metrics
@@ -168,11 +169,17 @@ def differing_settings(records: Sequence[Record]) -> tuple[Setting, ...]:
 
 
 def differing(values: Iterable[Mapping[str, Any]]) -> tuple[Setting, ...]:
-    """The keys, down to single values, that are not the same in all; those of an experiment as in its file."""
+    """The keys, down to single values, that are not the same in all, with units; an experiment's as in its file."""
     files = [dict(_flat(each)) for each in values]
     keys = dict.fromkeys(key for each in files for key in each)
-    rows = [(key, [plain_text(each[key]) if key in each else "–" for each in files]) for key in keys]
-    return tuple(Setting(key.removeprefix("experiment."), tuple(each)) for key, each in rows if len(set(each)) > 1)
+    rows = [
+        (
+            name := key.removeprefix("experiment."),
+            [value_text(name, each[key]) if key in each else "–" for each in files],
+        )
+        for key in keys
+    ]
+    return tuple(Setting(key, tuple(each)) for key, each in rows if len(set(each)) > 1)
 
 
 def _flat(value: Any, path: str = "") -> list[tuple[str, Any]]:

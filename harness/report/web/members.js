@@ -68,7 +68,8 @@
       element("caption", {}, `${state.members.size} of ${ids.length} members are marked`),
       element("thead", {}, element("tr", {}, ...heads.map((head) => element(head ? "th" : "td", head ? { scope: "col", class: "n" } : {}, head)))),
       element("tbody", {}, ...rows.map(([name, ...cells]) => element("tr", {}, element("th", { scope: "row" }, name), ...cells.map((cell) => element("td", { class: "n" }, cell))))));
-    box.replaceChildren(element("div", { class: "sideways", tabindex: "0", role: "group", "aria-label": "marked members" }, table), ...opened());
+    box.replaceChildren(element("div", { class: "sideways", role: "group", "aria-label": "marked members" }, table), ...opened());
+    GS.fitTables();
   };
   GS.on("members", summary);
 

@@ -32,10 +32,26 @@
       button.remove();
     });
   }
-  // a table wider than the page scrolls sideways, also by keyboard
-  const boxes = document.querySelectorAll(".table .sideways");
-  const check = () => { for (const box of boxes) if (box.scrollWidth > box.clientWidth) box.tabIndex = 0; else box.removeAttribute("tabindex"); };
-  addEventListener("resize", check);
-  document.addEventListener("toggle", check, true);
-  check();
+  // A table that is wider than a phone shows each row as a card, its values under each other with the heads beside them;
+  // one that is wider than a larger page scrolls sideways, also by keyboard.
+  const phone = matchMedia("screen and (max-width: 640px)");
+  const label = (table) => {
+    const heads = [...table.tHead?.rows[0].cells ?? []].map((cell) => cell.textContent);
+    for (const row of table.tBodies[0].rows) for (const cell of row.cells) cell.dataset.head = heads[cell.cellIndex] || "";
+  };
+  const fit = (box) => {
+    const table = box.querySelector("table");
+    table.classList.remove("stacked");
+    const isWide = box.scrollWidth > box.clientWidth;
+    if (isWide && phone.matches) {
+      label(table);
+      table.classList.add("stacked");
+    }
+    if (isWide && box.scrollWidth > box.clientWidth) box.tabIndex = 0; else box.removeAttribute("tabindex");
+  };
+  GoughStewart.fitTables = () => document.querySelectorAll(":is(.table, #marked) .sideways").forEach(fit);
+  addEventListener("resize", GoughStewart.fitTables);
+  document.addEventListener("toggle", GoughStewart.fitTables, true);
+  phone.addEventListener("change", GoughStewart.fitTables);
+  GoughStewart.fitTables();
 })();

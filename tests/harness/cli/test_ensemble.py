@@ -14,6 +14,7 @@ from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.document import Chart, Table
 from gough_stewart.harness.results.record import read_record
 from tests.support.commands import invoke
+from tests.support.page_arrays import data_of, unpacked
 
 SHORT = ("--set", "loop.duration=0.1", "--set", "ensemble.worst=2")
 TABLES = {"members.parquet", "bands.parquet", "samples.parquet", "ensemble.json"}
@@ -51,6 +52,24 @@ def test_the_worst_members_are_those_with_the_largest_error_and_linked_from_the_
         assert f'href="worst/member-{member}/report.html"' in page
         error = read_record(done[1] / "worst" / f"member-{member}")["error.position"]
         assert ((error**2).sum(axis=1) ** 0.5).max() == pytest.approx(peak, rel=1e-12)
+
+
+def test_view_makes_the_page_that_the_command_wrote(done: tuple[Result, Path], tmp_path: Path) -> None:
+    """Expected: every byte of the HTML but its data, and every chart's signals of members, number by number."""
+    result = invoke("view", str(done[1]), "--out", str(tmp_path / "again.html"))
+    assert result.exit_code == 0, result.output
+    pages = [path.read_bytes() for path in (done[1] / "report.html", tmp_path / "again.html")]
+    frames = [re.sub(rb'(id="data">).*?</script>', rb"\1</script>", page, flags=re.DOTALL) for page in pages]
+    assert frames[0] == frames[1]
+    kept = []
+    for page in pages:
+        data = data_of(page)
+        kept.append([
+            {name: unpacked(data["arrays"][number]).tolist() for name, number in chart["samples"].items()}
+            for chart in data["charts"] if "samples" in chart
+        ])  # fmt: skip
+    assert len(kept[0]) > 5
+    assert kept[0] == kept[1]
 
 
 def test_the_worst_member_is_shown_beside_the_nominal_machine(done: tuple[Result, Path], tmp_path: Path) -> None:

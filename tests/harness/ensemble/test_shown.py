@@ -221,9 +221,13 @@ def test_failures_beyond_the_most_frequent_are_one_row() -> None:
         *[("impossible", "no pose", (10,)), ("diverged", "", (11,))],
     ]
     table = failure_table(found.members, most=2)
-    assert [column.name for column in table.columns] == ["outcome", "members", "cause of the first", "first"]
-    assert table.rows[:2] == (("diverged", 3, "at 1 s", 4), ("stopped", 2, "by hand", 7))
-    assert (table.first_shown, len(table.rows)) == (2, 5)
+    assert [column.name for column in table.columns] == ["member", "outcome", "cause", "members with it"]
+    assert table.rows[:2] == ((4, "diverged", "at 1 s", 3), (7, "stopped", "by hand", 2))
+    assert (table.first_shown, len(table.rows), table.links) == (2, 5, ())
+    # only members whose runs were kept have a page
+    assert failure_table(found.members, pages={7: "worst/member-7/report.html"}).links == (
+        *("", "worst/member-7/report.html", "", "", ""),
+    )
 
 
 def test_all_metrics_are_shown_or_the_usual_ones() -> None:

@@ -88,6 +88,16 @@ def test_a_swipe_over_a_chart_scrolls_the_page_of_a_phone(browser: Browser, open
     page.goto(address)
     until(page, DRAWN[kind])
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    # tables that would be wider are cards, with the head of each value beside it
+    tables = "[...document.querySelectorAll('.table .sideways')].filter((each) => each.checkVisibility())"
+    assert page.evaluate(f"{tables}.length && {tables}.every((each) => each.scrollWidth <= each.clientWidth)")
+    cells = "((row) => [...row.cells].slice(1).map((cell) => cell.dataset.head || cell.textContent))"
+    heads, values = (
+        page.evaluate(f"[...document.querySelectorAll('.stacked')].map((table) => {cells}(table.{part}.rows[0]))")
+        for part in ("tHead", "tBodies[0]")
+    )
+    assert heads == values
+    assert heads or kind != "ensemble"
     page.locator(".plot").first.scroll_into_view_if_needed()
     before = page.evaluate("scrollY")
     box = page.locator(".plot").first.bounding_box()

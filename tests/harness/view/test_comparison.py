@@ -119,10 +119,10 @@ def test_what_differs_between_the_files_comes_first() -> None:
     records[2] = Record(records[2].table, {**records[2].metadata, "platform": plain(heavy)})
     found = {each.key: each.values for each in differing_settings(records)}
     assert found == {
-        "controller.bandwidth": ("2", "4", "4"),
-        "disturbance[2].at": ("0.2", "0.3", "0.2"),
+        "controller.bandwidth": ("2 Hz", "4 Hz", "4 Hz"),
+        "disturbance[2].at": ("0.2 s", "0.3 s", "0.2 s"),
         "controller.damping": ("–", "–", "0.7"),
-        "machine.platform_mass": (f"{base.platform_mass:.6g}", f"{base.platform_mass:.6g}", "1300"),
+        "machine.platform_mass": (f"{base.platform_mass:.6g} kg", f"{base.platform_mass:.6g} kg", "1300 kg"),
     }
     assert view_report(records, ["a", "b", "c"]).settings == differing_settings(records)
 
