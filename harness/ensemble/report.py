@@ -432,8 +432,9 @@ def with_samples(report: Report, frame: polars.DataFrame) -> Report:
     names = {shown_signal(name).text: name for name in frame.columns if name not in (MEMBER, "time")}
 
     def filled(part: Part) -> Part:
-        is_band = isinstance(part, Chart) and part.group == "bands" and part.title in names
-        return replace(part, samples=_samples(frame, names[part.title], of)) if is_band else part
+        if not isinstance(part, Chart) or part.group != "bands" or part.title not in names:
+            return part
+        return replace(part, samples=_samples(frame, names[part.title], of))
 
     sections = tuple(replace(each, parts=tuple(map(filled, each.parts))) for each in report.sections)
     return replace(report, sections=sections)
