@@ -140,7 +140,7 @@ class Bench:
         """Run the modules with tests that are likely to detect the mutant first, then the other tests."""
         first = evidence.first(mutant)
         plan = {"first": first, "skipped": [], "limits": evidence.limits(), "limit": 600}
-        options, environment = ["-x"], {"PYTHONDONTWRITEBYTECODE": "1"}
+        options, environment = ["-x"], dict[str, str]()
         modules = sorted({test.partition("::")[0] for test in first})
         code, printed, result = self._pytest(modules, options, plan, environment)
         if code != 0 or len(result["seconds"]) == len(evidence.seconds):
@@ -192,7 +192,14 @@ class Bench:
                 [sys.executable, "-m", "tools.mutants.server", *self._libraries],
                 cwd=self.copy,
                 # one job uses one processor
-                env={**os.environ, "PYTHONPATH": str(_ROOT), "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+                env={
+                    **os.environ,
+                    "PYTHONPATH": str(_ROOT),
+                    # a mutant of the same size, written in the same second, would run the bytecode of the one before
+                    "PYTHONDONTWRITEBYTECODE": "1",
+                    "OPENBLAS_NUM_THREADS": "1",
+                    "OMP_NUM_THREADS": "1",
+                },
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 text=True,
