@@ -1,5 +1,6 @@
 """What a live page runs: an experiment's machine as data, and what a hand may do to it."""
 
+import base64
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ from gough_stewart.fmu_build.lanes import Failure
 from gough_stewart.harness.control.controllers import OpenLoop
 from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.batch import Prepared
+from gough_stewart.harness.experiment.file import with_settings
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.recording import FORMAT
 from gough_stewart.harness.experiment.schema import Experiment
@@ -17,6 +19,7 @@ from gough_stewart.harness.export.machine import Block, fields, machine_of
 from gough_stewart.harness.export.turned import MOST_DELAY, POLES, WANTED, Turned, turned_of
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.results.record import plain
+from gough_stewart.harness.section import file_names
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
@@ -27,7 +30,7 @@ KEPT = 512
 # Names of the machine's fields that a page reads and writes.
 _FIELDS = (
     *("signals", "inputs", "parameters", "feedforward", "plan_reference", "plan_target", "plan_smoothed"),
-    *("turn_wanted", "turn_used", "turn_results"),
+    *("turn_wanted", "turn_used", "turn_results", "cut", "frozen"),
     *("row_signals", "row_forces", "row_force_limited", "row_rate_limited"),
 )
 # What a page says of a run that ended early.
@@ -42,6 +45,8 @@ _FAILURES = {
     Failure.AWAY: "the loop diverged: the platform is too far from its reference",
     Failure.NOT_STARTED: "the platform cannot start from there",
 }
+# Files of what is taken home.
+_TAKEN = ("record.csv", "metadata.json", "experiment.toml", "reference.csv")
 # Tried from home: a sixth part of the mean leg length, and half a radian.
 _FARTHEST = (1 / 6, 0.5)
 _TRIED = 24
@@ -125,6 +130,7 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
         "g": np.asarray(machine.gravity).tolist(),
         "taken": _taken(experiment, prepared),
         "isOpen": is_open,
+        "hasEncoders": bool({"leg_length", "leg_velocity"} & set(getattr(prepared.controller, "signals", ()))),
         "forces": np.ravel(loop.feedforward[0])[:6].tolist() if is_open else [],
         "failures": _FAILURES,
         "reach": reach_of(platform).tolist(),
@@ -134,11 +140,12 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
 
 def _taken(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
     """What goes with a record and an experiment that are taken home."""
-    of_file = without_none(experiment.model_dump(mode="json", exclude_unset=True))
+    of_file, files = _carried(experiment)
     actuators, timing = prepared.loop.actuators, prepared.loop.timing
     return {
         "name": Path(experiment.where).stem,
         "experiment": of_file,
+        "files": files,
         "metadata": {
             "format": FORMAT,
             "title": f"{experiment.title}, live",
@@ -151,6 +158,26 @@ def _taken(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
             "versions": versions(),
         },
     }
+
+
+def _carried(experiment: Experiment) -> tuple[dict[str, Any], dict[str, str]]:
+    """The experiment's own keys, and the files that it names, in base64 by the names that they have there.
+
+    They lie beside the experiment, wherever they were; shipped recordings are found by their names.
+    """
+    names, found = dict[str, str](), dict[str, str]()
+    for key, name in file_names(experiment).items():
+        path = experiment.folder / name
+        if not path.is_file():
+            continue
+        own, raw = Path(name).name, base64.b64encode(path.read_bytes()).decode()
+        k = 2
+        while found.get(own, raw) != raw or own in _TAKEN:
+            own, k = f"{Path(name).stem}_{k}{Path(name).suffix}", k + 1
+        found[own] = raw
+        names[".".join(key)] = own
+    of_file = without_none(experiment.model_dump(mode="json", exclude_unset=True))
+    return with_settings(of_file, names), found
 
 
 def reach_of(platform: Platform) -> Any:

@@ -13,6 +13,7 @@
     // from home, in the unit that is shown
     const wanted = axes.map((axis) => axis.start);
     const listeners = [];
+    let stepsSaid = 0;
     let taken = false, held = null, stepped = 2, out = false;
     const take = () => {
       if (taken || open) return;
@@ -120,8 +121,14 @@
       wanted[stepped] = clipped(stepped, wanted[stepped] + by * axes[stepped].factor);
       engine.say("jump", { axis: stepped, by });
       show();
-      $("said").textContent = `a step of ${GS.short(by * axes[stepped].factor, 3)} ${axes[stepped].unit} along ${axes[stepped].name}`;
+      $("said").textContent = `a step of ${GS.short(by * axes[stepped].factor, 3)} ${axes[stepped].unit} along ${axes[stepped].name}; its response follows in 3 s`;
     };
+    engine.on("response", ({ axis, by, rise, overshoot, last }) => {
+      const { name, unit, factor } = axes[axis], size = `${GS.short(by * factor, 3)} ${unit} along ${name}`;
+      const rose = rise === null ? "it has not come to 90 % in 3 s" : `rise time ${GS.short(1000 * rise, 3)} ms (10 to 90 %), overshoot ${GS.short(100 * overshoot, 2)} %`;
+      $("said").textContent = `step of ${size}: ${rose}; ${GS.short(100 * (1 - last), 2)} % is left after 3 s`;
+      stepsSaid++;
+    });
     document.addEventListener("keydown", (event) => {
       if (event.key.toLowerCase() === "t" && !event.ctrlKey && !event.metaKey && !event.altKey && !/^(input|select)$/i.test(event.target.tagName)) step();
     });
@@ -129,6 +136,7 @@
     $("step").hidden = open;
     return {
       poll,
+      get stepsSaid() { return stepsSaid; },
       taken: () => taken,
       wanted: () => [...wanted],
       forces: () => [...wanted],

@@ -20,7 +20,7 @@
 
   const TABLE = Array.from({ length: 256 }, (_, n) => { for (let k = 0; k < 8; k++) n = n & 1 ? 0xedb88320 ^ (n >>> 1) : n >>> 1; return n >>> 0; });
   const checksum = (bytes) => { let c = 0xffffffff; for (const byte of bytes) c = TABLE[(c ^ byte) & 255] ^ (c >>> 8); return (c ^ 0xffffffff) >>> 0; };
-  // A ZIP archive of texts by name: the fields of PKWARE's appnote, 4.3.7, 4.3.12 and 4.3.16.
+  // A ZIP archive of texts or bytes by name: the fields of PKWARE's appnote, 4.3.7, 4.3.12 and 4.3.16.
   const archive = async (files) => {
     const parts = [], directory = [];
     let at = 0;
@@ -35,7 +35,7 @@
       return bytes;
     };
     for (const [name, text] of Object.entries(files)) {
-      const title = new TextEncoder().encode(name), raw = new TextEncoder().encode(text);
+      const title = new TextEncoder().encode(name), raw = typeof text === "string" ? new TextEncoder().encode(text) : text;
       const packed = new Uint8Array(await new Response(new Blob([raw]).stream().pipeThrough(new CompressionStream("deflate-raw"))).arrayBuffer());
       const common = [[20, 2], [0x0800, 2], [8, 2], [0, 2], [0x21, 2], [checksum(raw), 4], [packed.length, 4], [raw.length, 4], [title.length, 2], [0, 2]];
       directory.push(words([0x02014b50, 4], [20, 2], ...common, [0, 2], [0, 2], [0, 2], [0, 4], [at, 4]), title);
@@ -51,7 +51,26 @@
     const { given } = engine, { taken, turn } = given;
 
     // The experiment with what differs from its file; C has said which gains are used.
-    const experiment = async (motion, duration) => {
+    // What a hand cut or froze, as the experiment's table: times since the first row.
+    const spans = (faults, begun, duration) => {
+      const found = [], on = new Map();
+      const time = (row) => Number(Math.max(0, row * given.plantStep - begun).toFixed(9));
+      const end = (each, until) => {
+        const at = time(each.row);
+        if (at >= duration || until === at) return;
+        const what = each.name === "cut" ? { cut: [each.place + 1] } : { freeze: { [each.place < 18 ? "leg_length" : "leg_velocity"]: [each.place % 6 + 1] } };
+        found.push({ at, ...(until === null || until >= duration ? {} : { duration: Number((until - at).toFixed(9)) }), ...what });
+      };
+      for (const each of faults) {
+        const key = `${each.name} ${each.place}`;
+        if (on.has(key)) end(on.get(key), time(each.row));
+        if (each.on) on.set(key, each);
+        else on.delete(key);
+      }
+      for (const each of on.values()) end(each, null);
+      return found;
+    };
+    const experiment = async (motion, duration, faults) => {
       const found = structuredClone(taken.experiment), { controller } = found, { used } = await engine.ask("used", "usedGains");
       const now = Object.fromEntries(turn.names.map((name, k) => [name, turning.now[k]])), then = Object.fromEntries(turn.names.map((name, k) => [name, turn.wanted[k]]));
       const differs = (...names) => names.some((name) => now[name] !== then[name]);
@@ -75,6 +94,7 @@
       const { mass, gravity } = outside();
       if (mass !== given.platformMass || gravity.some((g, k) => g !== given.g[k])) found.plant = { ...found.plant, parameters: { ...found.plant?.parameters, platform_mass: mass, gravity } };
       if (given.isOpen) controller.force = hand.forces();
+      if (faults.length) found.fault = [...(found.fault || []), ...faults];
       if (motion) found.reference = { type: "file", file: "reference.csv" };
       if (duration) put("loop", "duration", duration);
       return toml(found);
@@ -82,7 +102,7 @@
 
     // Texts by name: a record of the rows that are kept, its metadata, the experiment, and its reference.
     const files = async () => {
-      const { values, size, step } = await engine.ask("kept", "keptRows"), all = values.length / size;
+      const { values, size, step, faults } = await engine.ask("kept", "keptRows"), all = values.length / size;
       // whole samples
       const rows = all - Math.max(all - 1, 0) % Math.max(1, Math.round(given.every * given.plantStep / step));
       if (!rows) throw new Error("nothing has run yet");
@@ -96,10 +116,11 @@
         if (dragged) motion.push([Number((row[0] - begun).toFixed(9)), ...row.subarray(31, 37)].join(","));
         if (k % 4000 === 3999) await new Promise((resolve) => { setTimeout(resolve); });
       }
-      const end = values[(rows - 1) * size], duration = Number((end - begun).toFixed(9)), text = await experiment(dragged, rows > 1 ? duration : 0);
+      const end = values[(rows - 1) * size], duration = Number((end - begun).toFixed(9)), text = await experiment(dragged, rows > 1 ? duration : 0, spans(faults, begun, duration));
       const metadata = { ...taken.metadata, rows, duration, plant_step: step, outcome: { status: "completed", time: end, cause: null } };
       return {
         "record.csv": `${lines.join("\n")}\n`, "metadata.json": `${JSON.stringify(metadata, null, 2)}\n`, "experiment.toml": text,
+        ...Object.fromEntries(Object.entries(taken.files).map(([name, bytes]) => [name, Uint8Array.from(atob(bytes), (letter) => letter.charCodeAt(0))])),
         ...(dragged ? { "reference.csv": `${motion.join("\n")}\n` } : {}),
       };
     };

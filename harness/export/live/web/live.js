@@ -113,17 +113,38 @@
     button.addEventListener("keyup", end);
   }
 
+  // Legs whose force is cut, and encoders that stay: length and its rate are of one encoder.
+  const broken = { cut: new Set(), freeze: new Set() };
+  const faults = (id, field, places, label) => {
+    for (let leg = 1; leg <= 6; leg++) {
+      const button = GS.element("button", { type: "button", "aria-pressed": "false", "aria-label": `${label} ${leg}` }, String(leg));
+      button.addEventListener("click", () => {
+        const on = !broken[id].has(leg);
+        if (on) broken[id].add(leg);
+        else broken[id].delete(leg);
+        button.setAttribute("aria-pressed", String(on));
+        engine.say("fail", { name: field, places: places(leg - 1), on });
+      });
+      $(id).append(button);
+    }
+  };
+  faults("cut", "cut", (k) => [k], "no force in leg");
+  faults("freeze", "frozen", (k) => [12 + k, 18 + k], "the encoder stays, leg");
+  $("freezing").hidden = !given.hasEncoders;
+
   // What limits it, in words.
   const limits = (message) => {
     const said = [];
     message.limited.forEach((time, leg) => { if (time > 0) said.push(`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`); });
+    for (const leg of [...broken.cut].sort()) said.push(`leg ${leg} has no force`);
+    for (const leg of [...broken.freeze].sort()) said.push(`encoder ${leg} stays`);
     if (last && given.stroke) {
       for (let leg = 0; leg < 6; leg++) {
         const length = last[7 + leg], [low, high] = given.stroke;
         if (length < low || length > high) said.push(`leg ${leg + 1} ${length < low ? "below" : "beyond"} its stroke`);
       }
     }
-    return said.length ? said.slice(0, 3).join("; ") : "no limit is reached";
+    return said.length ? said.slice(0, 4).join("; ") : "no limit is reached";
   };
   const ends = (message) => {
     const { failure, time } = message, leg = failure >= 5 && failure < 11 ? failure - 4 : 0;

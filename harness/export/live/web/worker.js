@@ -4,6 +4,11 @@ let c, at, given, start, view, timer = null;
 let turned = false, analysis = null;
 let playing = false, speed = 1, row = 0, ended = false, origin = 0, from = 0, lost = 0, posted = 0;
 const writes = new Map(), limited = new Float64Array(6);
+// what a hand has cut or frozen, and from which row on: places in `cut` and `frozen`, and whether
+const failed = new Map();
+let faults = [];
+// the step that is watched: axis, pose before, size, row, and what its response has been so far
+let step = null;
 // the last rows: time, signals (24), forces (6), the reference (24), and which legs are limited
 const KEPT = 56, MINUTE = 60;
 let ring = null, ringRows = 0, ringed = 0, thin = 1;
@@ -27,10 +32,24 @@ const begin = () => {
   limited.fill(0);
   for (const [name, values] of writes) for (const [k, value] of values) if (place(name)) numbers(name, k + 1)[k] = value;
   if (turned) c.machine_turn(at);
+  faults = [...failed.values()].filter((each) => each.on).map((each) => ({ ...each, row: 0 }));
+  step = null;
   hold();
 };
 // real time counts from here
 const hold = () => { origin = clock(); from = row; };
+
+// Of a step's response (y - from) / by: rise from 10 to 90 %, the largest, and what is left at the end of the watch.
+const WATCHED = 3;
+const follow = (index, pose) => {
+  const y = (pose - step.from) / step.by, time = (index - step.row) * given.plantStep;
+  if (step.low === null && y >= 0.1) step.low = time;
+  if (step.high === null && y >= 0.9) step.high = time;
+  step.highest = Math.max(step.highest, y);
+  if (time < WATCHED) return;
+  postMessage({ type: "response", axis: step.axis, by: step.by, rise: step.high === null ? null : step.high - step.low, overshoot: Math.max(0, step.highest - 1), last: y });
+  step = null;
+};
 
 // Rows to before `to`, at most what a call keeps; points of them for curves, and the last row.
 const advance = (to, points, every) => {
@@ -43,6 +62,7 @@ const advance = (to, points, every) => {
   for (let k = 0; k < n; k++) {
     const cut = flags.subarray(6 * k, 6 * k + 6);
     for (let leg = 0; leg < 6; leg++) limited[leg] = cut[leg] ? limited[leg] + given.plantStep : 0;
+    if (step) follow(first + k, signals[24 * k + step.axis]);
     if ((first + k) % thin === 0) {
       const to = (ringed++ % ringRows) * KEPT;
       ring[to] = (first + k) * given.plantStep;
@@ -147,6 +167,18 @@ const answers = {
     if (!writes.has(name)) writes.set(name, new Map());
     values.forEach((value, k) => writes.get(name).set(first + k, value));
   },
+  // legs without force and sensors that stay, with the row at which a hand did it
+  fail: ({ name, places, on }) => {
+    if (!place(name)) return;
+    for (const k of places) {
+      numbers(name, k + 1)[k] = on ? 1 : 0;
+      const each = { name, place: k, on, row };
+      failed.set(`${name} ${k}`, each);
+      faults.push(each);
+    }
+    if (!writes.has(name)) writes.set(name, new Map());
+    for (const k of places) writes.get(name).set(k, on ? 1 : 0);
+  },
   // some rows at once, by no clock
   some: ({ rows }) => {
     const points = [], to = row + rows, every = Math.max(1, Math.round(0.005 / given.plantStep), Math.ceil(rows / POINTS));
@@ -160,12 +192,13 @@ const answers = {
   kept: () => {
     const n = Math.min(ringed, ringRows), first = ringed - n, values = new Float64Array(KEPT * n);
     for (let k = 0; k < n; k++) values.set(ring.subarray(((first + k) % ringRows) * KEPT, ((first + k) % ringRows) * KEPT + KEPT), k * KEPT);
-    postMessage({ type: "keptRows", values, size: KEPT, step: thin * given.plantStep }, [values.buffer]);
+    postMessage({ type: "keptRows", values, size: KEPT, step: thin * given.plantStep, faults }, [values.buffer]);
   },
   // the reference jumps to a target along one axis: a step, past the hand's filter
   jump: ({ axis, by }) => {
     if (!place("plan_target")) return;
     const target = numbers("plan_target", 6), smoothed = numbers("plan_smoothed", 18);
+    step = { axis, by, from: smoothed[axis], row, low: null, high: null, highest: 0 };
     target[axis] += by;
     smoothed[axis] += by;
   },
@@ -176,7 +209,7 @@ const answers = {
     postMessage({ type: "turned", status, used: place("turn_used") ? [...numbers("turn_used", 25)] : [] });
     analyse(120);
   },
-  take: () => c.machine_take(at),
+  take: () => { step = null; c.machine_take(at); },
   // all rows from the beginning, for who compares them, and how long they took [s]
   rows: ({ rows }) => {
     playing = false;

@@ -11,6 +11,7 @@ from playwright.sync_api import Browser, Page
 import gough_stewart as gs
 from gough_stewart.harness.export.live.machine import live_machine
 from gough_stewart.harness.export.live.page import live_page
+from gough_stewart.model.platform_toml import save_platform
 from tests.harness.export.test_machine import Machine
 from tests.support.axe import violations
 from tests.support.browser import Watched, until, watched
@@ -27,9 +28,9 @@ HIDE = """hidden => {
 NOISE = {"sensors.noise": {"leg_length": "3 um"}, "sensors.seed": 4}
 
 
-def opened(browser: Browser, folder: Path, name: str, settings: dict[str, object] | None = None) -> Watched:
+def opened(browser: Browser, folder: Path, name: str | Path, settings: dict[str, object] | None = None) -> Watched:
     """The page of an experiment, once it moves."""
-    page = folder / f"{name}.html"
+    page = folder / f"{Path(name).stem}.html"
     page.write_bytes(live_page(gs.load_experiment(name, settings or {})))
     found = watched(browser, 1200, 800)
     found.page.goto(page.as_uri())
@@ -285,6 +286,67 @@ def test_what_was_dragged_is_taken_home_and_run_again(browser: Browser, tmp_path
     assert np.ptp(theirs["position"], axis=0)[:2].min() > 0.02
     assert found.errors == []
     page.close()
+
+
+def test_faults_and_files_are_taken_home(browser: Browser, tmp_path: Path) -> None:
+    """Expected: `run` repeats what was cut, frozen and dragged, in another folder, with the platform's own file.
+
+    The plant steps twice a sample, so that calls begin inside of one; a row of the reference beside its own would be
+    off by 0.1 mm. Poses as in the test above; the reference to 1e-6 m.
+    """
+    (tmp_path / "own").mkdir()
+    save_platform(gs.load_preset("motion_base"), tmp_path / "own" / "machine.toml")
+    (tmp_path / "mine.toml").write_text(
+        'title = "mine"\nplatform = { file = "own/machine.toml" }\nreference = { type = "hold" }\n'
+        'controller = { type = "pd", bandwidth = 2, feedforward = "gravity" }\n'
+        'loop = { duration = 1, sample_time = "2 ms", plant_step = "1 ms" }\n'
+    )
+    found = opened(browser, tmp_path, tmp_path / "mine.toml")
+    page = found.page
+    later(page, 0.01)
+    page.evaluate("GoughStewart.live.restart(false)")
+    page.fill("[aria-label='y [mm], as a number']", "40")
+    page.press("[aria-label='y [mm], as a number']", "Tab")
+    later(page, 0.151)
+    page.click("[aria-label='no force in leg 3']")
+    assert later(page, 0.1)[15] == 0
+    assert "leg 3 has no force" in page.inner_text("#limits")
+    page.click("[aria-label='no force in leg 3']")
+    page.click("[aria-label='the encoder stays, leg 5']")
+    assert later(page, 0.052)[15] != 0
+    with page.expect_download() as download:
+        page.click("#home")
+    with zipfile.ZipFile(download.value.path()) as archive:
+        assert "machine.toml" in archive.namelist()
+        archive.extractall(tmp_path / "elsewhere")
+    theirs = gs.read_record(tmp_path / "elsewhere")
+    again = gs.run(tmp_path / "elsewhere" / "experiment.toml")
+    rows = slice(0, theirs.table.height)
+    assert (theirs["actuator_force"][152:250, 2] == 0).all()
+    assert np.ptp(again["measured.leg_length"][-20:, 4]) == 0
+    for name in ("position", "orientation", "reference.position", "reference.orientation"):
+        assert np.abs(again[name][rows] - theirs[name]).max() < 1e-6
+    assert found.errors == []
+    page.close()
+
+
+def test_a_step_is_told_in_words(heave: Watched) -> None:
+    """Expected: rise time and overshoot of `gs.metrics` for a run with this step, to the digits that are shown."""
+    page = heave.page
+    page.evaluate("GoughStewart.live.restart(false)")
+    page.click("#step")
+    later(page, 3.1)
+    until(page, "document.getElementById('said').textContent.includes('rise time')")
+    by = 0.1 * page.evaluate("GoughStewart.page.live.reach[2]")
+    record = gs.run(
+        "heave_step",
+        {**NOISE, "reference.position_change": [0, 0, by], "reference.at": 0.1, "loop.duration": 3.2},
+    )
+    theirs = gs.metrics(record)["step_response"]["z"]
+    rise, overshoot = page.inner_text("#said").split("rise time ")[1].split(" ms")[0], theirs["overshoot_percent"]
+    assert float(rise) == pytest.approx(1000 * theirs["rise_time"], abs=1.01)
+    assert float(page.inner_text("#said").split("overshoot ")[1].split(" %")[0]) == pytest.approx(overshoot, rel=0.06)
+    page.click("#again")
 
 
 def test_a_link_holds_the_settings(browser: Browser, tmp_path: Path) -> None:
