@@ -342,7 +342,7 @@ def test_a_step_is_told_in_words(heave: Watched) -> None:
         "heave_step",
         {**NOISE, "reference.position_change": [0, 0, by], "reference.at": 0.1, "loop.duration": 3.2},
     )
-    theirs = gs.metrics(record)["step_response"]["z"]
+    (theirs,) = gs.metrics(record)["step_response"]
     rise, overshoot = page.inner_text("#said").split("rise time ")[1].split(" ms")[0], theirs["overshoot_percent"]
     assert float(rise) == pytest.approx(1000 * theirs["rise_time"], abs=1.01)
     assert float(page.inner_text("#said").split("overshoot ")[1].split(" %")[0]) == pytest.approx(overshoot, rel=0.06)
