@@ -135,7 +135,7 @@
   // What limits it, in words.
   const limits = (message) => {
     const said = [];
-    message.limited.forEach((time, leg) => { if (time > 0) said.push(`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`); });
+    message.limited.forEach((time, leg) => { if (time > 0 && !broken.cut.has(leg + 1)) said.push(`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`); });
     for (const leg of [...broken.cut].sort()) said.push(`leg ${leg} has no force`);
     for (const leg of [...broken.freeze].sort()) said.push(`encoder ${leg} stays`);
     if (last && given.stroke) {

@@ -334,7 +334,9 @@ def test_a_step_is_told_in_words(heave: Watched) -> None:
     """Expected: rise time and overshoot of `gs.metrics` for a run with this step, to the digits that are shown."""
     page = heave.page
     page.evaluate("GoughStewart.live.restart(false)")
+    page.evaluate("document.getElementById('axis-2').dispatchEvent(new Event('input'))")  # z is the axis that steps
     page.click("#step")
+    assert "along z" in page.inner_text("#said")
     later(page, 3.1)
     until(page, "document.getElementById('said').textContent.includes('rise time')")
     by = 0.1 * page.evaluate("GoughStewart.page.live.reach[2]")
