@@ -74,8 +74,6 @@ class Component:
     # by FMI version:
     terminals: Callable[[str], tuple[Terminal, ...]]
     documents: Callable[[str], Mapping[str, bytes]]  # by path in the archive
-    # nominal value of all continuous states
-    nominal: float = 1.0
     # parameters of the unit itself, after those with partial derivatives
     settings: frozenset[str] = frozenset()
     # numbers of its code that differ between units, by the name of the macro in C

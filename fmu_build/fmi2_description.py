@@ -55,7 +55,7 @@ def _add_scalars(variables: etree._Element, row: Row, component: Component) -> N
         if starts is not None:
             real.set("start", shared.number(starts.flat[k]))
         if row.role is Role.STATE:
-            real.set("nominal", shared.number(component.nominal))
+            real.set("nominal", shared.number(row.variable.nominal))
         if row.derivative_of is not None:
             real.set("derivative", str(_index(component, component.layout.by_name[row.derivative_of].first + k)))
 

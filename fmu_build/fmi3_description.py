@@ -65,7 +65,7 @@ def _add_variable(
     element.set("variability", v.variability)
     if row.role is Role.STATE:
         element.set("initial", "exact")
-        element.set("nominal", shared.number(component.nominal))
+        element.set("nominal", shared.number(row.variable.nominal))
     if v.causality in ("input", "output"):
         if component.clock is None:
             element.set("intermediateUpdate", "true")

@@ -163,7 +163,7 @@ const unsigned char VARIABLE_OF_SLOT[N_SLOTS] = {{
 }};
 
 const double NOMINAL_STATES[] = {{
-{_numbers([component.nominal] * _size(states))}
+{_numbers(row.variable.nominal for row in states for _ in row.slots)}
 }};
 
 const uint64_t LAYOUT = UINT64_C({layout_number(component):#x});

@@ -23,6 +23,13 @@ Derivatives = Callable[[FloatArray], FloatArray]
 # Below this |z| the functions φ are summed as series, above it taken from e^z, with at most two digits lost.
 _SERIES_BELOW = 1.0
 _TERMS = 18
+# Of fixed steps: the largest h d of a substep, and the largest part of it that may arise within one, beyond which they
+# diverge; the most substeps; and the largest h |λ| of the modes of legs that stick, within the half disc in which RK4
+# is stable.
+LARGEST_DECAY = 40.0
+LARGEST_CHANGE = 2.0
+MOST_SUBSTEPS = 64
+LARGEST_PRODUCT = 2.6
 
 
 class Coefficients(NamedTuple):

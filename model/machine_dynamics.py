@@ -26,7 +26,7 @@ from gough_stewart.model.dynamics import (
     static_leg_forces,
 )
 from gough_stewart.model.friction import Bristles, bristle_force, bristle_rate, bristles_of
-from gough_stewart.model.kinematics import LegGeometry, LegRates, leg_geometry, rates_of_legs
+from gough_stewart.model.kinematics import LegGeometry, LegRates, leg_geometry, leg_rates, rates_of_legs
 from gough_stewart.model.leg_dynamics import axial_mass, friction_force
 from gough_stewart.model.operations import greater, where
 from gough_stewart.model.parameters import PHYSICAL, Parameters
@@ -166,6 +166,14 @@ def holding_motor_position(parameters: Parameters, position: Array, orientation:
     if not np.asarray(parameters.leg_stiffness > 0).all():
         return length
     return np.asarray(length + static_leg_forces(parameters, position, orientation) / parameters.leg_stiffness)
+
+
+def motors_at(parameters: Parameters, state: State) -> dict[str, Array]:
+    """`motor_position` and `motor_velocity` (6,) that hold a pose and move with its twist; see the function before."""
+    return {
+        "motor_position": holding_motor_position(parameters, state.position, state.orientation),
+        "motor_velocity": leg_rates(parameters, state).length_rate,
+    }
 
 
 def friction_hints(platform: Parameters) -> tuple[str, ...]:

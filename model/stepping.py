@@ -16,8 +16,8 @@ from gough_stewart.model.exponential import Bristled, integrate_bristles
 from gough_stewart.model.integrator import integrate
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
-from gough_stewart.model.kinematics import leg_geometry, leg_rates
-from gough_stewart.model.machine_dynamics import holding_motor_position
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose, clear_of_limits
@@ -324,10 +324,7 @@ class SteppingModel:
 
     def _place_motors(self, platform: Platform, x: NDArray[np.float64]) -> None:
         """Write the motors' states into x that hold its pose at rest, and move with its twist."""
-        state = State.from_vector(x[:12])
-        positions = holding_motor_position(platform, state.position, state.orientation)
-        rates = leg_rates(platform, state).length_rate
-        for name, values in zip(sorted(_MOTOR), (positions, rates), strict=True):
+        for name, values in motors_at(platform, State.from_vector(x[:12])).items():
             x[_position_in(self._variant.states, interface.BY_NAME[name])] = values
 
     def _value(self, variable: Variable) -> NDArray[np.float64]:

@@ -81,23 +81,23 @@ def tangent_function() -> casadi.Function:
 
 @cache
 @interrupts_held_back()
-def forward_function() -> casadi.Function:
+def forward_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `forward`: (x, u, p, dx, du, dp) -> dxdot, dy; the derivative of (ẋ, y) in one direction.
 
     δẋ = ∂ẋ/∂x δx + ∂ẋ/∂u δu + ∂ẋ/∂p δp, and likewise δy; exact.
     """
-    z = _arguments()
+    z = _arguments(variant)
     dz = [casadi.SX.sym(f"d{name}", v.numel()) for name, v in zip("xup", z, strict=True)]
-    directions = [casadi.jtimes(f, casadi.vertcat(*z), casadi.vertcat(*dz)) for f in _trace(*z)]
+    directions = [casadi.jtimes(f, casadi.vertcat(*z), casadi.vertcat(*dz)) for f in _trace(*z, variant)]
     return _function("forward", [*z, *dz], directions, ["dxdot", "dy"])
 
 
 @cache
 @interrupts_held_back()
-def reverse_function() -> casadi.Function:
+def reverse_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `reverse`: (x, u, p, wxdot, wy) -> gx, gu, gp; the gradient of wẋ·ẋ + wy·y, exact."""
-    z = _arguments()
-    f = _trace(*z)
+    z = _arguments(variant)
+    f = _trace(*z, variant)
     w = [casadi.SX.sym(f"w{name}", v.numel()) for name, v in zip(("xdot", "y"), f, strict=True)]
     gradient = casadi.jtimes(casadi.vertcat(*f), casadi.vertcat(*z), casadi.vertcat(*w), True)
     return _function(
@@ -107,14 +107,14 @@ def reverse_function() -> casadi.Function:
 
 @cache
 @interrupts_held_back()
-def legs_function() -> casadi.Function:
+def legs_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `legs`: (x, p) -> length (6), length_rate (6), jacobian (36, row by row), rho.
 
     For checks of the pose limits, at a fifth of the cost of the derivatives. Row i of the Jacobian is
     (u_i, c_i × u_i / ρ), with ρ the platform's characteristic length.
     """
-    x, _, p = _arguments()
-    state, parameters = State.from_vector(_symbols(x)), _parameters(p)
+    x, _, p = _arguments(variant)
+    state, parameters = State.from_vector(_symbols(x)[..., :N_STATES]), _parameters(p, variant)
     legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
     rates = kinematics.rates_of_legs(legs, state).length_rate
     scaled, rho = kinematics.scaled_jacobian_of_legs(legs)

@@ -35,6 +35,12 @@ class Variant:
         """Their names."""
         return (*(("bristles",) if self.bristles else ()), *(("springs",) if self.springs else ()))
 
+    @property
+    def words(self) -> str:
+        """What such a platform has, for messages."""
+        friction = "with friction that sticks" if self.bristles else "with smooth friction"
+        return f"{friction} and {'legs that give' if self.springs else 'rigid legs'}"
+
     @cached_property
     def states(self) -> tuple[Variable, ...]:
         """The states, in the order of x."""

@@ -2,18 +2,18 @@
 
 import json
 from collections.abc import Iterable
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
 from gough_stewart.fmu_build.archive import PLANT_STEM
 from gough_stewart.fmu_build.component import Code, Component, Icon, Kind, SlotDependencies, Terminal, terminals_of
 from gough_stewart.fmu_build.errors import check_installed
-from gough_stewart.fmu_build.layout import Role, Row
+from gough_stewart.fmu_build.layout import Layout, Role, Row
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.plant.documentation import documentation_page
 from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
-from gough_stewart.fmu_build.plant.layout import NOMINAL, PLANT
+from gough_stewart.fmu_build.plant.layout import plant_layout
 from gough_stewart.fmu_build.plant.reference_results import reference_cases, reference_files, reference_results
 from gough_stewart.fmu_build.plant.related_files import related_files
 from gough_stewart.fmu_build.plant.tables import plant_header
@@ -23,9 +23,10 @@ from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.prebuilt import prebuilt
+from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
-from gough_stewart.model.variant import refuse_parts
+from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = "gough_stewart"
@@ -65,10 +66,12 @@ def plant_component(
         Whether the unit is for a system with its controller: without reference results, and in the first step,
         actuator forces that are all 0 are replaced by their start values, which some masters do not propagate.
     """
-    refuse_parts(platform, "an FMU", "run it with the plant 'model'")
-    starts = interface.start_values(interface.VARIABLES, platform)
+    variant = Variant.of(platform)
+    layout = plant_layout(variant)
+    starts = interface.start_values((row.variable for row in layout.rows), platform)
     own: dict[str, Array] = {"fixed_step_size": np.array(fixed_step_size)}
-    own |= {} if start is None else start._asdict()
+    if start is not None:
+        own |= start._asdict() | (motors_at(platform, start) if variant.springs else {})
     if actuator_force is not None:
         own["actuator_force"] = actuator_force
     starts |= {name: interface.checked_value(interface.BY_NAME[name], value) for name, value in own.items()}
@@ -76,7 +79,8 @@ def plant_component(
 
     def documents(fmi_version: str) -> dict[str, bytes]:
         page = {"documentation/index.html": documentation_page(platform, fmi_version, starts)}
-        if is_in_a_system:
+        # references of another scheme take seconds where bristles are stiff
+        if is_in_a_system or variant != IDEAL:
             return page
         related = related_files((case.name for case, _ in runs()), IDENTIFIER)
         return page | reference_files(runs(), IDENTIFIER, fmi_version) | related
@@ -86,80 +90,78 @@ def plant_component(
         name="GoughStewart",
         description=package_metadata()["Summary"],
         file_stem=file_stem,
-        layout=PLANT,
+        layout=layout,
         starts=starts,
-        dependencies=slot_dependencies(),
+        dependencies=slot_dependencies(variant),
         experiment={"startTime": "0", "stopTime": "1", "tolerance": repr(tolerance), "stepSize": "0.001"},
-        code=_code(),
+        code=_code(variant),
         icon=Icon(icon_png(platform), icon_svg(platform)),
-        terminals=_terminals,
+        terminals=partial(_terminals, layout),
         documents=documents,
-        nominal=NOMINAL,
         settings=frozenset({"fixed_step_size"}),
         options={"ZEROS_ARE_UNSET_AT_START": is_in_a_system},
     )
 
 
 @cache
-def _code() -> Code:
+def _code(variant: Variant) -> Code:
     own = c_folder("plant")
-    return Code({**own.units, KERNEL_SOURCE: _kernel_source()}, {**own.headers, "plant_table.h": plant_header()})
+    units = {**own.units, KERNEL_SOURCE: _kernel_source(variant)}
+    return Code(units, {**own.headers, "plant_table.h": plant_header(variant)})
 
 
-def _kernel_source() -> str:
+def _kernel_source(variant: Variant) -> str:
     """The C of the equations: what came with the package, else traced."""
-    path = prebuilt(KERNEL_SOURCE, state_of_texts())
+    path = prebuilt(KERNEL_SOURCE, state_of_texts()) if variant == IDEAL else None
     if path is not None:
         return path.read_text(encoding="utf-8")
     check_installed(TRACER)
     from gough_stewart.fmu_build.codegen import kernel_source
 
-    return kernel_source()
+    return kernel_source(variant)
 
 
-def _terminals(fmi_version: str) -> tuple[Terminal, ...]:
+def _terminals(layout: Layout, fmi_version: str) -> tuple[Terminal, ...]:
     """Six actuators, the pose, the external wrench."""
     groups = (("pose", "pose and its rates", _POSE), ("external_wrench", "load at Op", _WRENCH))
-    return terminals_of(PLANT, fmi_version, _ACTUATOR, groups)
+    return terminals_of(layout, fmi_version, _ACTUATOR, groups)
 
 
 @cache
-def slot_dependencies() -> SlotDependencies:
+def slot_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
     """Dependencies of derivatives, outputs and locals on inputs, states and parameters.
 
     A dependency is `constant` if its entry of the Jacobian is a plain number. The table came with the package, else the
     equations are traced.
     """
-    path = prebuilt(DEPENDENCIES, state_of_texts())
+    path = prebuilt(DEPENDENCIES, state_of_texts()) if variant == IDEAL else None
     if path is not None:
         read = json.loads(path.read_bytes())
         return {int(slot): {int(known): kind for known, kind in kinds.items()} for slot, kinds in read.items()}
     check_installed(TRACER)
-    return traced_dependencies()
+    return traced_dependencies(variant)
 
 
-def traced_dependencies() -> SlotDependencies:
+def traced_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
     """The same, traced."""
     import casadi
 
     from gough_stewart.model import traced
 
-    x, u, p = traced.derivatives_function().sx_in()
-    f = casadi.vertcat(traced.derivatives_function()(x, u, p), traced.outputs_function()(x, u, p))
+    layout = plant_layout(variant)
+    x, u, p = traced.derivatives_function(variant).sx_in()
+    y = traced.outputs_function(variant)(x, u, p)
+    f = casadi.vertcat(traced.derivatives_function(variant)(x, u, p), y)
     jacobian = casadi.jacobian(f, casadi.vertcat(x, u, p))
     rows, columns = jacobian.sparsity().get_triplet()
-    unknowns = [*_slots(Role.DERIVATIVE), *_slots(Role.STATE), *_slots(Role.RESULT)]
-    parameters = (PLANT.by_name[v.name] for v in interface.PLATFORM_PARAMETERS)
-    knowns = [*_slots(Role.STATE), *_slots(Role.INPUT), *_slots_of(parameters)]
+    unknowns = [*_slots_of(layout.of_role(Role.DERIVATIVE)), *_slots_of(layout.by_name[v.name] for v in variant.results)]
+    parameters = (layout.by_name[v.name] for v in variant.parameters)
+    knowns = [*_slots_of(layout.of_role(Role.STATE)), *_slots_of(layout.of_role(Role.INPUT)), *_slots_of(parameters)]
     found: dict[int, dict[int, Kind]] = {slot: {} for slot in unknowns}
     for k, (row, column) in enumerate(zip(rows, columns, strict=True)):
         kind: Kind = "constant" if jacobian.nz[k].is_constant() else "dependent"
         found[unknowns[row]][knowns[column]] = kind
     return {slot: dict(sorted(kinds.items())) for slot, kinds in found.items()}
-
-
-def _slots(*roles: Role) -> list[int]:
-    return _slots_of(PLANT.of_role(*roles))
 
 
 def _slots_of(rows: Iterable[Row]) -> list[int]:

@@ -8,15 +8,16 @@ from math import log10
 import numpy as np
 
 from gough_stewart.fmu_build.formulas import to_html
-from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.layout import Layout, Role
 from gough_stewart.fmu_build.page import html_page, variables_table
 from gough_stewart.fmu_build.plant.drawing import drawing_svg
-from gough_stewart.fmu_build.plant.layout import PLANT
+from gough_stewart.fmu_build.plant.layout import plant_layout
 from gough_stewart.fmu_build.plant.tables import MOST_FIXED_STEPS
 from gough_stewart.model import interface
 from gough_stewart.model.integrator import MOST_INTERNAL_STEPS
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import Array
 
 
@@ -39,16 +40,18 @@ def documentation_page(platform: Platform, fmi_version: str, starts: Mapping[str
     """
     if fmi_version not in _EXAMPLES:
         raise ValueError(f"fmi_version is {fmi_version!r}; expected '2.0' or '3.0'")
-    home = interface.start_values(interface.VARIABLES, platform)
+    variant = Variant.of(platform)
+    layout = plant_layout(variant)
+    home = interface.start_values((row.variable for row in layout.rows), platform)
     starts = home if starts is None else starts
     stands_still = all(np.array_equal(starts[name], value) for name, value in home.items())
     sections = (
         _heading(platform, fmi_version),
-        _MODEL,
+        _model(variant),
         _frames(platform),
-        _variables(starts, fmi_version, stands_still),
+        _variables(layout, starts, fmi_version, stands_still),
         _equations(),
-        _behaviour(fmi_version),
+        _behaviour(layout, variant, fmi_version),
         _failures(fmi_version),
         _example(platform, fmi_version),
         _SOURCE,
@@ -62,11 +65,23 @@ def _heading(platform: Platform, fmi_version: str) -> str:
 <h1>Gough–Stewart platform</h1>
 <p>Functional mock-up unit for FMI {fmi_version}, Co-Simulation and Model Exchange. Inputs are six actuator forces;
 outputs are pose, motion and leg lengths. Start values are those of the platform
-<b>{escape(platform.name)}</b>{source}; parameters can be set to those of any other platform.</p>
+<b>{escape(platform.name)}</b>{source}; parameters can be set to those of any other platform of its kind.</p>
 """
 
 
-_MODEL = """
+def _model(variant: Variant) -> str:
+    friction = (
+        """viscous, and one that sticks, of the elasto-plastic model (<code>leg_friction_model</code> = 1, Dupont and
+others 2002) or LuGre (2, Canudas de Wit and others 1995), with a bristle's deflection as state of each leg.
+Parameters of friction that are 0 are derived."""
+        if variant.bristles
+        else "viscous, and Coulomb friction smoothed by a hyperbolic tangent."
+    )
+    springs = """
+<li>A spring with a damper between the motor's and the platform's side of each leg; friction and armature are on the
+motor's side, whose position and velocity are states. <code>motor_position</code> is the leg's length without its
+stretch: set it with the pose.</li>"""
+    return f"""
 <h2>Model</h2>
 <ul>
 <li>A platform and six identical legs of two rigid parts each, which slide along the leg; base joints and platform
@@ -74,10 +89,10 @@ joints can be anywhere.</li>
 <li>Ideal universal joints at the base, ideal spherical joints at the platform. Legs do not spin about their axis, so
 their axial inertia has no effect.</li>
 <li>Rotors and screws of electric actuators, as an inertia reflected along the leg.</li>
-<li>Friction between the two parts of a leg: viscous, and Coulomb friction smoothed by a hyperbolic tangent.</li>
+<li>Friction between the two parts of a leg: {friction}</li>{springs if variant.springs else ""}
 <li>Gravity, and an external force and torque on the platform.</li>
 </ul>
-<p>Not modelled: friction in the joints, elasticity, actuator dynamics, contact. Stroke and force limits are
+<p>Not modelled: friction in the joints, {"" if variant.springs else "elasticity, "}actuator dynamics, contact. Stroke and force limits are
 not enforced.</p>
 """
 
@@ -100,11 +115,11 @@ R = R<sub>z</sub>(γ) R<sub>y</sub>(β) R<sub>x</sub>(α) maps platform to world
 """
 
 
-def _variables(starts: Mapping[str, Array], fmi_version: str, stands_still: bool) -> str:
+def _variables(layout: Layout, starts: Mapping[str, Array], fmi_version: str, stands_still: bool) -> str:
     own_weight = """ The start values of the actuator forces hold the home pose:
 with all defaults, the platform stands still."""
     return f"""
-{variables_table(PLANT, starts, fmi_version, "Matrices of joints have one row per leg.")}
+{variables_table(layout, starts, fmi_version, "Matrices of joints have one row per leg.")}
 <p>Outputs with a start value are the continuous states: their start is exact and can be set. Fixed parameters can be
 set until initialization ends, tunable ones also during the run.{own_weight if stands_still else ""}</p>
 """
@@ -115,7 +130,7 @@ def _equations() -> str:
     return to_html(files("gough_stewart.model").joinpath("task_space.md").read_text(encoding="utf-8"))
 
 
-def _behaviour(fmi_version: str) -> str:
+def _behaviour(layout: Layout, variant: Variant, fmi_version: str) -> str:
     lowest, highest = (_power(t) for t in TOLERANCES)
     if fmi_version == "2.0":
         inputs = """In Co-Simulation inputs are held over a communication step, or change linearly if their first
@@ -127,16 +142,20 @@ derivatives of outputs are available."""
 called after every internal step. It can read outputs, set inputs and, if early return is allowed, end the step there.
 First derivatives of outputs are available."""
         step, event = "in step mode", "event mode"
-    tunable = ", ".join(f"<code>{row.variable.name}</code>" for row in PLANT.of_role(Role.TUNABLE_PARAMETER))
+    tunable = ", ".join(f"<code>{row.variable.name}</code>" for row in layout.of_role(Role.TUNABLE_PARAMETER))
+    scheme, fixed = "the Dormand–Prince pair of order 5(4)", "the classical Runge–Kutta method of order 4"
+    if variant.bristles:
+        scheme = "the exponential scheme ETDRK4, whole steps against two halves,"
+        fixed = "ETDRK4 without error control, with substeps where legs slide fast,"
     jacobians = "directional derivatives" if fmi_version == "2.0" else "directional and adjoint derivatives"
     return f"""
 <h2>Behaviour</h2>
 <ul>
-<li>Co-Simulation integrates by the Dormand–Prince pair of order 5(4) with error control. The tolerance is that of the
+<li>Co-Simulation integrates by {scheme} with error control. The tolerance is that of the
 experiment, from {lowest} to {highest}, by default {_power(DEFAULT_TOLERANCE)}; it is relative, and absolute in SI
 units. The internal step size carries over from one communication step to the next, so short steps cost
 little.</li>
-<li><code>fixed_step_size</code> &gt; 0 selects the classical Runge–Kutta method of order 4 instead, in equal steps
+<li><code>fixed_step_size</code> &gt; 0 selects {fixed} instead, in equal steps
 not above that size that end at the communication point: constant cost, for hardware in the loop. It has no
 effect on Model Exchange, where the importer integrates.</li>
 <li>{inputs}</li>

@@ -1,11 +1,25 @@
-"""The layout of the plant: the interface table, the state derivatives, time."""
+"""The layout of the plant: the interface table, the state derivatives, time; one for each of its variants.
 
-from gough_stewart.fmu_build.layout import laid_out
+A variant's states follow those of the ideal plant, its outputs the outputs, its parameters the parameters. So value
+references are those of a unit's own variant.
+"""
+
+from functools import cache
+
+from gough_stewart.fmu_build.layout import Layout, laid_out
 from gough_stewart.model import interface
+from gough_stewart.model.variant import IDEAL, Variant
 
-# A millimetre or a milliradian. Importers scale absolute tolerances with it: with CVode at tolerance 1e-8 the pose
-# error is then below 1e-7 after the paper's 1 s.
-NOMINAL = 1e-3
+_RATES = {"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}
 
-_RATES = {"position": "m/s", "orientation": "rad/s", "velocity": "m/s2", "angular_velocity": "rad/s2"}
-PLANT = laid_out(interface.VARIABLES, _RATES)
+
+@cache
+def plant_layout(variant: Variant) -> Layout:
+    """The layout of a variant's unit."""
+    outputs = [v for v in variant.results if v.causality == "output" and not v.is_state]
+    rows = (*interface.INPUTS, *variant.states, *outputs, *interface.LOCALS, *variant.parameters)
+    unit = interface.BY_NAME["fixed_step_size"]
+    return laid_out((*rows, unit), {v.name: _RATES[v.unit] for v in variant.states})
+
+
+PLANT = plant_layout(IDEAL)

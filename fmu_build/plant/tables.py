@@ -1,22 +1,26 @@
 """`plant_table.h`: offsets of the plant's variables in the kernel's vectors, and its limits."""
 
 from gough_stewart.fmu_build.layout import Role
-from gough_stewart.fmu_build.plant.layout import PLANT
+from gough_stewart.fmu_build.plant.layout import plant_layout
 from gough_stewart.fmu_build.tables import GENERATED, defines, places
-from gough_stewart.model import integrator, interface, platform_checks, pose_limits
+from gough_stewart.model import exponential, integrator, interface, platform_checks, pose_limits
 from gough_stewart.model.step_times import TOLERANCES
+from gough_stewart.model.variant import Variant
 
 # 1 s in steps of 1 µs; takes 4 s.
 MOST_FIXED_STEPS = 1_000_000
+# By which a leg's spring may be stretched at the start, over the leg's length: more is a pose without its motors.
+LARGEST_STRETCH = 0.01
 
 
-def plant_header() -> str:
+def plant_header(variant: Variant) -> str:
     """`plant_table.h`."""
-    states, results = PLANT.of_role(Role.STATE), PLANT.of_role(Role.STATE, Role.RESULT)
-    fixed_step = PLANT.by_name["fixed_step_size"]
+    layout = plant_layout(variant)
+    states, results = layout.of_role(Role.STATE), layout.of_role(Role.STATE, Role.RESULT)
+    fixed_step = layout.by_name["fixed_step_size"]
     places_of_all = places("X", states)
     places_of_all["X_PITCH"] = places_of_all["X_ORIENTATION"] + 1
-    places_of_all |= places("R", results) | places("P", (PLANT.by_name[v.name] for v in interface.PLATFORM_PARAMETERS))
+    places_of_all |= places("R", results) | places("P", (layout.by_name[v.name] for v in variant.parameters))
     limits = {
         "SMALLEST_TOLERANCE": TOLERANCES[0],
         "LARGEST_TOLERANCE": TOLERANCES[1],
@@ -28,11 +32,25 @@ def plant_header() -> str:
         "INERTIA_SLACK": platform_checks.INERTIA_SLACK,
         "COINCIDENCE": platform_checks.COINCIDENCE,
     }
+    if variant.bristles:
+        limits |= {
+            "LARGEST_SHARE": platform_checks.LARGEST_SHARE,
+            "LONGEST_PRESLIDING": platform_checks.LONGEST_PRESLIDING,
+            "LARGEST_DECAY": exponential.LARGEST_DECAY,
+            "LARGEST_CHANGE": exponential.LARGEST_CHANGE,
+            "MOST_SUBSTEPS": exponential.MOST_SUBSTEPS,
+        }
+    if variant.springs:
+        limits |= {"SLOWEST_MODE": platform_checks.SLOWEST_MODE, "LARGEST_STRETCH": LARGEST_STRETCH}
+    if variant.parts:
+        limits |= {"LARGEST_PRODUCT": exponential.LARGEST_PRODUCT}
     return f"""{GENERATED}
 #ifndef PLANT_TABLE_H
 #define PLANT_TABLE_H
 
 #define N_LEGS {interface.BY_NAME["leg_length"].size}
+#define HAS_BRISTLES {int(variant.bristles)}
+#define HAS_SPRINGS {int(variant.springs)}
 #define FIXED_STEP_SIZE {fixed_step.first} /* its slot */
 
 /* offsets in the vectors of states, results and parameters */

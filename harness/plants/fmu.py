@@ -16,10 +16,11 @@ from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.plants.unit import Unit, UnitFile, values_of
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
+from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
-from gough_stewart.model.variant import refuse_parts
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 _DISCARD = 2
@@ -57,22 +58,25 @@ class FmuPlant(Plant):
         tolerance: float = DEFAULT_TOLERANCE,
         fixed_step_size: float = 0.0,
     ) -> None:
-        refuse_parts(platform, "an FMU", "use the plant 'model'")
-        self._platform = platform
+        self._platform, self._variant = platform, Variant.of(platform)
+        self.columns = self._variant.columns
         with ExitStack() as stack:
             file = path if isinstance(path, UnitFile) else stack.enter_context(UnitFile(path))
             self.path = file.path
             self.fmi_version = file.version
+            if file.variant != self._variant:
+                raise file.refusal(f"is built for a platform {file.variant.words}, not for one {self._variant.words}")
             self._unit = unit = stack.enter_context(Unit(file))
             # buffers for everything that is called in each step
-            self._results = values_of([v.name for v in interface.RESULTS], unit.is_fmi2)
-            self._signals = values_of(signals.NAMES, unit.is_fmi2)
-            self._inputs = values_of([v.name for v in interface.INPUTS], unit.is_fmi2)
-            values: dict[str, ArrayLike] = {v.name: getattr(platform, v.name) for v in interface.PLATFORM_PARAMETERS}
+            self._results = values_of([v.name for v in self._variant.results], unit.is_fmi2, file.layout)
+            self._signals = values_of(signals.NAMES, unit.is_fmi2, file.layout)
+            self._inputs = values_of([v.name for v in interface.INPUTS], unit.is_fmi2, file.layout)
+            values: dict[str, ArrayLike] = {v.name: getattr(platform, v.name) for v in self._variant.parameters}
             values["fixed_step_size"] = fixed_step_size
             values |= interface.start_values(interface.INPUTS, platform)
             rest = np.zeros(3)
-            values |= (start or State(platform.home_position, platform.home_orientation, rest, rest))._asdict()
+            begin = start or State(platform.home_position, platform.home_orientation, rest, rest)
+            values |= begin._asdict() | (motors_at(platform, begin) if self._variant.springs else {})
             self._checked("start values", unit.write_by_name, values)
             self._checked("initialisation", unit.initialise, tolerance)
             self._read_results, self._read_signals = unit.reading(self._results), unit.reading(self._signals)
@@ -89,8 +93,9 @@ class FmuPlant(Plant):
         known: dict[str, Any] = {}
         for name, value in values.items():
             variable, element = interface.find(name)
-            if variable not in interface.TUNABLE or element is not None:
-                tunable = ", ".join(v.name for v in interface.TUNABLE)
+            settable = [v for v in self._variant.parameters if v.variability == "tunable"]
+            if variable not in settable or element is not None:
+                tunable = ", ".join(v.name for v in settable)
                 raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
             known[name] = interface.checked_value(variable, value)
         if not known:

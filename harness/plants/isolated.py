@@ -21,6 +21,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.interrupts import interrupts_held_back
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Time for the FMU to terminate [s].
@@ -160,7 +161,7 @@ class IsolatedFmu(Plant):
         tolerance: float = DEFAULT_TOLERANCE,
         fixed_step_size: float = 0.0,
     ) -> None:
-        self.path = Path(path)
+        self.path, self.columns = Path(path), Variant.of(platform).columns
         arguments = (self.path, platform, start, tolerance, fixed_step_size)
         self._other = Isolated(self.path, "gough_stewart.harness.plants.fmu:FmuPlant", arguments)
         self.fmi_version: str = self._other.call("__getattribute__", "fmi_version")

@@ -19,7 +19,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
-from gough_stewart.model.variant import refuse_parts
+from gough_stewart.model.variant import Variant
 
 if TYPE_CHECKING:
     from gough_stewart.harness.plants.unit import UnitFile
@@ -44,8 +44,6 @@ def open_plant(
     ------
     PlantError
         An unknown kind, a file for the model, an FMU of the other version, or as `FmuPlant`.
-    PlatformError
-        An FMU for a platform whose friction sticks, or whose legs give.
     BuildError
         The FMU cannot be built, or what runs it is not installed.
     """
@@ -60,13 +58,12 @@ def open_plant(
         return
     if kind not in FMI_VERSIONS:
         raise PlantError(f"plant is {kind!r}; expected model, fmu2 or fmu3")
-    refuse_parts(platform, "an FMU", "use the plant 'model'")
     version = FMI_VERSIONS[kind]
     if fmu is None:
         from gough_stewart.harness.plants.fmu import FmuPlant
 
         with FmuPlant(
-            _cached_unit(cached_build(version, progress)), platform, start, tolerance, fixed_step_size
+            _cached_unit(cached_build(version, progress, Variant.of(platform))), platform, start, tolerance, fixed_step_size
         ) as own:
             yield own
         return

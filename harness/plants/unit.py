@@ -21,10 +21,12 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, calloc, fmi2CallbackFunctions, fmi2C
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from numpy.typing import ArrayLike
 
-from gough_stewart.fmu_build.plant.layout import PLANT
+from gough_stewart.fmu_build.layout import Layout
+from gough_stewart.fmu_build.plant.layout import PLANT, plant_layout
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.model import interface
 from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.variant import Variant
 
 FmiType = Literal["CoSimulation", "ModelExchange"]
 _WARNING = 1  # fmi2Warning, fmi3Warning; larger ones are failures
@@ -58,6 +60,7 @@ class FmuFile:
 
     error: ClassVar[type[GoughStewartError]] = PlantError
     remedy: ClassVar[str] = "make one with `gough-stewart build`"
+    layout: Layout = PLANT
 
     def __init__(self, path: Path | str, folder: Path | None = None) -> None:
         self.path = Path(path)
@@ -124,13 +127,22 @@ class FmuFile:
 
 
 class UnitFile(FmuFile):
-    """A plant FMU built by this project; raises `PlantError`, also for another model or version."""
+    """A plant FMU built by this project; raises `PlantError`, also for another model or version.
+
+    Its `variant` is that of the platform for which it was built.
+    """
+
+    variant: Variant
 
     def _check(self) -> None:
         found = {v.name: v.valueReference for v in self.description.modelVariables}
-        for variable in interface.VARIABLES:
+        self.variant = Variant("leg_friction_model" in found, "leg_stiffness" in found)
+        self.layout = plant_layout(self.variant)
+        for variable in (row.variable for row in self.layout.rows if row.derivative_of is None):
+            if variable is self.layout.time.variable:
+                continue
             names = variable.scalar_names if self.is_fmi2 else (variable.name,)
-            for name, reference in zip(names, references(variable.name, self.is_fmi2), strict=True):
+            for name, reference in zip(names, references(variable.name, self.is_fmi2, self.layout), strict=True):
                 if found.get(name) != reference:
                     model = self.description.modelName
                     raise self.refusal(
@@ -164,10 +176,10 @@ class Values:
         ]
 
 
-def values_of(names: Iterable[str], is_fmi2: bool) -> Values:
+def values_of(names: Iterable[str], is_fmi2: bool, layout: Layout = PLANT) -> Values:
     """Whole variables of the plant, by name."""
-    variables = [PLANT.by_name[name].variable for name in names]
-    found = [reference for variable in variables for reference in references(variable.name, is_fmi2)]
+    variables = [layout.by_name[name].variable for name in names]
+    found = [reference for variable in variables for reference in references(variable.name, is_fmi2, layout)]
     return Values(found, interface.size_of(variables), is_fmi2)
 
 
@@ -195,7 +207,7 @@ class Unit:
         logging: bool = True,
         **options: Any,
     ) -> None:
-        self.is_fmi2 = file.is_fmi2
+        self.is_fmi2, self._layout = file.is_fmi2, file.layout
         self.messages: list[Message] = []
         arguments = {
             "guid": file.token if token is None else token,
@@ -262,7 +274,7 @@ class Unit:
 
     def write_by_name(self, values: Mapping[str, ArrayLike]) -> None:
         """Set whole variables in one call."""
-        buffer = values_of(values, self.is_fmi2)
+        buffer = values_of(values, self.is_fmi2, self._layout)
         buffer.array[:] = np.concatenate([np.ravel(value) for value in values.values()])
         self.write(buffer)
 
@@ -308,9 +320,9 @@ class Unit:
         self.messages.append(Message(status, category.decode(), text.decode(errors="replace"), name))
 
 
-def references(name: str, is_fmi2: bool) -> list[int]:
+def references(name: str, is_fmi2: bool, layout: Layout = PLANT) -> list[int]:
     """Value references of a whole variable: of each scalar in FMI 2.0, of the array in FMI 3.0."""
-    row = PLANT.by_name[name]
+    row = layout.by_name[name]
     return list(range(row.first, row.first + row.variable.size)) if is_fmi2 else [row.reference]
 
 

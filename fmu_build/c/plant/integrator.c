@@ -8,6 +8,13 @@
 
 #include "plant_table.h"
 
+double number_of_steps(double start, double end, double size)
+{
+    double slack = 1e-6 + 2 * DBL_EPSILON * fabs(start) / size;
+    return fmax(1, ceil((end - start) / size - slack));
+}
+
+#if !HAS_BRISTLES
 #define STAGES 7
 
 /* the last row is the solution of order 5, so stage 7 is the first stage of the next step */
@@ -128,13 +135,6 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
     return REACHED_END;
 }
 
-/* Number of steps, within the rounding of times of this magnitude. */
-static double number_of_steps(double start, double end, double size)
-{
-    double slack = 1e-6 + 2 * DBL_EPSILON * fabs(start) / size;
-    return fmax(1, ceil((end - start) / size - slack));
-}
-
 integration integrate_fixed(const ode *problem, integration_point *at, double end, double size)
 {
     double start = at->t, n = number_of_steps(start, end, size), span = end - start, planned = end;
@@ -181,3 +181,4 @@ integration integrate_fixed(const ode *problem, integration_point *at, double en
     }
     return REACHED_END;
 }
+#endif

@@ -1,9 +1,11 @@
-/* Integration of dx/dt = f(t, x) over a time span: Dormand-Prince 5(4) with error control, or classical RK4. */
+/* Integration of dx/dt = f(t, x) over a time span: Dormand-Prince 5(4) with error control, or classical RK4. A plant
+   with bristles takes exponential steps instead (exponential.c). */
 #ifndef INTEGRATOR_H
 #define INTEGRATOR_H
 
 #include "internal.h"
 #include "model.h"
+#include "plant_table.h"
 
 /* The differential equation and the callback for accepted steps. */
 typedef struct {
@@ -13,6 +15,10 @@ typedef struct {
        sets `changed` if f has changed. */
     int (*accept)(void *owner, double t, const double x[N_STATES], const double xdot[N_STATES], double *end,
                   int *changed);
+#if HAS_BRISTLES
+    /* rates d of the bristles at x: dz/dt = v - d z */
+    void (*decays)(void *owner, const double x[N_STATES], double decay[N_LEGS]);
+#endif
 } ode;
 
 typedef enum {
@@ -20,7 +26,8 @@ typedef enum {
     GIVEN_UP,        /* by `accept` */
     STEP_TOO_SMALL,  /* the tolerance cannot be met */
     TOO_MANY_STEPS,
-    NOT_FINITE       /* in fixed steps */
+    NOT_FINITE,      /* in fixed steps */
+    TOO_FAST         /* fixed steps of legs that slide so fast that more than MOST_SUBSTEPS are needed */
 } integration;
 
 /* The current point of an integration. */
@@ -32,6 +39,8 @@ typedef struct {
 } integration_point;
 
 INTERNAL_BEGIN
+/* Number of equal steps of at most `size`, within the rounding of times of this magnitude. */
+double number_of_steps(double start, double end, double size);
 /* Error per step below `tolerance`, relative and absolute in SI units. */
 integration integrate_controlled(const ode *problem, integration_point *at, double end, double tolerance);
 /* Equal steps, the largest not above `size`: constant cost. */

@@ -92,3 +92,80 @@ int check_geometry(const double p[N_PARAMETERS], const double leg_length[N_LEGS]
         }
     return 1;
 }
+
+#if HAS_BRISTLES
+static int check_friction(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
+{
+    double model = p[P_LEG_FRICTION_MODEL], coulomb = p[P_LEG_COULOMB_FRICTION], fixed = p[P_LEG_STATIC_FRICTION];
+    double stiffness = p[P_LEG_BRISTLE_STIFFNESS], share = p[P_LEG_BREAKAWAY_SHARE], largest = fmax(coulomb, fixed);
+    double least = INFINITY;
+    for (int i = 0; i < N_LEGS; i++)
+        least = fmin(least, coulomb * p[P_LEG_COULOMB_FRICTION_FACTOR + i]);
+    if (model != 1 && model != 2)
+        write_message(message, "leg_friction_model is %g; expected 1 (elasto_plastic) or 2 (lugre): smooth friction is "
+                               "a unit without bristles", model);
+    else if (!(least > 0))
+        write_message(message, "leg_coulomb_friction is %g N in a leg; friction that sticks needs > 0 in each", least);
+    else if (fixed > 0 && fixed < coulomb)
+        write_message(message, "leg_static_friction is %g N, below leg_coulomb_friction = %g N; expected at least that, "
+                               "or 0 for the same friction at rest as in motion", fixed, coulomb);
+    else if (stiffness > 0 && largest / stiffness > LONGEST_PRESLIDING)
+        write_message(message, "leg_bristle_stiffness is %g N/m: legs would stick over %.3g m before they slide; "
+                               "expected %g N/m or more, or 0 to derive it", stiffness, largest / stiffness,
+                      largest / LONGEST_PRESLIDING);
+    else if (share > LARGEST_SHARE)
+        write_message(message, "leg_breakaway_share is %g; expected at most %g, or 0 for the default", share,
+                      LARGEST_SHARE);
+    else
+        return 1;
+    return 0;
+}
+#endif
+
+#if HAS_SPRINGS
+static int check_springs(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
+{
+    const double pi = 3.14159265358979323846;
+    double stiffness = p[P_LEG_STIFFNESS], mass = p[P_LEG_UPPER_MASS] + p[P_PLATFORM_MASS] / 6;
+    double least = 4 * pi * pi * SLOWEST_MODE * SLOWEST_MODE * mass;
+    if (!(p[P_LEG_ARMATURE] > 0))
+        write_message(message, "leg_armature is %g kg; a leg with leg_stiffness needs a motor with inertia: set "
+                               "leg_armature = J (2 pi/lead)^2", p[P_LEG_ARMATURE]);
+    else if (!(stiffness >= least))
+        write_message(message, "leg_stiffness is %g N/m; expected %.3g N/m or more, at which the platform bounces at "
+                               "about %g Hz; rigid legs are a unit without springs", stiffness, least, SLOWEST_MODE);
+    else
+        return 1;
+    return 0;
+}
+#endif
+
+int check_parts(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
+{
+    int well = 1;
+#if HAS_BRISTLES
+    well = well && check_friction(p, message);
+#endif
+#if HAS_SPRINGS
+    well = well && check_springs(p, message);
+#endif
+    (void)p, (void)message;
+    return well;
+}
+
+int check_motors(const double x[N_STATES], const double leg_length[N_LEGS], char message[MESSAGE_SIZE])
+{
+#if HAS_SPRINGS
+    for (int i = 0; i < N_LEGS; i++) {
+        double s = x[X_MOTOR_POSITION + i];
+        if (!(fabs(s - leg_length[i]) <= LARGEST_STRETCH * leg_length[i])) {
+            write_message(message, "motor_position[%d] is %g m, but leg_length[%d] %g m at the start; expected a stretch "
+                                   "of at most %g %%: set motor_position with the pose, to leg length + force/stiffness",
+                          i + 1, s, i + 1, leg_length[i], 100 * LARGEST_STRETCH);
+            return 0;
+        }
+    }
+#endif
+    (void)x, (void)leg_length, (void)message;
+    return 1;
+}

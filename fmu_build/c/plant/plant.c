@@ -31,6 +31,7 @@ void forget_results(component *c)
 {
     c->has_xdot = c->has_results = c->has_legs = 0;
     c->inertia_is_unchecked = 1;
+    c->largest_step = 0;
 }
 
 void component_reset(component *c)
@@ -75,8 +76,10 @@ void component_put(component *c, int slot, double value)
     c->has_xdot = c->has_results = 0;
     if (slot >= FIRST_RESULT)
         c->has_legs = 0;
-    if (slot >= FIRST_PARAMETER)
+    if (slot >= FIRST_PARAMETER) {
         c->inertia_is_unchecked = 1;
+        c->largest_step = 0;
+    }
 }
 
 void component_put_input_rate(component *c, int slot, double rate)
@@ -218,7 +221,7 @@ outcome component_check_state(component *c)
 
 outcome component_check_parameters(component *c)
 {
-    if (c->inertia_is_unchecked && !check_inertia(c->s.p, c->message))
+    if (c->inertia_is_unchecked && !(check_inertia(c->s.p, c->message) && check_parts(c->s.p, c->message)))
         return NOT_POSSIBLE;
     c->inertia_is_unchecked = 0;
     return DONE;
@@ -230,7 +233,8 @@ outcome component_begin(component *c)
     outcome checked = component_check_parameters(c);
     if (checked == DONE)
         checked = check_current_pose(c, &handedness);
-    if (checked == DONE && !check_geometry(c->s.p, legs_of(c)->length, c->message))
+    if (checked == DONE && !(check_geometry(c->s.p, legs_of(c)->length, c->message) &&
+                             check_motors(c->s.x, legs_of(c)->length, c->message)))
         checked = NOT_POSSIBLE;
     if (checked == DONE)
         c->s.handedness = handedness;

@@ -31,6 +31,7 @@ struct component {
     double results[N_RESULTS];
     leg_state legs;
     int inertia_is_unchecked;
+    double largest_step; /* see stable_step.h; 0 if it is not known */
     char message[MESSAGE_SIZE];
 };
 

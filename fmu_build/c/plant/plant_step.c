@@ -7,6 +7,7 @@
 #include "integrator.h"
 #include "kernel.h"
 #include "plant_table.h"
+#include "stable_step.h"
 
 /* The current communication step. */
 typedef struct {
@@ -31,6 +32,14 @@ static void derivatives_in_step(void *owner, double t, const double x[N_STATES],
         inputs_at(step, t, u);
     kernel_derivatives(x, step->interpolates ? u : step->c->s.inputs, step->c->s.p, xdot);
 }
+
+#if HAS_BRISTLES
+static void decays_in_step(void *owner, const double x[N_STATES], double decay[N_LEGS])
+{
+    const communication_step *step = owner;
+    kernel_decays(x, step->c->s.p, decay);
+}
+#endif
 
 /* Updates the component to this point of the integration: time, states, inputs and derivatives. */
 static int accept_internal_step(void *owner, double t, const double x[N_STATES], const double xdot[N_STATES],
@@ -74,6 +83,10 @@ static void explain_failure(component *c, integration how, double time, double e
     else if (how == TOO_MANY_STEPS)
         write_message(c->message, "at time %.12g s: too many internal steps for one step to time %.12g s; %s", time, end,
                       cause);
+    else if (how == TOO_FAST)
+        write_message(c->message, "at time %.12g s: legs that stick slide too fast for fixed_step_size = %g s; expected a "
+                                  "smaller one, or 0",
+                      time, c->s.fixed_step_size);
     else if (how == NOT_FINITE)
         write_message(c->message, "at time %.12g s: the motion is not finite; fixed_step_size = %g s is too large, or %s",
                       time, c->s.fixed_step_size, cause);
@@ -89,12 +102,30 @@ static int forces_are_unset(const component *c)
     return is_zero;
 }
 
+/* A step in which the modes of legs that stick or give would grow, or rest where they should not, is refused. */
+static outcome check_fixed_step(component *c, double time, double step)
+{
+    if (!(c->s.fixed_step_size > 0))
+        return DONE;
+    double h = step / number_of_steps(time, time + step, c->s.fixed_step_size);
+    if (c->largest_step == 0)
+        c->largest_step = stable_step(c->s.x, c->s.inputs, c->s.p);
+    if (h <= c->largest_step)
+        return DONE;
+    write_message(c->message, "at time %.12g s: steps of %g s are too large for legs that stick or give like these; "
+                              "expected fixed_step_size of at most %.3g s, or 0 for error control",
+                  time, h, c->largest_step);
+    return NOT_POSSIBLE;
+}
+
 outcome step_plant(component *c, double time, double step, const step_observer *observer, double *reached)
 {
     *reached = c->s.time;
     outcome checked = check_step(c->s.time, c->s.stop_time, time, step, c->message);
     if (checked == DONE)
         checked = component_check_parameters(c);
+    if (checked == DONE)
+        checked = check_fixed_step(c, c->s.time, step);
     if (checked != DONE)
         return checked;
     plant_state before = c->s;
@@ -114,7 +145,11 @@ outcome step_plant(component *c, double time, double step, const step_observer *
     memcpy(run.from, c->s.inputs, sizeof run.from);
     for (int i = 0; i < N_INPUTS; i++)
         run.interpolates |= before.input_rates[i] != 0;
-    ode problem = {&run, derivatives_in_step, accept_internal_step};
+    ode problem = {&run, derivatives_in_step, accept_internal_step,
+#if HAS_BRISTLES
+                   decays_in_step
+#endif
+    };
 
     double end = time + step;
     integration how = before.fixed_step_size > 0 ? integrate_fixed(&problem, &at, end, before.fixed_step_size)
