@@ -24,7 +24,9 @@ _PACKAGES = ("gough-stewart", "casadi", RUNNER, "latex2mathml", "numpy", "scipy"
 
 
 def cached_build(fmi_version: str, progress: StepProgress | None = None, variant: Variant = IDEAL) -> Path:
-    """The FMU of the paper's platform, or of another variant, for this machine, from the cache if it was built from the same sources before.
+    """The FMU of the paper's platform, or of another variant, for this machine.
+
+    It comes from the cache if it was built from the same sources before.
 
     The cache stores its digest; a damaged FMU is rebuilt.
 
@@ -58,7 +60,9 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None, variant
 
 def _platform_of(variant: Variant) -> Platform:
     """Any platform of a variant: all its parameters are set when it runs."""
-    changes: dict[str, Any] = {"leg_friction_model": ELASTO_PLASTIC, "leg_coulomb_friction": 1.0} if variant.bristles else {}
+    changes: dict[str, Any] = (
+        {"leg_friction_model": ELASTO_PLASTIC, "leg_coulomb_friction": 1.0} if variant.bristles else {}
+    )
     changes |= {"leg_stiffness": 1e6, "leg_armature": 1.0} if variant.springs else {}
     return replace(load_preset("liu2000"), **changes)
 

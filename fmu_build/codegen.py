@@ -51,7 +51,7 @@ def kernel_source(variant: Variant = IDEAL) -> str:
         return _HEAD + "".join(function_source(f) for f in functions)
     if variant.bristles:
         functions.append(traced.decays_function(variant))
-    return _HEAD + _SIGN + "".join(function_source(f, conditions=True) for f in functions)
+    return _HEAD + '#include "bristles.h"\n' + _SIGN + "".join(function_source(f, conditions=True) for f in functions)
 
 
 def _in_unit_order(function: casadi.Function, variant: Variant) -> casadi.Function:
@@ -63,8 +63,7 @@ def _in_unit_order(function: casadi.Function, variant: Variant) -> casadi.Functi
     given = function.sx_in()
     names, found = function.name_in(), function.name_out()
     inner = [v[back] if name == "wy" else v for name, v in zip(names, given, strict=True)]
-    results = function(*inner)
-    results = results if isinstance(results, tuple) else (results,)
+    results = function.call(inner)
     ordered = [v[order] if name in ("y", "dy") else v for name, v in zip(found, results, strict=True)]
     return casadi.Function(function.name(), given, [casadi.cse(v) for v in ordered], names, found)
 

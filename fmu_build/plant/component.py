@@ -20,10 +20,10 @@ from gough_stewart.fmu_build.plant.tables import plant_header
 from gough_stewart.fmu_build.source_state import state_of_texts
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface
+from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.prebuilt import prebuilt
-from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.variant import IDEAL, Variant
@@ -154,7 +154,10 @@ def traced_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
     f = casadi.vertcat(traced.derivatives_function(variant)(x, u, p), y)
     jacobian = casadi.jacobian(f, casadi.vertcat(x, u, p))
     rows, columns = jacobian.sparsity().get_triplet()
-    unknowns = [*_slots_of(layout.of_role(Role.DERIVATIVE)), *_slots_of(layout.by_name[v.name] for v in variant.results)]
+    unknowns = [
+        *_slots_of(layout.of_role(Role.DERIVATIVE)),
+        *_slots_of(layout.by_name[v.name] for v in variant.results),
+    ]
     parameters = (layout.by_name[v.name] for v in variant.parameters)
     knowns = [*_slots_of(layout.of_role(Role.STATE)), *_slots_of(layout.of_role(Role.INPUT)), *_slots_of(parameters)]
     found: dict[int, dict[int, Kind]] = {slot: {} for slot in unknowns}

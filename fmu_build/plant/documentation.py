@@ -92,8 +92,8 @@ their axial inertia has no effect.</li>
 <li>Friction between the two parts of a leg: {friction}</li>{springs if variant.springs else ""}
 <li>Gravity, and an external force and torque on the platform.</li>
 </ul>
-<p>Not modelled: friction in the joints, {"" if variant.springs else "elasticity, "}actuator dynamics, contact. Stroke and force limits are
-not enforced.</p>
+<p>Not modelled: friction in the joints, {"" if variant.springs else "elasticity, "}actuator dynamics, contact. Stroke
+and force limits are not enforced.</p>
 """
 
 

@@ -5,7 +5,7 @@ from gough_stewart.fmu_build.plant.layout import plant_layout
 from gough_stewart.fmu_build.tables import GENERATED, defines, places
 from gough_stewart.model import exponential, integrator, interface, platform_checks, pose_limits
 from gough_stewart.model.step_times import TOLERANCES
-from gough_stewart.model.variant import Variant
+from gough_stewart.model.variant import IDEAL, Variant
 
 # 1 s in steps of 1 µs; takes 4 s.
 MOST_FIXED_STEPS = 1_000_000
@@ -13,7 +13,7 @@ MOST_FIXED_STEPS = 1_000_000
 LARGEST_STRETCH = 0.01
 
 
-def plant_header(variant: Variant) -> str:
+def plant_header(variant: Variant = IDEAL) -> str:
     """`plant_table.h`."""
     layout = plant_layout(variant)
     states, results = layout.of_role(Role.STATE), layout.of_role(Role.STATE, Role.RESULT)

@@ -63,7 +63,11 @@ def open_plant(
         from gough_stewart.harness.plants.fmu import FmuPlant
 
         with FmuPlant(
-            _cached_unit(cached_build(version, progress, Variant.of(platform))), platform, start, tolerance, fixed_step_size
+            _cached_unit(cached_build(version, progress, Variant.of(platform))),
+            platform,
+            start,
+            tolerance,
+            fixed_step_size,
         ) as own:
             yield own
         return

@@ -289,6 +289,8 @@ def test_the_table_of_the_plant_has_the_places_and_limits_of_the_model() -> None
             assert found.pop(f"{prefix}_{name.upper()}") == at
     assert found == {
         "N_LEGS": 6,
+        "HAS_BRISTLES": 0,
+        "HAS_SPRINGS": 0,
         "FIXED_STEP_SIZE": 136,
         "X_PITCH": 4,
         "SMALLEST_TOLERANCE": 1e-13,
@@ -334,6 +336,5 @@ def test_the_component_takes_each_of_its_options() -> None:
         {"ZEROS_ARE_UNSET_AT_START": False},
         {"ZEROS_ARE_UNSET_AT_START": True},
     ]
-    assert own.nominal == 1e-3
     assert own.settings == {"fixed_step_size"}
     assert replace(own, starts=at_home.starts).layout is PLANT

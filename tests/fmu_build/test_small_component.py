@@ -17,7 +17,7 @@ from gough_stewart.fmu_build.builder import unit_of
 from gough_stewart.fmu_build.component import Code, Component, Icon, Terminal, terminals_of
 from gough_stewart.fmu_build.fmi2_description import fmi2_description
 from gough_stewart.fmu_build.fmi3_description import fmi3_description
-from gough_stewart.fmu_build.layout import Role, laid_out
+from gough_stewart.fmu_build.layout import Layout, Role, laid_out
 from gough_stewart.fmu_build.model_description import UNITS, Identity, build_description, terminals_and_icons
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.page import html_page, variables_table
@@ -27,7 +27,7 @@ from gough_stewart.model.interface import Variable
 LAYOUT = laid_out(
     [
         Variable("force", (2,), "N", "input", "continuous", "forces & more"),
-        Variable("angle", (2,), "rad", "output", "continuous", "two angles", is_state=True),
+        Variable("angle", (2,), "rad", "output", "continuous", "two angles", is_state=True, nominal=0.02),
         Variable("length", (3,), "m", "output", "continuous", "three lengths"),
         Variable("energy", (), "J", "local", "continuous", "energy"),
         Variable("table", (2, 3), "m", "parameter", "fixed", "a table"),
@@ -67,7 +67,6 @@ SMALL = Component(
     icon=Icon(b"png", b"svg"),
     terminals=lambda version: (Terminal("first", "1st", {"a": "b", "c": version}), Terminal("second", "2nd", {})),
     documents=lambda version: {"x/y": version.encode()},
-    nominal=0.02,
     settings=frozenset({"setting"}),
     saved_form="third",
 )
@@ -527,8 +526,10 @@ def test_a_unit_of_any_component_has_its_files(version: str) -> None:
     # whatever is in the unit changes its token
     token = unit.token
     assert f'"{token}"' in unit.sources.units["start.c"]
+    angle = SMALL.layout.by_name["angle"]
+    other = replace(angle, variable=replace(angle.variable, nominal=0.03))
     for changed in (
-        replace(SMALL, nominal=0.03),
+        replace(SMALL, layout=Layout((*SMALL.layout.rows[:1], other, *SMALL.layout.rows[2:]))),
         replace(SMALL, code=Code({"own.c": "int our;"}, {"own.h": "own"})),
         replace(SMALL, code=Code({"own.c": "int own;"}, {"own.h": "our"})),
         replace(SMALL, code=Code({"one.c": "int own;"}, {"own.h": "own"})),

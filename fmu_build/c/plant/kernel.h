@@ -20,8 +20,6 @@ void kernel_reverse(const double x[], const double u[], const double p[], const 
 /* leg lengths and rates, Jacobian with angles scaled by rho (6 rows of 6), rho */
 void kernel_legs(const double x[], const double p[], double length[], double length_rate[], double jacobian[],
                  double rho[]);
-/* rates [1/s] at which the bristles forget, of a plant with bristles */
-void kernel_decays(const double x[], const double p[], double decay[]);
 INTERNAL_END
 
 #endif

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "bristles.h"
 #include "communication.h"
 #include "integrator.h"
 #include "kernel.h"

@@ -1,0 +1,183 @@
+"""Units of platforms whose friction sticks and whose legs give, against the stepping model, whose steps are NumPy."""
+
+import re
+from collections.abc import Iterator
+from ctypes import c_double
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gough_stewart.fmu_build.cached import cached_build
+from gough_stewart.fmu_build.plant.layout import plant_layout
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants.fmu import FmuPlant
+from gough_stewart.model.errors import StepError
+from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.variant import Variant
+from gough_stewart.model.vectors import FloatArray
+from tests.support.fmu_plants import Fmu, Plant
+from tests.support.real_platforms import real_platform
+
+WHOLE = Variant(bristles=True, springs=True)
+
+
+@pytest.fixture(scope="module", params=["2.0", "3.0"])
+def unit(request: pytest.FixtureRequest) -> Path:
+    """The unit with both parts; its code is compiled once for both versions."""
+    return cached_build(request.param, None, WHOLE)
+
+
+@pytest.fixture
+def instance(unit: Path, tmp_path: Path) -> Iterator[Plant]:
+    """An instance of it before its initialisation, with the parameters of an uneven platform."""
+    (tmp_path / "unit.fmu").write_bytes(unit.read_bytes())
+    with Fmu(tmp_path / "unit.fmu") as file, Plant(file, layout=file.layout) as plant:
+        platform = real_platform("lugre", springs=True)
+        for variable in WHOLE.parameters:
+            plant.set(variable.name, getattr(platform, variable.name))
+        for name in ("position", "orientation", "motor_position", "actuator_force"):
+            plant.set(name, getattr(platform, f"home_{name}"))
+        yield plant
+
+
+def inputs_at(platform: Platform, time: float) -> FloatArray:
+    """Forces that break every leg loose and let it stick again, each at its own frequency."""
+    waves = 45.0 * np.sin(2 * np.pi * time * np.arange(3.0, 9.0) + np.arange(6))
+    return np.concatenate([platform.home_actuator_force + waves, [3.0, -2.0, 5.0, 0.3, 0.1, -0.2]])
+
+
+@pytest.mark.parametrize("friction", ["elasto_plastic", "lugre"])
+def test_the_unit_moves_as_the_stepping_model_does(unit: Path, friction: str) -> None:
+    """Expected: the model at a tolerance of 1e-11; its bristles are moved off a fixed point of a wrong scheme."""
+    platform = real_platform(friction, springs=True)
+    model = SteppingModel(platform, 1e-11)
+    with FmuPlant(unit, platform, tolerance=1e-10) as exact, FmuPlant(unit, platform, None, 1e-8, 1e-4) as fixed:
+        assert exact.columns == model.variant.columns
+        np.testing.assert_allclose(exact.results(), model.result_vector(), rtol=1e-12, atol=1e-12)
+        for k in range(60):
+            for plant in (model, exact, fixed):
+                plant.set_inputs(inputs_at(platform, 2e-3 * k))
+                plant.do_step(2e-3 * k, 2e-3)
+        expected = model.results()
+        assert np.abs(expected["leg_bristle"]).max() > 1e-6
+        for plant, bound in ((exact, 2e-9), (fixed, 2e-6)):
+            found = dict(zip(plant.columns, plant.results(), strict=True))
+            for name in ("position[3]", "leg_length[2]", "motor_position[5]", "leg_bristle[1]"):
+                assert found[name] == pytest.approx(model.get(name), abs=bound), name
+
+
+def test_legs_that_stick_hold_a_platform(unit: Path) -> None:
+    """Closed form: below breakaway nothing moves.
+
+    `motion_base`, 100 N of friction, 50 N more on each leg than its weight; on smooth friction it rises 9.9 mm in 10 s.
+    """
+    platform = load_preset("motion_base").with_parameters(
+        {"leg_friction_model": "elasto_plastic", "leg_coulomb_friction": 100.0, "leg_stiffness": 1e8}
+    )
+    with FmuPlant(unit, platform, tolerance=1e-8) as plant:
+        plant.set_inputs(np.concatenate([platform.home_actuator_force + 50.0, np.zeros(6)]))
+        heights = []
+        for k in range(10):
+            plant.do_step(float(k), 1.0)
+            heights.append(plant.results()[2])
+    assert heights[-1] - platform.home_position[2] > 1e-6  # it bends
+    assert abs(heights[-1] - heights[4]) < 1e-8
+
+
+def test_a_fixed_step_beyond_the_modes_is_refused_with_one_that_is_not(unit: Path) -> None:
+    """Expected: |h λ| = 2.6 at the fastest eigenvalue λ of the linear plant at rest, by NumPy."""
+    platform = real_platform("elasto_plastic", springs=True)
+    model = SteppingModel(platform)
+    limit = 2.6 / np.abs(np.linalg.eigvals(model.linearise().A)).max()
+    with (
+        FmuPlant(unit, platform, None, 1e-8, 0.01) as plant,
+        pytest.raises(StepError, match=r"steps of 0\.01 s are too large.*at most \S+ s") as refused,
+    ):
+        plant.do_step(0.0, 0.01)
+    stated = float(re.findall(r"at most (\S+) s", str(refused.value))[0])
+    assert stated == pytest.approx(limit, rel=0.03)
+    with FmuPlant(unit, platform, None, 1e-8, 0.98 * stated) as plant:
+        plant.do_step(0.0, 0.01)
+        assert plant.results()[2] == pytest.approx(platform.home_position[2], abs=1e-9)
+
+
+def test_sensitivities_are_those_of_the_equations(instance: Plant) -> None:
+    """Expected: the Jacobians of the same equations in Python's order of states and results."""
+    instance.start()
+    platform, layout = real_platform("lugre", springs=True), plant_layout(WHOLE)
+    model = SteppingModel(platform)
+    A, _, C, _ = Kernel(WHOLE).jacobians(model.state, model._u, parameter_vector(platform, WHOLE))
+    states = [name for v in WHOLE.states for name in v.scalar_names]
+    for known in ("leg_bristle", "motor_position", "velocity"):
+        seed = np.linspace(1.0, 2.0, layout.by_name[known].variable.size)
+        column = [states.index(name) for name in layout.by_name[known].variable.scalar_names]
+        for unknown, matrix, names in (
+            ("der(motor_velocity)", A, [f"motor_velocity[{k}]" for k in range(1, 7)]),
+            ("leg_force", C, [f"leg_force[{k}]" for k in range(1, 7)]),
+        ):
+            order = states if matrix is A else list(WHOLE.columns)
+            expected = matrix[np.ix_([order.index(n) for n in names], column)] @ seed
+            found = instance.directional(unknown, known, seed)
+            np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-9 * np.abs(matrix).max())
+
+
+def test_a_saved_state_has_the_bristles_and_motors(instance: Plant) -> None:
+    """Expected: the same step twice, bit by bit."""
+    instance.start()
+    instance.set("actuator_force", instance.get("actuator_force") + 40.0)
+    instance.step(0.0, 0.02)
+    saved = instance.serialized()
+    names = ("position", "leg_bristle", "motor_position", "motor_velocity", "leg_force")
+    ends = []
+    for _ in range(2):
+        instance.restore(saved)
+        instance.step(0.02, 0.02)
+        ends.append(np.concatenate([instance.get(name) for name in names]))
+    assert ends[0].tobytes() == ends[1].tobytes()
+    assert np.abs(ends[0]).min() > 0
+
+
+def test_states_have_nominals_of_their_size(unit: Path, tmp_path: Path) -> None:
+    """Expected: 1e-5 m for bristles, from the issue of CVODE's accuracy, else a millimetre; in XML and in C."""
+    (tmp_path / "unit.fmu").write_bytes(unit.read_bytes())
+    with Fmu(tmp_path / "unit.fmu") as file, Plant(file, co_simulation=False, layout=file.layout) as plant:
+        buffer = (c_double * 30)()
+        plant.start()
+        plant.fmu.getNominalsOfContinuousStates(buffer, 30)
+        nominals = np.array(buffer)
+        declared = {v.name.split("[")[0]: float(v.nominal) for v in file.description.modelVariables if v.nominal}
+    np.testing.assert_array_equal(nominals, [*[1e-3] * 12, *[1e-5] * 6, *[1e-3] * 12])
+    assert declared["leg_bristle"] == 1e-5
+    assert declared["motor_position"] == declared["position"] == 1e-3
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("leg_friction_model", 0.0, "leg_friction_model is 0; expected 1"),
+        ("leg_coulomb_friction", 0.0, "leg_coulomb_friction is 0 N"),
+        ("leg_static_friction", 1.0, "leg_static_friction is 1 N, below leg_coulomb_friction"),
+        ("leg_bristle_stiffness", 1.0, "leg_bristle_stiffness is 1 N/m: legs would stick over"),
+        ("leg_breakaway_share", 1.0, "leg_breakaway_share is 1; expected at most 0.99"),
+        ("leg_armature", 0.0, "leg_armature is 0 kg; a leg with leg_stiffness"),
+        ("leg_stiffness", 1.0, "leg_stiffness is 1 N/m; expected"),
+        ("motor_position", 1.0, r"motor_position\[1\] is 1 m, but leg_length\[1\]"),
+    ],
+)
+def test_what_a_platform_refuses_the_unit_refuses(instance: Plant, name: str, value: float, message: str) -> None:
+    """Expected: the bounds of `platform_checks`, by hand."""
+    instance.set(name, np.full(instance.layout.by_name[name].variable.shape, value))
+    with pytest.raises(Exception, match="nitializ"):
+        instance.start()
+    assert re.search(message, instance.take_messages())
+
+
+def test_a_unit_of_another_kind_is_refused(unit: Path) -> None:
+    """A rigid platform needs other states."""
+    rigid = real_platform("elasto_plastic")
+    with pytest.raises(PlantError, match=r"legs that give, not for one with .*rigid legs"):
+        FmuPlant(unit, rigid)
