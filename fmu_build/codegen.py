@@ -2,15 +2,13 @@
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import casadi
 import numpy as np
 
-from gough_stewart.fmu_build.layout import Role
-from gough_stewart.fmu_build.plant.layout import plant_layout
-from gough_stewart.model import interface, traced
+from gough_stewart.model import traced
 from gough_stewart.model.variant import IDEAL, Variant
 
 _NUMBER = r"[0-9]+"
@@ -38,41 +36,38 @@ static double sign(double x)
 """
 
 
-def kernel_source(variant: Variant = IDEAL) -> str:
-    """`kernel.c`: the functions that c/plant/kernel.h declares; results begin with the states."""
+def kernel_source(variant: Variant = IDEAL, order: Sequence[int] = ()) -> str:
+    """`kernel.c`: the functions that c/plant/kernel.h declares.
+
+    `order` has the positions in `Variant.results` of a unit's results, which begin with the states; empty: as they are.
+    """
     functions = [
         traced.derivatives_function(variant),
-        _in_unit_order(traced.outputs_function(variant), variant),
-        _in_unit_order(traced.forward_function(variant), variant),
-        _in_unit_order(traced.reverse_function(variant), variant),
+        _in_unit_order(traced.outputs_function(variant), order),
+        _in_unit_order(traced.forward_function(variant), order),
+        _in_unit_order(traced.reverse_function(variant), order),
         traced.legs_function(variant),
     ]
     if variant == IDEAL:
         return _HEAD + "".join(function_source(f) for f in functions)
+    head = _HEAD
     if variant.bristles:
         functions.append(traced.decays_function(variant))
-    return _HEAD + '#include "bristles.h"\n' + _SIGN + "".join(function_source(f, conditions=True) for f in functions)
+        head += f'#include "bristles.h"\n{_SIGN}'
+    return head + "".join(function_source(f, conditions=True) for f in functions)
 
 
-def _in_unit_order(function: casadi.Function, variant: Variant) -> casadi.Function:
+def _in_unit_order(function: casadi.Function, order: Sequence[int]) -> casadi.Function:
     """A function whose results y, changes dy or weights wy are in the order of a unit: states before other results."""
-    if variant == IDEAL:
+    if not order:
         return function
-    order = unit_order(variant)
     back = np.argsort(order).tolist()
     given = function.sx_in()
     names, found = function.name_in(), function.name_out()
     inner = [v[back] if name == "wy" else v for name, v in zip(names, given, strict=True)]
     results = function.call(inner)
-    ordered = [v[order] if name in ("y", "dy") else v for name, v in zip(found, results, strict=True)]
+    ordered = [v[list(order)] if name in ("y", "dy") else v for name, v in zip(found, results, strict=True)]
     return casadi.Function(function.name(), given, [casadi.cse(v) for v in ordered], names, found)
-
-
-def unit_order(variant: Variant) -> list[int]:
-    """Positions in `Variant.results` of a unit's results: states, other outputs, locals."""
-    at = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
-    rows = plant_layout(variant).of_role(Role.STATE, Role.RESULT)
-    return [int(k) for row in rows for k in at[row.variable.name].flat]
 
 
 # Calls of the C library in CasADi's code.

@@ -13,7 +13,7 @@ from gough_stewart.fmu_build.layout import Layout, Role, Row
 from gough_stewart.fmu_build.package import package_metadata
 from gough_stewart.fmu_build.plant.documentation import documentation_page
 from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
-from gough_stewart.fmu_build.plant.layout import plant_layout
+from gough_stewart.fmu_build.plant.layout import plant_layout, unit_order
 from gough_stewart.fmu_build.plant.reference_results import reference_cases, reference_files, reference_results
 from gough_stewart.fmu_build.plant.related_files import related_files
 from gough_stewart.fmu_build.plant.tables import plant_header
@@ -118,7 +118,7 @@ def _kernel_source(variant: Variant) -> str:
     check_installed(TRACER)
     from gough_stewart.fmu_build.codegen import kernel_source
 
-    return kernel_source(variant)
+    return kernel_source(variant, () if variant == IDEAL else unit_order(variant))
 
 
 def _terminals(layout: Layout, fmi_version: str) -> tuple[Terminal, ...]:

@@ -6,7 +6,9 @@ references are those of a unit's own variant.
 
 from functools import cache
 
-from gough_stewart.fmu_build.layout import Layout, laid_out
+import numpy as np
+
+from gough_stewart.fmu_build.layout import Layout, Role, laid_out
 from gough_stewart.model import interface
 from gough_stewart.model.variant import IDEAL, Variant
 
@@ -20,6 +22,13 @@ def plant_layout(variant: Variant) -> Layout:
     rows = (*interface.INPUTS, *variant.states, *outputs, *interface.LOCALS, *variant.parameters)
     unit = interface.BY_NAME["fixed_step_size"]
     return laid_out((*rows, unit), {v.name: _RATES[v.unit] for v in variant.states})
+
+
+def unit_order(variant: Variant) -> list[int]:
+    """Positions in `Variant.results` of a unit's results: states, other outputs, locals."""
+    at = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
+    rows = plant_layout(variant).of_role(Role.STATE, Role.RESULT)
+    return [int(k) for row in rows for k in at[row.variable.name].flat]
 
 
 PLANT = plant_layout(IDEAL)
