@@ -527,9 +527,9 @@ def test_a_unit_of_any_component_has_its_files(version: str) -> None:
     token = unit.token
     assert f'"{token}"' in unit.sources.units["start.c"]
     angle = SMALL.layout.by_name["angle"]
-    other = replace(angle, variable=replace(angle.variable, nominal=0.03))
+    changed_angle = replace(angle, variable=replace(angle.variable, nominal=0.03))
     for changed in (
-        replace(SMALL, layout=Layout((*SMALL.layout.rows[:1], other, *SMALL.layout.rows[2:]))),
+        replace(SMALL, layout=Layout((*SMALL.layout.rows[:1], changed_angle, *SMALL.layout.rows[2:]))),
         replace(SMALL, code=Code({"own.c": "int our;"}, {"own.h": "own"})),
         replace(SMALL, code=Code({"own.c": "int own;"}, {"own.h": "our"})),
         replace(SMALL, code=Code({"one.c": "int own;"}, {"own.h": "own"})),
