@@ -13,9 +13,11 @@ from gough_stewart.fmu_build.plant.layout import plant_layout
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.model.errors import StepError
+from gough_stewart.model.exponential import coefficients, exponential_step
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
@@ -68,6 +70,27 @@ def test_the_unit_moves_as_the_stepping_model_does(unit: Path, friction: str) ->
             found = dict(zip(plant.columns, plant.results(), strict=True))
             for name in ("position[3]", "leg_length[2]", "motor_position[5]", "leg_bristle[1]"):
                 assert found[name] == pytest.approx(model.get(name), abs=bound), name
+
+
+def test_a_fixed_step_is_that_of_the_exponential_scheme(unit: Path) -> None:
+    """Expected: ETDRK4 in NumPy, whose order its own tests show; an error of a stage is larger than the bound."""
+    platform, h = real_platform("lugre", springs=True), 2e-4
+    start = State(platform.home_position, platform.home_orientation, np.array([0.03, -0.02, 0.05]), np.zeros(3))
+    model, kernel, p = SteppingModel(platform), Kernel(WHOLE), parameter_vector(platform, WHOLE)
+    model.set_many(start._asdict())
+    x, u = model.state, np.concatenate([platform.home_actuator_force + 30.0, np.zeros(6)])
+    with FmuPlant(unit, platform, start, 1e-8, h) as plant:
+        plant.set_inputs(u)
+        for k in range(3):
+            plant.do_step(k * h, h)
+            decay = kernel.decays(x, p).copy()
+            assert decay.max() > 1000
+            x = exponential_step(
+                lambda state: kernel.derivatives(state, u, p).copy(), x, decay, slice(12, 18), coefficients(decay, h)
+            )
+        found = dict(zip(plant.columns, plant.results(), strict=True))
+    names = [name for v in WHOLE.states for name in v.scalar_names]
+    np.testing.assert_allclose([found[name] for name in names], x, rtol=1e-11, atol=1e-13)
 
 
 def test_legs_that_stick_hold_a_platform(unit: Path) -> None:
