@@ -24,7 +24,7 @@ from gough_stewart.fmu_build.tables import start_block
 from gough_stewart.fmu_build.targets import Target, chosen_targets
 from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, universal_binary
 from gough_stewart.model.process.files import check_output_folder, write_files
-from gough_stewart.model.process.prebuilt import prebuilt
+from gough_stewart.model.process.prebuilt import prebuilt_content
 from gough_stewart.model.process.progress import StepProgress
 
 VERSIONS = ("2.0", "3.0")
@@ -177,18 +177,17 @@ def libraries_of(
     block = start_block(component, (unit.token, "") if unit.fmi_version == "2.0" else ("", unit.token))
 
     def library(target: Target) -> bytes:
-        path = prebuilt(f"{target.name}/{unit.library}", state)
-        if path is None:
+        content = prebuilt_content(f"{target.name}/{unit.library}", state)
+        if content is None:
             compiler = compiler_of(target)
 
             def compiled() -> bytes:
                 return compile_library(unit.library, own.units, own.headers, target, stop, compiler=compiler)
 
             key = digest_of(f"{state} {compiler.identity}".encode())[:24]
-            path = kept(
-                cache_folder() / "libraries" / f"{key}-{target.name}" / f"{unit.library}{target.suffix}", compiled
-            )
-        found = stamped(path.read_bytes(), blank, block)
+            path = cache_folder() / "libraries" / f"{key}-{target.name}" / f"{unit.library}{target.suffix}"
+            content = kept(path, compiled).read_bytes()
+        found = stamped(content, blank, block)
         report(f"FMI {unit.fmi_version}: {target.name}")
         return found
 

@@ -23,7 +23,7 @@ from gough_stewart.fmu_build.targets import Target, native
 from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.model import interface
 from gough_stewart.model.compiled_kernel import processor_level
-from gough_stewart.model.process.prebuilt import prebuilt
+from gough_stewart.model.process.prebuilt import prebuilt_content
 
 # Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
 WIDTH = 8
@@ -123,11 +123,12 @@ def machine_state(state: str) -> str:
 def levels_of(target: Target) -> tuple[int, ...]:
     """The levels of processors of a target for which a wheel has machine code, see `compiled_kernel.processor_level`.
 
-    Level 0 is for all processors of a target; Apple's systems enable AVX-512 late in a process, if at all.
+    Level 0 is for all processors of a target. Those that compute ensembles with AVX-512 run Linux; Apple's systems
+    enable it late in a process, if at all.
     """
     if not target.name.startswith("x86_64"):
         return (0,)
-    return (3,) if target.suffix == ".dylib" else (3, 4)
+    return (3, 4) if target.suffix == ".so" else (3,)
 
 
 def flags_of_level(level: int) -> tuple[str, ...]:
@@ -146,11 +147,20 @@ def _carried(name: str, state: str, target: Target) -> LanesLibrary | None:
     most = processor_level() or 0
     # level 0: also of a wheel that was made for the processor at hand
     for level in (0, *(level for level in sorted(_LEVELS, reverse=True) if level <= most)):
-        path = prebuilt(carried_name(target, name, level), machine_state(state))
-        if path is not None and _loads(path):
-            words = [target.name, *([f"x86-64-v{level}"] if level else []), digest_of(path.read_bytes())[:16]]
+        content = prebuilt_content(carried_name(target, name, level), machine_state(state))
+        if content is None:
+            continue
+        path = _unpacked(content, name, target)
+        if _loads(path):
+            words = [target.name, *([f"x86-64-v{level}"] if level else []), digest_of(content)[:16]]
             return LanesLibrary(path, " ".join(words))
     return None
+
+
+def _unpacked(content: bytes, name: str, target: Target) -> Path:
+    """A file that can be loaded, in the cache."""
+    folder = cache_folder() / "unpacked" / digest_of(content)[:24]
+    return kept(folder / f"{name}{target.suffix}", lambda: content)
 
 
 @cache

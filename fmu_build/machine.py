@@ -7,14 +7,13 @@ import re
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from gough_stewart.fmu_build.cache_files import digest_of, kept
 from gough_stewart.fmu_build.cached import state_of_sources
 from gough_stewart.fmu_build.compiler_cache import cache_folder, compiler_environment, compiling
-from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.errors import COMPILER, BuildError, check_installed
 from gough_stewart.fmu_build.lanes import loop_sources
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library, place_of
@@ -79,9 +78,9 @@ def machine_library(sources: Sources) -> Path:
     )
 
 
-def machine_wasm(sources: Sources) -> Path:
-    """The WebAssembly module, which imports nothing, likewise."""
-    return kept(_folder(sources, _WASM) / "machine.wasm", lambda: _wasm(*sources))
+def kept_wasm(sources: Sources) -> Path:
+    """The WebAssembly module, likewise."""
+    return kept(_folder(sources, _WASM) / "machine.wasm", lambda: machine_wasm(sources))
 
 
 def _folder(sources: Sources, flags: tuple[str, ...]) -> Path:
@@ -90,7 +89,18 @@ def _folder(sources: Sources, flags: tuple[str, ...]) -> Path:
     return cache_folder() / "machine" / key
 
 
-def _wasm(units: Mapping[str, str], headers: Mapping[str, str]) -> bytes:
+def machine_wasm(sources: Sources) -> bytes:
+    """The WebAssembly module, which imports nothing.
+
+    Raises
+    ------
+    NotInstalledError
+        The compiler (extra `compile`) is missing.
+    BuildError
+        It fails.
+    """
+    check_installed(COMPILER)
+    units, headers = sources
     offered = _OFFERED.findall(headers["machine.h"])
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
     include = place_of(headers)

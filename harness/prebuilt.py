@@ -2,7 +2,8 @@
 
 From the one description of the equations, for each target: the unit of the plant without its start values; the kernel;
 the code that steps many members, their loop and their folds, for several levels of processors. With them the C of the
-kernel and the table of dependencies, which units carry, so that nothing has to be traced. The wheel's build makes all;
+kernel and the table of dependencies, which units carry, and the WebAssembly of live pages, so that nothing has to be
+traced. The wheel's build makes all;
 `make` makes the kernel of the machine at hand, and what else it needs is compiled at first use and kept.
 `gough_stewart.model.process.prebuilt` finds the files.
 """
@@ -24,6 +25,7 @@ from gough_stewart.fmu_build.codegen import kernel_source
 from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.kernel_library import compiled_kernel
 from gough_stewart.fmu_build.lanes import FLAGS, MachineCode, carried_name, flags_of_level, levels_of, machine_state
+from gough_stewart.fmu_build.machine import machine_wasm
 from gough_stewart.fmu_build.plant.component import (
     DEPENDENCIES,
     KERNEL_SOURCE,
@@ -33,6 +35,7 @@ from gough_stewart.fmu_build.plant.component import (
 from gough_stewart.fmu_build.source_state import state_of_texts
 from gough_stewart.fmu_build.targets import Target, chosen_targets
 from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.harness.export.machine import MACHINE, machine_c, machine_texts
 from gough_stewart.harness.loop.loop_library import loop_code
 from gough_stewart.harness.results.fold_library import folds_code
 from gough_stewart.model.kernel import parameter_vector, traced_call
@@ -40,7 +43,14 @@ from gough_stewart.model.kernel_block import FUNCTIONS, new_block
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import MANIFEST, manifest_line, prebuilt_folder, state_of_package
+from gough_stewart.model.process.prebuilt import (
+    MANIFEST,
+    PACKED,
+    manifest_line,
+    packed,
+    prebuilt_folder,
+    state_of_package,
+)
 
 
 class Part(NamedTuple):
@@ -59,11 +69,17 @@ def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bo
     if only_kernel:
         return
     texts = state_of_texts()
-    yield Part(KERNEL_SOURCE, {KERNEL_SOURCE: texts}, lambda: kernel_source().encode())
-    yield Part(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())
+    yield _packed(KERNEL_SOURCE, {KERNEL_SOURCE: texts}, lambda: kernel_source().encode())
+    yield _packed(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())
+    yield _packed(MACHINE, {MACHINE: machine_texts()}, lambda: machine_wasm(machine_c()))
     for target in targets:
         yield _unit(target)
         yield from _machine_code(target, only_here)
+
+
+def _packed(file: str, states: dict[str, str], make: Callable[[], bytes]) -> Part:
+    """A file that is not loaded where it is."""
+    return Part(file + PACKED, states, lambda: packed(make()))
 
 
 def _kernel(target: Target) -> Part:
@@ -74,7 +90,8 @@ def _kernel(target: Target) -> Part:
 def _unit(target: Target) -> Part:
     component = plant_component(load_preset("liu2000"))
     name = f"{target.name}/{component.identifier}"
-    return Part(name + target.suffix, {name: blank_state(component)}, lambda: blank_library(component, target))
+    state = {name: blank_state(component)}
+    return _packed(name + target.suffix, state, lambda: blank_library(component, target))
 
 
 def _machine_code(target: Target, only_here: bool) -> Iterator[Part]:
@@ -85,7 +102,7 @@ def _machine_code(target: Target, only_here: bool) -> Iterator[Part]:
             states = {own: machine_state(code.state)}
             if code.name == "loop":  # it contains the lanes
                 states[carried_name(target, "lanes", level)] = machine_state("")
-            yield Part(own + target.suffix, states, partial(_compiled, code, target, flags))
+            yield _packed(own + target.suffix, states, partial(_compiled, code, target, flags))
 
 
 def _compiled(code: MachineCode, target: Target, flags: Sequence[str]) -> bytes:

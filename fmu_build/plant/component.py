@@ -23,7 +23,7 @@ from gough_stewart.model import interface
 from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import prebuilt
+from gough_stewart.model.process.prebuilt import prebuilt_content
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.variant import IDEAL, Variant
@@ -112,9 +112,9 @@ def _code(variant: Variant) -> Code:
 
 def _kernel_source(variant: Variant) -> str:
     """The C of the equations: what came with the package, else traced."""
-    path = prebuilt(KERNEL_SOURCE, state_of_texts()) if variant == IDEAL else None
-    if path is not None:
-        return path.read_text(encoding="utf-8")
+    content = prebuilt_content(KERNEL_SOURCE, state_of_texts()) if variant == IDEAL else None
+    if content is not None:
+        return content.decode()
     check_installed(TRACER)
     from gough_stewart.fmu_build.codegen import kernel_source
 
@@ -134,9 +134,9 @@ def slot_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
     A dependency is `constant` if its entry of the Jacobian is a plain number. The table came with the package, else the
     equations are traced.
     """
-    path = prebuilt(DEPENDENCIES, state_of_texts()) if variant == IDEAL else None
-    if path is not None:
-        read = json.loads(path.read_bytes())
+    content = prebuilt_content(DEPENDENCIES, state_of_texts()) if variant == IDEAL else None
+    if content is not None:
+        read = json.loads(content)
         return {int(slot): {int(known): kind for known, kind in kinds.items()} for slot, kinds in read.items()}
     check_installed(TRACER)
     return traced_dependencies(variant)

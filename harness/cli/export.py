@@ -141,7 +141,8 @@ def export_command(
         with preparing():
             from gough_stewart.fmu_build.builder import number_of_steps
             from gough_stewart.harness.export.carried import chosen_parts
-            from gough_stewart.harness.export.export import chosen_forms, export
+            from gough_stewart.harness.export.export import export
+            from gough_stewart.harness.export.forms import chosen_forms
             from gough_stewart.harness.export.report import export_report
             from gough_stewart.harness.report.document import settings_of
 

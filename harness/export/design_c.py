@@ -4,8 +4,7 @@ All are traced from the functions that design in Python; a page turns gains with
 """
 
 from functools import cache
-from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi
 import numpy as np
@@ -13,46 +12,21 @@ import numpy as np
 from gough_stewart.fmu_build.lanes import in_lanes
 from gough_stewart.fmu_build.tables import defines
 from gough_stewart.harness.control.component import Stepped, with_links
-from gough_stewart.harness.control.controllers import SixChannels
 from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.gains import gains_of_masses
 from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.pid import (
     Actions,
     Channels,
-    DerivativeOn,
-    Gains,
     channel_matrices,
     filter_time_of,
     tracking_time_of,
 )
 from gough_stewart.harness.control.sensor import Sensor
-from gough_stewart.harness.control.state_space import METHODS, Method, matrices_at
+from gough_stewart.harness.control.state_space import matrices_at
 from gough_stewart.harness.export import symbols
+from gough_stewart.harness.export.variants import VARIANTS, Variant
 from gough_stewart.harness.plants.signals import N_LEGS
-
-_DERIVATIVES: tuple[DerivativeOn, ...] = ("error", "measurement")
-
-
-class Variant(NamedTuple):
-    """What of a law is fixed while its gains are turned."""
-
-    derivative_on: DerivativeOn
-    integrates: bool
-    discretisation: Method
-    has_notch: bool
-
-
-VARIANTS = tuple(Variant(*each) for each in product(_DERIVATIVES, (False, True), METHODS, (False, True)))
-
-
-def variant_of(controller: SixChannels, gains: Gains) -> Variant | None:
-    """Of a PD or PID; None if not all of its channels have the same actions."""
-    differentiates, integrates = np.asarray(gains.derivative) > 0, np.asarray(gains.integral) > 0
-    if not differentiates.all() or integrates.any() != integrates.all():
-        return None
-    actions = bool(integrates.all())
-    return Variant(controller.derivative_on, actions, controller.discretisation, controller.notch is not None)
 
 
 @cache

@@ -1,10 +1,9 @@
 """Export a designed controller as C, as FMU, or with the plant as SSP; all files are written, or none."""
 
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 import casadi
 
@@ -21,17 +20,15 @@ from gough_stewart.harness.export.designed import Designed, ReferenceFrom, desig
 from gough_stewart.harness.export.deviation import deviation_of
 from gough_stewart.harness.export.faults import SafeForce, faults_of
 from gough_stewart.harness.export.fmu import component_of
+from gough_stewart.harness.export.forms import Form, chosen_forms, name_of
 from gough_stewart.harness.export.live.page import live_page
 from gough_stewart.harness.export.loop_archive import loop_archive
 from gough_stewart.harness.export.notes import in_short, notes_of, refusal
 from gough_stewart.harness.export.report import least_robust_first
 from gough_stewart.harness.export.stability import LoopStability, MemberProgress, output_delay_of, stability_of
-from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.progress import StepProgress
 
-Form = Literal["fmu", "c", "ssp", "clocked", "page"]
-FORMS: tuple[Form, ...] = get_args(Form)
 EXAMPLE = "example_main.c"
 
 
@@ -264,30 +261,3 @@ def names_of_files(name: str, forms: Iterable[Form], versions: Iterable[str]) ->
         "page": [f"{name}_live.html"],
     }
     return [file for form in forms for file in files[form]]
-
-
-def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
-    """Forms without repetition, in the order of `FORMS`.
-
-    Raises
-    ------
-    ExportError
-        An unknown form, or none.
-    """
-    if not isinstance(forms, Iterable):
-        raise ExportError(f"forms is {forms!r}; expected one or more of {', '.join(FORMS)}")
-    requested = [forms] if isinstance(forms, str) else list(forms)
-    for form in requested:
-        if form not in FORMS:
-            raise ExportError(f"no form '{form}'{nearest(form, FORMS)}")
-    if not requested:
-        raise ExportError(f"no form; expected one or more of {', '.join(FORMS)}")
-    return tuple(form for form in FORMS if form in requested)
-
-
-def name_of(experiment: Experiment) -> str:
-    """A C identifier from the name of the experiment or its file."""
-    place = experiment.where.removeprefix("experiment").strip() or experiment.title
-    words = re.findall(r"[a-z0-9]+", Path(place).stem.lower())
-    name = "_".join(words)[:24].strip("_")
-    return name if name[:1].isalpha() else f"loop_{name}".rstrip("_")

@@ -13,7 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.machine import Sources, machine_sources
+from gough_stewart.fmu_build.cache_files import digest_of
+from gough_stewart.fmu_build.errors import check_installed
+from gough_stewart.fmu_build.machine import Sources, kept_wasm, machine_sources
+from gough_stewart.fmu_build.source_state import state_of_texts
 from gough_stewart.harness.control.controllers import OpenLoop
 from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.control.feedforward import Feedforward
@@ -22,16 +25,7 @@ from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.design_c import design_header
-from gough_stewart.harness.export.plan_c import (
-    BY_HAND,
-    FEEDFORWARD,
-    N_MOTION,
-    Plan,
-    plan_header,
-    planned_motion,
-    smoothing,
-)
+from gough_stewart.harness.export.plan import BY_HAND, FEEDFORWARD, N_MOTION, Plan, planned_motion, smoothing
 from gough_stewart.harness.export.turned import FIELDS as TURNING
 from gough_stewart.harness.export.turned import Turned
 from gough_stewart.harness.loop import compiled
@@ -49,8 +43,14 @@ from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant, lanes_p
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError
+from gough_stewart.model.process.installed import TRACER
+from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_package
 from gough_stewart.model.vectors import FloatArray
 
+# In the manifest of prebuilt files.
+MACHINE = "machine.wasm"
+# Packages besides the model and its units from which the C is made.
+_TRACED = tuple(f"gough_stewart.harness.{name}" for name in ("control", "export", "loop", "motion", "plants"))
 # Of a block: its version, number of words, and whether it is open; then room for what C makes of its fields.
 _HEAD, _ROOM, _VERSION = 4, 352, 3
 # The last row of a machine without an end.
@@ -123,6 +123,27 @@ def machine_c(law: Any = None) -> Sources:
     return _shipped_c() if law is None else machine_sources(*_headers(), law)
 
 
+def shipped_wasm() -> bytes:
+    """The C of shipped components as WebAssembly: what came with the package, else from the cache, else compiled.
+
+    Raises
+    ------
+    BuildError, OSError
+        As `fmu_build.machine.kept_wasm`.
+    """
+    content = prebuilt_content(MACHINE, machine_texts())
+    if content is None:
+        check_installed(TRACER)
+        content = kept_wasm(machine_c()).read_bytes()
+    return content
+
+
+@cache
+def machine_texts() -> str:
+    """The state of all sources that the C depends on, for `prebuilt`."""
+    return digest_of("".join([state_of_texts(), *map(state_of_package, _TRACED)]).encode())
+
+
 @cache
 def _shipped_c() -> Sources:
     return machine_sources(*_headers())
@@ -130,6 +151,9 @@ def _shipped_c() -> Sources:
 
 @cache
 def _headers() -> tuple[str, str, str, str]:
+    from gough_stewart.harness.export.design_c import design_header  # these import CasADi
+    from gough_stewart.harness.export.plan_c import plan_header
+
     return components_header(), _fields_header(), plan_header(), design_header()
 
 
@@ -389,8 +413,6 @@ class _Words:
 @cache
 def version() -> int:
     """Of the layout of blocks: a digest of the names of all fields."""
-    from gough_stewart.fmu_build.cache_files import digest_of
-
     return int(digest_of(f"{_VERSION} {_all_fields()}".encode())[:12], 16)
 
 

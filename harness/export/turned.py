@@ -16,7 +16,7 @@ from gough_stewart.harness.control.loop_transfer import held_plant, space_of
 from gough_stewart.harness.control.pid import Gains, channels_of
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.design_c import VARIANTS, variant_of
+from gough_stewart.harness.export.variants import VARIANTS, variant_of
 from gough_stewart.harness.loop.loop import LENGTHS, Change, Loop
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.vectors import FloatArray

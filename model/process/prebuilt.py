@@ -6,6 +6,7 @@ that are here, and only with the digest that it had when it was made.
 """
 
 import json
+import lzma
 import platform
 import warnings
 from collections.abc import Iterable, Mapping
@@ -16,6 +17,8 @@ from pathlib import Path
 from typing import Any
 
 FOLDER, MANIFEST = "prebuilt", "manifest.json"
+# Ending of files that are not loaded where they are: xz makes them a fifth smaller than the wheel's deflate.
+PACKED = ".xz"
 _PROCESSORS = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 
 
@@ -52,6 +55,22 @@ def prebuilt(name: str, state: str) -> Path | None:
         _warn(f"{path} is damaged and is not used; install the package again")
         return None
     return path
+
+
+def prebuilt_content(name: str, state: str) -> bytes | None:
+    """The content of a packed file, likewise."""
+    path = prebuilt(name, state)
+    return None if path is None else unpacked(path.read_bytes())
+
+
+def packed(content: bytes) -> bytes:
+    """A file's content as xz."""
+    return lzma.compress(content, preset=9)
+
+
+def unpacked(content: bytes) -> bytes:
+    """What was packed."""
+    return lzma.decompress(content)
 
 
 def is_as_made(content: bytes, digest: str) -> bool:

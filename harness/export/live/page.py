@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.fmu_build.machine import machine_wasm
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.live.machine import Live, live_machine
-from gough_stewart.harness.export.machine import machine_c
+from gough_stewart.harness.export.machine import shipped_wasm
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report import page as report_page
 from gough_stewart.harness.report.libraries import three, three_licence
@@ -47,7 +46,7 @@ def live_page(experiment: Experiment) -> bytes:
         "nearness": report_page.NEARNESS,
         "live": {
             **live.data,
-            "wasm": _packed(machine_wasm(machine_c()).read_bytes()),
+            "wasm": _packed(shipped_wasm()),
             "block": _packed(live.block.words.astype("<i8").tobytes()),
             "worker": _own("worker.js"),
         },

@@ -15,14 +15,14 @@ from playwright._impl._driver import compute_driver_executable
 
 import gough_stewart as gs
 from gough_stewart.fmu_build.lanes import Failure
-from gough_stewart.fmu_build.machine import machine_library, machine_wasm
+from gough_stewart.fmu_build.machine import kept_wasm, machine_library
 from gough_stewart.harness.control.traced_law import traced_law_of
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.export import machine
 from gough_stewart.harness.export.machine import Block, machine_block, machine_c, machine_of
-from gough_stewart.harness.export.plan_c import kinds
+from gough_stewart.harness.export.plan import kinds
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.seeds import entropy_of
 from gough_stewart.harness.plants.signals import NAMES
@@ -252,7 +252,7 @@ def test_webassembly_plans_with_native_bits(kind: str, tmp_path: Path) -> None:
 
 def in_webassembly(block: Block, folder: Path) -> NDArray[np.int64]:
     """The words of a block after a run in node."""
-    module, file, out = machine_wasm(machine_c(block.law)), folder / "block", folder / "out"
+    module, file, out = kept_wasm(machine_c(block.law)), folder / "block", folder / "out"
     block.words.tofile(file)
     script = Path(__file__).parents[2] / "support" / "machine.mjs"
     command = [compute_driver_executable()[0], str(script), str(module), str(file), str(ROWS), str(out)]
@@ -266,7 +266,7 @@ def test_the_module_imports_nothing() -> None:
         "const m = new WebAssembly.Module(require('fs').readFileSync(process.argv[1]));"
         "console.log(JSON.stringify(WebAssembly.Module.imports(m)))"
     )
-    command = [compute_driver_executable()[0], "-e", script, str(machine_wasm(machine_c()))]
+    command = [compute_driver_executable()[0], "-e", script, str(kept_wasm(machine_c()))]
     assert subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout.strip() == "[]"
 
 

@@ -1,6 +1,7 @@
 """Files that come with the package count only if they are those of its sources, bit by bit."""
 
 import json
+import lzma
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +15,9 @@ from gough_stewart.model.process.prebuilt import (
     digest_of_files,
     is_as_made,
     manifest_line,
+    packed,
     prebuilt,
+    prebuilt_content,
     prebuilt_folder,
     state_of_package,
 )
@@ -39,6 +42,20 @@ def test_a_file_counts_for_its_sources_only(folder: Path) -> None:
     assert prebuilt("code", "now") == folder / "code.so"
     assert prebuilt("code", "before") is None
     assert prebuilt("other", "now") is None
+
+
+def test_a_packed_file_has_its_content_again(folder: Path) -> None:
+    """Expected: xz as Python's decompressor reads it, of another size; nothing for other sources, or if damaged."""
+    file = packed(CONTENT)
+    assert (lzma.decompress(file), len(file) < len(CONTENT) / 8) == (CONTENT, True)
+    (folder / "code.so.xz").write_bytes(file)
+    (folder / MANIFEST).write_text(json.dumps({"files": {"code": manifest_line("code.so.xz", file, "now")}}))
+    module._manifest.cache_clear()
+    assert prebuilt_content("code", "now") == CONTENT
+    assert prebuilt_content("code", "before") is None
+    (folder / "code.so.xz").write_bytes(packed(CONTENT[1:]))
+    with pytest.warns(UserWarning, match=r"code\.so\.xz is damaged"):
+        assert prebuilt_content("code", "now") is None
 
 
 @pytest.mark.parametrize("damage", ["flipped", "short", "gone"])
