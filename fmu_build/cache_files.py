@@ -24,9 +24,16 @@ def kept(path: Path, make: Callable[[], bytes]) -> Path:
     digest = path.with_name(f"{path.name}.sha256")
     if not _is_whole(path, digest):
         content = make()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, content)
-        write_whole(digest, digest_of(content).encode())
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, content)
+            write_whole(digest, digest_of(content).encode())
+        except OSError as error:
+            raise type(error)(
+                error.errno,
+                f"the cache cannot be written ({error.strerror}); set XDG_CACHE_HOME to a writable folder",
+                str(path.parent),
+            ) from error
         if not _is_whole(path, digest):
             raise BuildError(
                 f"{path} differs from what was written there; delete the folder {path.parent}, or free disk space"

@@ -7,6 +7,7 @@ import ctypes
 import platform
 import re
 import subprocess
+import tempfile
 import warnings
 from collections.abc import Callable
 from enum import IntEnum
@@ -23,6 +24,7 @@ from gough_stewart.fmu_build.targets import Target, native
 from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.model import interface
 from gough_stewart.model.compiled_kernel import processor_level
+from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.prebuilt import prebuilt_content
 
 # Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
@@ -158,9 +160,20 @@ def _carried(name: str, state: str, target: Target) -> LanesLibrary | None:
 
 
 def _unpacked(content: bytes, name: str, target: Target) -> Path:
-    """A file that can be loaded, in the cache."""
-    folder = cache_folder() / "unpacked" / digest_of(content)[:24]
-    return kept(folder / f"{name}{target.suffix}", lambda: content)
+    """A file that can be loaded: in the cache, or of this process alone if that cannot be written."""
+    digest = digest_of(content)[:24]
+    try:
+        return kept(cache_folder() / "unpacked" / digest / f"{name}{target.suffix}", lambda: content)
+    except OSError:
+        path = Path(_own_folder().name, f"{name}-{digest}{target.suffix}")
+        write_whole(path, content)
+        return path
+
+
+@cache
+def _own_folder() -> tempfile.TemporaryDirectory[str]:
+    """It is removed when the process ends."""
+    return tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
 
 
 @cache

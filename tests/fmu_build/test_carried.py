@@ -49,6 +49,14 @@ def test_code_that_does_not_load_is_followed_by_the_next(found: Carried) -> None
     assert found(4, files).path.read_bytes() == b"compiled"
 
 
+def test_code_that_came_with_the_package_needs_no_cache(found: Carried, tmp_path: Path) -> None:
+    """Expected: the same code where the cache's folder is a file, which keeps even root from writing there."""
+    (tmp_path / "cache").write_text("a file")
+    library = found(3, {"x86_64-linux/loop-v3": b"level3"})
+    assert (library.path.read_bytes(), library.path.suffix) == (b"level3", ".so")
+    assert not library.path.is_relative_to(tmp_path / "cache")
+
+
 def test_a_file_that_is_no_library_is_named(tmp_path: Path) -> None:
     broken = tmp_path / "broken"
     broken.write_bytes(b"broken")

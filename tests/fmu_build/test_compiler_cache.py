@@ -13,6 +13,7 @@ import pytest
 
 from gough_stewart.fmu_build import cache_files, cached, compiler_cache, targets, toolchain
 from gough_stewart.fmu_build.build import build
+from gough_stewart.fmu_build.cache_files import kept
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.toolchain import compile_library
@@ -230,3 +231,11 @@ def test_a_disk_that_does_not_keep_a_unit_is_an_error_that_names_the_folder(
         cached_build("2.0")
     assert str(tmp_path) in str(caught.value)
     assert builds == ["2.0"]
+
+
+def test_a_cache_that_cannot_be_written_is_named_with_a_remedy(tmp_path: Path) -> None:
+    """Expected: where a file is in the place of its folder, which keeps even root from writing there."""
+    (tmp_path / "cache").write_text("a file")
+    with pytest.raises(OSError, match="set XDG_CACHE_HOME to a writable folder") as found:
+        kept(tmp_path / "cache" / "fmus" / "unit.fmu", lambda: b"unit")
+    assert found.value.filename == str(tmp_path / "cache" / "fmus")
