@@ -26,7 +26,7 @@ _TERMS = 18
 # Of fixed steps: the largest h d of a substep, and the largest part of it that may arise within one, beyond which they
 # diverge; the most substeps; and the largest h |λ| of the modes of legs that stick, within the half disc in which RK4
 # is stable.
-LARGEST_DECAY = 40.0
+LARGEST_DECAY = 3.0
 LARGEST_CHANGE = 2.0
 MOST_SUBSTEPS = 64
 LARGEST_PRODUCT = 2.6
