@@ -25,11 +25,12 @@ _SERIES_BELOW = 1.0
 _TERMS = 18
 # Of fixed steps: the largest h d of a substep, and the largest part of it that may arise within one, beyond which they
 # diverge; the most substeps; and the largest h |λ| of the modes of legs that stick, within the half disc in which RK4
-# is stable.
+# is stable; and the largest fixed step [s] itself: twice as long, the speed of sliding legs is wrong by a hundredth.
 LARGEST_DECAY = 3.0
 LARGEST_CHANGE = 2.0
 MOST_SUBSTEPS = 64
 LARGEST_PRODUCT = 2.6
+LARGEST_FIXED_STEP = 1e-4
 
 
 class Coefficients(NamedTuple):

@@ -39,6 +39,7 @@ def plant_header(variant: Variant = IDEAL) -> str:
             "LARGEST_DECAY": exponential.LARGEST_DECAY,
             "LARGEST_CHANGE": exponential.LARGEST_CHANGE,
             "MOST_SUBSTEPS": exponential.MOST_SUBSTEPS,
+            "LARGEST_FIXED_STEP": exponential.LARGEST_FIXED_STEP,
         }
     if variant.springs:
         limits |= {"SLOWEST_MODE": platform_checks.SLOWEST_MODE, "LARGEST_STRETCH": LARGEST_STRETCH}

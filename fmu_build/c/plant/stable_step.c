@@ -67,7 +67,11 @@ double stable_step(const double x[N_STATES], const double u[N_INPUTS], const dou
         for (int i = 0; i < N_STATES; i++)
             a[i][k] = change[i];
     }
-    return LARGEST_PRODUCT / spectral_radius(a);
+    double largest = LARGEST_PRODUCT / spectral_radius(a);
+#if HAS_BRISTLES
+    largest = fmin(largest, LARGEST_FIXED_STEP);
+#endif
+    return largest;
 }
 #else
 double stable_step(const double x[N_STATES], const double u[N_INPUTS], const double p[N_PARAMETERS])

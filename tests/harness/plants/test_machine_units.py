@@ -12,6 +12,7 @@ from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.plant.layout import plant_layout
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
+from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.exponential import coefficients, exponential_step
 from gough_stewart.model.kernel import Kernel, parameter_vector
@@ -74,7 +75,7 @@ def test_the_unit_moves_as_the_stepping_model_does(unit: Path, friction: str) ->
 
 def test_a_fixed_step_is_that_of_the_exponential_scheme(unit: Path) -> None:
     """Expected: ETDRK4 in NumPy, whose order its own tests show; an error of a stage is larger than the bound."""
-    platform, h = real_platform("lugre", springs=True), 2e-4
+    platform, h = real_platform("lugre", springs=True), 1e-4
     start = State(platform.home_position, platform.home_orientation, np.array([0.03, -0.02, 0.05]), np.zeros(3))
     model, kernel, p = SteppingModel(platform), Kernel(WHOLE), parameter_vector(platform, WHOLE)
     model.set_many(start._asdict())
@@ -112,8 +113,8 @@ def test_legs_that_stick_hold_a_platform(unit: Path) -> None:
 
 
 def test_a_fixed_step_beyond_the_modes_is_refused_with_one_that_is_not(unit: Path) -> None:
-    """Expected: |h λ| = 2.6 at the fastest eigenvalue λ of the linear plant at rest, by NumPy."""
-    platform = real_platform("elasto_plastic", springs=True)
+    """Expected: |h λ| = 2.6 at the fastest eigenvalue λ of the linear plant at rest, by NumPy; bristles are stiff."""
+    platform = real_platform("elasto_plastic", springs=True, leg_bristle_stiffness=2.9e10)
     model = SteppingModel(platform)
     limit = 2.6 / np.abs(np.linalg.eigvals(model.linearise().A)).max()
     with (
@@ -126,6 +127,21 @@ def test_a_fixed_step_beyond_the_modes_is_refused_with_one_that_is_not(unit: Pat
     with FmuPlant(unit, platform, None, 1e-8, 0.98 * stated) as plant:
         plant.do_step(0.0, 0.01)
         assert plant.results()[2] == pytest.approx(platform.home_position[2], abs=1e-9)
+
+
+def test_a_fixed_step_that_makes_sliding_wrong_is_refused(unit: Path) -> None:
+    """Expected: units take 0.1 ms and no more; experiments take none, since their readers do not compare."""
+    platform = real_platform("elasto_plastic", springs=True)
+    with (
+        FmuPlant(unit, platform, None, 1e-8, 2e-4) as plant,
+        pytest.raises(StepError, match=r"steps of 0\.0002 s are too large.*at most 0\.0001 s"),
+    ):
+        plant.do_step(0.0, 1e-3)
+    with (
+        pytest.raises(PlantError, match=r"fixed_step_size 0\.0001 s and friction that sticks.*remove fixed_step_size"),
+        open_plant("fmu3", platform, fixed_step_size=1e-4),
+    ):
+        pass
 
 
 def test_sensitivities_are_those_of_the_equations(instance: Plant) -> None:
