@@ -1,7 +1,6 @@
 """The stepping model of platforms that stick and give. Expected: standing still, energy balance, rules."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.plants.lanes import lanes_plant
-from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.model.errors import InterfaceError, PlatformError
 from gough_stewart.model.kinematics import leg_geometry, leg_rates
 from gough_stewart.model.platform import Platform
@@ -177,21 +175,14 @@ def test_a_run_records_bristles_and_motors() -> None:
 
 
 @pytest.mark.parametrize(("friction", "springs"), [("elasto_plastic", False), ("smooth", True)])
-def test_what_has_ideal_legs_only_refuses_others(friction: str, springs: bool, tmp_path: Path) -> None:
+def test_what_has_ideal_legs_only_refuses_others(friction: str, springs: bool) -> None:
     platform = real_platform(friction, springs)
     rest = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
     text = "has rigid legs only so far" if springs else "is 'elasto_plastic'; .* has smooth friction only so far"
     log: Any = None
-
-    def unit() -> None:
-        with open_plant("fmu2", platform):
-            pass
-
     for host in (
         lambda: lanes_plant([UNEVEN, platform], [rest, rest], compiler=False),
-        unit,
         lambda: identify(log, platform, "platform_mass"),
-        lambda: gs.build(tmp_path, platform=platform),
     ):
         with pytest.raises(PlatformError, match=text):
             host()

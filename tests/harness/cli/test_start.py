@@ -78,7 +78,7 @@ def test_building_a_unit_does_without_casadi_and_scipy_if_its_code_is_there(tmp_
     """Expected: with the traced tables given, as a wheel carries them, nothing else asks for CasADi or SciPy."""
     given = """from gough_stewart.fmu_build.plant import component as c
     sources, dependencies = c.Code({}, {}), {}
-    c._code, c.slot_dependencies = (lambda: sources), (lambda: dependencies)
+    c._code, c.slot_dependencies = (lambda _: sources), (lambda _: dependencies)
     import gough_stewart.fmu_build.build, gough_stewart.fmu_build.builder, gough_stewart.model.kernel
     from gough_stewart.model.platform_toml import load_preset
     c.plant_component(load_preset('liu2000'))"""

@@ -317,13 +317,14 @@ def test_the_table_is_of_members_that_completed_and_says_how_many_are_left_out(d
     assert set(rows) == shown
     assert len(completed) == 6 < done.members["margins.stable"].drop_nulls().len() == 9
     failures = tables["Not completed"]
-    assert {name: cells[0] for name, cells in failures.items() if name in {*done.members["outcome"]}} == {
+    # the head and a long cause have rows without a member
+    assert {cells[0]: cells[2] for name, cells in failures.items() if name.isdigit()} == {
         "impossible": "5",
         "diverged": "3",
     }
     first = done.members["outcome"].to_list().index("diverged")
-    assert failures["diverged"][2] == str(first)
-    assert str(done.members["cause"][first]).startswith(failures["diverged"][1][:20])
+    assert failures[str(first)][0] == "diverged"
+    assert str(done.members["cause"][first]).startswith(failures[str(first)][1][:20])
 
 
 def test_the_worst_members_come_in_order(done: Done) -> None:
@@ -331,7 +332,8 @@ def test_the_worst_members_come_in_order(done: Done) -> None:
     early = done.members.filter(polars.col("outcome") == "diverged").sort("ended")["member"].to_list()
     rest = done.members.filter(polars.col("outcome") == "completed").sort("force.rms", descending=True)["member"]
     page = (done.folder / "report.html").read_text()
-    named = re.findall(r'<a href="worst/member-(\d+)/report.html">\1</a>', page)
+    (table,) = (each for each in page.split("<table")[1:] if "<caption>Worst " in each)
+    named = re.findall(r'<a href="worst/member-(\d+)/report.html">\1</a>', table)
     assert [int(member) for member in named] == [*early, *rest.to_list()]
 
 
