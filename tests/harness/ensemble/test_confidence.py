@@ -1,5 +1,7 @@
 """Confidence intervals, resample by resample: the same members are drawn, and each is evaluated by its definition."""
 
+import math
+
 import numpy as np
 import polars
 import pytest
@@ -8,6 +10,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.ensemble.compare import compare
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
+from gough_stewart.harness.report.proportions import quantile_interval
 from gough_stewart.harness.sampling.design import Design
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import INPUTS, ensemble_of
@@ -114,3 +117,16 @@ def test_design_points_that_vary_in_nothing_have_no_share() -> None:
     found = sensitivity(of_metric(x, y, None, "saltelli"), PEAK)
     assert found.total is not None
     assert found.main.tolist() == found.total.tolist() == [0.0] * 4
+
+
+@pytest.mark.parametrize(("n", "level"), [(10, 0.5), (59, 0.95), (100, 0.95), (213, 0.25)])
+def test_the_interval_of_a_quantile_is_the_narrowest_of_order_statistics(n: int, level: float) -> None:
+    """Expected: exact sums of the binomial distribution; one value further in would leave more than 2.5 % outside."""
+
+    def at_most(k: int) -> float:
+        return math.fsum(math.comb(n, j) * level**j * (1 - level) ** (n - j) for j in range(k + 1))
+
+    found = quantile_interval(np.arange(1.0, n + 1)[::-1], level)
+    lows = [r for r in range(1, n + 1) if at_most(r - 1) <= 0.025]
+    highs = [s for s in range(1, n + 1) if at_most(s - 1) >= 0.975]
+    assert found == (max(lows, default=None), min(highs, default=None))

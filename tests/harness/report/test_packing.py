@@ -42,6 +42,27 @@ def test_with_a_quantity_values_are_off_by_less_than_is_shown_and_gaps_stay(valu
         assert np.abs(found - values)[finite].max() <= max(span / 2**21, least / 16) * 1.001 + 1e-12
 
 
+_TIME = np.linspace(0.0, 1.0, 501)
+_RANDOM = np.random.default_rng(5)
+
+
+@pytest.mark.parametrize(
+    ("order", "values"),
+    [
+        (0, np.arange(501) % 2 + _RANDOM.uniform(0.0, 0.2, 501)),
+        (1, np.cumsum(_RANDOM.uniform(-1.0, 1.0, 501))),
+        (2, 0.4 + np.sin(5 * _TIME + 0.3)),
+    ],
+    ids=["to and fro", "a walk", "a smooth curve"],
+)
+def test_differences_are_of_the_order_that_suits_a_curve(order: int, values: FloatArray) -> None:
+    """Expected: none for jumps to and fro, the first for a walk, the second for a smooth curve; and the values."""
+    kept = Arrays()
+    kept.add(values, LENGTH)
+    assert kept.packed[0]["o"] == order
+    assert np.abs(unpacked(kept.packed[0]) - values).max() <= 0.5001 * kept.packed[0]["s"]
+
+
 def test_whole_numbers_stay_whole_and_what_is_infinite_is_a_gap() -> None:
     flags = np.array([0.0, 1.0, 1.0, 0.0, 7.0])
     assert once(flags, NUMBER).tolist() == flags.tolist()
