@@ -2,6 +2,7 @@
 
 import html
 import re
+from functools import cache
 
 from latex2mathml.converter import convert
 
@@ -20,6 +21,7 @@ mrow.matrix { border: solid currentColor; border-width: 0 0.08em; padding: 0 0.2
 """
 
 
+@cache  # the pages of both FMI versions have their formulas in common
 def mathml(latex: str, display: str) -> str:
     """One formula, `inline` or `block`.
 

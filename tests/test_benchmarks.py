@@ -24,6 +24,7 @@ def test_a_benchmark_can_be_imported(name: str, interpreter: Interpreter, tmp_pa
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.evidence
 def test_the_timers_in_c_compile(tmp_path: Path) -> None:
     """Expected: programs, of the sources as they are today."""
     for name in ("fmu.py", "coupled.py"):

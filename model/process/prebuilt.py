@@ -10,7 +10,7 @@ import lzma
 import platform
 import warnings
 from collections.abc import Iterable, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from hashlib import sha256
 from importlib import resources
 from pathlib import Path
@@ -68,6 +68,7 @@ def packed(content: bytes) -> bytes:
     return lzma.compress(content, preset=9)
 
 
+@lru_cache(maxsize=8)  # the units of both FMI versions have the libraries of five targets in common
 def unpacked(content: bytes) -> bytes:
     """What was packed."""
     return lzma.decompress(content)

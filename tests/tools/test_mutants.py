@@ -113,6 +113,7 @@ def test_a_seed_always_gives_the_same_mutants_and_other_lines_do_not_change_them
     assert [key for key in moved if "SIDES" not in key] == [m.key for m in listed[1]]
 
 
+@pytest.mark.evidence
 def test_every_equivalent_mutant_is_one_of_its_file() -> None:
     """Expected: the sources as they are; an entry whose lines have changed has to be looked at again."""
     known = equivalents()
@@ -255,6 +256,7 @@ def test_bugs_of_meaning_in_c_and_javascript(operator: str, source: str) -> None
     ]
 
 
+@pytest.mark.evidence
 def test_a_small_sample_of_bugs_of_meaning_has_three_of_every_operator() -> None:
     """Expected: counted in the first ones of two rooms of this project, whose operators differ in frequency."""
     files = files_in(ROOT, ["harness/tuning", "harness/ensemble"])

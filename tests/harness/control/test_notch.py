@@ -138,9 +138,11 @@ def test_margins_see_the_notch(space: Any) -> None:
     assert gs.margins("heave_step", settings).disk.alpha < alone
 
 
-@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
-@pytest.mark.parametrize("space", ["leg", "task"])
-@pytest.mark.parametrize("integral", [{}, INTEGRAL], ids=["pd", "pid"])
+@pytest.mark.parametrize(
+    ("space", "integral", "single"),
+    [("leg", INTEGRAL, False), ("task", {}, False), ("task", INTEGRAL, True)],
+    ids=["pid in legs", "pd of poses", "pid of poses in floats"],
+)
 def test_in_c_it_gives_the_forces_of_the_loop(space: str, integral: dict[str, Any], single: bool) -> None:
     """Expected: the loop's forces, of an uneven platform off its reference; with other values of a notch, too."""
 

@@ -20,6 +20,7 @@ import gough_stewart as gs
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.vectors import FloatArray
+from tests.support.covering import covering
 from tests.support.documented_controller import (
     COUNT,
     DAMPING,
@@ -318,11 +319,16 @@ def _name(row: dict[str, Any]) -> str:
     return "-".join(str(value).replace(" ", "_") for value in row.values())
 
 
-def _of(*forms: str, often: int = 100) -> pytest.MarkDecorator:
-    """The rows of some forms; all but the first ones with the evidence, since a unit takes 2 s to build and run."""
+def _of(*forms: str, often: int | None = None) -> pytest.MarkDecorator:
+    """The rows of some forms: those that hold every value, or the first ones, and the others with the evidence.
+
+    A program in C takes a second to compile and run, a unit two.
+    """
     rows = [row for row in ROWS if row["form"] in forms]
+    always = covering(rows) if often is None else range(often)
     marked = [
-        pytest.param(row, id=_name(row), marks=() if k < often else pytest.mark.evidence) for k, row in enumerate(rows)
+        pytest.param(row, id=_name(row), marks=() if k in always else pytest.mark.evidence)
+        for k, row in enumerate(rows)
     ]
     return pytest.mark.parametrize("row", marked)
 

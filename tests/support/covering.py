@@ -1,0 +1,20 @@
+"""The rows of a table of options that always run: each value of each option is in one; the evidence runs all rows."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+
+def covering(rows: Sequence[Mapping[str, Any]], times: int = 1) -> list[int]:
+    """Numbers of rows that hold every value so many times, or as often as all rows do, in ascending order.
+
+    The row that has most of the missing values is the next one, the first of several.
+    """
+    values = [{(name, str(value)) for name, value in row.items()} for row in rows]
+    missing = Counter({each: min(times, n) for each, n in Counter(e for row in values for e in row).items()})
+    chosen = list[int]()
+    while missing:
+        best = max((k for k in range(len(rows)) if k not in chosen), key=lambda k: len(values[k] & missing.keys()))
+        chosen.append(best)
+        missing -= Counter(values[best])
+    return sorted(chosen)
