@@ -61,6 +61,8 @@ def build_wheel(wheel_directory: str, config_settings: Settings = None, metadata
     config_settings
         `only-here`: for the processor at hand instead of every target.
     """
+    # what takes minutes must not end at a folder that is not there
+    Path(wheel_directory).mkdir(parents=True, exist_ok=True)
     options = ["--only-here"] if "only-here" in (config_settings or {}) else ["--target", "all"]
     with tempfile.TemporaryDirectory(prefix="gough-stewart-wheel-") as scratch:
         name = str(build_meta.build_wheel(scratch, None, metadata_directory))

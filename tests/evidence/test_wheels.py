@@ -24,8 +24,10 @@ pytestmark = pytest.mark.evidence
 def built(folder: Path) -> Path:
     """The wheel of a copy of the sources in a folder."""
     source = folder / "source"
-    ignored = shutil.ignore_patterns("__pycache__", "prebuilt", ".*", "build", "dist", "*.egg-info", "results")
-    shutil.copytree(ROOT, source, symlinks=True, ignore=ignored)
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in listed.split("\0")[:-1]:
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, source / name, follow_symlinks=False)
     script = "import sys; sys.path.insert(0, 'build_backend'); import prebuilt_wheel as b; print(b.build_wheel('..'))"
     env = {**os.environ, "SOURCE_DATE_EPOCH": "1700000000", "ZIG_GLOBAL_CACHE_DIR": str(folder / "cache")}
     subprocess.run([sys.executable, "-c", script], cwd=source, env=env, check=True)
