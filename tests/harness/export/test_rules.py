@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,13 @@ from tests.support.exported import (
 from tests.support.uneven import UNEVEN
 
 GRAVITY = {"reference": CIRCLE, "controller": {**PD, "feedforward": "gravity"}}
+PID_AT_REST = {"reference": HOLD, "controller": {**PID, "feedforward": "gravity"}}
+
+
+@cache
+def designed_once(of: str) -> Designed:
+    """The controller of a table; its parameters are set in a copy of their own."""
+    return designed(uneven_experiment(**{"pd": GRAVITY, "pid": PID_AT_REST}[of]))
 
 
 def wanted(experiment_run: Any, made: Designed) -> np.ndarray:
@@ -176,7 +184,7 @@ def test_a_measurement_that_is_no_number_leaves_the_memory_as_it_was() -> None:
     ],
 )
 def test_a_parameter_that_cannot_be_is_refused_by_its_number(name: str, value: Any) -> None:
-    exported = Exported(designed(uneven_experiment(reference=HOLD, controller={**PID, "feedforward": "gravity"})))
+    exported = Exported(designed_once("pid"))
     assert exported.prepare() == 0
     exported.parameters[name] = value
     names = [s.variable.name for s in exported.designed.settings]
@@ -405,7 +413,7 @@ def test_the_stated_operations_are_at_least_those_of_the_code() -> None:
 )
 def test_a_parameter_at_its_bound_is_accepted(name: str, value: Any) -> None:
     """Expected: the bounds of docs/export.md belong to what can be; what is beyond them is refused above."""
-    exported = Exported(designed(uneven_experiment(**GRAVITY)))
+    exported = Exported(designed_once("pd"))
     if name == "sample_time":
         exported.parameters["derivative_filter"] = 1e3
     exported.parameters[name] = value
