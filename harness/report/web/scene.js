@@ -139,6 +139,7 @@ GoughStewart.prepareScene = () => {
     look("corner");
     return {
       show, look,
+      soft: viewer.soft,
       canvas: viewer.canvas,
       draw: viewer.draw,
       render: viewer.render,

@@ -183,19 +183,31 @@
   });
 
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-  let drawn = 0;
-  const frame = () => {
+  // Pictures in software take the loop's processor: fewer where it is to be fast, and coarser ones where they are late.
+  const ENOUGH = 1000 / 30, gaps = [];
+  let turn = 0, before = 0;
+  const keepUp = (gap) => {
+    if (gap < 1000) gaps.push(gap);
+    if (gaps.length < 12) return;
+    const mean = gaps.reduce((sum, each) => sum + each, 0) / gaps.length;
+    gaps.length = 0;
+    if (mean > (speed() === null ? 1.1 : 0.9) * ENOUGH) stage?.view.simpler();
+  };
+  const frame = (now) => {
+    requestAnimationFrame(frame);
     hand.poll();
+    if (stage?.view.soft && speed() === null && now - before < 0.8 * ENOUGH) return;
     if (fresh && last) {
+      if (playing && frames > 30) keepUp(now - before);
       fresh = false;
       frames++;
       stage?.show(last, push);
       // charts by turns: each is drawn at a third of the frames
-      plots[drawn++ % plots.length].draw(history.points, size, span);
-      if (still || !playing || over) for (const plot of plots) plot.draw(history.points, size, span);
+      const due = still || !playing || over ? plots : [plots[turn++ % plots.length]];
+      for (const plot of due) plot.draw(history.points, size, span);
     }
+    before = now;
     stage?.view.render();
-    requestAnimationFrame(frame);
   };
   GS.onTheme(() => { fresh = true; });
   requestAnimationFrame(frame);

@@ -12,7 +12,8 @@
     const key = GS.element("ul", { class: "key" }), said = GS.element("output", { class: "at" });
     figure.append(GS.element("figcaption", {}, GS.element("h2", {}, `${title} [${unit}]`), said, key), canvas);
     const pen = canvas.getContext("2d");
-    let pointer = null;
+    let pointer = null, seen = true;
+    new IntersectionObserver((entries) => { seen = entries[entries.length - 1].isIntersecting; }).observe(canvas);
     const paintKey = () => key.replaceChildren(...curves.map((curve) => {
       const line = GS.element("i");
       line.style.borderTop = `3px ${curve.dashes?.length ? "dashed" : "solid"} ${curve.colour(GS.theme())}`;
@@ -24,7 +25,7 @@
     canvas.addEventListener("pointerleave", () => { pointer = null; said.textContent = ""; });
     const draw = (points, size, span) => {
       const width = canvas.clientWidth, height = canvas.clientHeight, ratio = Math.min(devicePixelRatio, 2), theme = GS.theme();
-      if (!width || !points.length) return;
+      if (!seen || !width || !points.length) return;
       if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
         canvas.width = Math.round(width * ratio);
         canvas.height = Math.round(height * ratio);

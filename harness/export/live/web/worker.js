@@ -51,34 +51,37 @@ const follow = (index, pose) => {
   step = null;
 };
 
-// Rows to before `to`, at most what a call keeps; points of them for curves, and the last row.
+// Rows to before `to`, at most what a call keeps; points of them for curves, and the last row. Plain loops over numbers:
+// at a hundred times real time, views and callbacks for each row take as long as the row.
 const advance = (to, points, every) => {
   const first = row, next = Number(c.machine_run(at, BigInt(to)));
   if (next === first) { ended = true; return; }
   const n = next - first, signals = numbers("row_signals", 24 * n), forces = numbers("row_forces", 6 * n);
-  const flags = new Uint8Array(c.memory.buffer, place("row_force_limited"), 6 * n), reference = place("plan_reference");
-  const skipped = first - Math.floor(first / given.every) * given.every;
-  const planned = reference ? new Float64Array(c.memory.buffer, reference, 30 * (skipped + n)) : null;
+  const flags = new Uint8Array(c.memory.buffer, place("row_force_limited"), 6 * n), skipped = first % given.every;
+  const planned = place("plan_reference") ? numbers("plan_reference", 30 * (skipped + n)) : null;
   for (let k = 0; k < n; k++) {
-    const cut = flags.subarray(6 * k, 6 * k + 6);
-    for (let leg = 0; leg < 6; leg++) limited[leg] = cut[leg] ? limited[leg] + given.plantStep : 0;
-    if (step) follow(first + k, signals[24 * k + step.axis]);
-    if ((first + k) % thin === 0) {
-      const to = (ringed++ % ringRows) * KEPT;
-      ring[to] = (first + k) * given.plantStep;
-      ring.set(signals.subarray(24 * k, 24 * k + 24), to + 1);
-      ring.set(forces.subarray(6 * k, 6 * k + 6), to + 25);
-      if (planned) ring.set(planned.subarray(30 * (skipped + k), 30 * (skipped + k) + 24), to + 31);
-      ring[to + 55] = cut.reduce((mask, flag, leg) => mask | (flag ? 1 << leg : 0), 0);
+    const index = first + k, time = index * given.plantStep, wanted = 30 * (skipped + k);
+    let mask = 0;
+    for (let leg = 0; leg < 6; leg++) {
+      if (flags[6 * k + leg]) mask |= 1 << leg;
+      limited[leg] = flags[6 * k + leg] ? limited[leg] + given.plantStep : 0;
     }
-    if ((first + k) % every !== 0 && !(next >= to && k === n - 1)) continue;
-    points.push((first + k) * given.plantStep);
+    if (step) follow(index, signals[24 * k + step.axis]);
+    if (index % thin === 0) {
+      const to = (ringed++ % ringRows) * KEPT;
+      ring[to] = time;
+      for (let i = 0; i < 24; i++) ring[to + 1 + i] = signals[24 * k + i];
+      for (let i = 0; i < 6; i++) ring[to + 25 + i] = forces[6 * k + i];
+      if (planned) for (let i = 0; i < 24; i++) ring[to + 31 + i] = planned[wanted + i];
+      ring[to + 55] = mask;
+    }
+    if (index % every !== 0 && !(next >= to && k === n - 1)) continue;
+    points.push(time);
     for (let i = 0; i < 6; i++) points.push(signals[24 * k + i]);
     for (let i = 0; i < 6; i++) points.push(signals[24 * k + 12 + i]);
     for (let i = 0; i < 6; i++) points.push(forces[6 * k + i]);
-    const wanted = reference ? new Float64Array(c.memory.buffer, reference + 8 * 30 * (skipped + k), 6) : null;
-    for (let i = 0; i < 6; i++) points.push(wanted ? wanted[i] : NaN);
-    points.push(cut.reduce((mask, flag, leg) => mask | (flag ? 1 << leg : 0), 0));
+    for (let i = 0; i < 6; i++) points.push(planned ? planned[wanted + i] : NaN);
+    points.push(mask);
   }
   row = next;
   if (c.machine_ended(at) >= 0n) ended = true;
@@ -103,8 +106,8 @@ const tick = () => {
     hold();
     to = row + 1;
   }
-  const rows = fast ? 100 * given.kept : to - row;
-  const every = Math.max(1, Math.round(0.005 / given.plantStep), fast ? Math.ceil(rows / POINTS) : Math.ceil(rows / POINTS));
+  // a point of the curves every 5 ms, or 20 ms where a chart's seconds go by in no time
+  const every = Math.max(1, Math.round((fast ? 0.02 : 0.005) / given.plantStep), fast ? 0 : Math.ceil((to - row) / POINTS));
   while (row < to && !ended && clock() - begun < BUDGET) advance(Math.min(to, row + given.kept), points, every);
   if (points.length) tell(points);
   else if (ended) tell([]);
@@ -210,18 +213,20 @@ const answers = {
     analyse(120);
   },
   take: () => { step = null; c.machine_take(at); },
-  // all rows from the beginning, for who compares them, and how long they took [s]
+  // all rows from the beginning, for who compares them
   rows: ({ rows }) => {
     playing = false;
     begin();
-    const found = [], begun = clock();
+    const found = new Float64Array(30 * rows);
     while (row < rows && !ended) {
       const first = row;
       advance(Math.min(rows, row + given.kept), [], 1e9);
-      const n = row - first, signals = numbers("row_signals", 24 * n), forces = numbers("row_forces", 6 * n);
-      for (let k = 0; k < n; k++) found.push(...signals.subarray(24 * k, 24 * k + 24), ...forces.subarray(6 * k, 6 * k + 6));
+      for (let k = 0; first + k < row; k++) {
+        found.set(numbers("row_signals", 24 * (k + 1)).subarray(24 * k), 30 * (first + k));
+        found.set(numbers("row_forces", 6 * (k + 1)).subarray(6 * k), 30 * (first + k) + 24);
+      }
     }
-    postMessage({ type: "allRows", values: new Float64Array(found), seconds: (clock() - begun) / 1000 });
+    postMessage({ type: "allRows", values: found.subarray(0, 30 * row) });
   },
   state: () => postMessage({ type: "state", memory: c.memory.buffer.byteLength, row, lost, words: [...new BigInt64Array(c.memory.buffer, at, 4)].map(String) }),
 };
