@@ -197,6 +197,7 @@ def test_a_plain_install_builds_runs_varies_and_plays_without_a_compiler(install
             str(out / "ensemble"),
         ],
         ["live", "heave_step", "--no-open", "--out", str(out / "heave_live.html")],
+        ["export", "pitch_sine", "--as", "page", "--out", str(out / "page")],
     ):
         done = install.run("gough-stewart", *command)
         assert done.returncode == 0, (command, done.stdout, done.stderr)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from textwrap import fill
-from typing import Literal, get_args
 
 import casadi
 import numpy as np
@@ -14,6 +13,7 @@ from gough_stewart.fmu_build.codegen import Types, function_source
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import table_source
 from gough_stewart.harness.export.designed import Designed
+from gough_stewart.harness.export.forms import Real
 from gough_stewart.harness.export.laws import FunctionLaw
 from gough_stewart.harness.export.operations import operations_of, words_of
 from gough_stewart.harness.export.path_source import path_of, path_source
@@ -30,8 +30,6 @@ from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 
-Real = Literal["double", "float"]
-REALS: tuple[Real, ...] = get_args(Real)
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]{0,40}")
 
 

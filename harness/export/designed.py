@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import casadi
 import numpy as np
@@ -21,6 +21,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.carried import NOTHING, Carried, Part, carried
 from gough_stewart.harness.export.faults import Faults, check_faults
+from gough_stewart.harness.export.forms import ReferenceFrom
 from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
 from gough_stewart.harness.export.ranges import Ranges, ranges_of
 from gough_stewart.harness.export.settings import Setting, setting, setting_of
@@ -31,7 +32,6 @@ from gough_stewart.model.interface import Variable
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-ReferenceFrom = Literal["inside", "inputs"]
 # Samples, as in an experiment; and a force [N] beyond that of any machine.
 MOST_DELAY, LARGEST_FORCE = 1000, 1e9
 REFERENCE = ("position", "orientation", "velocity", "angular_velocity", "acceleration", "angular_acceleration")

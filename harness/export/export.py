@@ -1,39 +1,31 @@
 """Export a designed controller as C, as FMU, or with the plant as SSP; all files are written, or none."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
-import casadi
-
-from gough_stewart.fmu_build.builder import chosen_versions, unit_archives
-from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.builder import chosen_versions
 from gough_stewart.fmu_build.targets import chosen_targets
+from gough_stewart.harness.control.python.casadi_function import is_casadi_function
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.c_source import REALS, Real, controller_sources
 from gough_stewart.harness.export.carried import Part, chosen_parts
-from gough_stewart.harness.export.designed import Designed, ReferenceFrom, designed
-from gough_stewart.harness.export.deviation import deviation_of
 from gough_stewart.harness.export.faults import SafeForce, faults_of
-from gough_stewart.harness.export.fmu import component_of
-from gough_stewart.harness.export.forms import Form, chosen_forms, name_of
+from gough_stewart.harness.export.forms import EXAMPLE, REALS, Form, Real, ReferenceFrom, chosen_forms, name_of
 from gough_stewart.harness.export.live.page import live_page
-from gough_stewart.harness.export.loop_archive import loop_archive
-from gough_stewart.harness.export.notes import in_short, notes_of, refusal
+from gough_stewart.harness.export.notes import in_short
 from gough_stewart.harness.export.report import least_robust_first
-from gough_stewart.harness.export.stability import LoopStability, MemberProgress, output_delay_of, stability_of
+from gough_stewart.harness.export.stability import LoopStability, MemberProgress
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.progress import StepProgress
 
-EXAMPLE = "example_main.c"
+if TYPE_CHECKING:
+    import casadi
 
 
 def export(
-    experiment: Experiment | Path | str | casadi.Function,
+    experiment: "Experiment | Path | str | casadi.Function",
     settings: Settings = (),
     *,
     forms: Iterable[Form] | Form = ("fmu",),
@@ -130,9 +122,9 @@ def export(
     --------
     >>> gs.export("heave_step", {"controller.bandwidth": 3}, forms=["c"], out="exported")
     """
-    if isinstance(experiment, casadi.Function):
+    if is_casadi_function(experiment):
         controller, experiment = experiment, around(experiment)
-    chosen = experiment_of(experiment, settings)
+    chosen = experiment_of(cast("Experiment | Path | str", experiment), settings)
     requested, name = chosen_forms(forms), name_of(chosen)
     inside = chosen_parts(parts)
     _check_together(real, requested, inside, reference)
@@ -145,62 +137,32 @@ def export(
     if not hosts:
         write_files(folder, files)
         return [folder / file for file in files]
-    prepared = prepare(chosen, controller)
-    law = designed(chosen, controller, reference, faults_of(safe_force, frozen), prepared, inside)
-    found = stability_of(chosen, prepared, hosts, parts=inside, progress=judging)
-    refused = refusal(chosen, found.items())
-    if refused is not None and not anyway:
-        raise refused
-    notes = {host: notes_of(chosen, host, each, law.carried) for host, each in found.items()}
-    if "c" in requested:
-        report("C")
-        in_c = replace(law, notes=notes["c"].inside)
-        deviation = "" if real == "double" else str(deviation_of(chosen, in_c, controller))
-        files |= c_files(in_c, f"{name}_controller", real, deviation)
-    # the forces of a unit act at least one sample late; all of the delay is the unit's only in an SSP, or with drives
-    late, duration = replace(law, delay=output_delay_of(chosen)), chosen.loop.duration
-    if "fmu" in requested:
-        unit = component_of(
-            replace(late, notes=notes["fmu"].inside),
-            f"{name}_controller",
-            duration,
-            # behind the drives there is nothing else that could have the rest of the delay
-            output_delay=output_delay_of(chosen) if law.carried.drives else 1,
-        )
-        files |= unit_archives(unit, versions, systems, report)
-    if "clocked" in requested:
-        unit = component_of(
-            replace(law, notes=notes["clocked"].inside),
-            f"{name}_controller_clocked",
-            duration,
-            output_delay=0,
-            is_clocked=True,
-        )
-        files |= unit_archives(unit, ("3.0",), systems, report)
-    if "ssp" in requested:
-        said_inside = notes["ssp"].inside
-        unit = component_of(
-            replace(late, notes=said_inside), f"{name}_controller", duration, output_delay=output_delay_of(chosen)
-        )
-        plant = plant_component(
-            prepared.machine,
-            start=prepared.start,
-            actuator_force=prepared.loop.start_force,
-            tolerance=chosen.plant.tolerance,
-            fixed_step_size=chosen.plant.fixed_step_size,
-            file_stem=f"{name}_plant",
-            is_in_a_system=True,
-        )
-        report("SSP")
-        files[f"{name}.ssp"] = loop_archive(
-            name, plant, unit, duration, law.step, systems, said_inside, fmi_version=in_ssp, progress=report
-        )
+    # what traces is imported for controllers only, since a page's code is carried
+    from gough_stewart.harness.export.controller_files import controller_files
+
+    found = controller_files(
+        chosen,
+        controller,
+        name,
+        hosts,
+        versions=versions,
+        ssp_version=in_ssp,
+        systems=systems,
+        reference=reference,
+        faults=faults_of(safe_force, frozen),
+        real=real,
+        parts=inside,
+        anyway=anyway,
+        progress=report,
+        judging=judging,
+    )
+    files |= found.files
     write_files(folder, files)
-    loops = least_robust_first(found)
+    loops = least_robust_first(found.loops)
     if stability is not None:
         stability(loops)
     for said, texts in (
-        (warn, [text for each in notes.values() for text in each.warnings]),
+        (warn, found.warnings),
         (verdict, [in_short(loop) for loop in loops]),
     ):
         if said is not None:
@@ -238,17 +200,10 @@ def _check_together(real: str, forms: Iterable[Form], parts: Iterable[Part], ref
         )
 
 
-def around(function: casadi.Function) -> Experiment:
+def around(function: "casadi.Function") -> Experiment:
     """A minimal experiment for a control function."""
     parts = {"controller": {"type": "open_loop"}, "reference": {"type": "hold"}, "loop": {"duration": 1.0}}
     return Experiment.built().model_validate({"title": function.name(), **parts})
-
-
-def c_files(law: Designed, prefix: str, real: Real = "double", deviation: str = "") -> dict[str, bytes]:
-    """The C source of the controller and an example program, by file name."""
-    sources = controller_sources(law, prefix, real, deviation)
-    texts = {**sources.units, **sources.headers, EXAMPLE: sources.example}
-    return {name: text.encode() for name, text in texts.items()}
 
 
 def names_of_files(name: str, forms: Iterable[Form], versions: Iterable[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Forms of an export, and the names of its files."""
+"""What can be chosen of an export: forms, precision, where the reference comes from."""
 
 import re
 from collections.abc import Iterable
@@ -11,6 +11,11 @@ from gough_stewart.model.interface import nearest
 
 Form = Literal["fmu", "c", "ssp", "clocked", "page"]
 FORMS: tuple[Form, ...] = get_args(Form)
+Real = Literal["double", "float"]
+REALS: tuple[Real, ...] = get_args(Real)
+ReferenceFrom = Literal["inside", "inputs"]
+# The program that shows how the C is called.
+EXAMPLE = "example_main.c"
 
 
 def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
