@@ -1,6 +1,6 @@
 """What is possible but hardly meant: values of an experiment, and a platform that rests off its reference."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -42,6 +42,20 @@ def too_late(experiment: Experiment) -> tuple[str, ...]:
     if at < duration:
         return ()
     return (f"reference.at is {at:g} s in a run of {duration:g} s, so nothing moves; set it earlier, or run longer",)
+
+
+def unread(experiment: Experiment, controller: Any) -> tuple[str, ...]:
+    """Faults that freeze signals which the controller (None: no feedback) does not read: they change nothing."""
+    read = () if controller is None else getattr(controller, "signals", None)
+    if read is None:
+        return ()
+    return tuple(
+        f"fault.{k}.freeze.{name}: nobody reads {name}, so this changes nothing; the controller reads "
+        f"{' and '.join(read) or 'no sensor'}"
+        for k, fault in enumerate(experiment.fault, 1)
+        for name in fault.freeze
+        if name not in read
+    )
 
 
 def static_error(record: "Record") -> list[str]:

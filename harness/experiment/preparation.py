@@ -17,7 +17,7 @@ from gough_stewart.harness.control.laws import Controller
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.distinct import Distinct, T, identity
-from gough_stewart.harness.experiment.hints import hints_of
+from gough_stewart.harness.experiment.hints import hints_of, unread
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.stages import Injection, Stages, force_limit_of
 from gough_stewart.harness.experiment.varied import VariedTable
@@ -61,7 +61,8 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
     for error in found.errors.values():
         raise error
     prepared = found.batch.member(0)
-    return replace(prepared, warnings=(*prepared.warnings, *hints_of(experiment, prepared.platform)))
+    hints = (*hints_of(experiment, prepared.platform), *unread(experiment, prepared.controller))
+    return replace(prepared, warnings=(*prepared.warnings, *hints))
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.export.forms import EXAMPLE, Real, ReferenceFrom
 from gough_stewart.harness.export.loop_archive import loop_archive
 from gough_stewart.harness.export.notes import notes_of, refusal
-from gough_stewart.harness.export.stability import Host, StabilityReport, MemberProgress, output_delay_of, stability_of
+from gough_stewart.harness.export.stability import Host, MemberProgress, StabilityReport, output_delay_of, stability_of
 from gough_stewart.model.process.progress import StepProgress
 
 

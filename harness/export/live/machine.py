@@ -8,6 +8,7 @@ import numpy as np
 
 from gough_stewart.fmu_build.lanes import Failure
 from gough_stewart.harness.control.controllers import OpenLoop
+from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import with_settings
@@ -17,7 +18,10 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.setting_file import without_none
 from gough_stewart.harness.export.machine import Block, fields, machine_of
 from gough_stewart.harness.export.turned import MOST_DELAY, POLES, WANTED, Turned, turned_of
+from gough_stewart.harness.loop.observe import by_row
 from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.harness.results.record import plain
 from gough_stewart.harness.section import file_names
 from gough_stewart.model import interface
@@ -32,6 +36,7 @@ _FIELDS = (
     *("signals", "inputs", "parameters", "feedforward", "plan_reference", "plan_target", "plan_smoothed"),
     *("turn_wanted", "turn_used", "turn_results", "cut", "frozen"),
     *("row_signals", "row_forces", "row_force_limited", "row_rate_limited"),
+    *("change_parameters", "change_inputs", "change_faults"),
 )
 # What a page says of a run that ended early.
 _FAILURES = {
@@ -50,6 +55,8 @@ _TAKEN = ("record.csv", "metadata.json", "experiment.toml", "reference.csv")
 # Tried from home: a sixth part of the mean leg length, and half a radian.
 _FARTHEST = (1 / 6, 0.5)
 _TRIED = 24
+# Forces of the legs, then an external wrench.
+N_INPUTS = N_LEGS + 6
 # What is left free of the stroke at the ends of what a hand may ask for along one axis alone.
 _FREE = 0.12
 
@@ -124,13 +131,19 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
             np.abs(static_leg_forces(platform, platform.home_position, platform.home_orientation)).max()
         ),
         "stroke": stroke if None not in stroke else None,
+        # rows of the experiment's changes, and sizes of what they and a hand change
+        "changes": sorted(set(by_row(loop)) - {0}),
+        "sizes": {
+            **{"parameters": ends[-1], "inputs": N_INPUTS},
+            **{"cut": N_LEGS, "frozen": signals.SIZE, "cut,frozen": N_FAULTS},
+        },
         "mass": begins["platform_mass"],
         "gravity": begins["gravity"],
         "platformMass": machine.platform_mass,
         "g": np.asarray(machine.gravity).tolist(),
         "taken": _taken(experiment, prepared),
         "isOpen": is_open,
-        "hasEncoders": bool({"leg_length", "leg_velocity"} & set(getattr(prepared.controller, "signals", ()))),
+        "reads": list(getattr(prepared.controller, "signals", ())),
         "forces": np.ravel(loop.feedforward[0])[:6].tolist() if is_open else [],
         "failures": _FAILURES,
         "reach": reach_of(platform).tolist(),

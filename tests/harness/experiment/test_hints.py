@@ -127,3 +127,15 @@ def test_wildcards_in_a_folder_s_name_are_letters(tmp_path: Path) -> None:
     alone = gs.ensemble("heave_tolerances", keys, members=6, seed=5, workers=1)
     assert beside.members.equals(alone.members)
     assert gs.read_ensemble(tmp_path / "e?").members.height == 6
+
+
+def test_a_frozen_signal_that_nobody_reads_is_hinted_at() -> None:
+    """A leg-space PD reads lengths, an open loop nothing; a signal that is read has no hint."""
+    faults = [{"at": 0.01, "freeze": {"leg_length": [1], "position": [2]}}, {"at": 0, "freeze": {"leg_velocity": [1]}}]
+    said: list[str] = []
+    gs.run("heave_step", {"loop.duration": 0.02, "reference.at": 0.01, "fault": faults}, warn=said.append)
+    assert [line.split(":")[0] for line in said] == ["fault.1.freeze.position", "fault.2.freeze.leg_velocity"]
+    assert said[0].endswith("so this changes nothing; the controller reads leg_length")
+    said.clear()
+    gs.run("paper_open_loop", {"loop.duration": 0.02, "fault": faults[:1]}, warn=said.append)
+    assert [line.rpartition("; ")[2] for line in said] == ["the controller reads no sensor"] * 2

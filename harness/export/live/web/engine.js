@@ -17,6 +17,7 @@
     on: (type, listener) => { (listeners[type] ??= []).push(listener); },
     ask: (type, answer, more) => new Promise((resolve) => { waiting.set(answer, resolve); say(type, more); }),
     say,
+    add: (name, from, values) => say("add", { name, from, values }),
     write: (name, from, values, keeps = true) => say("write", { name, from, values, keeps }),
   };
   say("open", { data });

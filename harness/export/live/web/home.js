@@ -46,6 +46,7 @@
   };
 
   const NAMES = ["position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity"];
+  const STATES = NAMES.slice(0, 4);
   const numbered = (name) => Array.from({ length: name.startsWith("leg") || name.endsWith("force") || name.startsWith("flag") ? 6 : 3 }, (_, k) => `${name}[${k + 1}]`);
   GS.home = ({ engine, outside, hand, turning }) => {
     const { given } = engine, { taken, turn } = given;
@@ -58,19 +59,20 @@
       const end = (each, until) => {
         const at = time(each.row);
         if (at >= duration || until === at) return;
-        const what = each.name === "cut" ? { cut: [each.place + 1] } : { freeze: { [each.place < 18 ? "leg_length" : "leg_velocity"]: [each.place % 6 + 1] } };
+        const leg = each.place % 6 + 1, signal = each.place < 24 ? "leg_length" : "leg_velocity";
+        if (each.place >= 6 && !given.reads.includes(signal)) return;
+        const what = each.place < 6 ? { cut: [leg] } : { freeze: { [signal]: [leg] } };
         found.push({ at, ...(until === null || until >= duration ? {} : { duration: Number((until - at).toFixed(9)) }), ...what });
       };
       for (const each of faults) {
-        const key = `${each.name} ${each.place}`;
-        if (on.has(key)) end(on.get(key), time(each.row));
-        if (each.on) on.set(key, each);
-        else on.delete(key);
+        if (on.has(each.place)) end(on.get(each.place), time(each.row));
+        if (each.on) on.set(each.place, each);
+        else on.delete(each.place);
       }
       for (const each of on.values()) end(each, null);
       return found;
     };
-    const experiment = async (motion, duration, faults) => {
+    const experiment = async (motion, duration, faults, first) => {
       const found = structuredClone(taken.experiment), { controller } = found, { used } = await engine.ask("used", "usedGains");
       const now = Object.fromEntries(turn.names.map((name, k) => [name, turning.now[k]])), then = Object.fromEntries(turn.names.map((name, k) => [name, turn.wanted[k]]));
       const differs = (...names) => names.some((name) => now[name] !== then[name]);
@@ -93,9 +95,16 @@
       for (const key of ["noise", "quantisation"]) if (differs(key)) put("sensors", key, { ...found.sensors?.[key], leg_length: now[key] });
       const { mass, gravity } = outside();
       if (mass !== given.platformMass || gravity.some((g, k) => g !== given.g[k])) found.plant = { ...found.plant, parameters: { ...found.plant?.parameters, platform_mass: mass, gravity } };
+      // a hand's loads add to those that the experiment changes
+      for (const { parameters } of found.change || []) {
+        if (parameters?.platform_mass !== undefined) parameters.platform_mass += mass - given.platformMass;
+        if (parameters?.gravity) parameters.gravity = parameters.gravity.map((g, k) => g + gravity[k] - given.g[k]);
+      }
       if (given.isOpen) controller.force = hand.forces();
       if (faults.length) found.fault = [...(found.fault || []), ...faults];
       if (motion) found.reference = { type: "file", file: "reference.csv" };
+      // it begins as the first row was: the ends of the reference's splines know its rates to 0.1 mm/s only
+      if (motion || given.isOpen) found.start = Object.fromEntries(STATES.map((name, k) => [name, [...first.subarray(1 + 3 * k, 4 + 3 * k)]]));
       if (duration) put("loop", "duration", duration);
       return toml(found);
     };
@@ -116,7 +125,7 @@
         if (dragged) motion.push([Number((row[0] - begun).toFixed(9)), ...row.subarray(31, 37)].join(","));
         if (k % 4000 === 3999) await new Promise((resolve) => { setTimeout(resolve); });
       }
-      const end = values[(rows - 1) * size], duration = Number((end - begun).toFixed(9)), text = await experiment(dragged, rows > 1 ? duration : 0, spans(faults, begun, duration));
+      const end = values[(rows - 1) * size], duration = Number((end - begun).toFixed(9)), text = await experiment(dragged, rows > 1 ? duration : 0, spans(faults, begun, duration), values);
       const metadata = { ...taken.metadata, rows, duration, plant_step: step, outcome: { status: "completed", time: end, cause: null } };
       return {
         "record.csv": `${lines.join("\n")}\n`, "metadata.json": `${JSON.stringify(metadata, null, 2)}\n`, "experiment.toml": text,

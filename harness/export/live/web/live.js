@@ -2,7 +2,7 @@
 // The page: play, what acts from outside, what the machine says, and frames.
 (() => {
   const GS = GoughStewart, { engine } = GS, { given } = engine, $ = (id) => document.getElementById(id);
-  const KG = 1, history = GS.history();
+  const history = GS.history();
   let playing = !given.isOpen && !matchMedia("(prefers-reduced-motion: reduce)").matches, last = null, size = 26, fresh = false, over = null;
   let push = [0, 0, 0], frames = 0, span = 8, rate = null;
   const FAILURES = given.failures;
@@ -89,18 +89,18 @@
   };
   const most = given.platformMass;
   Object.assign($("payload"), { min: 0, max: Number(most.toPrecision(2)), step: most / 100, value: 0 });
-  amount("payload", "kg", (value) => engine.write("parameters", given.mass, [KG * (given.platformMass + value)]));
+  amount("payload", "kg", (value) => engine.add("parameters", given.mass, [value]));
   // what acts of it now: the mass and gravity as they were written, and the sliders
   const outside = () => {
     const angle = Number($("tilt").value) * Math.PI / 180, [x, y, z] = given.g, [c, s] = [Math.cos(angle), Math.sin(angle)];
     return { mass: given.platformMass + Number($("payload").value), gravity: angle ? [c * x + s * z, y, c * z - s * x] : given.g, sliders: { payload: Number($("payload").value), tilt: Number($("tilt").value) } };
   };
-  amount("tilt", "°", () => engine.write("parameters", given.gravity, outside().gravity));
+  amount("tilt", "°", () => engine.add("parameters", given.gravity, outside().gravity.map((g, k) => g - given.g[k])));
   const home = GS.home({ engine, outside, hand, turning });
   const weight = given.platformMass * Math.hypot(...given.g);
   const shove = (force) => {
     push = force;
-    engine.write("inputs", 6, force, false);
+    engine.add("inputs", 6, force);
   };
   for (const [id, direction] of [["push-x", [1, 0, 0]], ["push-y", [0, 1, 0]], ["push-z", [0, 0, -1]]]) {
     const force = direction.map((d) => 0.5 * weight * d), button = $(id);
@@ -115,7 +115,7 @@
 
   // Legs whose force is cut, and encoders that stay: length and its rate are of one encoder.
   const broken = { cut: new Set(), freeze: new Set() };
-  const faults = (id, field, places, label) => {
+  const faults = (id, places, label) => {
     for (let leg = 1; leg <= 6; leg++) {
       const button = GS.element("button", { type: "button", "aria-pressed": "false", "aria-label": `${label} ${leg}` }, String(leg));
       button.addEventListener("click", () => {
@@ -123,20 +123,20 @@
         if (on) broken[id].add(leg);
         else broken[id].delete(leg);
         button.setAttribute("aria-pressed", String(on));
-        engine.say("fail", { name: field, places: places(leg - 1), on });
+        engine.say("fail", { places: places(leg - 1), on });
       });
       $(id).append(button);
     }
   };
-  faults("cut", "cut", (k) => [k], "no force in leg");
-  faults("freeze", "frozen", (k) => [12 + k, 18 + k], "the encoder stays, leg");
-  $("freezing").hidden = !given.hasEncoders;
+  faults("cut", (k) => [k], "no force in leg");
+  faults("freeze", (k) => [18 + k, 24 + k], "the encoder stays, leg");
+  $("freezing").hidden = !given.reads.some((name) => name.startsWith("leg_"));
 
   // What limits it, in words.
   const limits = (message) => {
     const said = [];
-    message.limited.forEach((time, leg) => { if (time > 0 && !broken.cut.has(leg + 1)) said.push(`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`); });
-    for (const leg of [...broken.cut].sort()) said.push(`leg ${leg} has no force`);
+    message.limited.forEach((time, leg) => { if (time > 0 && !message.cut[leg]) said.push(`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`); });
+    message.cut.forEach((is, leg) => { if (is) said.push(`leg ${leg + 1} has no force`); });
     for (const leg of [...broken.freeze].sort()) said.push(`encoder ${leg} stays`);
     if (last && given.stroke) {
       for (let leg = 0; leg < 6; leg++) {

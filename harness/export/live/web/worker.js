@@ -4,6 +4,14 @@ let c, at, given, start, view, timer = null;
 let turned = false, analysis = null;
 let playing = false, speed = 1, row = 0, ended = false, origin = 0, from = 0, lost = 0, posted = 0;
 const writes = new Map(), limited = new Float64Array(6);
+// What a hand adds to the experiment's own loads and faults, and what these are by themselves: from the begin, then from
+// each of the experiment's changes on.
+const LOADS = {
+  parameters: { table: "change_parameters", parts: ["parameters"], sum: (own, by) => own + by },
+  inputs: { table: "change_inputs", parts: ["inputs"], sum: (own, by) => own + by },
+  faults: { table: "change_faults", parts: ["cut", "frozen"], sum: Math.max },
+};
+for (const load of Object.values(LOADS)) load.added = new Map();
 // what a hand has cut or frozen, and from which row on: places in `cut` and `frozen`, and whether
 const failed = new Map();
 let faults = [];
@@ -31,10 +39,25 @@ const begin = () => {
   ended = false;
   limited.fill(0);
   for (const [name, values] of writes) for (const [k, value] of values) if (place(name)) numbers(name, k + 1)[k] = value;
+  for (const load of Object.values(LOADS)) {
+    load.size = given.sizes[load.parts.join()];
+    load.own = [...load.parts.flatMap((part) => (place(part) ? [...numbers(part, given.sizes[part])] : []))];
+    load.later = place(load.table) ? numbers(load.table, load.size * given.changes.length).slice() : null;
+    for (const [k, by] of load.added) put(load, k, by);
+  }
   if (turned) c.machine_turn(at);
   faults = [...failed.values()].filter((each) => each.on).map((each) => ({ ...each, row: 0 }));
   step = null;
   hold();
+};
+// An element of a load, now and at all changes.
+const put = (load, k, by) => {
+  const { own, later, size, parts, sum } = load, past = later ? given.changes.filter((at) => at < row).length : 0;
+  if (!own.length) return;
+  const first = given.sizes[parts[0]], [part, at] = k < first ? [parts[0], k] : [parts[1], k - first];
+  numbers(part, at + 1)[at] = sum(past ? later[(past - 1) * size + k] : own[k], by);
+  const table = later && numbers(load.table, later.length);
+  for (let j = 0; j < given.changes.length && table; j++) table[j * size + k] = sum(later[j * size + k], by);
 };
 // real time counts from here
 const hold = () => { origin = clock(); from = row; };
@@ -91,7 +114,7 @@ const tell = (points) => {
   posted = clock();
   const values = new Float64Array(points);
   postMessage({
-    type: "rows", points: values, size: SIZE, time: row * given.plantStep, limited: [...limited], lost,
+    type: "rows", points: values, size: SIZE, time: row * given.plantStep, limited: [...limited], lost, cut: place("cut") ? [...numbers("cut", 6)] : [],
     ended, failure: ended ? Number(c.machine_failure(at)) : 0, speed,
   }, [values.buffer]);
 };
@@ -170,17 +193,22 @@ const answers = {
     if (!writes.has(name)) writes.set(name, new Map());
     values.forEach((value, k) => writes.get(name).set(first + k, value));
   },
+  // a payload, a push, gravity: to the experiment's own
+  add: ({ name, from: first, values }) => {
+    values.forEach((by, k) => {
+      LOADS[name].added.set(first + k, by);
+      put(LOADS[name], first + k, by);
+    });
+  },
   // legs without force and sensors that stay, with the row at which a hand did it
-  fail: ({ name, places, on }) => {
-    if (!place(name)) return;
+  fail: ({ places, on }) => {
     for (const k of places) {
-      numbers(name, k + 1)[k] = on ? 1 : 0;
-      const each = { name, place: k, on, row };
-      failed.set(`${name} ${k}`, each);
+      const each = { place: k, on, row };
+      failed.set(k, each);
       faults.push(each);
+      LOADS.faults.added.set(k, on ? 1 : 0);
+      put(LOADS.faults, k, on ? 1 : 0);
     }
-    if (!writes.has(name)) writes.set(name, new Map());
-    for (const k of places) writes.get(name).set(k, on ? 1 : 0);
   },
   // some rows at once, by no clock
   some: ({ rows }) => {
@@ -228,7 +256,7 @@ const answers = {
     }
     postMessage({ type: "allRows", values: found.subarray(0, 30 * row) });
   },
-  state: () => postMessage({ type: "state", memory: c.memory.buffer.byteLength, row, lost, words: [...new BigInt64Array(c.memory.buffer, at, 4)].map(String) }),
+  state: () => postMessage({ type: "state", memory: c.memory.buffer.byteLength, row, lost, inputs: [...numbers("inputs", given.sizes.inputs)] }),
 };
 let done = Promise.resolve();
 onmessage = ({ data }) => {
