@@ -44,8 +44,8 @@ from tests.support.exported import (
 )
 from tests.support.uneven import UNEVEN
 
-GRAVITY = {"reference": CIRCLE, "controller": {**PD, "feedforward": "gravity"}}
-PID_AT_REST = {"reference": HOLD, "controller": {**PID, "feedforward": "gravity"}}
+GRAVITY: dict[str, Any] = {"reference": CIRCLE, "controller": {**PD, "feedforward": "gravity"}}
+PID_AT_REST: dict[str, Any] = {"reference": HOLD, "controller": {**PID, "feedforward": "gravity"}}
 
 
 @cache
