@@ -10,7 +10,10 @@ SITE ?= build/site
 # make mutants MUTANTS="model --number 20 --seed 3": options of python -m tools.mutants
 MUTANTS ?= --draw semantic:7:20 --draw token:7:20
 TESTS := $(BIN)/python -m pytest --numprocesses=auto --dist=loadfile
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+# Of what is installed, the demo imports a small part, which is compiled then and kept; tests import most of it.
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
+COMPILED = $(BIN)/python -W ignore -m compileall -q -q -j 0 $(VENV)/lib || true
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help demo view test coverage check bench evidence mutants format docs figures lower-bounds dist release-check clean
 help:
@@ -123,6 +126,7 @@ $(VENV)/kernel: $(VENV)/run $(wildcard model/*.py) fmu_build/kernel_library.py
 	@touch $@
 $(VENV)/dev: $(VENV)/run
 	$(PIP) -e '.[dev]'
+	@$(COMPILED)
 	@touch $@
 $(VENV)/docs: $(VENV)/run
 	$(PIP) -e '.[docs]'
@@ -132,4 +136,5 @@ $(VENV)/bench: $(VENV)/run
 	@touch $@
 $(VENV)/evidence: $(VENV)/dev
 	$(PIP) -e '.[dev,evidence]'
+	@$(COMPILED)
 	@touch $@

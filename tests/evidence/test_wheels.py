@@ -21,13 +21,18 @@ LARGEST = 3e6  # bytes
 pytestmark = pytest.mark.evidence
 
 
-def built(folder: Path) -> Path:
-    """The wheel of a copy of the sources in a folder."""
-    source = folder / "source"
+def copied(folder: Path) -> Path:
+    """A folder with what is tracked, as it is now."""
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
     for name in listed.split("\0")[:-1]:
-        (source / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy2(ROOT / name, source / name, follow_symlinks=False)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, folder / name, follow_symlinks=False)
+    return folder
+
+
+def built(sources: Path, folder: Path) -> Path:
+    """The wheel of a copy of the sources in a folder."""
+    source = shutil.copytree(sources, folder / "source", symlinks=True)
     script = "import sys; sys.path.insert(0, 'build_backend'); import prebuilt_wheel as b; print(b.build_wheel('..'))"
     env = {**os.environ, "SOURCE_DATE_EPOCH": "1700000000", "ZIG_GLOBAL_CACHE_DIR": str(folder / "cache")}
     subprocess.run([sys.executable, "-c", script], cwd=source, env=env, check=True)
@@ -37,9 +42,8 @@ def built(folder: Path) -> Path:
 
 def test_two_builds_have_the_same_bytes_and_code_for_every_target(tmp_path: Path) -> None:
     """Expected: with caches of their own; per target a unit, a kernel, a loop and folds by level; WebAssembly."""
-    (tmp_path / "one").mkdir()
-    (tmp_path / "another folder").mkdir()
-    one, other = built(tmp_path / "one"), built(tmp_path / "another folder")
+    sources = copied(tmp_path / "sources")
+    one, other = (built(sources, tmp_path / name) for name in ("one", "another folder"))
     print(f"{one.name}: {one.stat().st_size / 1e6:.2f} MB")
     assert one.read_bytes() == other.read_bytes()
     assert one.stat().st_size <= LARGEST
