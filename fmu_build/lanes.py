@@ -26,6 +26,7 @@ from gough_stewart.model import interface
 from gough_stewart.model.compiled_kernel import processor_level
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.prebuilt import prebuilt_content
+from gough_stewart.model.variant import IDEAL, Variant
 
 # Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
 WIDTH = 8
@@ -77,9 +78,14 @@ class MachineCode(NamedTuple):
     state: str = ""
 
 
-def lanes_library() -> LanesLibrary:
-    """The library of c/lanes for this processor; see `machine_code`."""
-    return machine_code(_NAME, lanes_sources)
+def lanes_library(variant: Variant = IDEAL) -> LanesLibrary:
+    """The library of c/lanes for this processor and plants of a variant; see `machine_code`."""
+    return machine_code(named(_NAME, variant), lambda: lanes_sources(variant))
+
+
+def named(name: str, variant: Variant) -> str:
+    """The name of machine code for a variant: the parts of its plant follow."""
+    return "-".join([name, *variant.parts])
 
 
 def machine_code(
@@ -187,8 +193,8 @@ def _loads(path: Path) -> bool:
     return True
 
 
-def lanes_sources() -> tuple[dict[str, str], dict[str, str]]:
-    """Units and headers by file name."""
+def lanes_sources(variant: Variant = IDEAL) -> tuple[dict[str, str], dict[str, str]]:
+    """Units and headers by file name, for plants of a variant."""
     from gough_stewart.fmu_build.codegen import function_source  # imports CasADi, which a cached library does not need
     from gough_stewart.fmu_build.plant.tables import plant_header
     from gough_stewart.fmu_build.sources import c_folder
@@ -196,7 +202,7 @@ def lanes_sources() -> tuple[dict[str, str], dict[str, str]]:
     from gough_stewart.model import traced
 
     own, plant, unit = c_folder("lanes"), c_folder("plant"), c_folder("unit")
-    scalar = function_source(traced.legs_function())
+    scalar = function_source(traced.legs_function(variant))
     units = {
         **own.units,
         "conditioning.c": plant.units["conditioning.c"],
@@ -207,19 +213,19 @@ def lanes_sources() -> tuple[dict[str, str], dict[str, str]]:
         **own.headers,
         "conditioning.h": plant.headers["conditioning.h"],
         "internal.h": unit.headers["internal.h"],
-        "plant_table.h": plant_header(),
-        "lanes_table.h": _table(scalar),
-        "lanes_kernel.h": f"{GENERATED}\n" + "".join(in_lanes(f) for f in _vector_kernels()),
+        "plant_table.h": plant_header(variant),
+        "lanes_table.h": _table(scalar, variant),
+        "lanes_kernel.h": f"{GENERATED}\n" + "".join(in_lanes(f) for f in _vector_kernels(variant)),
     }
     return units, headers
 
 
-def loop_sources(components: str) -> tuple[dict[str, str], dict[str, str]]:
+def loop_sources(components: str, variant: Variant = IDEAL) -> tuple[dict[str, str], dict[str, str]]:
     """Units and headers of c/loop, which includes c/lanes, with the components of the loop as `components.h`."""
     from gough_stewart.fmu_build.sources import c_folder
     from gough_stewart.fmu_build.ziggurat import ziggurat_header
 
-    units, headers = lanes_sources()
+    units, headers = lanes_sources(variant)
     own = c_folder("loop")
     lanes = units.pop("lanes.c")
     made = {"lanes.c": lanes, "components.h": components, "ziggurat.h": ziggurat_header()}
@@ -260,16 +266,16 @@ def law_sources(function: Any) -> tuple[dict[str, str], dict[str, str]]:
 _OF_TWO = ("atan2", "copysign", "fmax", "fmin", "fmod", "hypot", "pow", "remainder")
 
 
-def _vector_kernels() -> tuple[Any, ...]:
+def _vector_kernels(variant: Variant) -> tuple[Any, ...]:
     from gough_stewart.model import traced
 
     return (
-        traced.derivatives_function(),
-        traced.outputs_function(),
-        traced.signals_function(),
-        traced.margins_function(),
-        traced.posed_function(),
-        traced.motion_function(),
+        traced.derivatives_function(variant),
+        traced.outputs_function(variant),
+        traced.signals_function(variant),
+        traced.margins_function(variant),
+        traced.posed_function(variant),
+        *([] if variant.parts else [traced.motion_function()]),
     )
 
 
@@ -321,19 +327,22 @@ def in_lanes(function: Any, declarator: str = _KERNEL, *, exact: bool = False, c
     return text
 
 
-def _table(scalar_kernel: str) -> str:
+def _table(scalar_kernel: str, variant: Variant) -> str:
     """`lanes_table.h`: sizes of the kernels' vectors, and the kernel of single members."""
     from gough_stewart.fmu_build.tables import GENERATED, defines
     from gough_stewart.model import traced
 
     sizes = {
-        "N_STATES": interface.N_STATES,
+        "N_STATES": interface.size_of(variant.states),
         "N_INPUTS": interface.N_INPUTS,
-        "N_PARAMETERS": interface.N_PARAMETERS,
-        "N_RESULTS": interface.N_RESULTS,
+        "N_PARAMETERS": interface.size_of(variant.parameters),
+        "N_RESULTS": interface.size_of(variant.results),
         "N_SIGNALS": interface.N_SIGNALS,
-        "N_SHARED": traced.motion_function().numel_in(0),
     }
+    if not variant.parts:
+        sizes["N_SHARED"] = traced.motion_function().numel_in(0)
+    values = ", ".join(f"{each:g}" for each in variant.scales)
+    scales = f"\n/* of absolute tolerances, by state */\n#define SCALES {{{values}}}" if variant.bristles else ""
     declaration = scalar_kernel[: scalar_kernel.index("\n{")].strip()
     return f"""{GENERATED}
 #ifndef LANES_TABLE_H
@@ -343,7 +352,7 @@ def _table(scalar_kernel: str) -> str:
 #include "plant_table.h"
 
 {defines(sizes)}
-{defines(CONTROLLED)}
+{defines(CONTROLLED)}{scales}
 
 /* why a member has failed; for a collapsed leg, its number from 0 is added */
 {defines({f"FAILURE_{each.name}": int(each) for each in Failure})}

@@ -17,6 +17,7 @@ from gough_stewart.fmu_build.errors import COMPILER, BuildError, check_installed
 from gough_stewart.fmu_build.lanes import loop_sources
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library, place_of
+from gough_stewart.model.variant import IDEAL, Variant
 
 # Of all compilers: no fused operations, which some processors lack.
 FLAGS = ("-O2", "-std=c99", "-g0", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
@@ -27,7 +28,9 @@ _OFFERED = re.compile(r"^MACHINE_OFFERED [\w *]*?(\w+)\(", re.M)
 Sources = tuple[dict[str, str], dict[str, str]]
 
 
-def machine_sources(components: str, fields: str, plan: str, design: str, law: Any = None) -> Sources:
+def machine_sources(
+    components: str, fields: str, plan: str, design: str, law: Any = None, variant: Variant = IDEAL
+) -> Sources:
     """Units and headers by file name.
 
     Parameters
@@ -36,11 +39,13 @@ def machine_sources(components: str, fields: str, plan: str, design: str, law: A
         `components.h` of c/loop, `machine_fields.h`, `plan.h`, the motions, and `design.h`, what turned gains give.
     law
         A user's, see `law_library`.
+    variant
+        Of the plant.
     """
     from gough_stewart.fmu_build.sources import c_folder
     from gough_stewart.fmu_build.tables import GENERATED
 
-    units, headers = loop_sources(components)
+    units, headers = loop_sources(components, variant)
     own = c_folder("machine")
     units = {**units, **own.units}
     # the kernel of single members with these functions, too

@@ -25,7 +25,7 @@ from gough_stewart.model.dynamics import (
     solve_mass_matrix,
     static_leg_forces,
 )
-from gough_stewart.model.friction import Bristles, bristle_force, bristle_rate, bristles_of
+from gough_stewart.model.friction import Bristles, bristle_decay, bristle_force, bristle_rate, bristles_of
 from gough_stewart.model.kinematics import LegGeometry, LegRates, leg_geometry, leg_rates, rates_of_legs
 from gough_stewart.model.leg_dynamics import axial_mass, friction_force
 from gough_stewart.model.operations import greater, where
@@ -113,6 +113,12 @@ def law_of_bristles(variant: Variant, parameters: Parameters) -> Bristles:
     return bristles_of(parameters, mass)
 
 
+def decay_of_bristles(variant: Variant, parameters: Parameters, state: MachineState) -> Array:
+    """Rates d (..., 6) [1/s] at which the bristles forget: ż = v − d z."""
+    sliding = state.motor_velocity if variant.springs else leg_rates(parameters, state.platform).length_rate
+    return bristle_decay(law_of_bristles(variant, parameters), sliding, state.leg_bristle)
+
+
 def leg_damping(parameters: Parameters) -> Array:
     """C (..., 1) [N s/m]: `leg_damping`, or where that is 0 `LEG_DAMPING_RATIO` of critical."""
     motor, own = per_leg(parameters.leg_armature), per_leg(parameters.leg_upper_mass) + _share(parameters)
@@ -155,7 +161,7 @@ def machine_results(variant: Variant, parameters: Parameters, state: MachineStat
 
 
 def holding_motor_position(parameters: Parameters, position: Array, orientation: Array) -> Array:
-    """Motor positions (6,) [m] that hold a pose at rest: leg length plus stretch, s = L + F/k; L of rigid legs.
+    """Motor positions (..., 6) [m] that hold a pose at rest: leg length plus stretch, s = L + F/k; L of rigid legs.
 
     Raises
     ------
@@ -163,13 +169,14 @@ def holding_motor_position(parameters: Parameters, position: Array, orientation:
         The leg forces cannot hold this pose.
     """
     length = leg_geometry(parameters, position, orientation).length
-    if not np.asarray(parameters.leg_stiffness > 0).all():
+    if not np.all(parameters.leg_stiffness > 0):
         return length
-    return np.asarray(length + static_leg_forces(parameters, position, orientation) / parameters.leg_stiffness)
+    forces = static_leg_forces(parameters, position, orientation)
+    return np.asarray(length + forces / per_leg(parameters.leg_stiffness))
 
 
 def motors_at(parameters: Parameters, state: State) -> dict[str, Array]:
-    """`motor_position` and `motor_velocity` (6,) that hold a pose and move with its twist; see the function before."""
+    """`motor_position` and `motor_velocity` (..., 6) that hold a pose and move with its twist."""
     return {
         "motor_position": holding_motor_position(parameters, state.position, state.orientation),
         "motor_velocity": leg_rates(parameters, state).length_rate,

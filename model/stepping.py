@@ -26,8 +26,6 @@ from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
 from gough_stewart.model.variant import CHOOSING, Variant
 
-# The other states' nominal, by which the tolerance is absolute in SI units.
-NOMINAL = 1e-3
 _MOTOR = {"motor_position", "motor_velocity"}
 _ABSENT = {"bristles": "leg_friction_model is 'smooth'", "springs": "leg_stiffness is 0, which is rigid"}
 
@@ -112,7 +110,7 @@ class SteppingModel:
         self._bristles = slice(0)
         if self._variant.bristles:
             self._bristles = _position_in(self._variant.states, interface.BY_NAME["leg_bristle"])
-        self._sizes = np.concatenate([np.full(v.size, v.nominal / NOMINAL) for v in self._variant.states])
+        self._sizes = np.array(self._variant.scales)
         self.reset()
 
     def __repr__(self) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 import casadi
 import numpy as np
 
-from gough_stewart.model import dynamics, energy, friction, interface, kinematics, machine_dynamics
+from gough_stewart.model import dynamics, energy, interface, kinematics, machine_dynamics
 from gough_stewart.model.interface import N_INPUTS, N_STATES
 from gough_stewart.model.machine_dynamics import MachineState
 from gough_stewart.model.parameters import Parameters
@@ -62,10 +62,7 @@ def decays_function(variant: Variant) -> casadi.Function:
     """CasADi Function `decays`: (x, p) -> decay (6) [1/s], of the bristles of a variant: ż = v − decay · z."""
     x, _, p = _arguments(variant)
     state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
-    rigid = kinematics.leg_rates(parameters, state.platform).length_rate
-    sliding = state.motor_velocity if variant.springs else rigid
-    law = machine_dynamics.law_of_bristles(variant, parameters)
-    decay = friction.bristle_decay(law, sliding, state.leg_bristle)
+    decay = machine_dynamics.decay_of_bristles(variant, parameters, state)
     return casadi.Function("decays", [x, p], casadi.cse([_column(decay)]), ["x", "p"], ["decay"])
 
 
@@ -124,10 +121,10 @@ def legs_function(variant: Variant = IDEAL) -> casadi.Function:
 
 @cache
 @interrupts_held_back()
-def signals_function() -> casadi.Function:
+def signals_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `signals`: (x, p) -> y, the `interface.SIGNALS`: outputs without direct feedthrough."""
-    x, u, p = _arguments()
-    _, y = _trace(x, u, p)
+    x, u, p = _arguments(variant)
+    _, y = _trace(x, u, p, variant)
     return casadi.Function("signals", [x, p], casadi.cse([y[: interface.N_SIGNALS]]), ["x", "p"], ["y"])
 
 
@@ -152,18 +149,24 @@ def margins_function(variant: Variant = IDEAL) -> casadi.Function:
 
 @cache
 @interrupts_held_back()
-def posed_function() -> casadi.Function:
+def posed_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `posed`: (x, p) -> y, square, determinant, size, s: all that depends on the state alone.
 
     y are the signals, the next three as of `margins`; from s and the inputs, `motion` gives the derivatives. So a state
-    that is looked at, checked, and driven by one input after the other is evaluated once.
+    that is looked at, checked, and driven by one input after the other is evaluated once. Of a variant with parts there
+    is no s; with bristles, there are their rates instead, as `decay`.
     """
-    x, u, p = _arguments()
-    _, y = _trace(x, u, p)
-    shared, _ = _split(x, u, p)
-    margins = margins_function()(x, p)
-    results = casadi.cse([y[: interface.N_SIGNALS], *margins, shared])
-    return casadi.Function("posed", [x, p], results, ["x", "p"], ["y", "square", "determinant", "size", "s"])
+    x, u, p = _arguments(variant)
+    _, y = _trace(x, u, p, variant)
+    results, names = (
+        [y[: interface.N_SIGNALS], *margins_function(variant)(x, p)],
+        ["y", "square", "determinant", "size"],
+    )
+    if variant == IDEAL:
+        results, names = [*results, _split(x, u, p)[0]], [*names, "s"]
+    if variant.bristles:
+        results, names = [*results, decays_function(variant)(x, p)], [*names, "decay"]
+    return casadi.Function("posed", [x, p], casadi.cse(results), ["x", "p"], names)
 
 
 @cache

@@ -15,6 +15,8 @@ from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.parameters import FRICTION_MODELS, Part
 
+# The nominal of states but bristles, for which a tolerance is absolute in SI units.
+NOMINAL = 1e-3
 SMOOTH, ELASTO_PLASTIC, LUGRE = (float(k) for k in range(len(FRICTION_MODELS)))
 
 
@@ -57,9 +59,19 @@ class Variant:
         return (*interface.PLATFORM_PARAMETERS, *(v for v in self._own if v.causality == "parameter"))
 
     @cached_property
+    def tunable(self) -> tuple[Variable, ...]:
+        """The parameters that may change during a run."""
+        return tuple(v for v in self.parameters if v.variability == "tunable")
+
+    @cached_property
     def columns(self) -> tuple[str, ...]:
         """Scalar names of the results."""
         return tuple(name for v in self.results for name in v.scalar_names)
+
+    @cached_property
+    def scales(self) -> tuple[float, ...]:
+        """By which absolute tolerances of the states are scaled (n,): 1, less for bristles."""
+        return tuple(v.nominal / NOMINAL for v in self.states for _ in range(v.size))
 
     @property
     def _own(self) -> tuple[Variable, ...]:

@@ -29,7 +29,7 @@ from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platforms import Platforms
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Size of the plant's vectors: a member's bits do not depend on the others if all vectors are full.
@@ -54,14 +54,9 @@ class Prepared:
 
     @property
     def kernel(self) -> CompiledLanes | None:
-        """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone.
-
-        A machine whose friction sticks or whose legs give has no machine code yet.
-        """
-        if Variant.of(self.machine) != IDEAL:
-            return None
+        """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
         is_linear = self.controller is None or isinstance(self.controller, LinearController)
-        return loop_kernel() if is_linear or are_traced([self.controller]) else None
+        return loop_kernel(Variant.of(self.machine)) if is_linear or are_traced([self.controller]) else None
 
     def law(self, reference: FloatArray, measured: FloatArray) -> Law:
         """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
@@ -193,7 +188,7 @@ class Batch:
             Members that cannot run in parallel; names the difference.
         """
         n, timing = len(self), self.timing[0]
-        kernel = loop_kernel() if compiler is not False else None
+        kernel = loop_kernel(Variant.of(self.machine[0])) if compiler is not False else None
         values = self.controller.values
         runs_in_c = kernel is not None and (
             all(each is None or isinstance(each, LinearController) for each in values) or are_traced(values)

@@ -6,6 +6,7 @@ drops out there. A single run is one member.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from operator import attrgetter
 from typing import Any
 
@@ -19,7 +20,7 @@ from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.distinct import Distinct, T, identity
 from gough_stewart.harness.experiment.hints import hints_of, unread
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.stages import Injection, Stages, force_limit_of
+from gough_stewart.harness.experiment.stages import Injection, Stages, force_limit_of, platforms_of
 from gough_stewart.harness.experiment.varied import VariedTable
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change
@@ -30,6 +31,7 @@ from gough_stewart.model.errors import GoughStewartError, SingularPoseError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platforms import Platforms, platforms_with
 from gough_stewart.model.state import State
+from gough_stewart.model.variant import SMOOTH, Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Values of a member by their path through the tables of the experiment.
@@ -114,6 +116,8 @@ class Preparation:
         without = choice.map(lambda each: is_given or each.is_closed or each.feedforward != "none")
         platform = stage(stages.platform, tables["platform"])
         machine = self._machine(stage, stages, platform, values)
+        if any(values) and self._variant is not None:
+            _of_variant(stage, machine, self._variant, self.experiment.where)
         stage(stages.timing, jitter, delay)
         timing = stage(stages.timing, Distinct.common(0.0, n), Distinct.common(0, n))
         force_limit = stage(force_limit_of, drives.map(of("force_limit")), platform)
@@ -155,6 +159,14 @@ class Preparation:
         )
         going = np.flatnonzero(stage.going)
         return PreparedMembers(going, every.take(going), stage.errors, self.experiment.where)
+
+    @cached_property
+    def _variant(self) -> Variant | None:
+        """Of the experiment's machine; None if that is impossible."""
+        try:
+            return Variant.of(platforms_of(self.experiment)[1])
+        except GoughStewartError:
+            return None
 
     def _tables(self, stage: "_Evaluation", values: Sequence[Values]) -> dict[str, Distinct[Any]]:
         """The tables of the experiment, with each member's values, but without those of the machine."""
@@ -239,6 +251,24 @@ class _Evaluation:
 
 def _actuators(choice: ActuatorChoice, force_limit: float | None, delay: int) -> Actuators:
     return Actuators(force_limit, choice.rate_limit, choice.lag, delay)
+
+
+def _of_variant(stage: _Evaluation, machine: Distinct[Platform], variant: Variant, where: str) -> None:
+    """Fail members whose machine has other states than that of the experiment: one vector steps several members."""
+    platforms = Platforms.of(machine.values)
+    sticks, gives = platforms.field("leg_friction_model") != SMOOTH, platforms.field("leg_stiffness") > 0
+    for name, other, own in (
+        ("leg_friction_model", replace(variant, bristles=not variant.bristles), sticks != variant.bristles),
+        ("leg_stiffness", replace(variant, springs=not variant.springs), gives != variant.springs),
+    ):
+        members = np.flatnonzero(own[machine.of] & stage.going)
+        if len(members):
+            text = (
+                f"{name}: gives a member {other.words.removeprefix('with ')}, and the experiment's machine has "
+                f"{variant.words.removeprefix('with ')}; expected one kind in all members: run the others as an "
+                "experiment of their own"
+            )
+            stage.fail(members, ExperimentError(where, "plant", text))
 
 
 def _start_forces(

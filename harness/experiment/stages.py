@@ -27,7 +27,7 @@ from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, che
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.model.errors import GoughStewartError, PlatformError
-from gough_stewart.model.interface import TUNABLE, nearest
+from gough_stewart.model.interface import nearest
 from gough_stewart.model.joint_circles import joints_of_keys
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
@@ -35,10 +35,10 @@ from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_toml import load_platform, load_preset
 from gough_stewart.model.real import real_array
 from gough_stewart.model.state import State
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 Injection = Callable[[float], ArrayLike]
-_TUNABLE = tuple(v.name for v in TUNABLE)
 
 
 class ReferenceMotion(NamedTuple):
@@ -286,9 +286,10 @@ def _parameter_changes(choices: Sequence[schema.ChangeChoice], platform: Platfor
                 raise PlatformError(name, "is in parameters and in factors; expected it in one of them")
             values[name] = np.asarray(getattr(platform, name, np.nan)) * factor
         values = by_leg(values)
+        tunable = [v.name for v in Variant.of(platform).tunable]
         for name in values:
-            if name not in _TUNABLE:
-                raise PlatformError(name, f"cannot change during a run{nearest(name, _TUNABLE)}")
+            if name not in tunable:
+                raise PlatformError(name, f"cannot change during a run{nearest(name, tunable)}")
         platform = platform.with_parameters(values)
         changes.append(Change(choice.at, {name: getattr(platform, name) for name in values}))
     return changes

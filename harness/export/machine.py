@@ -45,6 +45,7 @@ from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError
 from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_package
+from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 
 # In the manifest of prebuilt files.
@@ -94,10 +95,11 @@ _PLAN = (
 
 
 class Block(NamedTuple):
-    """A machine as words (n,), and the user's law that its C has to have."""
+    """A machine as words (n,), and the user's law and the variant of plants that its C has to have."""
 
     words: NDArray[np.int64]
     law: Any = None
+    variant: Variant = IDEAL
 
 
 class _Nobody(Observer):
@@ -118,23 +120,25 @@ def fields() -> dict[str, int]:
     return {each.name.partition(".")[2].removesuffix(".at"): k for k, each in enumerate(_all_fields())}
 
 
-def machine_c(law: Any = None) -> Sources:
-    """Units and headers of c/machine, with a user's law if there is one."""
-    return _shipped_c() if law is None else machine_sources(*_headers(), law)
+def machine_c(law: Any = None, variant: Variant = IDEAL) -> Sources:
+    """Units and headers of c/machine for plants of a variant, with a user's law if there is one."""
+    return _shipped_c(variant) if law is None else machine_sources(*_headers(variant), law, variant)
 
 
-def shipped_wasm() -> bytes:
+def shipped_wasm(variant: Variant = IDEAL) -> bytes:
     """The C of shipped components as WebAssembly: what came with the package, else from the cache, else compiled.
+
+    The package has that of ideal plants.
 
     Raises
     ------
     BuildError, OSError
         As `fmu_build.machine.kept_wasm`.
     """
-    content = prebuilt_content(MACHINE, machine_texts())
+    content = None if variant.parts else prebuilt_content(MACHINE, machine_texts())
     if content is None:
         check_installed(TRACER)
-        content = kept_wasm(machine_c()).read_bytes()
+        content = kept_wasm(machine_c(variant=variant)).read_bytes()
     return content
 
 
@@ -145,16 +149,16 @@ def machine_texts() -> str:
 
 
 @cache
-def _shipped_c() -> Sources:
-    return machine_sources(*_headers())
+def _shipped_c(variant: Variant) -> Sources:
+    return machine_sources(*_headers(variant), variant=variant)
 
 
 @cache
-def _headers() -> tuple[str, str, str, str]:
+def _headers(variant: Variant) -> tuple[str, str, str, str]:
     from gough_stewart.harness.export.design_c import design_header  # these import CasADi
     from gough_stewart.harness.export.plan_c import plan_header
 
-    return components_header(), _fields_header(), plan_header(), design_header()
+    return components_header(), _fields_header(variant), plan_header(), design_header()
 
 
 def machine_block(
@@ -240,7 +244,8 @@ def machine_block(
             made.add(int(bool(c.law)))
         else:
             made.loop(rest, kind, c, arrays)
-    return Block(made.block(), form.law.function if isinstance(form, CompiledLaw) else None)
+    law_function = form.law.function if isinstance(form, CompiledLaw) else None
+    return Block(made.block(plant.batch.variant), law_function, plant.batch.variant)
 
 
 # Tables of the loop that a plan replaces, and where C computes them.
@@ -313,7 +318,7 @@ def _changes(plant: LanesPlant, loop: Loop) -> _Changes:
     faults = np.zeros((*plant.shape, N_FAULTS))
     rows = by_row(loop)
     batch, found = plant.batch, []
-    first: FloatArray = batch.parameters
+    first: tuple[FloatArray, FloatArray] = batch.parameters, batch.states
     for row in sorted({0, *rows}):
         for change in rows.get(row, ()):
             change_plant(change, plant, acting, faults)
@@ -321,8 +326,9 @@ def _changes(plant: LanesPlant, loop: Loop) -> _Changes:
             (row, batch.parameters[0, :, 0].copy(), acting[0].copy(), faults[0, : N_FAULTS * loop.has_faults].copy())
         )
         if row == 0:
-            first = batch.parameters.copy()
-    batch.parameters[...] = first
+            first = batch.parameters.copy(), batch.states.copy()
+    # a plant that has not begun moves its motors with its parameters
+    batch.parameters[...], batch.states[...] = first
     return _Changes(np.array([row for row, *_ in found], np.int64), *(np.array(each) for each in list(zip(*found))[1:]))  # noqa: B905
 
 
@@ -404,16 +410,16 @@ class _Words:
         else:
             self.add(0)
 
-    def block(self) -> NDArray[np.int64]:
+    def block(self, variant: Variant) -> NDArray[np.int64]:
         head = np.zeros(_HEAD + _ROOM, np.int64)
-        head[:2] = version(), self._end
+        head[:2] = version(variant), self._end
         return np.concatenate([head, np.array(self._fields, np.int64), *self._data])
 
 
 @cache
-def version() -> int:
-    """Of the layout of blocks: a digest of the names of all fields."""
-    return int(digest_of(f"{_VERSION} {_all_fields()}".encode())[:12], 16)
+def version(variant: Variant = IDEAL) -> int:
+    """Of the layout of blocks: a digest of the names of all fields, and of the parts of the plant, which give sizes."""
+    return int(digest_of(" ".join([f"{_VERSION} {_all_fields()}", *variant.parts]).encode())[:12], 16)
 
 
 @cache
@@ -434,7 +440,7 @@ def _all_fields() -> tuple[_Field, ...]:
     return tuple(found)
 
 
-def _fields_header() -> str:
+def _fields_header(variant: Variant) -> str:
     """`machine_fields.h`: the number of each field, and how C reads them."""
     from gough_stewart.fmu_build.tables import defines
 
@@ -445,7 +451,7 @@ def _fields_header() -> str:
         "MACHINE_FIELDS": _HEAD + _ROOM,
         "MACHINE_N_FIELDS": len(_all_fields()),
         "MACHINE_LAW_FIELD": fields()["law"],
-        "MACHINE_VERSION": version(),
+        "MACHINE_VERSION": version(variant),
         "N_MOTION": N_MOTION,
         "MOTION_ROUNDING": ROUNDING,
     }

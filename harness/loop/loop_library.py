@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.fmu_build.lanes import LanesLibrary, MachineCode, machine_code
+from gough_stewart.fmu_build.lanes import LanesLibrary, MachineCode, machine_code, named
 from gough_stewart.fmu_build.source_state import state_of_files
 from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.drive import Drive
@@ -19,6 +19,7 @@ from gough_stewart.harness.loop.folds import AT, ROW_PARTS
 from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.platform import LARGEST_NUMBER
+from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Of c/loop: its name, the component, and how many channels one call computes.
@@ -37,26 +38,26 @@ _OWN = (
 
 
 @cache
-def loop_library() -> LanesLibrary:
-    """The library for this processor; see `lanes.machine_code`.
+def loop_library(variant: Variant = IDEAL) -> LanesLibrary:
+    """The library for this processor and plants of a variant; see `lanes.machine_code`.
 
     Raises
     ------
     BuildError, OSError
         As `lanes_library`.
     """
-    return machine_code(*loop_code())
+    return machine_code(*loop_code(variant))
 
 
-def loop_code() -> MachineCode:
+def loop_code(variant: Variant = IDEAL) -> MachineCode:
     """Name, sources and their state."""
 
     def sources() -> tuple[dict[str, str], dict[str, str]]:
         from gough_stewart.fmu_build.lanes import loop_sources
 
-        return loop_sources(components_header())
+        return loop_sources(components_header(), variant)
 
-    return MachineCode("loop", sources, state_of_files(*_OWN))
+    return MachineCode(named("loop", variant), sources, state_of_files(*_OWN))
 
 
 def coefficients_of(component: type[Stepped], values: dict[str, Any], period: float) -> FloatArray:

@@ -1,6 +1,7 @@
 """The machine code of the loop for this machine, if it is there and agrees with NumPy's loop."""
 
 import warnings
+from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -22,27 +23,35 @@ from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import CompiledLanes, lanes_plant
+from gough_stewart.model.parameters import Part
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.state import State
+from gough_stewart.model.variant import ELASTO_PLASTIC, IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Share of the largest force by which the two may differ after the test's rows; they differ by rounding.
 _AGREES = 1e-9
+# What gives the test's platform each part.
+_PARTS: Mapping[Part, Mapping[str, float]] = {
+    "bristles": {"leg_friction_model": ELASTO_PLASTIC, "leg_coulomb_friction": 2.0, "leg_static_friction": 3.0},
+    "springs": {"leg_stiffness": 1e6, "leg_armature": 1.0},
+}
 
 
 @cache
-def loop_kernel() -> CompiledLanes | None:
-    """What runs loops in machine code; None, with a warning if it does not work, where NumPy's loop has to.
+def loop_kernel(variant: Variant = IDEAL) -> CompiledLanes | None:
+    """What runs loops of plants of a variant in machine code; None where NumPy's loop has to.
 
-    At its first use on a machine it is held against NumPy's loop, and a note of that is kept in the cache.
+    There is a warning if it does not work. At its first use on a machine it is held against NumPy's loop, and a note of
+    that is kept in the cache.
     """
     try:
-        library = loop_library()
+        library = loop_library(variant)
         kernel = CompiledLanes(library)
         if not _is_noted(library):
-            gap = _gap(kernel)
+            gap = _gap(kernel, variant)
             if not gap <= _AGREES:
                 warnings.warn(
                     f"{library.path} computes forces that differ by {gap:.2g} of the largest one from NumPy's; loops "
@@ -66,9 +75,10 @@ def _is_noted(library: LanesLibrary) -> bool:
     return _note(library).is_file() and _note(library).read_text() == library.features
 
 
-def _gap(kernel: CompiledLanes) -> float:
+def _gap(kernel: CompiledLanes, variant: Variant) -> float:
     """The largest difference between the forces of both loops, as a share of the largest force."""
-    platform = load_preset("liu2000")
+    parts = {part: _PARTS[part] for part in variant.parts}
+    platform = load_preset("liu2000").with_parameters({name: v for part in parts.values() for name, v in part.items()})
     ours, theirs = (_forces(platform, each) for each in (kernel, None))
     return float(np.max(np.abs(ours - theirs)) / np.max(np.abs(theirs)))
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.lanes import WIDTH
 from gough_stewart.model import interface
-from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
+from gough_stewart.model.interface import N_INPUTS
 from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 
 IntArray = NDArray[np.int64]
@@ -19,7 +20,10 @@ IntArray = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Batch:
-    """M members, a multiple of eight, as kernels use them, see c/lanes/lanes.h; members contiguous in rows."""
+    """M members, a multiple of eight, as kernels use them, see c/lanes/lanes.h; members contiguous in rows.
+
+    All are of one variant, which gives the sizes.
+    """
 
     parameters: FloatArray  # (M / 8, N_PARAMETERS, 8)
     states: FloatArray  # (N_STATES, M)
@@ -32,26 +36,32 @@ class Batch:
     error: FloatArray  # (M), largest estimate of the error of a step so far
     proposed: FloatArray  # (M), size of the next internal step [s], 0 before the first
     internal_steps: FloatArray  # (M), so far
+    variant: Variant = IDEAL
 
     @classmethod
-    def of(cls, members: int) -> "Batch":
+    def of(cls, members: int, variant: Variant = IDEAL) -> "Batch":
         """All zeros, for at least this number of members."""
         blocks = -(-members // WIDTH)
         running, failure = (np.zeros(blocks * WIDTH, np.int64) for _ in range(2))
         # aligned to 64 bytes
-        size = blocks * N_PARAMETERS * WIDTH
+        n_states, n_parameters = interface.size_of(variant.states), interface.size_of(variant.parameters)
+        size = blocks * n_parameters * WIDTH
         raw = np.zeros(size + WIDTH)
         start = -raw.ctypes.data % 64 // raw.itemsize
-        parameters = raw[start : start + size].reshape(blocks, N_PARAMETERS, WIDTH)
+        parameters = raw[start : start + size].reshape(blocks, n_parameters, WIDTH)
         return cls(
             parameters,
-            rows(N_STATES, blocks),
+            rows(n_states, blocks),
             rows(N_INPUTS, blocks),
             running,
             np.zeros(blocks * WIDTH),
             failure,
-            rows(N_STATES, blocks),
-            *(np.zeros(blocks * WIDTH) for _ in range(4)),
+            rows(n_states, blocks),
+            np.zeros(blocks * WIDTH),
+            np.zeros(blocks * WIDTH),
+            np.zeros(blocks * WIDTH),
+            np.zeros(blocks * WIDTH),
+            variant,
         )
 
     @property
@@ -67,12 +77,13 @@ class Batch:
     def put_parameter(self, name: str, values: NDArray[np.float64]) -> None:
         """Write one parameter of N members (N, *shape)."""
         padded = self.padded(values.reshape(len(values), -1))
-        self._by_element[_places()[name]] = padded.reshape(len(padded), self.blocks, WIDTH)
+        self._by_element[_places(self.variant)[name]] = padded.reshape(len(padded), self.blocks, WIDTH)
 
     def parameters_of(self, members: Any = slice(None)) -> Parameters:
         """The parameters of some members by name, with a leading axis; a copy with contiguous elements."""
-        p = self._by_element.reshape(N_PARAMETERS, -1)[:, members]
-        return Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, p.T))
+        own = self._by_element
+        p = own.reshape(len(own), -1)[:, members]
+        return Parameters(**interface.unpack(self.variant.parameters, p.T))
 
     @property
     def _by_element(self) -> FloatArray:
@@ -109,7 +120,7 @@ class LaneKernel(Protocol):
 
 
 @cache
-def _places() -> Mapping[str, slice]:
+def _places(variant: Variant) -> Mapping[str, slice]:
     """The position of each parameter in the kernels' vector."""
-    at = interface.unpack(interface.PLATFORM_PARAMETERS, np.arange(N_PARAMETERS))
+    at = interface.unpack(variant.parameters, np.arange(interface.size_of(variant.parameters)))
     return {name: slice(int(places.min()), int(places.max()) + 1) for name, places in at.items()}

@@ -6,7 +6,7 @@ A member's bits depend only on its own numbers, not on the number or choice of t
 import ctypes
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -21,20 +21,22 @@ from gough_stewart.harness.plants.lane_batch import Batch, LaneKernel, rows
 from gough_stewart.harness.plants.numpy_lanes import NumpyLanes
 from gough_stewart.harness.plants.parameter_changes import changed_parameter, refuse_impossible
 from gough_stewart.harness.plants.plant import BoolArray, Plant
+from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
-from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, StepError
+from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, SingularPoseError, StepError
 from gough_stewart.model.kinematics import conditioning, leg_geometry
+from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.platforms import Platforms
 from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
-from gough_stewart.model.variant import SMOOTH, refuse_parts
+from gough_stewart.model.variant import SMOOTH, Variant
 from gough_stewart.model.vectors import FloatArray
 
-_ARRAYS = tuple(field.name for field in fields(Batch))
+_ARRAYS = tuple(field.name for field in fields(Batch) if field.name != "variant")
 BATCH_FIELDS = ("blocks", "stride", *_ARRAYS)
 # The largest number of substeps; a motion that needs more is unsuited to fixed steps.
 MOST_SUBSTEPS = 1024
@@ -139,12 +141,15 @@ class LanesPlant(Plant):
         self.substeps, self.tolerance = substeps, tolerance
         self.compiled, self.features = isinstance(kernel, CompiledLanes), kernel.features
         self._kernel, self._platforms = kernel, Platforms.of(platforms)
-        self._batch = batch = Batch.of(len(platforms))
+        self._variant = Variant.of(self._platforms[0])
+        self.columns = self._variant.columns
+        self._batch = batch = Batch.of(len(platforms), self._variant)
         self._signals = rows(signals.SIZE, batch.blocks)
-        self._time, self._steps = 0.0, 0
-        for name in (v.name for v in interface.PLATFORM_PARAMETERS):
+        self._time, self._steps, self._begun = 0.0, 0, False
+        for name in (v.name for v in self._variant.parameters):
             batch.put_parameter(name, self._platforms.field(name))
-        batch.states[:] = batch.padded(np.stack([start.to_vector() for start in starts]))
+        batch.states[: interface.N_STATES] = batch.padded(np.stack([start.to_vector() for start in starts]))
+        self._place_motors(np.ones(batch.states.shape[1], dtype=bool))
         position, orientation = (
             batch.padded(self._platforms.field(f"home_{of}")).T for of in ("position", "orientation")
         )
@@ -177,6 +182,7 @@ class LanesPlant(Plant):
 
     def begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state; they do not run."""
+        self._begun = True
         failures = self._stop_failed() if self._kernel.check(self._batch) else {}
         running = self._batch.running[: self.shape[0]]
         for k, error in short_legs(self._batch, self._platforms, running != 0, self._time).items():
@@ -204,10 +210,14 @@ class LanesPlant(Plant):
     def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
         """Rule 9."""
         present = self._batch.parameters_of(slice(self.shape[0]))
-        known = {name: changed_parameter(present, name, value, members) for name, value in values.items()}
+        known = {
+            name: changed_parameter(present, name, value, members, self._variant) for name, value in values.items()
+        }
         refuse_impossible(self._platforms, members, known)
         for name, value in known.items():
             self._batch.put_parameter(name, value)
+        if not self._begun:
+            self._place_motors(self._batch.padded(members[:, None].astype(float))[0] > 0)
 
     def signals(self) -> FloatArray:
         """Rule 11: a view."""
@@ -217,7 +227,7 @@ class LanesPlant(Plant):
 
     def results(self) -> FloatArray:
         """Rule 4."""
-        found = rows(len(interface.RESULT_COLUMNS), self._batch.blocks)
+        found = rows(len(self.columns), self._batch.blocks)
         self._kernel.results(self._batch, found)
         return found[:, : self.shape[0]].T
 
@@ -241,6 +251,29 @@ class LanesPlant(Plant):
 
     def close(self) -> None:
         """Rule 8; there is nothing to release."""
+
+    def _place_motors(self, members: BoolArray) -> None:
+        """Motors of these (M,) hold their pose at rest, and move with it, as `SteppingModel` rule 11."""
+        if not self._variant.springs:
+            return
+        states, x = self._variant.states, self._batch.states
+        starts = State.from_vector(x[: interface.N_STATES].T)
+        try:
+            held = motors_at(self._batch.parameters_of(), starts)
+        except SingularPoseError:
+            each = [self._motors_of(k) for k in range(x.shape[1])]
+            held = {name: np.stack([one[name] for one in each]) for name in each[0]}
+        for name, values in held.items():
+            begin = interface.size_of(states[: states.index(interface.BY_NAME[name])])
+            x[begin : begin + N_LEGS, members] = values.T[:, members]
+
+    def _motors_of(self, k: int) -> dict[str, FloatArray]:
+        """Those of one member; not stretched in a singular pose, from which `begin` does not start."""
+        own, start = self._batch.parameters_of(k), State.from_vector(self._batch.states[: interface.N_STATES, k])
+        try:
+            return motors_at(own, start)
+        except SingularPoseError:
+            return motors_at(replace(own, leg_stiffness=0.0), start)
 
     def _stop_failed(self) -> dict[int, StepError]:
         batch = self._batch
@@ -281,7 +314,7 @@ def lanes_plant(
     PlantError
         No platforms, another number of starts, or an invalid number of substeps or tolerance.
     PlatformError
-        Friction that sticks, or legs that give.
+        Some stick or give, and others do not.
     BuildError
         `compiler` is True, and the library cannot be built.
     """
@@ -289,22 +322,45 @@ def lanes_plant(
         raise PlantError(
             f"{len(platforms)} platforms and {len(starts)} starts; expected at least one platform, and a start for each"
         )
-    every = Platforms.of(platforms)
-    for k in np.flatnonzero((every.field("leg_friction_model") != SMOOTH) | (every.field("leg_stiffness") > 0))[:1]:
-        refuse_parts(every[int(k)], "a plant of many platforms", "run members one by one on the plant 'model'")
+    variant = _variant_of(Platforms.of(platforms))
+    if variant.parts and substeps is not None:
+        raise PlantError(
+            f"a plant of many platforms {variant.words} has no steps of a fixed size; remove fixed_step_size, "
+            "for error control"
+        )
     low, high = TOLERANCES
     if not low <= tolerance <= high:
         raise PlantError(f"tolerance is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}")
     if substeps is not None and not (isinstance(substeps, int) and 1 <= substeps <= MOST_SUBSTEPS):
         raise PlantError(f"substeps is {substeps!r}; expected a whole number from 1 to {MOST_SUBSTEPS}")
-    return LanesPlant(kernel or _kernel(compiler), platforms, starts, substeps, tolerance)
+    return LanesPlant(kernel or _kernel(compiler, variant), platforms, starts, substeps, tolerance)
 
 
-def _kernel(compiler: bool | None) -> LaneKernel:
+def _variant_of(platforms: Platforms) -> Variant:
+    """Of all members.
+
+    Raises
+    ------
+    PlatformError
+        Members differ in it.
+    """
+    first = Variant.of(platforms[0])
+    sticks, gives = platforms.field("leg_friction_model") != SMOOTH, platforms.field("leg_stiffness") > 0
+    for field, own in (("leg_friction_model", sticks), ("leg_stiffness", gives)):
+        for k in np.flatnonzero(own != own[0])[:1].tolist():
+            raise PlatformError(
+                field,
+                f"gives platform {k} other states: it has {Variant.of(platforms[k]).words.removeprefix('with ')}, and "
+                f"platform 0 {first.words.removeprefix('with ')}; expected one kind, so run each kind for itself",
+            )
+    return first
+
+
+def _kernel(compiler: bool | None, variant: Variant) -> LaneKernel:
     if compiler is False:
         return NumpyLanes()
     try:
-        return _compiled()
+        return _compiled(variant)
     except (BuildError, OSError) as error:
         if compiler:
             raise
@@ -313,8 +369,8 @@ def _kernel(compiler: bool | None) -> LaneKernel:
 
 
 @cache
-def _compiled() -> CompiledLanes:
-    return CompiledLanes(lanes_library())
+def _compiled(variant: Variant) -> CompiledLanes:
+    return CompiledLanes(lanes_library(variant))
 
 
 @cache
@@ -331,7 +387,9 @@ def failure_of(batch: Batch, k: int, begin: float, substeps: int | None, toleran
             return StepError(*_first_not_finite(interface.INPUTS, u), begin, "expected finite numbers")
         remedy = "smaller forces, or smoother friction (leg_friction_velocity)"
         remedy = remedy if substeps is None else f"more than {substeps} substeps, {remedy}"
-        return StepError(*_first_not_finite(interface.STATES, x), time, f"the motion is not finite; it needs {remedy}")
+        return StepError(
+            *_first_not_finite(batch.variant.states, x), time, f"the motion is not finite; it needs {remedy}"
+        )
     if failure == Failure.TOO_MANY_STEPS:
         most = int(CONTROLLED["MOST_LANE_STEPS"])
         reason = (

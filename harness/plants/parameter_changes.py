@@ -12,16 +12,21 @@ from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platforms import Platforms
 from gough_stewart.model.real import real_array
+from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 
 
-def changed_parameter(present: Parameters, name: str, value: object, members: BoolArray) -> FloatArray:
+def changed_parameter(
+    present: Parameters, name: str, value: object, members: BoolArray, variant: Variant = IDEAL
+) -> FloatArray:
     """A tunable parameter of all members (N, *shape), with a new value for some of them (N,).
 
     Parameters
     ----------
     present
         The present values of all.
+    variant
+        Theirs, which says what there is to change.
     value
         One for all, or (N, *shape), of which only the rows of `members` are used.
 
@@ -31,8 +36,8 @@ def changed_parameter(present: Parameters, name: str, value: object, members: Bo
         Not a tunable parameter, another shape, or not finite.
     """
     variable = interface.BY_NAME.get(name)
-    if variable is None or variable not in interface.TUNABLE:
-        tunable = ", ".join(v.name for v in interface.TUNABLE)
+    if variable is None or variable not in variant.tunable:
+        tunable = ", ".join(v.name for v in variant.tunable)
         raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
     new = np.array(getattr(present, name))
     try:

@@ -28,11 +28,16 @@ typedef struct {
     lanes square[N_LEGS], determinant, size;
 } margins;
 
-/* What depends on a state alone: signals, margins, and what the derivatives need of it besides the inputs. */
+/* What depends on a state alone: signals, margins, and what the derivatives of the ideal plant need of it besides the
+   inputs, or the rates of bristles. */
 typedef struct {
     lanes signals[N_SIGNALS];
     margins from_limits;
+#if HAS_BRISTLES
+    lanes decay[N_LEGS];
+#elif !HAS_SPRINGS
     lanes shared[N_SHARED];
+#endif
 } posed;
 
 /* Eight members during a step. */
@@ -172,8 +177,21 @@ static void check_now(group *g, lanes after)
 static void look_at(const group *g, const lanes x[], posed *found)
 {
     margins *m = &found->from_limits;
+#if HAS_BRISTLES
+    kernel_posed(x, g->p, found->signals, m->square, &m->determinant, &m->size, found->decay);
+#elif HAS_SPRINGS
+    kernel_posed(x, g->p, found->signals, m->square, &m->determinant, &m->size);
+#else
     kernel_posed(x, g->p, found->signals, m->square, &m->determinant, &m->size, found->shared);
+#endif
 }
+
+/* The derivatives in a state that has been looked at. */
+#if HAS_BRISTLES || HAS_SPRINGS
+#define RATES_THERE(there, x, u, p, rate) kernel_derivatives(x, u, p, rate)
+#else
+#define RATES_THERE(there, x, u, p, rate) kernel_motion((there).shared, x, u, rate)
+#endif
 
 /* Evaluates the state where it has not come by `advance`. */
 static void look(group *g)
@@ -345,6 +363,9 @@ static lanes size_of(lanes proposed, lanes left)
     return choose(proposed >= left, left, size);
 }
 
+#if HAS_BRISTLES
+#include "exponential_step.h"
+#else
 /* An internal step by Kutta's 3/8 rule, of order 4, from a state with the derivatives `rate[0]`: the state at its end,
    what depends on that, the derivatives there as `rate[4]`, and the error.
 
@@ -369,7 +390,7 @@ static void controlled_step(const group *g, lanes size, lanes rate[5][N_STATES],
     for (int i = 0; i < N_STATES; i++)
         end[i] = g->x[i] + (size * 0.125) * ((rate[0][i] + rate[3][i]) + 3 * (rate[1][i] + rate[2][i]));
     look_at(g, end, there);
-    kernel_motion(there->shared, end, g->u, rate[4]);
+    RATES_THERE(*there, end, g->u, g->p, rate[4]);
     *error = (lanes)0.0;
     for (int i = 0; i < N_STATES; i++) {
         const lanes first = rate[1][i] - rate[0][i], next = rate[2][i] - rate[1][i];
@@ -382,13 +403,14 @@ static void controlled_step(const group *g, lanes size, lanes rate[5][N_STATES],
     }
     *error += nothing;
 }
+#endif
 
 static void advance(group *g, double duration, double tolerance)
 {
     const batch *of = g->of;
     lanes left = (lanes)duration, proposed = get(of->proposed + g->first), taken = get(of->internal_steps + g->first);
     lanes sum = (lanes)0.0, begin = taken, rate[5][N_STATES];
-    kernel_motion(g->here.shared, g->x, g->u, rate[0]);
+    RATES_THERE(g->here, g->x, g->u, g->p, rate[0]);
     mask is_new = proposed == 0;
     proposed = choose(is_new, left, proposed);
     while (any(g->running & (left > 0))) {

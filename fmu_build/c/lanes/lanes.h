@@ -38,7 +38,8 @@ typedef struct {
    from the begin of each substep, the sum over the substeps. */
 OFFERED int64_t lanes_step(const batch *of, double size, int64_t substeps, double *signals);
 /* A step of `duration` [s] under constant inputs with error-controlled internal steps of order 4, each member's own, that
-   end at its end. The error of an internal step, see `controlled_step`, is at most `tolerance`; that of a step the sum of
+   end at its end; of plants with bristles by `exponential_step.h`. The error of an internal step, see `controlled_step`,
+   is at most `tolerance`; that of a step the sum of
    its internal ones. Poses are checked at the end of each internal step. A member that needs more than MOST_LANE_STEPS
    fails. Returns and writes as `lanes_step`. */
 OFFERED int64_t lanes_advance(const batch *of, double duration, double tolerance, double *signals);

@@ -46,7 +46,7 @@ def live_page(experiment: Experiment) -> bytes:
         "nearness": report_page.NEARNESS,
         "live": {
             **live.data,
-            "wasm": _packed(shipped_wasm()),
+            "wasm": _packed(shipped_wasm(live.block.variant)),
             "block": _packed(live.block.words.astype("<i8").tobytes()),
             "worker": _own("worker.js"),
         },

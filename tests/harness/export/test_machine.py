@@ -20,6 +20,7 @@ from gough_stewart.harness.control.traced_law import traced_law_of
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.schema import ChangeChoice
 from gough_stewart.harness.export import machine
 from gough_stewart.harness.export.machine import Block, machine_block, machine_c, machine_of
 from gough_stewart.harness.export.plan import kinds
@@ -31,6 +32,10 @@ from tests.harness.loop.test_compiled_loop import ALL, CASES, STEPPING, batch_of
 from tests.support.uneven_loops import experiment_of as uneven_experiment
 
 ROWS = 121
+STICKS_AND_GIVES = {
+    **{"friction_model": "elasto_plastic", "coulomb_friction": 90.0, "static_friction": 120.0},
+    **{"stiffness": 6e7, "armature": 25.0},
+}
 SIZES = {"row_signals": 24, "row_forces": 6, "row_force_limited": 6, "row_rate_limited": 6}
 
 
@@ -38,7 +43,7 @@ class Machine:
     """An open block, with the functions of c/machine."""
 
     def __init__(self, block: Block, law: Any = None) -> None:
-        self._c = ctypes.CDLL(str(machine_library(machine_c(law))))
+        self._c = ctypes.CDLL(str(machine_library(machine_c(law, block.variant))))
         self._c.machine_field.restype = ctypes.c_void_p
         for name in ("open", "run", "first", "ended", "failure"):
             getattr(self._c, f"machine_{name}").restype = ctypes.c_int64
@@ -219,6 +224,26 @@ def test_shipped_experiments_as_machines(name: str, duration: float) -> None:
     assert np.ptp(theirs, axis=0)[12:18].max() > 1e-5
 
 
+def test_a_machine_that_sticks_and_gives(tmp_path: Path) -> None:
+    """Expected, of WebAssembly: the rows of `run`, to 1e-9 of SI units, with a payload that comes.
+
+    Only a machine of the same parts opens the block.
+    """
+    settings = {
+        **{"loop.duration": 0.06, "reference.at": 0.01, "loop.plant_step": 5e-4},
+        **{f"plant.parameters.leg_{name}": value for name, value in STICKS_AND_GIVES.items()},
+    }
+    experiment = gs.load_experiment("heave_step", settings)
+    experiment = experiment.model_copy(update={"change": [ChangeChoice(at=0.03, factors={"platform_mass": 1.5})]})
+    block, record = machine_of(experiment, prepare(experiment), kept=ROWS), gs.run(experiment)
+    words = in_webassembly(block, tmp_path)
+    at = words[machine._HEAD + machine._ROOM + machine.fields()["row_signals"]]
+    found, theirs = words[at : at + 24 * ROWS].view(float).reshape(ROWS, 24), rows_of(record)
+    assert np.abs(found - theirs).max() <= 1e-9
+    assert np.abs(record["leg_bristle"]).max() > 1e-6
+    assert Machine(Block(block.words)).status == 1
+
+
 def test_a_motion_may_be_given_from_outside() -> None:
     """Expected: with constant accelerations of the pose, x + v h + a h²/2 at each row; angles alike, by their rates."""
     block, _ = planned("hold", "pd", "gravity")
@@ -252,7 +277,7 @@ def test_webassembly_plans_with_native_bits(kind: str, tmp_path: Path) -> None:
 
 def in_webassembly(block: Block, folder: Path) -> NDArray[np.int64]:
     """The words of a block after a run in node."""
-    module, file, out = kept_wasm(machine_c(block.law)), folder / "block", folder / "out"
+    module, file, out = kept_wasm(machine_c(block.law, block.variant)), folder / "block", folder / "out"
     block.words.tofile(file)
     script = Path(__file__).parents[2] / "support" / "machine.mjs"
     command = [compute_driver_executable()[0], str(script), str(module), str(file), str(ROWS), str(out)]

@@ -216,6 +216,32 @@ def test_a_payload_is_felt(heave: Watched) -> None:
     page.click("#again")
 
 
+def test_a_machine_that_sticks_bears_a_small_payload_and_slides_under_a_large_one(
+    browser: Browser, tmp_path: Path
+) -> None:
+    """Expected: 24 kg are 62 N in each leg, less than its friction: it bends by F (1/sigma0 + 1/k) and stands.
+
+    1.2 t slide.
+    """
+    machine = {"friction_model": "elasto_plastic", "coulomb_friction": 100, "stiffness": 1e8}
+    settings: dict[str, object] = {f"plant.parameters.leg_{name}": value for name, value in machine.items()}
+    quiet = {"loop.delay": 0, "sensors.quantisation": {}, "controller.feedforward": "gravity"}
+    found = opened(browser, tmp_path, "heave_step", {**settings, **quiet, "reference.position_change": [0, 0, 0]})
+    found.page.click("#again")
+    home = later(found.page, 0.1)[3]
+    found.page.evaluate(LOAD, 0.02)
+    heights = [later(found.page, seconds)[3] for seconds in (0.5, 0.5)]
+    mass = found.page.evaluate("Number(document.getElementById('payload').value)")
+    platform = gs.load_preset("motion_base")
+    slope = 2.0 / float(np.linalg.norm(gs.leg_geometry(platform, platform.home_position, np.zeros(3)).vector[0]))
+    assert home - heights[0] == pytest.approx(mass * 9.81 / (6 * slope**2) * (1e-7 + 1e-8), rel=0.05)
+    assert abs(heights[1] - heights[0]) < 1e-8
+    found.page.evaluate(LOAD, 1)
+    assert home - later(found.page, 0.5)[3] > 1e-4
+    assert found.errors == []
+    found.page.close()
+
+
 def test_it_waits_while_its_tab_is_hidden(heave: Watched) -> None:
     """Expected: no time passes there, and none is made up for afterwards."""
     page = heave.page
