@@ -31,7 +31,7 @@ from gough_stewart.model.errors import GoughStewartError, SingularPoseError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platforms import Platforms, platforms_with
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import SMOOTH, Variant
+from gough_stewart.model.variant import CHOOSING, SMOOTH, Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Values of a member by their path through the tables of the experiment.
@@ -116,7 +116,7 @@ class Preparation:
         without = choice.map(lambda each: is_given or each.is_closed or each.feedforward != "none")
         platform = stage(stages.platform, tables["platform"])
         machine = self._machine(stage, stages, platform, values)
-        if any(values) and self._variant is not None:
+        if self._may_differ(values) and self._variant is not None:
             _of_variant(stage, machine, self._variant, self.experiment.where)
         stage(stages.timing, jitter, delay)
         timing = stage(stages.timing, Distinct.common(0.0, n), Distinct.common(0, n))
@@ -159,6 +159,11 @@ class Preparation:
         )
         going = np.flatnonzero(stage.going)
         return PreparedMembers(going, every.take(going), stage.errors, self.experiment.where)
+
+    @staticmethod
+    def _may_differ(values: Sequence[Values]) -> bool:
+        """Whether a member may have other parts than the experiment's machine."""
+        return any(path[-1] in CHOOSING for each in values for path in each)
 
     @cached_property
     def _variant(self) -> Variant | None:
@@ -255,6 +260,8 @@ def _actuators(choice: ActuatorChoice, force_limit: float | None, delay: int) ->
 
 def _of_variant(stage: _Evaluation, machine: Distinct[Platform], variant: Variant, where: str) -> None:
     """Fail members whose machine has other states than that of the experiment: one vector steps several members."""
+    if not len(machine.values):
+        return
     platforms = Platforms.of(machine.values)
     sticks, gives = platforms.field("leg_friction_model") != SMOOTH, platforms.field("leg_stiffness") > 0
     for name, other, own in (

@@ -28,7 +28,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import ELASTO_PLASTIC, IDEAL, Variant
+from gough_stewart.model.variant import ELASTO_PLASTIC, Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Share of the largest force by which the two may differ after the test's rows; they differ by rounding.
@@ -41,7 +41,7 @@ _PARTS: Mapping[Part, Mapping[str, float]] = {
 
 
 @cache
-def loop_kernel(variant: Variant = IDEAL) -> CompiledLanes | None:
+def loop_kernel(variant: Variant) -> CompiledLanes | None:
     """What runs loops of plants of a variant in machine code; None where NumPy's loop has to.
 
     There is a warning if it does not work. At its first use on a machine it is held against NumPy's loop, and a note of

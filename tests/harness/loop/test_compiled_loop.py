@@ -29,6 +29,7 @@ from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
 from gough_stewart.harness.plants.signals import positions
+from gough_stewart.model.variant import IDEAL
 from tests.support.uneven_loops import experiment_of as uneven_experiment
 
 STEPPING = Stepping(tolerance=1e-9)
@@ -336,7 +337,7 @@ def test_a_library_that_computes_something_else_is_named_and_not_used(monkeypatc
     monkeypatch.setattr(self_test, "_forces", lambda platform, kernel: original(platform, kernel) + (kernel is None))
     monkeypatch.setattr(self_test, "_is_noted", lambda _library: False)
     with pytest.warns(UserWarning, match=r"differ by 0\.0\d+ of the largest one from NumPy's; loops run in NumPy"):
-        assert self_test.loop_kernel() is None
+        assert self_test.loop_kernel(IDEAL) is None
     assert gs.run("heave_step", {"loop.duration": 0.01}).metadata["host"] == "Python"
     monkeypatch.undo()
     self_test.loop_kernel.cache_clear()

@@ -23,6 +23,7 @@ from gough_stewart.model.kinematics import leg_geometry, scaled_jacobian_of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_inputs, random_platform
 from tests.support.uneven import INPUTS, STATE, UNEVEN
@@ -543,7 +544,7 @@ def test_wrong_use_is_refused() -> None:
 def test_without_a_compiler_numpy_steps_and_says_so_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: a warning with the reason, one for all plants; with `compiler=True` the error itself."""
 
-    def failing() -> None:
+    def failing(_variant: Variant) -> None:
         raise BuildError("no compiler today")
 
     monkeypatch.setattr(lanes, "_compiled", failing)
