@@ -16,6 +16,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.recording import FORMAT
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.setting_file import without_none
+from gough_stewart.harness.export.live.behind import behind_of
 from gough_stewart.harness.export.machine import Block, fields, machine_of
 from gough_stewart.harness.export.turned import MOST_DELAY, POLES, WANTED, Turned, turned_of
 from gough_stewart.harness.loop.observe import by_row
@@ -144,6 +145,7 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
         "taken": _taken(experiment, prepared),
         "isOpen": is_open,
         "reads": list(getattr(prepared.controller, "signals", ())),
+        "behind": behind_of(experiment, prepared) if is_open else None,
         "forces": np.ravel(loop.feedforward[0])[:6].tolist() if is_open else [],
         "failures": _FAILURES,
         "reach": reach_of(platform).tolist(),

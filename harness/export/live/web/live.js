@@ -3,8 +3,10 @@
 (() => {
   const GS = GoughStewart, { engine } = GS, { given } = engine, $ = (id) => document.getElementById(id);
   const history = GS.history();
-  let playing = !given.isOpen && !matchMedia("(prefers-reduced-motion: reduce)").matches, last = null, size = 26, fresh = false, over = null;
-  let push = [0, 0, 0], frames = 0, span = 8, rate = null;
+  let playing = !given.isOpen && !matchMedia("(prefers-reduced-motion: reduce)").matches, last = null, fresh = false, over = null;
+  let push = [0, 0, 0], frames = 0, rate = null;
+  // seconds of the charts: an open loop soon falls
+  const span = given.isOpen ? Math.min(8, 2 * given.duration) : 8;
   const FAILURES = given.failures;
   let stage = null;
   try {
@@ -14,35 +16,46 @@
     $("no-view").textContent = `This browser shows no 3-D graphics (WebGL): ${problem.message || problem}. The charts work without.`;
   }
 
-  const six = (unit, from, factor, offset = () => 0) => Array.from({ length: 6 }, (_, k) => ({
-    name: String(k + 1), value: (p) => factor * (p[from + k] - offset(k)), colour: (theme) => theme.six[k], dashes: [[], [6, 2], [8, 2, 2, 2], [2, 2], [10, 2, 2, 2, 2, 2], [4, 2]][k],
+  const { behind } = given, times = behind?.time;
+  const six = (from, of) => Array.from({ length: 6 }, (_, k) => ({
+    name: String(k + 1), value: (p) => p[from + k], behind: of?.map((values) => values[k]), colour: (theme) => theme.six[k], dashes: [[], [6, 2], [8, 2, 2, 2], [2, 2], [10, 2, 2, 2, 2, 2], [4, 2]][k],
   }));
-  const axis = (name, k, six_) => [
-    { name, value: (p) => 1000 * (p[1 + k] - given.home[k]), colour: (theme) => theme.six[six_] },
-    ...(given.isOpen ? [] : [{ name: `${name} wanted`, value: (p) => 1000 * (p[19 + k] - given.home[k]), colour: (theme) => theme.six[six_], dashes: [5, 4] }]),
-  ];
+  // an element of the pose from home, and what is wanted of it
+  const axis = (name, k, factor) => {
+    const from = (value) => factor * (value - given.home[k]), colour = (theme) => theme.six[k % 3];
+    const own = { name, value: (p) => from(p[1 + k]), behind: behind?.pose.map((pose) => from(pose[k])), colour };
+    return given.isOpen ? [own] : [own, { name: `${name} wanted`, value: (p) => from(p[19 + k]), colour, dashes: [5, 4] }];
+  };
   const figure = () => {
     const made = GS.element("figure", { class: "plot-live" });
     $("plots").append(made);
     return made;
   };
   const plots = [
-    GS.plot(figure(), { title: "position from home", unit: "mm", least: 2, curves: [...axis("x", 0, 0), ...axis("y", 1, 1), ...axis("z", 2, 2)] }),
+    GS.plot(figure(), { title: "position from home", unit: "mm", least: 2, times, curves: [...axis("x", 0, 1000), ...axis("y", 1, 1000), ...axis("z", 2, 1000)] }),
+    ...(given.isOpen ? [GS.plot(figure(), {
+      title: "orientation from home", unit: "°", least: 0.2, times, curves: ["roll", "pitch", "yaw"].flatMap((name, k) => axis(name, 3 + k, 180 / Math.PI)),
+    })] : []),
     GS.plot(figure(), {
-      title: "forces of the legs", unit: "N", least: 10, curves: six("N", 13, 1),
+      title: "forces of the legs", unit: "N", least: 10, curves: six(13),
       marks: () => (given.forceLimit ? [{ value: given.forceLimit, role: "limit" }, { value: -given.forceLimit, role: "limit" }] : []),
     }),
     GS.plot(figure(), {
-      title: "lengths of the legs", unit: "m", least: 0.004, curves: six("m", 7, 1),
+      title: "lengths of the legs", unit: "m", least: 0.004, times, curves: six(7, behind?.length),
       marks: () => (given.stroke || []).map((value) => ({ value, role: "limit" })),
     }),
   ];
+
+  $("behind").hidden = !behind;
+  if (behind) $("behind").textContent = `Pale and thick behind the curves: the file's forces from the start, computed by the code of gough-stewart reproduce (DOP853 to 1e-12).${behind.isPublished ? " They are ours, not the paper's: it prints its curves as pictures, which nobody has measured; its text has the forces, the start and the platform, which this experiment has." : ""}`;
 
   const speed = () => ($("speed").value === "fast" ? null : Number($("speed").value));
   const run = () => {
     engine.say("run", { playing: playing && !document.hidden, speed: speed() });
     $("play").textContent = playing ? "❚❚ pause" : "▶ play";
     rate = null;
+    if (!playing) $("rate").textContent = "";
+    fresh = true;
   };
   const restart = (plays = true) => {
     over = null;
@@ -154,12 +167,11 @@
     $("play").textContent = "▶ play";
   };
   engine.on("rows", (message) => {
-    size = message.size;
-    history.add(message.points, size);
+    history.add(message.points, message.size);
     last = history.points[history.points.length - 1] || null;
     fresh = true;
     const now = performance.now();
-    if (rate && now - rate.at > 500) {
+    if (playing && rate && now - rate.at > 500) {
       const times = (message.time - rate.time) / (now - rate.at) * 1000;
       $("rate").textContent = `× ${GS.short(times, times < 10 ? 2 : 3)} of real time`;
       rate = { at: now, time: message.time };
@@ -203,8 +215,8 @@
       frames++;
       stage?.show(last, push);
       // charts by turns: each is drawn at a third of the frames
-      const due = still || !playing || over ? plots : [plots[turn++ % plots.length]];
-      for (const plot of due) plot.draw(history.points, size, span);
+      const rests = Boolean(still || !playing || over);
+      for (const plot of rests ? plots : [plots[turn++ % plots.length]]) plot.draw(history.points, span, rests);
     }
     before = now;
     stage?.view.render();

@@ -6,8 +6,8 @@
     const raw = span / 4, power = 10 ** Math.floor(Math.log10(raw));
     return power * [1, 2, 5, 10].find((step) => step * power >= raw);
   };
-  // curves: name, value of a point, colour of a theme, dashes; least: smallest span of the axis
-  GS.plot = (figure, { title, unit, curves, least, marks = () => [] }) => {
+  // curves: name, value of a point, colour of a theme, dashes, and values behind it at the times; least: smallest span
+  GS.plot = (figure, { title, unit, curves, least, times = [], marks = () => [] }) => {
     const canvas = GS.element("canvas", { role: "img", "aria-label": `${title} [${unit}], the last seconds` });
     const key = GS.element("ul", { class: "key" }), said = GS.element("output", { class: "at" });
     figure.append(GS.element("figcaption", {}, GS.element("h2", {}, `${title} [${unit}]`), said, key), canvas);
@@ -23,16 +23,17 @@
     GS.onTheme(paintKey);
     canvas.addEventListener("pointermove", (event) => { pointer = event.offsetX; });
     canvas.addEventListener("pointerleave", () => { pointer = null; said.textContent = ""; });
-    const draw = (points, size, span) => {
+    // what moves is drawn only where it is seen
+    const draw = (points, span, rests) => {
       const width = canvas.clientWidth, height = canvas.clientHeight, ratio = Math.min(devicePixelRatio, 2), theme = GS.theme();
-      if (!seen || !width || !points.length) return;
+      if (!(seen || rests) || !width || !points.length) return;
       if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
         canvas.width = Math.round(width * ratio);
         canvas.height = Math.round(height * ratio);
       }
       pen.setTransform(ratio, 0, 0, ratio, 0, 0);
       pen.clearRect(0, 0, width, height);
-      const end = points[points.length - 1][0], begin = end - span, left = 52, bottom = 18;
+      const begin = Math.max(0, points[points.length - 1][0] - span), end = begin + span, left = 52, bottom = 18;
       let first = points.length - 1;
       while (first > 0 && points[first - 1][0] >= begin) first--;
       let low = Infinity, high = -Infinity;
@@ -41,7 +42,13 @@
         if (y < low) low = y;
         if (y > high) high = y;
       }
-      if (!(high >= low)) return;
+      // of what is behind: the times in view
+      const since = times.findIndex((t) => t >= begin), until = times.filter((t) => t <= end).length;
+      for (const { behind } of curves) for (let k = Math.max(since, 0); behind && since >= 0 && k < until; k++) {
+        low = Math.min(low, behind[k]);
+        high = Math.max(high, behind[k]);
+      }
+      if (!Number.isFinite(high - low)) return;
       const middle = (low + high) / 2, half = Math.max((high - low) / 2, least / 2) * 1.08;
       [low, high] = [middle - half, middle + half];
       const x = (t) => left + (t - begin) / span * (width - left - 6), y = (v) => (height - bottom) * (1 - (v - low) / (high - low));
@@ -52,7 +59,9 @@
       pen.textAlign = "right";
       pen.setLineDash([]);
       const step = nice(high - low), digits = Math.max(0, -Math.floor(Math.log10(step)));
-      for (let tick = Math.ceil(low / step) * step; tick <= high; tick += step) {
+      // by number: where a loop diverged, a step may be less than the last digit
+      for (let k = Math.ceil(low / step); k <= high / step && k - low / step < 12; k++) {
+        const tick = k * step;
         pen.beginPath();
         pen.moveTo(left, y(tick));
         pen.lineTo(width, y(tick));
@@ -61,7 +70,7 @@
       }
       pen.textAlign = "center";
       const apart = nice(span);
-      for (let tick = Math.ceil(Math.max(begin, 0) / apart) * apart; tick <= end; tick += apart) pen.fillText(`${GS.short(tick)} s`, x(tick), height - 4);
+      for (let tick = Math.ceil(Math.max(begin, 0) / apart) * apart; tick <= end; tick += apart) pen.fillText(`${GS.short(tick)} s`, Math.min(x(tick), width - 12), height - 4);
       pen.save();
       pen.beginPath();
       pen.rect(left, 0, width - left, height - bottom);
@@ -74,6 +83,17 @@
         pen.lineTo(width, y(value));
         pen.stroke();
       }
+      pen.lineWidth = 6;
+      pen.globalAlpha = 0.3;
+      pen.setLineDash([]);
+      for (const { behind, colour } of curves) {
+        if (!behind) continue;
+        pen.strokeStyle = colour(theme);
+        pen.beginPath();
+        behind.forEach((v, k) => pen.lineTo(x(times[k]), y(v)));
+        pen.stroke();
+      }
+      pen.globalAlpha = 1;
       pen.lineWidth = 1.6;
       for (const { value, colour, dashes } of curves) {
         pen.strokeStyle = colour(theme);

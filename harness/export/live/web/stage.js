@@ -16,8 +16,10 @@
       nearness: { of: ["stroke", "force"], values: new Float64Array(6 * frames) }, external_force: new Float64Array(3 * frames).fill(1),
       orientation: null,
     };
+    const far = live.behind?.pose ?? [];
     [0, 1, -1].forEach((sign, k) => {
-      const at = live.home.map((x, axis) => (axis < 3 ? x + sign * 0.8 * live.reach[axis] : x));
+      const near = live.home.map((x, axis) => (axis < 3 ? x + sign * 0.8 * live.reach[axis] : x));
+      const at = (k && far.at([0, -1, Math.floor(far.length / 2)][k])) || near;
       pose(at, record.pose, 7 * k);
       pose(at, record.reference, 7 * k);
     });

@@ -287,6 +287,7 @@ def test_an_open_loop_has_its_forces_by_hand(browser: Browser, tmp_path: Path) -
     found = opened(browser, tmp_path, "paper_open_loop")
     page = found.page
     assert page.inner_text("#play") == "▶ play"
+    assert "They are ours, not the paper's" in page.inner_text("#behind")
     assert later(page, 0.1)[13:19] == [55, 49.5, 55, 49.5, 55, 49.5]
     put(page, "leg 2 [N]", "51")
     assert later(page, 0.1)[14] == 51

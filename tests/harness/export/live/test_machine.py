@@ -97,6 +97,32 @@ def test_a_hand_may_ask_for_what_the_legs_can_reach() -> None:
             assert (found < high).all()
 
 
+def test_behind_an_open_loop_is_its_run_by_other_code() -> None:
+    """Expected: `run` to 1e-7 of SI units, the digits that are carried; the paper's own case is known as such."""
+    record = gs.run("paper_open_loop")
+    behind = live_machine(gs.load_experiment("paper_open_loop")).data["behind"]
+    assert behind["isPublished"]
+    pose = np.concatenate([record["position"], record["orientation"]], axis=1)
+    assert np.abs(np.subtract(behind["pose"], pose)).max() < 1e-7
+    assert np.abs(np.subtract(behind["length"], record["leg_length"])).max() < 1e-7
+    assert behind["time"] == pytest.approx(record["time"], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("settings", "published"),
+    [
+        ({"controller.force": [55, 49.5, 55, 49.5, 55, 50]}, False),
+        ({"start.velocity": [0, 0.1, 0]}, False),
+        ({"plant.parameters": {"platform_mass": 11}}, False),
+        ({"disturbance": [{"at": 0.1, "duration": 0.2, "force": [1, 0, 0]}]}, None),
+    ],
+)
+def test_another_case_is_not_called_the_papers(settings: dict[str, Any], published: bool | None) -> None:
+    """Expected: other forces, start or machine are told apart; what changes on the way has nothing behind it."""
+    behind = live_machine(gs.load_experiment("paper_open_loop", settings)).data["behind"]
+    assert behind is None if published is None else behind["isPublished"] is published
+
+
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
