@@ -30,6 +30,7 @@ def loop_transfer(
     orientation: Array | None = None,
     coulomb_friction: bool = False,
     believed: Platform | None = None,
+    side: signals.Side = "leg",
 ) -> StateSpace:
     """Loop transfer L(z) (6×6) at the actuators, u = −L u, of the sampled loop at a pose (default: home).
 
@@ -46,6 +47,8 @@ def loop_transfer(
         τ [s]
     coulomb_friction
         Keep the slope of Coulomb friction at rest; see `linearise`.
+    side
+        Of legs that give, where their lengths and velocities are measured: "leg" or "motor".
     believed
         The platform whose legs' Jacobian a controller in task space uses; by default the same.
 
@@ -63,7 +66,9 @@ def loop_transfer(
             f"a delay of {delay} samples of {sample_time:g} s gives a linear loop of {states} states; expected at most "
             f"{MOST_STATES}: a delay of fewer, longer samples"
         )
-    plant = held_plant(platform, controller, sample_time, lag, position, orientation, coulomb_friction=coulomb_friction)
+    plant = held_plant(
+        platform, controller, sample_time, lag, position, orientation, coulomb_friction=coulomb_friction, side=side
+    )
     none, one = np.zeros((6, 6)), np.eye(6)
     for _ in range(delay):
         plant = series(StateSpace(none, one, one, none, sample_time), plant)
@@ -79,11 +84,14 @@ def held_plant(
     orientation: Array | None = None,
     *,
     coulomb_friction: bool = False,
+    side: signals.Side = "leg",
 ) -> StateSpace:
     """ZOH{P(s) / (τ s + 1)}: from commanded forces to the controller's signals, at its sample time."""
     controller.check_sample_time(sample_time)
     drive = Drive.linear({"lag": lag}, sample_time)
-    linear = linear_matrices(platform, position, orientation, controller.signals, coulomb_friction=coulomb_friction)
+    at_motor = side == "motor" and platform.leg_stiffness > 0
+    outputs = [signals.AT_MOTORS.get(name, name) for name in controller.signals] if at_motor else controller.signals
+    linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
     plant = StateSpace(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
     if drive.nstates:
         plant = series(beside(drive, 6), plant)

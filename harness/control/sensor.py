@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 from pydantic import BeforeValidator, Field
 
 from gough_stewart.harness.control.component import Clock, Parameter, Signals, Stepped
-from gough_stewart.harness.plants.signals import NAMES, VARIABLES
+from gough_stewart.harness.plants.signals import NAMES, VARIABLES, Side
 from gough_stewart.harness.quantities import PositiveTime, number
 from gough_stewart.harness.section import Section
 from gough_stewart.model.interface import Variable
@@ -43,6 +43,8 @@ class SensorChoice(Section):
     quantisation: Annotated[PerSignal, Field(description="quantisation step")] = Field(default_factory=dict)
     # of the readings; the controller's by default
     sample_time: Annotated[PositiveTime | None, Field(description="time between readings")] = None
+    # of legs that give: where their length and velocity are read; the same of rigid ones
+    side: Annotated[Side, Field(description="side of a leg that its encoder reads")] = "leg"
     # of noise and jitter
     seed: Annotated[int, Field(ge=0)] = 0
 

@@ -124,6 +124,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
                     position=motion.position[0],
                     orientation=motion.orientation[0],
                     believed=each.platform,
+                    side=loop.sensors.side,
                 )
             )
             stable[k], disk[k] = 1.0, found.disk.alpha

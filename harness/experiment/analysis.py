@@ -196,6 +196,7 @@ def _loop(prepared: Prepared, controller: LinearController, sample_time: float, 
         lag=lag,
         position=motion.position[0],
         orientation=motion.orientation[0],
+        side=prepared.loop.sensors.side,
     )
 
 

@@ -159,6 +159,7 @@ class Batch:
                 _by_signal(sensors.map(lambda each: each.quantisation)),
                 sensors[0].sample_time,
                 self._seeds(has_noise, sensors[0].seed),
+                sensors[0].side,
             ),
             actuators=Actuators(
                 actuators.numbers(lambda each: each.force_limit, np.inf),

@@ -257,6 +257,7 @@ def _linear_loop(record: Record, experiment: Experiment, controller: Any) -> Any
         lag=experiment.actuators.lag,
         position=position,
         orientation=orientation,
+        side=experiment.sensors.side,
     )
 
 

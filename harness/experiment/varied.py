@@ -23,7 +23,7 @@ _PLATFORMS = ("platform", "plant")
 # Common to all members: clocks, sampling and simulation settings, and strings.
 _COMMON = {
     "loop": ("duration", "sample_time", "plant_step"),
-    "sensors": ("seed", "sample_time"),
+    "sensors": ("seed", "sample_time", "side"),
     "plant": ("kind", "fmu", "file", "tolerance", "fixed_step_size"),
     "platform": ("preset", "file"),
     "limits": ("stroke", "condition_number"),

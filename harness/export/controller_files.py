@@ -103,7 +103,16 @@ def controller_files(
         )
         progress("SSP")
         files[f"{name}.ssp"] = loop_archive(
-            name, plant, unit, duration, law.step, systems, said_inside, fmi_version=ssp_version, progress=progress
+            name,
+            plant,
+            unit,
+            duration,
+            law.step,
+            systems,
+            said_inside,
+            fmi_version=ssp_version,
+            side=prepared.loop.sensors.side,
+            progress=progress,
         )
     warnings = [text for each in notes.values() for text in each.warnings]
     return ControllerFiles(files, found, warnings)

@@ -20,6 +20,7 @@ from gough_stewart.harness.export.system_structure import (
     parameter_values,
     system_structure,
 )
+from gough_stewart.harness.plants.signals import AT_MOTORS, Side
 from gough_stewart.model.process.progress import StepProgress
 
 PLANT, CONTROLLER = "plant", "controller"
@@ -37,6 +38,7 @@ def loop_archive(
     notes: Iterable[str] = (),
     *,
     fmi_version: str = "2.0",
+    side: Side = "leg",
     progress: StepProgress | None = None,
 ) -> bytes:
     """The archive: SystemStructure.ssd, both FMUs, their parameters again as an SSV file, and a page.
@@ -52,6 +54,8 @@ def loop_archive(
     fmi_version
         Of both units. All importers of SSP 1.0 support "2.0"; with "3.0" the units describe scalars, too, since
         connectors of SSP 1.0 have no dimensions.
+    side
+        Of legs that give, where encoders read.
     """
     targets, notes = tuple(targets), tuple(notes)
     plant, controller = (replace(each, has_scalars_only=True) for each in (plant, controller))
@@ -59,7 +63,7 @@ def loop_archive(
         unit: next(iter(unit_archives(component, (fmi_version,), targets, progress).values()))
         for unit, component in ((PLANT, plant), (CONTROLLER, controller))
     }
-    system = replace(loop_system(name, plant, controller, duration, step), description=" ".join(notes))
+    system = replace(loop_system(name, plant, controller, duration, step, side), description=" ".join(notes))
     title = f"{name}: plant and controller"
     return to_zip(
         {
@@ -71,14 +75,22 @@ def loop_archive(
     )
 
 
-def loop_system(name: str, plant: UnitComponent, controller: UnitComponent, duration: float, step: float) -> System:
-    """Plant and controller, with each output of one connected to the input of the same name, element by element."""
+def loop_system(
+    name: str, plant: UnitComponent, controller: UnitComponent, duration: float, step: float, side: Side = "leg"
+) -> System:
+    """Plant and controller, with each output of one connected to the input of the same name, element by element.
+
+    Encoders at the motors' side of legs that give read that.
+    """
     forth, back = _shared(plant, controller), _shared(controller, plant)
+    at_motors = side == "motor" and AT_MOTORS["leg_length"] in plant.layout.by_name
+    read = tuple(AT_MOTORS.get(each, each) for each in forth) if at_motors else forth
+    pairs = zip(_scalars(plant, read), _scalars(controller, forth), strict=True)
     return System(
         name,
-        (_component(PLANT, plant, back, forth), _component(CONTROLLER, controller, forth, back)),
+        (_component(PLANT, plant, back, read), _component(CONTROLLER, controller, forth, back)),
         (
-            *(Connection((PLANT, scalar), (CONTROLLER, scalar)) for scalar in _scalars(plant, forth)),
+            *(Connection((PLANT, output), (CONTROLLER, scalar)) for output, scalar in pairs),
             *(Connection((CONTROLLER, scalar), (PLANT, scalar)) for scalar in _scalars(plant, back)),
         ),
         duration,

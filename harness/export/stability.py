@@ -270,6 +270,7 @@ class _Loops:
             position=p[:3],
             orientation=p[3:],
             believed=self._prepared.platform,
+            side=self._prepared.loop.sensors.side,
         )
 
     def case(self, what: str, machine: Platform, delay: int, lag: float, pose: FloatArray | None = None) -> Case:

@@ -141,10 +141,13 @@ def _wanted(choice: Any, loop: Loop) -> FloatArray:
 
 def _linear_loop(prepared: Prepared, linear: Any) -> dict[str, Any]:
     """The plant in the first pose of the reference, as `margins` has it, and room for its analysis."""
-    motion, timing, actuators = prepared.motion, prepared.loop.timing, prepared.loop.actuators
+    loop, motion = prepared.loop, prepared.motion
+    timing, actuators = loop.timing, loop.actuators
     assert motion is not None  # a controller has a reference
     pose = motion.position[0], motion.orientation[0]
-    plant = held_plant(prepared.platform, linear, timing.sample_time, float(actuators.lag), *pose)
+    plant = held_plant(
+        prepared.platform, linear, timing.sample_time, float(actuators.lag), *pose, side=loop.sensors.side
+    )
     (_, readings), to_force = space_of(prepared.platform, linear, *pose)
     n, signals, states = plant.nstates, plant.noutputs, linear.system.nstates
     most = n + N_LEGS * max(int(actuators.delay), MOST_DELAY) + states

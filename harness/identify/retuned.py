@@ -126,8 +126,10 @@ def _margins(experiment: Experiment) -> dict[str, float] | str:
         return NOTHING
     actuators, motion = prepared.loop.actuators, prepared.motion
     place = {} if motion is None else {"position": motion.position[0], "orientation": motion.orientation[0]}
-    sample_time = prepared.loop.timing.sample_time
-    L = loop_transfer(prepared.machine, controller, sample_time, delay=actuators.delay, lag=actuators.lag, **place)
+    sample_time, side = prepared.loop.timing.sample_time, prepared.loop.sensors.side
+    L = loop_transfer(
+        prepared.machine, controller, sample_time, delay=actuators.delay, lag=actuators.lag, side=side, **place
+    )
     try:
         found = loop_margins(L)
     except UnstableLoopError:

@@ -38,6 +38,8 @@ _WORK = 30_000
 _ROWS = 1024
 # Parts of the members per thread, since some take longer.
 _PARTS = 4
+# Of `senses`: it reads at the motor's side of a leg that gives.
+_AT_MOTOR = 2
 _TABLES = ("reference", "feedforward", "injection")
 
 
@@ -291,8 +293,11 @@ class CompiledLoop:
             at, step = signals.positions([name]), sensors.quantisation.get(name, 0.0)
             steps[at] = step
             senses[at] = name in noise or bool(np.any(step))
+        is_any = bool(senses.any())
+        if sensors.side == "motor" and self._plant.batch.variant.springs:
+            senses[signals.LEGS] |= _AT_MOTOR
         c.senses = self._pointer(senses)
-        if senses.any():
+        if is_any:
             found = [coefficients_of(Sensor, {"quantisation": step}, np.nan) for step in steps]
             c.sensors = self._table(np.concatenate(found)[None])
 

@@ -21,7 +21,7 @@ from gough_stewart.harness.loop.sampler import Sampler
 from gough_stewart.harness.loop.sensors import Encoders
 from gough_stewart.harness.loop.watch import Watch
 from gough_stewart.harness.plants import members
-from gough_stewart.harness.plants.alone import Alone, signals_of
+from gough_stewart.harness.plants.alone import Alone, seen_of, signals_of
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
@@ -136,7 +136,7 @@ def _run(
         encoders = Encoders(loop.sensors, None, *shape)
         if isinstance(law_from, LinearLaws):
             encoders.only(law_from.used)
-        reading = encoders(0, plant.signals(), 0)
+        reading = encoders(0, seen_of(plant, loop.sensors.side)(), 0)
         law = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
         own = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
         if law is None or own is not None:
@@ -169,13 +169,15 @@ def _run_rows(
     drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
     sampler = Sampler(loop, law_from, drives, outcomes, watch.rows, failing)
     read_signals = signals_of(plant)
+    read_seen = None if loop.sensors.side == "leg" else seen_of(plant, loop.sensors.side)
     for k, time in enumerate(timing.times.tolist()):
         if k:
             changed(k)
         now = read_signals()
         rate_limited = drives.none
         if k < n:
-            sampler.at_row(k, now)
+            # what ends and is recorded is where the platform is
+            sampler.at_row(k, now if read_seen is None else read_seen())
             if not outcomes.all_go and not (outcomes.counting > k).any():
                 # all controllers have failed: this row does not count
                 if is_alone and not k:

@@ -31,6 +31,7 @@ class Sensors:
     quantisation: Mapping[str, PerMember] = field(default_factory=dict)
     sample_time: float | None = None
     seed: Seeds = 0
+    side: signals.Side = "leg"  # of legs that give, where lengths and velocities are read
 
 
 class Readings:

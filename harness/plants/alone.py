@@ -56,6 +56,24 @@ class Alone(Plant):
         self._plant.close()
 
 
+def seen_of(plant: Plant, side: signals.Side) -> Callable[[], FloatArray]:
+    """What sensors see: the signals, with lengths and velocities at the motors' side of legs that give.
+
+    Rigid legs have one side.
+    """
+    columns = tuple(getattr(plant, "columns", Plant.columns))
+    if side == "leg" or signals.MOTORS not in columns:
+        return signals_of(plant)
+    at = columns.index(signals.MOTORS)
+    size = signals.LEGS.stop - signals.LEGS.start
+
+    def seen() -> FloatArray:
+        found = plant.results()
+        return np.concatenate([found[..., : signals.LEGS.start], found[..., at : at + size]], axis=-1)
+
+    return seen
+
+
 def signals_of(plant: Plant) -> Callable[[], FloatArray]:
     """The function that reads them; a plant that does not inherit from `Plant` may lack `signals`."""
     return plant.signals if hasattr(plant, "signals") else lambda: plant.results()[..., : signals.SIZE]

@@ -1,6 +1,7 @@
 """The measurable signals between plant and controller, joined to one vector."""
 
 from collections.abc import Iterable
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,11 @@ from gough_stewart.model import interface
 NAMES = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity")
 VARIABLES = tuple(interface.BY_NAME[name] for name in NAMES)
 SIZE = interface.size_of(VARIABLES)
+# The legs' lengths and velocities, the last of them; of legs that give also at the motors' side, from this column on.
+LEGS = slice(12, SIZE)
+MOTORS = "motor_position[1]"
+Side = Literal["leg", "motor"]
+AT_MOTORS = {"leg_length": "motor_position", "leg_velocity": "motor_velocity"}
 N_LEGS = interface.BY_NAME["leg_length"].size
 if interface.RESULTS[: len(NAMES)] != VARIABLES:
     raise AssertionError("signals have to be the first results of the interface")

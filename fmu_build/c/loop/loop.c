@@ -132,6 +132,13 @@ static void draw_noise(const vector *v, int64_t reading)
     }
 }
 
+#if HAS_SPRINGS
+#define AT_MOTOR 2
+#define SENSES(flags) ((flags) & 1)
+#else
+#define SENSES(flags) (flags)
+#endif
+
 /* Readings of the members whose sample it is; those of frozen sensors stay. */
 static void read_sensors(const vector *v, int64_t reading, int64_t n, const int64_t *used, mask whose)
 {
@@ -140,7 +147,11 @@ static void read_sensors(const vector *v, int64_t reading, int64_t n, const int6
     for (int64_t i = 0; i < n; i++) {
         int64_t element = used[i];
         lanes now = remembered(v, w->signals, element);
-        if (w->senses[element]) {
+#if HAS_SPRINGS
+        if (w->senses[element] & AT_MOTOR)
+            now = v->plant.x[X_MOTOR_POSITION + element - FIRST_LENGTH]; /* the velocities follow */
+#endif
+        if (SENSES(w->senses[element])) {
             lanes c[SENSOR_COEFFICIENTS];
             lanes noise = remembered(v, w->noise, element);
             for (int k = 0; k < SENSOR_COEFFICIENTS; k++)

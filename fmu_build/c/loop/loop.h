@@ -77,7 +77,7 @@ typedef struct {
 
     /* sensors: signals with noise, and their deviations, one row; one row (24) of the
        coefficients of each signal's sensor */
-    const int64_t *senses; /* by signal: whether its sensor does anything */
+    const int64_t *senses; /* by signal: 1 if its sensor does anything; of legs that give 2 more to read at the motor */
     int64_t n_noisy;
     const int64_t *noisy; /* (n_noisy, 2): the first element of each and their number */
     table deviations, sensors;

@@ -93,3 +93,22 @@ def test_a_bandwidth_that_rigid_legs_bear_is_refused_on_legs_that_give() -> None
     growth = (late / early) ** (1 / 200)
     # heave is not the worst of the six modes
     assert 1.005 < growth <= abs(caught.value.eigenvalue) + 1e-4
+
+
+def test_encoders_at_the_motors_do_not_see_the_stretch_of_their_legs() -> None:
+    """Expected: what is measured are the motors' positions, or the lengths of the legs; margins differ accordingly."""
+    soft = {
+        "platform.parameters.leg_stiffness": 2e7,
+        "loop.duration": 0.25,
+        "sensors.quantisation.leg_length": 0,
+        "sensors.noise.leg_length": 0,
+    }
+    for side, name in (("leg", "leg_length"), ("motor", "motor_position")):
+        record = gs.run("heave_step", soft | {"sensors.side": side})
+        # the last row has no sample of its own
+        assert np.array_equal(record["measured.leg_length"][:-1], record[name][:-1])
+    at_leg, at_motor = (gs.margins("heave_step", soft | {"sensors.side": side}) for side in ("leg", "motor"))
+    # a motor's encoder is collocated with its force: structural modes take no phase from it
+    assert at_motor.disk.alpha > 1.2 * at_leg.disk.alpha
+    rigid = [gs.margins("heave_step", {"sensors.side": side}).disk.alpha for side in ("leg", "motor")]
+    assert rigid[0] == rigid[1]

@@ -200,6 +200,7 @@ def _experiment(**tables: Any) -> gs.Experiment:
         **{
             "plant": {"parameters": machine},
             "reference": motion,
+            "sensors": {"side": "motor", "quantisation": {"leg_length": 1e-9}},
             "loop": {"duration": 0.036, "sample_time": "4 ms", "plant_step": "1 ms", "delay": 1},
             "disturbance": [{"at": 0.024, "duration": 0.008, "force": ["180 N", "-90 N", "120 N"]}],
             "change": [{"at": 0.012, "factors": {"platform_mass": 1.3, "leg_coulomb_friction": 0.9}}],
@@ -218,6 +219,7 @@ def _experiment(**tables: Any) -> gs.Experiment:
 def test_members_of_an_ensemble_are_runs_on_the_model() -> None:
     """In machine code and in NumPy's loop: all columns of members, with what varies, changes and disturbs."""
     batch = Members(_experiment()).prepared(0, 3).batch
+    motors = slice(BOTH.columns.index("motor_position[1]"), BOTH.columns.index("motor_position[6]") + 1)
     runs: list[Run] = []
     for compiler in (None, False):
         running = batch.in_parallel(Stepping(1e-7), compiler)
@@ -233,6 +235,11 @@ def test_members_of_an_ensemble_are_runs_on_the_model() -> None:
             bristles = BOTH.columns.index("leg_bristle[1]")
             assert np.abs(run.results - expected.results)[:, bristles : bristles + 6].max() < 1e-8
             np.testing.assert_allclose(run.inputs, expected.inputs, rtol=0, atol=1e-2)
+            # encoders read the motors' side, where legs without stretch are
+            stretch = run.results[::4, motors] - run.results[::4, 12:18]
+            read = run.measured[:, 12:18] - run.results[:-1:4, 12:18]
+            assert np.abs(read - stretch[: len(read)]).max() < 1e-9
+            assert np.abs(stretch).max() > 1e-6
     # what varies, varies
     stretch = [
         run.results[-1, BOTH.columns.index("motor_position[1]")] for run in (runs[0].of_member(k) for k in range(3))
