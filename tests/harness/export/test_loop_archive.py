@@ -75,16 +75,19 @@ def test_fmpy_runs_it_with_the_delay_of_the_experiment(delay: int, tmp_path: Pat
 
 @pytest.mark.evidence
 def test_encoders_at_the_motors_are_connected_with_the_motors(tmp_path: Path) -> None:
-    """Expected: the harness with encoders there; those at the legs are a tenth of a micrometre away."""
-    soft = {"platform.parameters.leg_stiffness": 1e8, "controller.bandwidth": 2, "plant.tolerance": 1e-10}
+    """Expected: the harness with encoders there; those at the legs are ten times as far away.
+
+    FMPy hands on no start values, so the first sample of the controller's unit has the lengths without stretch.
+    """
+    soft = {"platform.parameters.leg_stiffness": 1e8, "controller.bandwidth": 2}
     settings = {**EXPORTED, **soft, "sensors.side": "motor", "sensors.quantisation.leg_length": 0.0}
     step = settings["loop.sample_time"]
     archive = exported_loop(tmp_path, settings)
     found = simulate_ssp(str(archive), stop_time=settings["loop.duration"] - step / 2, step_size=step)
     motors = np.transpose([found[f"plant.motor_position[{k}]"] for k in range(1, 7)])
-    assert np.abs(motors - gs.run("heave_step", settings)["motor_position"][1:]).max() <= 2e-8
+    assert np.abs(motors - gs.run("heave_step", settings)["motor_position"][1:]).max() <= 3e-7
     other = gs.run("heave_step", {**settings, "sensors.side": "leg"})
-    assert np.abs(motors - other["motor_position"][1:]).max() > 1e-7
+    assert np.abs(motors - other["motor_position"][1:]).max() > 3e-6
 
 
 def test_with_fmi_3_the_units_describe_the_scalars_of_the_connectors(ssp: Path, tmp_path: Path) -> None:
