@@ -236,10 +236,10 @@ def test_members_of_an_ensemble_are_runs_on_the_model() -> None:
             assert np.abs(run.results - expected.results)[:, bristles : bristles + 6].max() < 1e-8
             np.testing.assert_allclose(run.inputs, expected.inputs, rtol=0, atol=1e-2)
             # encoders read the motors' side, where legs without stretch are
-            stretch = run.results[::4, motors] - run.results[::4, 12:18]
+            bent = run.results[::4, motors] - run.results[::4, 12:18]
             read = run.measured[:, 12:18] - run.results[:-1:4, 12:18]
-            assert np.abs(read - stretch[: len(read)]).max() < 1e-9
-            assert np.abs(stretch).max() > 1e-6
+            assert np.abs(read - bent[: len(read)]).max() < 1e-9
+            assert np.abs(bent).max() > 1e-6
     # what varies, varies
     stretch = [
         run.results[-1, BOTH.columns.index("motor_position[1]")] for run in (runs[0].of_member(k) for k in range(3))
