@@ -53,6 +53,8 @@ class LoopMargins(Margins):
     """Loop transfer L (6×6) at the actuators, u = −L u, as matrices."""
     changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """What was set of the experiment's file, as `Experiment.changed`."""
+    warnings: tuple[str, ...] = ()
+    """What the machine has that these margins do not know, one sentence each."""
 
     @property
     def loop(self) -> Any:
@@ -170,6 +172,34 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         modes=tuple(modes(closed_loop(L))),
         transfer=L,
         changed=chosen.changed,
+        warnings=_legs_that_only_the_machine_has(prepared, linear),
+    )
+
+
+def _legs_that_only_the_machine_has(prepared: Prepared, controller: LinearController) -> tuple[str, ...]:
+    """One sentence if the machine's legs give and the design's are rigid, with the margin of that machine."""
+    machine, loop, motion = prepared.machine, prepared.loop, prepared.motion
+    if not machine.leg_stiffness > 0 or prepared.platform.leg_stiffness > 0:
+        return ()
+    assert motion is not None  # a controller has a reference
+    L = loop_transfer(
+        machine,
+        controller,
+        loop.timing.sample_time,
+        delay=loop.actuators.delay,
+        lag=loop.actuators.lag,
+        position=motion.position[0],
+        orientation=motion.orientation[0],
+        believed=prepared.platform,
+        side=loop.sensors.side,
+    )
+    try:
+        says = f"has a disk margin of {loop_margins(L).disk.alpha:.3g}"
+    except UnstableLoopError:
+        says = "is unstable"
+    return (
+        f"the machine's legs give, leg_stiffness = {machine.leg_stiffness:g} N/m in [plant], and these margins are of "
+        f"rigid legs: on that machine the loop {says}; set platform.parameters.leg_stiffness to design with it",
     )
 
 

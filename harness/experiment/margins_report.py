@@ -91,6 +91,8 @@ class Analysed(Protocol):
     def complementary_peak(self) -> float: ...
     @property
     def transfer(self) -> StateSpace: ...
+    @property
+    def warnings(self) -> tuple[str, ...]: ...
 
 
 def decibels(factor: float) -> float:
@@ -113,7 +115,7 @@ def margins_report(found: Analysed, step: tuple[np.ndarray, np.ndarray] | None =
         lead=f"sampled every {about(_DELAY, found.sample_time, 4)}, delay of {counted(found.delay, 'sample')}{lag}",
         settings=settings_of(found.changed),
         numbers=_numbers(found),
-        notes=(Note(_LINEAR),),
+        notes=(*(Note(text, "warning") for text in found.warnings), Note(_LINEAR)),
     )
 
 

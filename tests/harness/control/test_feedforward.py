@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+import gough_stewart as gs
 from gough_stewart.harness.control.feedforward import feedforward
+from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model import energy
 from gough_stewart.model.formulations import newton_euler
@@ -54,3 +56,21 @@ def test_computed_torque_makes_the_motion(motion: Motion) -> None:
     )
     assert solved.linear == pytest.approx(motion.acceleration, abs=1e-9)
     assert solved.angular == pytest.approx(motion.angular_acceleration, abs=1e-9)
+
+
+def test_feedforward_for_legs_that_stick_is_coulomb_friction_along_the_reference_at_most() -> None:
+    """Expected: the forces of smooth friction, F_c tanh(L'/v) along its velocity; static friction adds none."""
+    moving = {"controller.feedforward": "computed_torque", "loop.duration": 0.2}
+    friction = {"platform.parameters.leg_coulomb_friction": 80.0}
+    sticks = {
+        "platform.parameters.leg_friction_model": "elasto_plastic",
+        "platform.parameters.leg_static_friction": 150.0,
+    }
+    forces = [
+        prepare(gs.load_experiment("pitch_sine", {**moving, **each})).loop.feedforward
+        for each in ({"platform.parameters.leg_coulomb_friction": 0.0}, friction, {**friction, **sticks})
+    ]
+    np.testing.assert_array_equal(forces[2], forces[1])
+    share = np.abs(forces[2] - forces[0]).max(axis=1)
+    assert share.max() <= 80.0
+    assert share.max() > 79.0

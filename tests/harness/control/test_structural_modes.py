@@ -112,3 +112,17 @@ def test_encoders_at_the_motors_do_not_see_the_stretch_of_their_legs() -> None:
     assert at_motor.disk.alpha > 1.2 * at_leg.disk.alpha
     rigid = [gs.margins("heave_step", {"sensors.side": side}).disk.alpha for side in ("leg", "motor")]
     assert rigid[0] == rigid[1]
+
+
+def test_margins_tell_legs_that_only_the_machine_has() -> None:
+    """Expected: one warning, with the margin that a design with these legs has; none where the design knows."""
+    (told,) = gs.margins("heave_step", {"plant.parameters.leg_stiffness": 2e7}).warnings
+    known = gs.margins(
+        "heave_step", {"platform.parameters.leg_stiffness": 2e7, "platform.parameters.leg_coulomb_friction": 0}
+    )
+    assert "leg_stiffness = 2e+07 N/m in [plant]" in told
+    assert f"has a disk margin of {known.disk.alpha:.3g}" in told
+    assert known.warnings == () == gs.margins("heave_step").warnings
+    soft = gs.margins("heave_step", {"plant.parameters.leg_stiffness": 5e6})
+    assert "the loop is unstable" in soft.warnings[0]
+    assert [note.text for note in soft.report(charts=False).notes if note.kind == "warning"] == [*soft.warnings]
