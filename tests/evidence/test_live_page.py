@@ -20,6 +20,12 @@ EVERYTHING = {
     **{"actuators.lag": "3 ms", "actuators.force_limit": 20000, "actuators.rate_limit": 4e6},
 }
 STATE = "GoughStewart.engine.ask('state', 'state')"
+# The time of the first row that the page has [ms].
+MOVED = """const look = () => {
+    if (typeof GoughStewart !== "undefined" && GoughStewart.live?.last) window.moved = performance.now();
+    else setTimeout(look, 5);
+};
+look();"""
 RANDOM = """seed => {
     const random = () => { seed = (seed * 16807) % 2147483647; return seed / 2147483647; };
     const sliders = [...document.querySelectorAll("main input[type=range]")];
@@ -90,10 +96,7 @@ def test_it_moves_soon_after_it_is_opened(browser: Browser, heave: Watched) -> N
     times = []
     for _ in range(5):
         page = browser.new_page(viewport={"width": 1440, "height": 900})
-        page.add_init_script(
-            "window.begun = performance.now(); const look = () => { if (globalThis.GoughStewart?.live?.last) "
-            "window.moved = performance.now(); else setTimeout(look, 5); }; look();"
-        )
+        page.add_init_script(MOVED)
         page.goto(heave.page.url.split("#")[0])
         until(page, "window.moved !== undefined")
         times.append(page.evaluate("window.moved") / 1000)

@@ -1,8 +1,9 @@
 "use strict";
 // Runs the machine's C in a worker: it only moves time and values.
-let c, at, given, start, view, timer = null;
+// `timer` is null if no tick is to come, and 0 if its message is under way.
+let c, at, given, start, timer = null;
 let turned = false, analysis = null;
-let playing = false, speed = 1, row = 0, ended = false, origin = 0, from = 0, lost = 0, posted = 0;
+let playing = false, speed = 1, row = 0, ended = false, origin = 0, from = 0, lost = 0;
 const writes = new Map(), limited = new Float64Array(6);
 // What a hand adds to the experiment's own loads and faults, and what these are by themselves: from the begin, then from
 // each of the experiment's changes on.
@@ -12,8 +13,7 @@ const LOADS = {
   faults: { table: "change_faults", parts: ["cut", "frozen"], sum: Math.max },
 };
 for (const load of Object.values(LOADS)) load.added = new Map();
-// what a hand has cut or frozen, and from which row on: places in `cut` and `frozen`, and whether
-const failed = new Map();
+// What a hand has cut and frozen, and given back: places in `cut` and `frozen`, and the row.
 let faults = [];
 // the step that is watched: axis, pose before, size, row, and what its response has been so far
 let step = null;
@@ -46,16 +46,16 @@ const begin = () => {
     for (const [k, by] of load.added) put(load, k, by);
   }
   if (turned) c.machine_turn(at);
-  faults = [...failed.values()].filter((each) => each.on).map((each) => ({ ...each, row: 0 }));
+  faults = [...LOADS.faults.added].filter(([, on]) => on).map(([place]) => ({ place, on: true, row: 0 }));
   step = null;
   hold();
 };
 // An element of a load, now and at all changes.
 const put = (load, k, by) => {
-  const { own, later, size, parts, sum } = load, past = later ? given.changes.filter((at) => at < row).length : 0;
+  const { own, later, size, parts, sum } = load, past = later ? given.changes.filter((change) => change < row).length : 0;
   if (!own.length) return;
-  const first = given.sizes[parts[0]], [part, at] = k < first ? [parts[0], k] : [parts[1], k - first];
-  numbers(part, at + 1)[at] = sum(past ? later[(past - 1) * size + k] : own[k], by);
+  const first = given.sizes[parts[0]], [part, i] = k < first ? [parts[0], k] : [parts[1], k - first];
+  numbers(part, i + 1)[i] = sum(past ? later[(past - 1) * size + k] : own[k], by);
   const table = later && numbers(load.table, later.length);
   for (let j = 0; j < given.changes.length && table; j++) table[j * size + k] = sum(later[j * size + k], by);
 };
@@ -111,7 +111,6 @@ const advance = (to, points, every) => {
 };
 
 const tell = (points) => {
-  posted = clock();
   const values = new Float64Array(points);
   postMessage({
     type: "rows", points: values, size: SIZE, time: row * given.plantStep, limited: [...limited], lost, cut: place("cut") ? [...numbers("cut", 6)] : [],
@@ -134,25 +133,31 @@ const tick = () => {
   while (row < to && !ended && clock() - begun < BUDGET) advance(Math.min(to, row + given.kept), points, every);
   if (points.length) tell(points);
   else if (ended) tell([]);
-  if (!ended) again();
+  again();
 };
 const channel = new MessageChannel();
 channel.port1.onmessage = tick;
 const again = () => {
-  if (!Number.isFinite(speed)) channel.port2.postMessage(0);
-  else timer = setTimeout(tick, 6);
+  if (timer !== null || !playing || ended) return;
+  if (Number.isFinite(speed)) timer = setTimeout(tick, 6);
+  else {
+    timer = 0;
+    channel.port2.postMessage(0);
+  }
 };
-const go = () => {
-  hold();
-  if (timer === null && playing && !ended) again();
+// A message cannot be taken back: its tick comes, and goes on as is then wanted.
+const stop = () => {
+  if (!timer) return;
+  clearTimeout(timer);
+  timer = null;
 };
 
 // Poles and margins of the loop as it is, once nothing has been turned for a moment.
 const analyse = (after) => {
   clearTimeout(analysis);
   analysis = setTimeout(() => {
-    const begun = clock(), none = given.turn.margins ? Number(c.machine_margins(at)) : 1;
-    if (!none) postMessage({ type: "margins", values: numbers("turn_results", given.turn.poles + 4 * given.turn.most).slice(), took: clock() - begun });
+    if (!given.turn.margins || Number(c.machine_margins(at))) return;
+    postMessage({ type: "margins", values: numbers("turn_results", given.turn.poles + 4 * given.turn.most).slice() });
   }, after);
 };
 
@@ -173,17 +178,16 @@ const answers = {
     analyse(300);
   },
   run: (message) => {
-    clearTimeout(timer);
-    timer = null;
+    stop();
     playing = message.playing;
     speed = message.speed ?? Infinity;
-    if (playing) go();
+    hold();
+    again();
   },
   again: () => {
-    clearTimeout(timer);
-    timer = null;
+    stop();
     begin();
-    if (playing) again();
+    again();
   },
   // numbers of a field, kept when it begins again
   write: ({ name, from: first, values, keeps }) => {
@@ -203,9 +207,7 @@ const answers = {
   // legs without force and sensors that stay, with the row at which a hand did it
   fail: ({ places, on }) => {
     for (const k of places) {
-      const each = { place: k, on, row };
-      failed.set(k, each);
-      faults.push(each);
+      faults.push({ place: k, on, row });
       LOADS.faults.added.set(k, on ? 1 : 0);
       put(LOADS.faults, k, on ? 1 : 0);
     }
