@@ -2,6 +2,7 @@
 
 import gc
 import io
+import re
 import sys
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -27,6 +28,8 @@ from gough_stewart.harness.cli.tune import tune_command
 from gough_stewart.harness.cli.view import view_command
 from gough_stewart.harness.cli.workspace import workspace_command
 
+# Wrong usage of any kind; Typer carries a click of its own in some versions.
+_WrongUse: type[Exception] = typer.BadParameter.__mro__[1]
 # Parts of Typer's messages on wrong values, and their plain replacements.
 _PLAIN = {
     "Value error, ": "",
@@ -51,6 +54,18 @@ class PlainCommand(TyperCommand):
             for pedantic, plain in _PLAIN.items():
                 error.message = error.message.replace(pedantic, plain)
             raise
+        except _WrongUse as error:
+            said = getattr(error, "message", "")
+            error.message = said + self._platform_option(said)  # type: ignore[attr-defined]
+            raise
+
+    def _platform_option(self, message: str) -> str:
+        """How a platform is given to a command that takes none as a plain argument, as in `workspace motion_base`."""
+        extra = re.fullmatch(r"Got unexpected extra argument(?:\(s\))? \((\S+)\)", message)
+        if extra is None or not any(each.name == "preset" for each in self.params):
+            return ""
+        option = "--platform" if extra[1].endswith(".toml") else "--preset"
+        return f"; a platform is given as `{option} {extra[1]}`"
 
 
 class PlainGroup(TyperGroup):

@@ -92,7 +92,7 @@ def build_command(
         command.written.append(out)
         names = [str(file.relative_to(out)) for file in files]
         report = _report(chosen.name, versions, targets, names, checks)
-        report = showing.present(command, report, out, names, keeps_data=False, exits=False)
+        report = showing.present(command, report, out, names, keeps_data=showing.page or out != Path(), exits=False)
         if not all(each.passed for each in checks or ()):
             raise typer.Exit(ExitCode.MISSED)
         showing.exit(report)
@@ -149,5 +149,5 @@ def _report(
     known = [each.deviation for each in checks if each.deviation is not None]
     worst = max(known, default=None)
     numbers.append(Number("checks.deviation", "largest deviation from reference results", worst, NUMBER))
-    verdict = Verdict(sentence([fmi, signals, outcome]), "bad" if failed else "good")
+    verdict = Verdict(sentence([fmi, signals, outcome]), "bad" if failed else "good", tuple(numbers[1:]))
     return Report(f"FMU of {platform}", verdict, (Section("Checks", (table,)),), study="build", numbers=tuple(numbers))

@@ -185,7 +185,9 @@ def export_command(
             export_report(chosen.title, chosen_as, verdicts, said, names, loops), settings=settings_of(chosen.changed)
         )
         requirements = showing.requirements(chosen.requirements, report.numbers)
-        showing.present(command, report, out, names, requirements=requirements, keeps_data=False)
+        showing.present(
+            command, report, out, names, requirements=requirements, keeps_data=showing.page or out != Path()
+        )
 
 
 def _frozen(text: str) -> tuple[int, float]:

@@ -129,7 +129,7 @@ class Showing:
         figures
             Names of the figures that the command can draw: those of an older result do not stay beside a new one.
         keeps_data
-            Write report.json; a folder of files for other tools, often the current one, is left without it.
+            Write report.json; the current folder is left without it, unless a page is asked for.
         exits
             End with the exit code of the requirements; otherwise the command has one of its own.
 

@@ -67,7 +67,7 @@ def _is_report(place: Path) -> bool:
 def _view_report(command: Command, place: Path, out: Path, *, open_it: bool) -> None:
     """Write the page of a report, or show the page that its command has written."""
     data = place if place.name == DATA else place / DATA
-    if not data.is_file() or _has_other_data(data):
+    if not data.is_file():
         command.close([PAGE], place, open_it=open_it)
         return
     with progress_bar() as progress:
@@ -95,14 +95,3 @@ def _with_members(report: "Report", folder: Path) -> "Report":
 
     samples = read_ensemble(folder).samples
     return report if samples is None else with_samples(report, samples)
-
-
-def _has_other_data(data: Path) -> bool:
-    """Whether a file of this name is not a report, and a page is beside it, as `reproduce` writes them."""
-    import json
-
-    try:
-        found = json.loads(data.read_bytes())
-    except ValueError:
-        return False
-    return isinstance(found, dict) and "verdict" not in found and data.with_name(PAGE).is_file()

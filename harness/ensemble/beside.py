@@ -40,7 +40,7 @@ def beside_nominal(nominal: Record, worst: Record, member: int, page: str = "", 
     Parameters
     ----------
     page, own
-        Addresses of a page of both, and of the member alone; "" for none.
+        Addresses of a page of both, and of the member alone, which stands in for it; "" for none.
     """
     charts: list[Chart] = []
     for title, name, quantity, kind in _SIGNALS:
@@ -91,12 +91,10 @@ def _table(nominal: Record, worst: Record, member: int, page: str, own: str) -> 
         (name, outcome_text(each["outcome"]), *(_value(path, values.get(path)) for path in shown))
         for name, each, values in zip(("nominal machine", f"member {member}"), found, flat, strict=True)
     ]
-    links = ["", own]
-    if page:
-        rows.append(("side by side, in 3-D", "", *("" for _ in shown)))
-        links.append(page)
     columns = (Column("machine"), Column("outcome"), *(Column(metric_of(path).text) for path in shown))
-    return Table("", columns, tuple(rows), links=tuple(links) if any(links) else ())
+    links = ("", page or own) if page or own else ()
+    note = f"On the page, member {member} leads to both machines in 3-D." if page else ""
+    return Table("", columns, tuple(rows), links=links, note=note)
 
 
 def _value(path: str, value: float | None) -> Value:

@@ -32,9 +32,10 @@ from gough_stewart.harness.report.document import (
     Verdict,
 )
 from gough_stewart.harness.report.quantities import SHARE
-from gough_stewart.harness.report.words import percent
+from gough_stewart.harness.report.words import counted as count
+from gough_stewart.harness.report.words import percent, sentence
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of
-from gough_stewart.harness.view.comparison import differing
+from gough_stewart.harness.view.comparison import differ_in, differing
 from gough_stewart.model.process.files import write_files
 from gough_stewart.model.vectors import FloatArray
 
@@ -95,7 +96,7 @@ def comparison_tables(found: Comparison, names: Sequence[str]) -> list[Table]:
     """Numbers of completed members, then the differences of these metrics with their confidence."""
     a, b = found.names
     ended = Table(
-        f"{found.a.members.height:,} members; A is {a}, B is {b}",
+        f"{found.a.members.height:,} members{_named(a, b)}",
         (Column(""), Column("completed in B"), Column("not")),
         (("completed in A", found.both_completed, found.only_a), ("not", found.only_b, found.neither)),
     )
@@ -194,7 +195,8 @@ def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
     (first, second), gaps, by = found.names, difference(found), worst_by(found.a)
     known = sensitivity_if_known(gaps, by)
     sections = [Section("Differences", tuple(comparison_tables(found, usual_metrics(found.a.members))))]
-    named = f"{second} − {first}"
+    named, members = f"{second} − {first}", count(found.a.members.height, "member")
+    settings = differing({"experiment": each.metadata.get("experiment")} for each in (found.a, found.b))
     if charts:
         for each in ensemble_charts(gaps, by, known):
             parts = (replace(p, title=f"{p.title}: {named}") for p in each.parts if isinstance(p, Chart))
@@ -206,15 +208,20 @@ def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
         _verdict(found, by),
         tuple(sections),
         study="ensemble --compare",
-        settings=differing({"experiment": each.metadata.get("experiment")} for each in (found.a, found.b)),
+        settings=settings,
         runs=found.names,
-        lead=f"A is {first}, B is {second}; the same {found.a.members.height:,} members in both",
+        lead=". ".join(filter(None, (f"The same {members} in both{_named(first, second)}", differ_in(settings)))),
         numbers=(
             *ensemble_numbers(found.b),
             *(replace(each, path=f"first.{each.path}") for each in ensemble_numbers(found.a)),
             *(replace(each, path=f"difference.{each.path}") for each in ensemble_numbers(gaps)),
         ),
     )
+
+
+def _named(first: str, second: str) -> str:
+    """What A and B are, if they have names of their own."""
+    return "" if (first, second) == ("A", "B") else f"; A is {first}, B is {second}"
 
 
 def _verdict(found: Comparison, by: str) -> Verdict:
@@ -225,9 +232,11 @@ def _verdict(found: Comparison, by: str) -> Verdict:
     signed = replace(metric.quantity, digits=3)
     ends = f"{signed.text(row['median_low'], unit=False)} to {signed.text(row['median_high'])}"
     change = f"median of {second} − {first}"
+    side = "less" if row["median"] < 0 else "more"
+    gap = f"{metric.text}: {signed.text(abs(row['median']))} {side} in {second} than in {first}"
+    sure = f"median of the differences of {row['pairs']:,} members; 95 % confidence: {ends}"
     return Verdict(
-        f"{second} changes the {metric.text} by {signed.text(row['median'])} (median of {row['pairs']:,} members; "
-        f"95 % confidence: {ends}); it is less in {percent(row['less_b'])} of them",
+        sentence([f"{gap} ({sure})", f"less in {second} for {percent(row['less_b'])} of the members"]),
         "told",
         (
             Number("", f"{metric.text}, mean of {first}", row["mean_a"], metric.quantity),

@@ -67,6 +67,8 @@ SHARE_TOLD = 0.95
 _WORST_BY = ("tracking.position.norm_peak", "force.peak")
 _MOST_CAUSES = 8
 _MOST_INPUTS, _MOST_BARS, _BINS = 8, 15, 40
+# Inputs that a table of members has as columns, and that have a chart at first.
+_MOST_COLUMNS, _MOST_FIRST = 5, 4
 _THREE = Quantity("", "", digits=3)
 
 
@@ -106,7 +108,9 @@ def ensemble_report(
     if known is not None:
         tables.append(sensitivity_table(known))
     if worst:
-        tables.append(worst_table(found, list(worst), by, worst if isinstance(worst, Mapping) else {}))
+        inputs = found.varied if known is None else [known.inputs[k] for k in known.order]
+        pages = worst if isinstance(worst, Mapping) else {}
+        tables.append(worst_table(found, list(worst), by, pages, [name for name in inputs if name in found.varied]))
     sections = [Section("Members", tuple(tables))]
     if charts:
         sections += ensemble_charts(found, by, known)
@@ -302,10 +306,16 @@ def sensitivity_table(known: Sensitivity, most: int = _MOST_INPUTS) -> Table:
     return Table(title, columns, tuple(rows), first_shown=most, note=f"{known.remark[:1].upper()}{known.remark[1:]}.")
 
 
-def worst_table(found: EnsembleData, worst: Sequence[int], by: str, pages: Mapping[int, str] | None = None) -> Table:
-    """These members with their outcome, the metric, and what was drawn for them."""
-    metric = metric_of(by)
-    inputs = found.varied[:_MOST_INPUTS]
+def worst_table(
+    found: EnsembleData,
+    worst: Sequence[int],
+    by: str,
+    pages: Mapping[int, str] | None = None,
+    inputs: Sequence[str] | None = None,
+) -> Table:
+    """These members with their outcome, the metric, and what was drawn for the first of the inputs."""
+    metric, every = metric_of(by), found.varied if inputs is None else inputs
+    inputs = every[:_MOST_COLUMNS]
     columns = (Column("member"), Column("outcome"), Column(metric.text, metric.quantity), *map(_input_column, inputs))
     merit = found.values(by)
     rows: list[tuple[Cell, ...]] = []
@@ -322,6 +332,7 @@ def worst_table(found: EnsembleData, worst: Sequence[int], by: str, pages: Mappi
         sortable=True,
         detail=True,
         links=links if pages else (),
+        note=f"{len(every) - len(inputs)} more inputs are in `members.parquet`." if len(every) > len(inputs) else "",
     )
 
 
@@ -359,7 +370,8 @@ def ensemble_charts(found: EnsembleData, by: str, known: Sensitivity | None) -> 
     inputs = [known.inputs[k] for k in known.order] if known is not None else list(found.varied)
     there = [name for name in inputs if name in found.varied and len(finite(found.values(name)))][:_MOST_BARS]
     if there:
-        sections.append(Section("Dependence", tuple(_dependence(found, by, name) for name in there)))
+        charts = [replace(_dependence(found, by, name), detail=k >= _MOST_FIRST) for k, name in enumerate(there)]
+        sections.append(Section("Dependence", tuple(charts)))
     if known is not None:
         sections.append(Section("Sensitivity", (_bars(known),)))
     return sections
@@ -403,7 +415,8 @@ def _band(found: EnsembleData, name: str) -> Chart:
         Series("median", quantity, values["q50"], "median"),
     )
     some = f" Quantiles are of the first {MOST_MEMBERS:,} members." if found.members.height > MOST_MEMBERS else ""
-    note = f"Of the members still running.{some}"
+    # of others, each time has fewer members than the first
+    note = f"{'Of the members still running.' if _ends_early(found.members) else ''}{some}".strip()
     axis = Axis(shown.text, quantity)
     time = time_axis(part["time"].to_numpy())
     return Chart(
@@ -415,6 +428,11 @@ def _band(found: EnsembleData, name: str) -> Chart:
         group="bands",
         samples=_samples(found.samples, name, found.members.height),
     )
+
+
+def _ends_early(members: polars.DataFrame) -> bool:
+    """Whether some members end before others."""
+    return bool(left_out(members)) or members[ENDED].n_unique() > 1
 
 
 def _samples(frame: polars.DataFrame | None, name: str, of: int) -> Samples | None:

@@ -60,7 +60,7 @@ class Sensitivity:
             if self.method == "sobol":
                 why += ", or at a point of the design with such a member"
             parts.append(f"left out: {self.left_out} {why}")
-        parts.append("whiskers are 95 % confidence")
+        parts.append("± and whiskers are 95 % confidence")
         if self.without:
             parts.append(f"not numbers, or the same for all of these members: {', '.join(self.without)}")
         if self.r2 is not None and self.r2 < _SMALLEST_R2:

@@ -72,9 +72,8 @@ def loop_is_known(found: Response) -> NDArray[np.bool_]:
 
 def frf_report(found: Measured, *, charts: bool = True) -> Report:
     """The report of a frequency response."""
-    sections = [Section("Response", (_table(found),))]
-    if charts:
-        sections.append(Section("Bode plot", _charts(found)))
+    sections = [Section("Bode plot", _charts(found))] if charts else []
+    sections.append(Section("Values", (_table(found),)))
     f = found.frequency
     return Report(
         f"{found.title}: {found.channel}",
@@ -216,7 +215,7 @@ def _charts(found: Measured) -> tuple[Chart, ...]:
             sizes[name].append(Series("linear model", _GAIN, np.abs(values), "nominal"))
     one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
     unknown = "" if known.all() else "L is left out where its 95 % confidence includes 0."
-    half_turn = Mark(-math.pi, "-180°", role="neutral", tells=False)
+    half_turn = Mark(-math.pi, "−180°", role="neutral", tells=False)
     coherence = Series("coherence of S and T", _COHERENCE, seen.coherence, "measured")
     return (
         Chart("gain of L", x, tuple(gain), y=Axis("gain of L", _GAIN, scale="log"), marks=one, note=unknown,

@@ -265,7 +265,7 @@ def _responses(found: Analysed) -> tuple[Chart, ...]:
     return (
         Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=one, spans=gain_margins, group="bode"),
         Chart(f"phase of L, {alone}", frequency, phase, y=Axis("phase of L", ANGLE), group="bode",
-              spans=phase_margins, marks=(Mark(-math.pi, "-180°", role="neutral", tells=False),)),
+              spans=phase_margins, marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
         Chart("singular values of S and T, all legs closed", frequency, sigma, marks=(*one, *of_disk),
               y=Axis("singular value", _GAIN, scale="log"), group="bode"),
     )  # fmt: skip

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 from gough_stewart.harness.export.stability import Host, LoopStability, StabilityReport
 from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Status, Table, Verdict
-from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL
+from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL, NUMBER
 from gough_stewart.harness.report.words import listed, sentence
 
 _NAMES: Mapping[str, str] = {"c": "C", "fmu": "FMU", "clocked": "clocked FMU", "ssp": "SSP", "page": "live page"}
@@ -46,18 +47,30 @@ def export_report(
         least = verdicts[0].removeprefix("stable ")
         number = "both" if len(verdicts) == 2 else f"all {len(verdicts)}"
         judged = f"stable in {number} loops that it is made for; least robust: {least}"
-    table = Table(
-        "Loops of the forms, the least robust first", (Column("judged"),), tuple((text,) for text in verdicts)
-    )
+    numbers = _numbers(loops)
     status: Status = "bad" if unstable else "good" if verdicts else "told"
     return Report(
         title,
-        Verdict(sentence([f"written as {names}", judged]), status),
-        (Section("Stability", (table,)),) if verdicts else (),
+        Verdict(sentence([f"written as {names}", judged]), status, tuple(numbers[:2])),
+        (Section("Stability", (_judged(loops),)),) if loops else (),
         study="export",
-        numbers=(Number("files", "files written", float(len(files)), COUNT), *_numbers(loops)),
+        numbers=(Number("files", "files written", float(len(files)), COUNT), *numbers),
         notes=tuple(Note(text, "warning") for text in warnings),
     )
+
+
+def _judged(loops: Sequence[LoopStability]) -> Table:
+    """A row for each loop: its delay, the case that is nearest to instability, its disk margin."""
+    columns = (
+        *(Column("loop"), Column("outcome"), Column("delay in samples", COUNT)),
+        *(Column("largest |z|", replace(NUMBER, digits=5)), Column("of"), Column("disk margin", NUMBER)),
+    )
+    rows = tuple(
+        (loop.surroundings.where, "stable" if loop.is_stable else "UNSTABLE", worst.delay, worst.size, worst.what, disk)
+        for loop in loops
+        for worst, disk in ((loop.worst_of_all, robustness_of(loop)),)
+    )
+    return Table("Loops of the forms, the least robust first", columns, rows)
 
 
 def _numbers(loops: Sequence[LoopStability]) -> list[Number]:

@@ -40,7 +40,7 @@ def estimate_report(found: Estimate, platform: str, more: Sequence[Table] = (), 
         drawn = [_parameters(found), _correlation(found), *_fit(found)]
         sections.append(Section("Fit", tuple(chart for chart in drawn if chart is not None)))
     notes = [Note(text) for text in found.notes]
-    notes += [Note(text, "warning") for text in found.alarms]
+    notes += [Note(_brief(text), "warning") for text in found.alarms]
     return Report(
         f"Parameters of {platform}",
         estimate_verdict(found),

@@ -1,10 +1,12 @@
-"""Columns of a table in the terminal: their widths, and tables one above the other if they do not fit."""
+"""Columns of a table: which are right-aligned; in the terminal their widths, and tables one above the other."""
 
 import re
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from rich.cells import cell_len
+
+from gough_stewart.harness.report.document import Cell, Value
 
 _NUMBER = re.compile(r"[-+±×<(\s]*\d")
 # Least widths of names and of long texts, which wrap; a word longer than the second is broken.
@@ -30,10 +32,13 @@ def is_prose(cells: Sequence[str]) -> bool:
     return any(cell_len(cell) > _NAME and " " in cell for cell in cells)
 
 
-def is_number(cells: Sequence[str]) -> bool:
-    """Whether a column is right-aligned: it has numbers or vectors, and no sentences."""
-    numbers = [_NUMBER.match(cell) is not None for cell in cells]
-    return any(numbers) and (all(numbers) or not is_prose(cells))
+def is_at_right(cells: Sequence[Cell], texts: Sequence[str]) -> bool:
+    """Whether a column is right-aligned: its cells are numbers or blank, or its texts numbers and no sentences."""
+    numbers = [isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in cells]
+    if any(numbers) and all(is_one or cell in (None, "") for is_one, cell in zip(numbers, cells, strict=True)):
+        return True
+    numbers = [_NUMBER.match(text) is not None for text in texts]
+    return any(numbers) and (all(numbers) or not is_prose(texts))
 
 
 def stacked_columns(columns: Sequence[Sequence[str]], width: int) -> list[list[Column]]:

@@ -4,6 +4,8 @@ import html
 import re
 from functools import cache
 
+from gough_stewart.harness.report.words import with_minus
+
 # docs/notation.md lists the same words.
 GLOSSARY: dict[str, str] = {
     "actuator force": "The force of a leg's actuator along the leg; positive extends the leg.",
@@ -79,7 +81,7 @@ def _by_word() -> dict[str, str]:
 
 def with_terms(text: str) -> str:
     """A text as HTML, with the first of each word of the glossary marked for the page's explanations."""
-    found, at, seen = [], 0, set()
+    text, found, at, seen = with_minus(text), [], 0, set()
     for match in _words().finditer(text):
         word = match[1].casefold()
         if word in seen:

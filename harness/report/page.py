@@ -24,7 +24,7 @@ from gough_stewart.harness.report.glossary import explained, with_terms
 from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, three_licence
 from gough_stewart.harness.report.offline import asset, document
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays
-from gough_stewart.harness.report.page_data import chart_data, member_data, scene_data, surface_data
+from gough_stewart.harness.report.page_data import chart_data, is_over_time, member_data, scene_data, surface_data
 from gough_stewart.harness.report.page_tables import table_html
 from gough_stewart.harness.report.palette import (
     DASHES,
@@ -38,9 +38,9 @@ from gough_stewart.harness.report.palette import (
     colour_of,
     colour_of_six,
 )
-from gough_stewart.harness.report.quantities import TIME
 from gough_stewart.harness.report.requirements import OUTCOMES
 from gough_stewart.harness.report.surface import Surface
+from gough_stewart.harness.report.words import with_minus
 
 PAGE = "report.html"
 _SCENE_SCRIPTS = (
@@ -86,10 +86,11 @@ def page_of(report: Report) -> bytes:
     Series of more than `packing.MOST_ROWS` rows are kept as blocks with their smallest and largest value, and the page
     says so.
     """
-    arrays = Arrays()
-    charts = [part for part in report.parts() if isinstance(part, Chart)]
+    arrays, charts = Arrays(), report.charts
     scenes = [part for part in report.parts() if isinstance(part, Scene)]
     surfaces = [part for part in report.parts() if isinstance(part, Surface)]
+    # a single chart over time among others needs no controls of time
+    has_time = bool(scenes) or sum(map(is_over_time, charts)) > 1 or bool(charts and is_over_time(charts[0]))
     data = {
         "title": report.title,
         "changed": report.changed,
@@ -98,7 +99,7 @@ def page_of(report: Report) -> bytes:
         "dashes": {role: DASHES.get(role, ()) for role in ROLES},
         "sixDashes": SIX_DASHES,
         "nearness": NEARNESS,
-        "charts": [chart_data(chart, arrays) for chart in charts],
+        "charts": [chart_data(chart, arrays, has_time=has_time) for chart in charts],
         "scenes": [scene_data(scene, arrays) for scene in scenes],
         "surfaces": [surface_data(surface, arrays) for surface in surfaces],
         "members": member_data(report, arrays),
@@ -112,7 +113,7 @@ def page_of(report: Report) -> bytes:
             _head(report),
             '<main id="main">',
             _first(report, body, scenes, surfaces, first),
-            _bar(charts, scenes),
+            asset("bar.html") if has_time else "",
             _settings(report),
             _MARKED if data["members"] else "",
             *(body.section(section) for section in report.sections),
@@ -172,7 +173,11 @@ def _first(
         f'<p class="verdict {verdict.status}">{said}</p>',
         f'<dl class="numbers">{numbers}</dl>' if numbers else "",
         _requirements(report.requirements),
-        *map(_note, report.notes),
+        *(
+            _note(note)
+            for note in report.notes
+            if note.text.casefold() not in verdict.text.casefold() or note.kind == "note"
+        ),
     ]
     if scenes:
         parts.append(
@@ -198,9 +203,9 @@ def _number(number: Number) -> str:
     if number.margin is not None:
         told.append(margin_text(number.quantity, number.margin))
     state = ' class="missed"' if number.margin is not None and number.margin < 0 else ""
-    small = f"<small>{html.escape('; '.join(told))}</small>" if told else ""
+    small = f"<small>{html.escape(with_minus('; '.join(told)))}</small>" if told else ""
     unit = f' <span class="unit">{html.escape(number.quantity.unit)}</span>' if number.quantity.unit else ""
-    value = html.escape(number.quantity.text(number.value, unit=False))
+    value = html.escape(with_minus(number.quantity.text(number.value, unit=False)))
     name = explained(number.name, number.explanation)
     return f"<div{state}><dt>{name}</dt><dd><b>{value}</b>{unit}{small}</dd></div>"
 
@@ -297,12 +302,6 @@ class _Body:
                 else ""
             )
         return "".join(found) + ("</div>" if kind else "")
-
-
-def _bar(charts: Sequence[Chart], scenes: Sequence[Scene]) -> str:
-    """The controls of time, where there is time."""
-    has_time = scenes or any(chart.x.quantity == TIME for chart in charts if chart.kind in ("line", "step"))
-    return asset("bar.html") if has_time else ""
 
 
 def _footer(charts: Sequence[Chart], scene: bool) -> str:

@@ -1,5 +1,6 @@
 """Charts and scenes of a report as data for the scripts of its page."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -19,13 +20,18 @@ _LONGEST = 28
 _SAMPLE_STEPS = 1000.0
 
 
-def chart_data(chart: Chart, arrays: Arrays) -> dict[str, Any]:
+def is_over_time(chart: Chart) -> bool:
+    """Whether its curves are over time."""
+    return chart.kind in ("line", "step") and chart.x.quantity == TIME
+
+
+def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[str, Any]:
+    """A chart as data; it shares the time of the page if that `has_time`."""
     quantity = chart.series[0].quantity
-    is_time = chart.kind in ("line", "step") and chart.x.quantity == TIME
     found: dict[str, Any] = {
         "title": chart.title,
         "kind": chart.kind,
-        "isTime": is_time,
+        "isTime": has_time and is_over_time(chart),
         "x": _axis(chart.x, arrays),
         "y": {**_shown(quantity, chart), "title": _y_title(chart), "scale": chart.y.scale if chart.y else "linear"},
         "series": [_series(each, chart, arrays) for each in chart.series],
@@ -80,7 +86,8 @@ def _y_title(chart: Chart) -> str:
     if chart.y is not None or quantity.name:
         return chart.y_title
     # the title above the chart says the rest
-    return quantity.headed(chart.title if len(chart.title) <= _LONGEST else chart.title.partition(",")[0][:_LONGEST])
+    is_long = len(chart.title) > _LONGEST
+    return quantity.headed(re.split(", | of ", chart.title)[0][:_LONGEST] if is_long else chart.title)
 
 
 def _shown(quantity: Quantity, chart: Chart) -> dict[str, Any]:

@@ -2,14 +2,19 @@
 
 import html
 
-from gough_stewart.harness.report.columns import is_number
+from gough_stewart.harness.report.columns import is_at_right
 from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.glossary import explained, with_terms
+from gough_stewart.harness.report.words import with_minus
 
 
 def table_html(table: Table) -> str:
     """A table; the columns of numbers are at the right, and rows beyond the first ones wait for a button."""
-    at_right = [k > 0 and _is_numeric(table, k) for k in range(len(table.columns))]
+    all_texts = [table.texts(k) for k in range(len(table.rows))]
+    at_right = [
+        k > 0 and is_at_right([row[k] for row in table.rows], [texts[k] for texts in all_texts])
+        for k in range(len(table.columns))
+    ]
     heads = "".join(
         _head_cell(column, table.sortable, right) for column, right in zip(table.columns, at_right, strict=True)
     )
@@ -18,14 +23,15 @@ def table_html(table: Table) -> str:
         classes = ["group-end"] if k in table.group_ends else []
         classes += ["late"] if table.first_shown is not None and k >= table.first_shown else []
         kind = f' class="{" ".join(classes)}"' if classes else ""
-        texts = table.texts(k)
+        texts = all_texts[k]
         first = with_terms(texts[0])
         if table.links and table.links[k]:
             first = f'<a href="{html.escape(table.links[k])}">{html.escape(texts[0])}</a>'
         cells = [f'<th scope="row"{_sorted_by(row[0]) if table.sortable else ""}>{first}</th>']
         for cell, text, right in zip(row[1:], texts[1:], at_right[1:], strict=True):
             value = _sorted_by(cell) if table.sortable else ""
-            cells.append(f"<td{_class('n' if right else '')}{value}>{html.escape(text)}</td>")
+            shown = html.escape(with_minus(text) if right else text)
+            cells.append(f"<td{_class('n' if right else '')}{value}>{shown}</td>")
         kind += f' data-member="{row[0]}"' if table.columns[0].name == "member" else ""
         rows.append(f"<tr{kind}>{''.join(cells)}</tr>")
     late = len(table.rows) - (table.first_shown or len(table.rows))
@@ -42,15 +48,6 @@ def table_html(table: Table) -> str:
 
 def _class(name: str) -> str:
     return f' class="{name}"' if name else ""
-
-
-def _is_numeric(table: Table, column: int) -> bool:
-    if table.columns[column].quantity is not None:
-        return True
-    cells = [row[column] for row in table.rows if row[column] is not None]
-    if cells and all(isinstance(cell, str) for cell in cells):
-        return is_number([str(cell) for cell in cells])
-    return bool(cells) and all(isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in cells)
 
 
 def _head_cell(column: Column, sortable: bool, right: bool) -> str:

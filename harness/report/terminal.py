@@ -13,16 +13,13 @@ from rich.padding import Padding
 from rich.table import Table as Rows
 from rich.text import Text
 
-from gough_stewart.harness.report.columns import is_number as is_number_like
-from gough_stewart.harness.report.columns import stacked_columns
+from gough_stewart.harness.report.columns import is_at_right, stacked_columns
 from gough_stewart.harness.report.document import (
-    Cell,
     Note,
     Number,
     Report,
     Requirement,
     Table,
-    Value,
     margin_text,
 )
 from gough_stewart.harness.report.requirements import OUTCOMES
@@ -151,7 +148,7 @@ class TerminalTable:
             rows = Rows()
             for k, width in part:
                 cells = [row[k] for row in table.rows]
-                is_number = k > 0 and heads[k] != "" and (_is_number(cells) or is_number_like(columns[k][1:]))
+                is_number = k > 0 and heads[k] != "" and is_at_right(cells, columns[k][1:])
                 rows.add_column(Text(heads[k]), justify="right" if is_number else "left", overflow="fold", width=width)
             for number, row in enumerate(texts):
                 rows.add_row(*(row[k] for k, _ in part), end_section=number in table.group_ends)
@@ -166,10 +163,4 @@ def row_texts(table: Table, index: int) -> list[Text]:
     """The cells of a row; a unit that all its numbers share stands beside its first cell."""
     unit = table.shared_unit(index)
     texts = [Text(each) for each in table.texts(index, units=not unit)]
-    return [Text.assemble(texts[0], " ", (unit, "dim")), *texts[1:]] if unit else texts
-
-
-def _is_number(cells: Sequence[Cell]) -> bool:
-    """Whether a column is right-aligned: it has numbers, and at most blanks beside them."""
-    numbers = [isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in cells]
-    return any(numbers) and all(is_one or cell in (None, "") for is_one, cell in zip(numbers, cells, strict=True))
+    return [Text.assemble(texts[0], " ", (f"[{unit}]", "dim")), *texts[1:]] if unit else texts

@@ -1,6 +1,7 @@
 """Numbers in sentences: few digits, bounds rounded to the side on which the sentence holds, lists and counts."""
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -12,6 +13,7 @@ from gough_stewart.harness.report.quantities import LENGTH, Quantity
 # Significant digits of a number in a sentence; tables have more.
 DIGITS = 2
 METRES = Quantity("m", "m")
+_NEGATIVE = re.compile(r"(?<![^\s(±])-(?=\.?\d|∞)")
 
 
 def about(quantity: Quantity, value: float | None, digits: int = DIGITS) -> str:
@@ -70,6 +72,11 @@ def sentence(parts: Iterable[str | None]) -> str:
     """Parts of a verdict with semicolons between them, the first with a capital letter."""
     text = "; ".join(part for part in parts if part)
     return text[:1].upper() + text[1:]
+
+
+def with_minus(text: str) -> str:
+    """A text whose negative numbers have a minus sign instead of a hyphen, as on a page."""
+    return _NEGATIVE.sub("−", text)
 
 
 def number_text(value: float | None, digits: int = 4) -> str:

@@ -96,11 +96,14 @@ def _tracking(record: RecordData, measured: Mapping[str, Any]) -> list[_Part]:
         return _moved(record)
     jumps = [step for step in measured["step_response"] or () if _jumps(record, step)]
     position, orientation = tracking["position"]["norm_peak"], tracking.get("orientation", {}).get("norm_peak")
-    number = Number("tracking.position.norm_peak", "position error, peak", position, LENGTH)
     if jumps:
         # the error is the step itself at first
-        ends = [_final_error(step) for step in jumps]
+        ends = [at_most(_of_axis(step["axis"]), abs(step["final_error"])) for step in jumps]
+        step = max(jumps, key=lambda each: abs(each["final_error"] / (each["to"] - each["from"])))
+        path, quantity = f"step_response.{step['axis']}.final_error", _of_axis(step["axis"])
+        number = Number(path, f"{step['axis']}: error at the end", abs(step["final_error"]), quantity)
         return [_Part(f"ends {' and '.join(ends)} from its reference after the step", number=number)]
+    number = Number("tracking.position.norm_peak", "position error, peak", position, LENGTH)
     text = f"follows within {at_most(LENGTH, position)}"
     # an angle matters by what it moves at the joints
     lever = float(np.linalg.norm(record.metadata["platform"]["platform_points"], axis=1).mean())
@@ -125,10 +128,6 @@ def _jumps(record: RecordData, step: Mapping[str, Any]) -> bool:
     )
     reference = record[f"reference.{signal}"][:, k]
     return bool(np.abs(np.diff(reference)).max(initial=0.0) >= _JUMP * abs(step["to"] - step["from"]))
-
-
-def _final_error(step: Mapping[str, Any]) -> str:
-    return at_most(_of_axis(step["axis"]), abs(step["final_error"]))
 
 
 def _of_axis(axis: str) -> Quantity:

@@ -123,7 +123,8 @@ def tuning_verdict(found: Found) -> Verdict:
         parts.insert(1, "the values before break a condition")
     is_better = not was_allowed or before is None or after.value < before.value
     status: Status = "bad" if broken or not is_better else "marginal" if near or found.search.is_interrupted else "good"
-    return Verdict(sentence(parts), status, _numbers(found)[:2])
+    fixed = 1 + (found.fresh is not None)
+    return Verdict(sentence(parts), status, _numbers(found)[: fixed + len(found.search.axes)])
 
 
 def _text(value: float, unit: str) -> str:
@@ -187,7 +188,7 @@ def _landscape(found: Found) -> list[Chart]:
     values = np.array([each.value for each in tried])
     kept = np.isfinite(values) & np.array([goal.violation(each) == 0 for each in tried])
     seen = np.isfinite(values) & (values <= _most(values[kept]))
-    note = f"{counted(above, 'candidate')} above." if (above := int(np.count_nonzero(~seen))) else ""
+    note = f"{counted(above, 'candidate')} above the chart." if (above := int(np.count_nonzero(~seen))) else ""
     charts = []
     for k, axis in enumerate(found.search.axes):
         series = tuple(

@@ -60,7 +60,7 @@ def comparison_report(records: Sequence[Record], shown: Sequence[Shown], title: 
         _verdict(records, found, names),
         tuple(each for each in sections if each.parts),
         study="compare",
-        lead=_differ_in(differing_settings(records)),
+        lead=differ_in(differing_settings(records)),
         settings=differing_settings(records),
         runs=names,
         notes=tuple(
@@ -71,7 +71,7 @@ def comparison_report(records: Sequence[Record], shown: Sequence[Shown], title: 
     )
 
 
-def _differ_in(settings: Sequence[Setting], most: int = 4) -> str:
+def differ_in(settings: Sequence[Setting], most: int = 4) -> str:
     """The keys in which the runs differ, with their values, but for names; "" if there is none."""
     own = [each for each in settings if each.key not in ("title", "description")]
     values = [", ".join(each.values) for each in own[:most]]

@@ -105,7 +105,7 @@ def _most(workspace: Workspace) -> str | None:
     if not met:
         return None
     first = max(met, key=lambda limit: met[limit])
-    return f"{first.text} keeps it from {percent(met[first])}"
+    return f"{percent(met[first])} of it is out of reach because of {first.text}"
 
 
 def _numbers(workspace: Workspace) -> tuple[Number, ...]:

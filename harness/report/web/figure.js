@@ -31,6 +31,12 @@
     return [middle - (0.5 + AIR) * span, middle + (0.5 + AIR) * span];
   };
 
+  // Powers of ten only where decimals would be long.
+  const plain = (axis, start, end) => {
+    const most = Math.max(Math.abs(start), Math.abs(end));
+    axis.formatter.setv({ use_scientific: most >= 1e6 || most < 1e-6 });
+  };
+
   class Figure {
     constructor(chart, host, data) {
       Object.assign(this, { chart, host, data, parts: [], spans: [], isTime: chart.isTime });
@@ -181,6 +187,10 @@
       }
       this.setY(seen, least);
       figure.x_range.setv({ start: from, end: to });
+      if (chart.x.scale !== "log") {
+        plain(figure.xaxes[0], from, to);
+        if (!chart.x.labels.length) figure.xaxes[0].ticker.setv({ desired_num_ticks: Math.max(3, Math.min(6, Math.floor(width / 60))) });
+      }
       this.turnTexts();
     }
 
@@ -201,9 +211,7 @@
       const room = STRIP * chart.strips.length;
       if (room && !isLog) start -= (end - start) * room / (1 - room);
       figure.y_range.setv(chart.kind === "histogram" ? { start: 0, end } : { start, end });
-      // powers of ten only where decimals would be long
-      const most = Math.max(Math.abs(start), Math.abs(end));
-      if (!isLog) figure.yaxes[0].formatter.setv({ use_scientific: most >= 1e6 || most < 1e-6 });
+      if (!isLog) plain(figure.yaxes[0], start, end);
     }
 
     // The whole range of the abscissa; time is that of the page.
@@ -265,8 +273,17 @@
 
     // Texts of margins are left of the lower end, where a loop that falls leaves room.
     turnTexts() {
-      const { start, end } = this.figure.x_range, room = this.chart.x.scale === "log" ? start ** 0.65 * end ** 0.35 : 0.65 * start + 0.35 * end;
-      for (const { text, x } of this.texts) text.setv(x > room ? { text_align: "right", x_offset: -6 } : { text_align: "left", x_offset: 6 });
+      if (!this.texts.length) return;
+      const { start, end } = this.figure.x_range, along = this.chart.x.scale === "log" ? Math.log : (x) => x;
+      const width = Math.max(this.host.clientWidth - LEFT - RIGHT, 1), pen = document.createElement("canvas").getContext("2d");
+      pen.font = `12px ${FONT}`;
+      for (const { text, span, x } of this.texts) {
+        // a text that fits on neither side ends where the plot does
+        const whole = pen.measureText(span.text).width + 10, share = Math.min(1, width / whole), needs = share * whole;
+        const at = width * (along(x) - along(start)) / (along(end) - along(start));
+        text.text_font_size = `${Math.floor(12 * share)}px`;
+        text.setv(at > 0.35 * width ? { text_align: "right", x_offset: Math.max(-6, needs - at) } : { text_align: "left", x_offset: Math.min(6, width - needs - at) });
+      }
     }
 
     // The chart as drawn on the screen, with sharp pixels.

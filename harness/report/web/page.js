@@ -7,9 +7,11 @@ const GoughStewart = (() => {
   const root = document.documentElement, listeners = [], $ = (id) => document.getElementById(id);
 
   // The theme that the reader chose, or that of the system; paper is always light.
-  const dark = matchMedia("(prefers-color-scheme: dark)"), strong = matchMedia("(prefers-contrast: more)");
+  const dark = matchMedia("(prefers-color-scheme: dark)"), strong = matchMedia("(prefers-contrast: more)"), forced = matchMedia("(forced-colors: active)");
   let printing = false;
-  const chosen = () => $("theme").value || (strong.matches ? "contrast" : dark.matches ? "dark" : "light");
+  // the ground is the system's where colours are forced, so it may be dark
+  const ofSystem = () => (forced.matches && dark.matches ? "dark" : strong.matches || forced.matches ? "contrast" : dark.matches ? "dark" : "light");
+  const chosen = () => $("theme").value || ofSystem();
   const theme = () => {
     const name = printing && chosen() === "dark" ? "light" : chosen(), colours = page.palette[name];
     const line = { light: "#dfe4ea", dark: "#3a4653", contrast: "#000000" }[name];
@@ -21,7 +23,7 @@ const GoughStewart = (() => {
   };
   root.dataset.theme = theme().name;
   $("theme").addEventListener("change", changed);
-  for (const query of [dark, strong]) query.addEventListener("change", changed);
+  for (const query of [dark, strong, forced]) query.addEventListener("change", changed);
 
   return {
     page,

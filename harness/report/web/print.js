@@ -5,7 +5,12 @@
   addEventListener("beforeprint", () => {
     GS.setPrinting(true);
     for (const panel of GS.panels || []) {
-      if (!panel.figure || !panel.host.checkVisibility()) continue;
+      if (!panel.host.checkVisibility()) continue;
+      if (!panel.figure) {
+        panel.paper = GS.element("p", { class: "paper" }, "This chart was not yet drawn: print once more.");
+        panel.plot.after(panel.paper);
+        continue;
+      }
       panel.figure.dress();
       GS.legend(panel);
       GS.legendValues(panel, panel.group.cursor());

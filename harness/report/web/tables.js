@@ -37,6 +37,8 @@
   const phone = matchMedia("screen and (max-width: 640px)");
   const label = (table) => {
     const heads = [...table.tHead?.rows[0].cells ?? []].map((cell) => cell.textContent);
+    // short names leave room for two values in a line
+    table.classList.toggle("short", heads.every((text) => text.length <= 16));
     for (const row of table.tBodies[0].rows) for (const cell of row.cells) cell.dataset.head = heads[cell.cellIndex] || "";
   };
   const fit = (box) => {

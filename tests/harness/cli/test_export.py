@@ -22,11 +22,14 @@ def test_forms_are_written_together(tmp_path: Path) -> None:
         "heave_step_controller.c",
         "heave_step_controller.h",
         "heave_step_controller_fmi2.fmu",
+        "report.json",
     ]
     for form in ("FMU", "C", "SSP"):
         assert f"the {form} is without sensors.quantisation: it " in done.output
     for where in ("in C", "with the FMU", "in the SSP"):
-        assert f"stable {where} with a delay of 1 sample: |z| = 0.99098 (the nominal machine" in done.output
+        row = next(line for line in done.output.splitlines() if line.startswith(f"│ {where} "))
+        cells = [cell.strip() for cell in row.strip("│").split("│")]
+        assert cells == [where, "stable", "1", "0.99098", "the nominal machine in its first pose", "1.161"]
 
 
 def test_the_exported_unit_runs_in_the_place_of_the_controller(tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ def test_a_log_that_contradicts_the_model_is_written_with_an_alarm_and_exit_code
     assert len(found["alarms"]) == 1
     assert found["diagnosis"]["alarm"]
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert '<p class="note warning">' in page
+    assert '<p class="verdict bad">' in page
     assert (tmp_path / "out" / "platform.toml").is_file()
 
 

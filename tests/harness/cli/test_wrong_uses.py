@@ -44,6 +44,24 @@ def test_wrong_usage_is_exit_code_2(arguments: tuple[str, ...], says: str) -> No
     assert done.stderr.count("\n") <= 2
 
 
+@pytest.mark.parametrize(
+    ("arguments", "option"),
+    [
+        (("workspace", "motion_base"), "--preset motion_base"),
+        (("build", "mine.toml"), "--platform mine.toml"),
+        (("reproduce", "liu2000"), "--preset liu2000"),
+        (("margins", "heave_step", "motion_base"), ""),
+    ],
+)
+def test_a_platform_as_plain_argument_is_told_its_option(arguments: tuple[str, ...], option: str) -> None:
+    """Expected: the option that takes it, of commands that have it."""
+    done = invoke(*arguments)
+    assert done.exit_code == ExitCode.USAGE
+    said = " ".join(done.stderr.replace("│", " ").split())
+    assert "Got unexpected extra argument" in said
+    assert (f"; a platform is given as `{option}`" in said) == ("a platform is given" in said) == bool(option)
+
+
 def test_the_documentation_has_the_table_of_exit_codes() -> None:
     """Expected: its rows have the codes and meanings of the one place that declares them; no other page has a table."""
     docs = Path(__file__).parents[3] / "docs"
@@ -66,7 +84,7 @@ def test_an_ensemble_in_which_all_fail_is_exit_code_3(tmp_path: Path) -> None:
         done.stderr,
     )
     assert (tmp_path / "members.parquet").is_file()
-    assert invoke("view", str(tmp_path)).exit_code == 0
+    assert invoke("view", str(tmp_path), "--out", str(tmp_path / "page.html")).exit_code == 0
 
 
 def test_a_search_without_a_candidate_is_exit_code_3(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_all_members_count_in_the_regression_and_what_does_not_is_named() -> Non
     x[20_000:, 2] *= np.sqrt(3 / 2)
     found = sensitivity(ensemble_of(x), PEAK)
     assert (found.used, found.left_out, found.without) == (30_000, 0, ())
-    assert "30000 members; whiskers" in found.remark
+    assert "30000 members; ± and whiskers" in found.remark
     x = normal(30_000)
     found = sensitivity(ensemble_of(x), PEAK)
     slopes = SLOPES / np.linalg.norm(SLOPES)

@@ -116,7 +116,7 @@ def test_the_report_has_the_bars_of_both_kinds_of_sensitivity() -> None:
     assert (
         "Sobol' indices of 1900 members; left out: 19 not completed or without a value, or at a point" in SOBOL.remark
     )
-    assert "R² = 0.40, of 99 members; whiskers" in BETA.remark
+    assert "R² = 0.40, of 99 members; ± and whiskers" in BETA.remark
     assert "far from linear" in BETA.remark
 
 
@@ -239,16 +239,16 @@ def test_all_metrics_are_shown_or_the_usual_ones() -> None:
     )  # fmt: skip
     usual = rows_of(quantile_table(found.members, usual_metrics(found.members)))
     assert [row[0] for row in usual] == [
-        *("position error, RMS mm", "position error, peak mm"),
-        *("orientation error, peak deg", "z: overshoot %", "z: settling time s"),
-        *("peak force N", "peak power W", "work, absolute J"),
-        *("stroke margin mm", "force limited %", "stable", "disk margin"),
+        *("position error, RMS [mm]", "position error, peak [mm]"),
+        *("orientation error, peak [deg]", "z: overshoot [%]", "z: settling time [s]"),
+        *("peak force [N]", "peak power [W]", "work, absolute [J]"),
+        *("stroke margin [mm]", "force limited [%]", "stable", "disk margin"),
     ]
     table = quantile_table(found.members, found.metrics)
     every = rows_of(table)
     assert len(every) == len(found.metrics) == len(found.members.columns) - 4 - 4 - 2
     assert heads_of(table) == ("", "5 %", "25 %", "50 %", "75 %", "95 %", "members")
-    cells = next(row for row in every if row[0] == "z: settling time s")
+    cells = next(row for row in every if row[0] == "z: settling time [s]")
     values = found.members["step_response.z.settling_time"].drop_nulls().to_numpy()
     assert [float(str(cell)) for cell in cells[1:6]] == pytest.approx(
         np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95]).tolist(), rel=6e-3

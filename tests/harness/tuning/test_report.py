@@ -53,7 +53,7 @@ def test_fresh_members_carry_the_verdict() -> None:
     assert [series.name for series in chart.series] == ["candidates", "best so far"]
     (kept,) = landscape.series
     assert (landscape.x.name, landscape.x.quantity.unit, landscape.note) == (
-        "controller.bandwidth", "Hz", "1 candidate above.",
+        "controller.bandwidth", "Hz", "1 candidate above the chart.",
     )  # fmt: skip
     np.testing.assert_array_equal(kept.values, [8e-3, np.nan, 6e-3])
     np.testing.assert_array_equal(chart.series[1].values, [8e-3, 8e-3, 6e-3])

@@ -27,7 +27,7 @@ def test_the_verdict_has_extents_share_and_the_limit_that_keeps_off_most() -> No
     assert f"{100 * free.mean():.2g} % of the grid" in text
     codes, counts = np.unique(code[~free], return_counts=True)
     most = Limit(codes[counts.argmax()])
-    assert text.endswith(f"{most.text} keeps it from {100 * counts.max() / code.size:.2g} %")
+    assert text.endswith(f"{100 * counts.max() / code.size:.2g} % of it is out of reach because of {most.text}")
     assert report.number("reachable").value == pytest.approx(free.mean())
     chart = next(part for part in report.parts() if isinstance(part, Chart))
     assert chart.kind == "heat"
