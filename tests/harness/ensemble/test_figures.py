@@ -219,14 +219,14 @@ def test_histograms_are_of_the_members_that_completed(ensemble: Ensemble, drawn:
 
 
 def test_the_metric_is_drawn_against_the_most_influential_inputs(ensemble: Ensemble, drawn: dict[str, Figure]) -> None:
-    """Expected: all inputs in the order of their slopes; every member that completed."""
+    """Expected: the first four inputs in the order of their slopes; every member that completed."""
     panels = panels_of(drawn["dependence"])
     assert [axes.get_xlabel() for axes in panels] == [
-        f"{name} [{UNITS[name]}]" if name in UNITS else name for name in INPUTS
+        f"{name} [{UNITS[name]}]" if name in UNITS else name for name in INPUTS[:4]
     ]
-    assert [axes.get_ylabel() for axes in panels] == (["position error, peak [mm]", "", ""] * 5)[:13]
+    assert [axes.get_ylabel() for axes in panels] == (["position error, peak [mm]", "", ""] * 2)[:4]
     completed = (ensemble.members["outcome"] == "completed").to_numpy()
-    for axes, name in zip(panels, INPUTS, strict=True):
+    for axes, name in zip(panels, INPUTS[:4], strict=True):
         (dots,) = axes.get_lines()
         x, y = data_of(dots)
         np.testing.assert_allclose(x, ensemble.members[f"varied.{name}"].to_numpy())
