@@ -163,4 +163,4 @@ def row_texts(table: Table, index: int) -> list[Text]:
     """The cells of a row; a unit that all its numbers share stands beside its first cell."""
     unit = table.shared_unit(index)
     texts = [Text(each) for each in table.texts(index, units=not unit)]
-    return [Text.assemble(texts[0], " ", (f"[{unit}]", "dim")), *texts[1:]] if unit else texts
+    return [Text.assemble(texts[0], " ", (unit, "dim")), *texts[1:]] if unit else texts

@@ -131,10 +131,10 @@ def test_the_printed_differences_are_those_of_the_file(done: tuple[Result, Path]
     assert mean[""] == ["A", "B", "B − A", "from", "to"]
     assert median[""] == ["B − A", "from", "to", "less in B [%]"]
     for words, metric, factor in (
-        ("position error, peak [mm]", "tracking.position.norm_peak", 1e3),
-        ("orientation error, RMS [deg]", "tracking.orientation.norm_rms", 180 / np.pi),
-        ("peak force [N]", FORCE, 1.0),
-        ("work, absolute [J]", "energy.absolute_total", 1.0),
+        ("position error, peak mm", "tracking.position.norm_peak", 1e3),
+        ("orientation error, RMS deg", "tracking.orientation.norm_rms", 180 / np.pi),
+        ("peak force N", FORCE, 1.0),
+        ("work, absolute J", "energy.absolute_total", 1.0),
     ):
         row = rows[metric]
         of_mean = ("mean_a", "mean_b", "mean", "mean_low", "mean_high")

@@ -267,27 +267,27 @@ def test_bands_are_quantiles_of_the_members_rows(done: Done) -> None:
 
 # Rows of the printed table: metric, unit's factor.
 PRINTED = {
-    "position error, RMS [mm]": ("tracking.position.norm_rms", 1e3),
-    "position error, peak [mm]": ("tracking.position.norm_peak", 1e3),
-    "orientation error, RMS [deg]": ("tracking.orientation.norm_rms", 180 / np.pi),
-    "orientation error, peak [deg]": ("tracking.orientation.norm_peak", 180 / np.pi),
-    "leg error, peak [mm]": ("tracking.leg_length.peak", 1e3),
+    "position error, RMS mm": ("tracking.position.norm_rms", 1e3),
+    "position error, peak mm": ("tracking.position.norm_peak", 1e3),
+    "orientation error, RMS deg": ("tracking.orientation.norm_rms", 180 / np.pi),
+    "orientation error, peak deg": ("tracking.orientation.norm_peak", 180 / np.pi),
+    "leg error, peak mm": ("tracking.leg_length.peak", 1e3),
     **{
         f"{axis}: {words}": (f"step_response.{axis}.{name}", 1.0)
         for axis in ("x", "y", "z", "roll", "pitch", "yaw")
         for name, words in (
-            ("overshoot_percent", "overshoot [%]"),
-            ("rise_time", "rise time [s]"),
-            ("settling_time", "settling time [s]"),
+            ("overshoot_percent", "overshoot %"),
+            ("rise_time", "rise time s"),
+            ("settling_time", "settling time s"),
         )
     },
-    "peak force [N]": ("force.peak", 1.0),
-    "peak power [W]": ("power.peak", 1.0),
-    "work, absolute [J]": ("energy.absolute_total", 1.0),
-    "stroke margin [mm]": ("stroke.margin", 1e3),
-    "force limited [%]": ("saturation.force_limited.any", 100.0),
-    "rate limited [%]": ("saturation.rate_limited.any", 100.0),
-    "beyond stroke [%]": ("stroke.exceeded.any", 100.0),
+    "peak force N": ("force.peak", 1.0),
+    "peak power W": ("power.peak", 1.0),
+    "work, absolute J": ("energy.absolute_total", 1.0),
+    "stroke margin mm": ("stroke.margin", 1e3),
+    "force limited %": ("saturation.force_limited.any", 100.0),
+    "rate limited %": ("saturation.rate_limited.any", 100.0),
+    "beyond stroke %": ("stroke.exceeded.any", 100.0),
     "stable": ("margins.stable", 1.0),
     "disk margin": ("margins.disk", 1.0),
 }
@@ -380,18 +380,26 @@ def test_the_page_says_what_its_numbers_are_of(done: Done) -> None:
     table = next(each for each in tables if "Worst members" in str(each.xpath("string(caption)")))
     assert table.xpath("string(caption)") == "Worst members by RMS force"
     heads, *rows = [["".join(map(str, cell.itertext())) for cell in row.iterchildren()] for row in table.iter("tr")]
-    varied = [name for name in done.members.columns if name.startswith("varied.")][:5]
-    assert [head.partition(" [")[0] for head in heads] == [
-        *("member", "outcome", "RMS force"),
-        *(name.removeprefix("varied.") for name in varied),
-    ]
+    first, shown = heads[:3], [head.partition(" [")[0] for head in heads[3:]]
+    assert [head.partition(" [")[0] for head in first] == ["member", "outcome", "RMS force"]
+    # those that matter most, in the order of the table above, where that is known
+    varied = [name for name in done.members.columns if name.startswith("varied.")]
+    sensitive = next((each for each in tables_of_inputs(page)), [name.removeprefix("varied.") for name in varied])
+    assert shown == sensitive[:5]
+    varied = [f"varied.{name}" for name in shown]
     assert heads[2] == "RMS force [N]"
     for cells in rows:
         row = done.members.row(int(cells[0].partition(",")[0]), named=True)
         assert cells[1] == row["outcome"]
-        assert [float(cell) for cell in cells[2:]] == [
+        assert [float(cell.replace("−", "-")) for cell in cells[2:]] == [
             pytest.approx(row[name], rel=6e-4, abs=1e-12) for name in ("force.rms", *varied)
         ]
+
+
+def tables_of_inputs(page: str) -> list[list[str]]:
+    """The first column of tables of sensitivities on a page."""
+    tables = [table for table in html.fromstring(page).iter("table") if "vary" in str(table.xpath("string(caption)"))]
+    return [[str(row.xpath("string(th)")) for row in table.xpath("./tbody/tr")] for table in tables]
 
 
 def test_ensemble_json_counts_what_happened(done: Done) -> None:

@@ -120,7 +120,7 @@ def test_numbers_have_so_many_digits_and_large_ones_are_whole(value: float | Non
 
 def uneven() -> Table:
     """Two columns of numbers, one of sentences, a group that ends, an empty head, and texts like markup."""
-    unit, long = Quantity("", "N&m"), "of the longest leg in the second half of the run"
+    unit, long = Quantity("", "N & m"), "of the longest leg in the second half of the run"
     return table(
         "Legs [of] <a> machine",
         ("", "leg 1", "leg 2", "note", ""),
@@ -136,7 +136,7 @@ Legs [of] <a> machine
 ┏━━━━━━━━━━━━━━━━━━━━┳━━━━━━━┳━━━━━━━┳━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━┳━━━━┓
 ┃                    ┃ leg 1 ┃ leg 2 ┃ note                                             ┃    ┃
 ┡━━━━━━━━━━━━━━━━━━━━╇━━━━━━━╇━━━━━━━╇━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━━╇━━━━┩
-│ peak <force> [N&m] │  12.5 │    -7 │ of the longest leg in the second half of the run │ 7  │
+│ peak <force> N & m │  12.5 │    -7 │ of the longest leg in the second half of the run │ 7  │
 │ flags              │     – │     3 │                                                  │ x  │
 ├────────────────────┼───────┼───────┼──────────────────────────────────────────────────┼────┤
 │                    │     1 │ 22222 │ <b>x                                             │ 11 │
@@ -149,7 +149,7 @@ Legs [of] <a> machine
 ┃                    ┃  leg ┃       ┃                            ┃    ┃
 ┃                    ┃    1 ┃ leg 2 ┃ note                       ┃    ┃
 ┡━━━━━━━━━━━━━━━━━━━━╇━━━━━━╇━━━━━━━╇━━━━━━━━━━━━━━━━━━━━━━━━━━━━╇━━━━┩
-│ peak <force> [N&m] │ 12.5 │    -7 │ of the longest leg in the  │ 7  │
+│ peak <force> N & m │ 12.5 │    -7 │ of the longest leg in the  │ 7  │
 │                    │      │       │ second half of the run     │    │
 │ flags              │    – │     3 │                            │ x  │
 ├────────────────────┼──────┼───────┼────────────────────────────┼────┤
@@ -186,7 +186,7 @@ def test_a_table_of_a_page_tag_by_tag() -> None:
     assert table_to_html(uneven()) == (
         "<table><caption>Legs [of] &lt;a&gt; machine</caption>"
         '<thead><tr><td></td><th scope="col">leg 1</th><th scope="col">leg 2</th><th scope="col">note</th><td></td>'
-        '</tr></thead><tbody><tr><th scope="row">peak &lt;force&gt; <span class="unit">N&amp;m</span></th>'
+        '</tr></thead><tbody><tr><th scope="row">peak &lt;force&gt; <span class="unit">N &amp; m</span></th>'
         "<td>12.5</td><td>-7</td><td>of the longest leg in the second half of the run</td><td>7</td></tr>"
         '<tr class="group-end"><th scope="row">flags</th><td>–</td><td>3</td><td></td><td>x</td></tr>'
         "<tr><td></td><td>1</td><td>22222</td><td>&lt;b&gt;x</td><td>11</td></tr></tbody></table>"

@@ -77,8 +77,8 @@ def test_a_unit_stands_once_beside_the_name_or_in_the_head() -> None:
     cells = _cells(text_of(_report(), 120))
     assert cells == [
         ["", "1", "2", "3", "4", "5", "6"],
-        ["peak error [mm]", "0.1", "0.2", "0.3", "0.4", "0.5", "0.6"],
-        ["peak force [N]", "101.5", "203", "304.5", "406", "507.5", "609"],
+        ["peak error mm", "0.1", "0.2", "0.3", "0.4", "0.5", "0.6"],
+        ["peak force N", "101.5", "203", "304.5", "406", "507.5", "609"],
         ["cause", "peak [mm]"],
         ["a", "1"],
         ["b", "-2.5"],

@@ -152,7 +152,7 @@ def test_swept_ranges(seen: Seen) -> None:
         unit = "deg" if name in NAMES[3:] else seen.length
         texts = [seen.shown(each, name) for each in (values[0], values[-1], min(there), max(there))]
         ends = [text.rstrip("°").partition(" ")[0] for text in texts]
-        expected.append((f"{name} [{unit}]", *ends[:2], str(len(values)), *ends[2:], origin))
+        expected.append((f"{name} {unit}", *ends[:2], str(len(values)), *ends[2:], origin))
     assert rows_of(table) == expected
 
 
@@ -204,7 +204,7 @@ def test_the_best_and_worst_of_every_result_and_where(seen: Seen) -> None:
         for word, least in (("best", is_best_low), ("worst", not is_best_low))[: 1 if ends_at_border else 2]:
             extreme = (min if least else max)(values[index] for index in reached)
             name, said, value, *place = rows[k]
-            assert name == (f"{title} [{unit}]" if unit else title).replace("°", "deg")
+            assert name == f"{title} {unit}".strip().replace("°", "deg")
             assert said == word
             assert value == (f"{extreme * factor:.0f}" if extreme * factor >= 1e4 else f"{extreme * factor:.4g}")
             places = [
