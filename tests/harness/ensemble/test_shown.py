@@ -141,7 +141,7 @@ def test_the_page_of_a_large_ensemble_has_every_member(large: Ensemble) -> None:
     found = unpacked(data["arrays"][series["values"]])
     expected = np.append(large.values(PEAK)[:10_000], np.full(100, np.nan))
     np.testing.assert_allclose(points[0]["y"]["factor"] * found, 1e3 * expected, atol=1e-3)
-    assert points[0]["y"]["title"] == "position error, peak mm"
+    assert points[0]["y"]["title"] == "position error, peak [mm]"
     marks = [mark["value"] for mark in data["charts"][0]["marks"]]
     assert marks == pytest.approx(np.quantile(expected[:10_000], [0.05, 0.5, 0.95]).tolist())
     names = {each["name"] for each in data["members"]["numbers"]}
@@ -175,7 +175,7 @@ def test_the_worst_members_are_found_by_their_numbers() -> None:
     table = worst_table(found, worst, "stroke.margin")
     assert table.title == "Worst members by stroke margin"
     heads = ("platform_mass [kg]", "controller.bandwidth", "base_points[1,2] [m]", "leg_coulomb_friction [N]")
-    assert heads_of(table) == ("member", "outcome", "stroke margin mm", *heads)
+    assert heads_of(table) == ("member", "outcome", "stroke margin [mm]", *heads)
     for member, row in zip(worst, table.rows, strict=True):
         k = 139 - member
         assert row[:2] == (member, "diverged" if member == 100 else "completed")
