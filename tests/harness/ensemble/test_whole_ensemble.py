@@ -399,7 +399,7 @@ def test_the_page_says_what_its_numbers_are_of(done: Done) -> None:
 def tables_of_inputs(page: str) -> list[list[str]]:
     """The first column of tables of sensitivities on a page."""
     tables = [table for table in html.fromstring(page).iter("table") if "vary" in str(table.xpath("string(caption)"))]
-    rows = [[[*row.iterchildren()][0] for row in table.iter("tr")][1:] for table in tables]
+    rows = [[next(iter(row.iterchildren())) for row in table.iter("tr")][1:] for table in tables]
     return [["".join(map(str, first.itertext())) for first in each] for each in rows]
 
 
