@@ -52,7 +52,7 @@ def kernel_source(variant: Variant = IDEAL, order: Sequence[int] = ()) -> str:
         return _HEAD + "".join(function_source(f) for f in functions)
     head = _HEAD
     if variant.bristles:
-        functions.append(traced.decays_function(variant))
+        functions += [f(variant) for f in (traced.decays_function, traced.grip_function, traced.sliding_function)]
         head += f'#include "bristles.h"\n{_SIGN}'
     return head + "".join(function_source(f, conditions=True) for f in functions)
 

@@ -23,14 +23,6 @@ Derivatives = Callable[[FloatArray], FloatArray]
 # Below this |z| the functions φ are summed as series, above it taken from e^z, with at most two digits lost.
 _SERIES_BELOW = 1.0
 _TERMS = 18
-# Of fixed steps: the largest h d of a substep, and the largest part of it that may arise within one, beyond which they
-# diverge; the most substeps; and the largest h |λ| of the modes of legs that stick, within the half disc in which RK4
-# is stable; and the largest fixed step [s] itself: twice as long, the speed of sliding legs is wrong by a hundredth.
-LARGEST_DECAY = 3.0
-LARGEST_CHANGE = 2.0
-MOST_SUBSTEPS = 64
-LARGEST_PRODUCT = 2.6
-LARGEST_FIXED_STEP = 1e-4
 
 
 class Coefficients(NamedTuple):
@@ -48,7 +40,7 @@ class Coefficients(NamedTuple):
 def coefficients(decay: FloatArray, h: float) -> Coefficients:
     """The coefficients for rates [1/s] and a step [s]."""
     z = -h * decay
-    one, two, three = phi_functions(z)
+    one, two, three, _ = phi_functions(z)
     inner = phi_functions(z / 2)[0]
     return Coefficients(
         h,
@@ -61,15 +53,16 @@ def coefficients(decay: FloatArray, h: float) -> Coefficients:
     )
 
 
-def phi_functions(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """φ1, φ2, φ3 of z ≤ 0: φ0 = e^z, φ_(k+1) = (φ_k − 1/k!)/z; the series Σ z^j/(j + k)! near 0."""
+def phi_functions(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """φ1 to φ4 of z ≤ 0: φ0 = e^z, φ_(k+1) = (φ_k − 1/k!)/z; the series Σ z^j/(j + k)! near 0."""
     small = np.abs(z) < _SERIES_BELOW
     near, far = np.where(small, z, 0.0), np.where(small, -1.0, z)
-    third = np.zeros_like(near)
-    # Horner: φ3 = 1/3! (1 + z/4 (1 + z/5 (1 + …)))
-    for j in range(_TERMS, 3, -1):
-        third = near / j * (1 + third)
-    third = (1 + third) / 6
+    fourth = np.zeros_like(near)
+    # Horner: φ4 = 1/4! (1 + z/5 (1 + z/6 (1 + …)))
+    for j in range(_TERMS, 4, -1):
+        fourth = near / j * (1 + fourth)
+    fourth = (1 + fourth) / 24
+    third = 1 / 6 + near * fourth
     second, e = 0.5 + near * third, np.exp(far)
     one = (e - 1) / far
     two = (one - 1) / far
@@ -78,6 +71,7 @@ def phi_functions(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         np.where(small, 1 + near * second, one),
         np.where(small, second, two),
         np.where(small, third, three),
+        np.where(small, fourth, (three - 1 / 6) / far),
     )
 
 

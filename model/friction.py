@@ -44,6 +44,16 @@ class Bristles(NamedTuple):
     is_lugre: Array  # 1 for LuGre, else 0
 
 
+class Grip(NamedTuple):
+    """What the bristles do within a step: how fast they forget, what they take from velocities, how far they bend."""
+
+    decay: Array  # d (..., 6) [1/s]: ż = v − d z
+    gain: Array  # Γ (..., 6, 6) [1/s]: Γ ż is taken from accelerations, of motors if legs give, else of the platform
+    ratio: Array  # σ0/σ1 (..., 6) [1/s]: so is Γ (σ0/σ1) z
+    reach: Array  # F_c/σ0 (..., 6) [m]: z in fast sliding
+    sliding: Array  # v (..., 6) [m/s]
+
+
 def bristles_of(parameters: Parameters, mass: Array) -> Bristles:
     """The law's parameters; those that are 0 follow from the others.
 

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from gough_stewart.model import interface
 from gough_stewart.model.compiled_kernel import PREFIX, address_of, kernel_library
+from gough_stewart.model.friction import Grip
 from gough_stewart.model.interface import N_INPUTS
 from gough_stewart.model.kernel_block import FUNCTIONS, OF_BRISTLES, new_block
 from gough_stewart.model.parameters import Parameters
@@ -59,6 +60,8 @@ class Kernel:
         self._call_jacobians: Callable[[], object] | None = None  # may have to be traced
         self._call_margins: Callable[[], object] | None = None
         self._call_decays: Callable[[], object] | None = None
+        self._call_grip: Callable[[], object] | None = None
+        self._call_sliding: Callable[[], object] | None = None
 
     def derivatives(self, x: Array, u: Array, p: Array) -> FloatArray:
         """State derivatives ẋ (12,): velocity, rates of roll, pitch, yaw, acceleration, angular acceleration."""
@@ -95,6 +98,23 @@ class Kernel:
         self._x[:], self._p[:] = x, p
         self._call_decays()
         return self._parts["decay"]
+
+    def grip(self, x: Array, p: Array) -> Grip:
+        """What friction does within a step, for a variant with bristles: `machine_dynamics.grip_of_legs`."""
+        if self._call_grip is None:
+            self._call_grip = self._call("grip")
+        self._x[:], self._p[:] = x, p
+        self._call_grip()
+        grip = Grip(*(self._parts[name] for name in Grip._fields))
+        return grip._replace(gain=grip.gain.reshape((6, 6), order="F"))
+
+    def sliding(self, x: Array, p: Array) -> FloatArray:
+        """Velocities (6,) [m/s] at which friction acts, for a variant with bristles."""
+        if self._call_sliding is None:
+            self._call_sliding = self._call("sliding")
+        self._x[:], self._p[:] = x, p
+        self._call_sliding()
+        return self._parts["sliding"]
 
     def _call(self, name: str) -> Callable[[], object]:
         """A function on the block: machine code if there is any, else CasADi."""

@@ -13,7 +13,7 @@ def sizes_of(variant: Variant) -> dict[str, int]:
     n, q, m = (interface.size_of(each) for each in (variant.states, variant.parameters, variant.results))
     sizes = {"x": n, "u": N_INPUTS, "p": q, "xdot": n, "y": m}
     sizes |= {"A": n * n, "B": n * N_INPUTS, "C": m * n, "D": m * N_INPUTS, "square": 6, "determinant": 1, "size": 1}
-    return sizes | ({"decay": 6} if variant.bristles else {})
+    return sizes | ({"decay": 6, "gain": 36, "ratio": 6, "reach": 6, "sliding": 6} if variant.bristles else {})
 
 
 # Of the ideal plant, for which there is machine code.
@@ -25,7 +25,11 @@ FUNCTIONS = {
     "jacobians": (("x", "u", "p"), ("A", "B", "C", "D")),
     "margins": (("x", "p"), ("square", "determinant", "size")),
 }
-OF_BRISTLES = {"decays": (("x", "p"), ("decay",))}
+OF_BRISTLES = {
+    "decays": (("x", "p"), ("decay",)),
+    "grip": (("x", "p"), ("decay", "gain", "ratio", "reach", "sliding")),
+    "sliding": (("x", "p"), ("sliding",)),
+}
 
 
 def new_block(variant: Variant = IDEAL) -> tuple[FloatArray, dict[str, FloatArray]]:

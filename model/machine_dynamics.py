@@ -22,11 +22,19 @@ from gough_stewart.model.dynamics import (
     Solve,
     forward_dynamics,
     joint_forces,
+    mass_matrix,
     solve_mass_matrix,
     static_leg_forces,
 )
-from gough_stewart.model.friction import Bristles, bristle_decay, bristle_force, bristle_rate, bristles_of
-from gough_stewart.model.kinematics import LegGeometry, LegRates, leg_geometry, leg_rates, rates_of_legs
+from gough_stewart.model.friction import Bristles, Grip, bristle_decay, bristle_force, bristle_rate, bristles_of
+from gough_stewart.model.kinematics import (
+    LegGeometry,
+    LegRates,
+    jacobian_of_legs,
+    leg_geometry,
+    leg_rates,
+    rates_of_legs,
+)
 from gough_stewart.model.leg_dynamics import axial_mass, friction_force
 from gough_stewart.model.operations import greater, where
 from gough_stewart.model.parameters import PHYSICAL, Parameters
@@ -115,8 +123,35 @@ def law_of_bristles(variant: Variant, parameters: Parameters) -> Bristles:
 
 def decay_of_bristles(variant: Variant, parameters: Parameters, state: MachineState) -> Array:
     """Rates d (..., 6) [1/s] at which the bristles forget: ż = v − d z."""
-    sliding = state.motor_velocity if variant.springs else leg_rates(parameters, state.platform).length_rate
-    return bristle_decay(law_of_bristles(variant, parameters), sliding, state.leg_bristle)
+    return bristle_decay(
+        law_of_bristles(variant, parameters), sliding_velocity(variant, parameters, state), state.leg_bristle
+    )
+
+
+def sliding_velocity(variant: Variant, parameters: Parameters, state: MachineState) -> Array:
+    """Velocities v (..., 6) [m/s] at which friction acts: of the motors if legs give, else of the legs."""
+    return np.asarray(state.motor_velocity if variant.springs else leg_rates(parameters, state.platform).length_rate)
+
+
+def grip_of_legs(
+    variant: Variant, parameters: Parameters, state: MachineState, solve: Solve = solve_mass_matrix
+) -> Grip:
+    """What the bristles do within a step.
+
+    The part σ1 ż of friction accelerates the platform by −Γ ż with Γ = M⁻¹ Jᵀ diag(σ1), motors that have springs with
+    Γ = diag(σ1)/m_a.
+    """
+    law = law_of_bristles(variant, parameters)
+    if variant.springs:
+        gain = np.eye(6) * (law.damping / per_leg(parameters.leg_armature))[..., None]
+    else:
+        pose = state.platform.position, state.platform.orientation
+        M, wrenches = mass_matrix(parameters, *pose), jacobian_of_legs(leg_geometry(parameters, *pose))
+        rows = [solve(M, law.damping[..., i : i + 1] * wrenches[..., i, :]) for i in range(6)]
+        gain = np.stack(rows, axis=-1)
+    sliding = sliding_velocity(variant, parameters, state)
+    decay = bristle_decay(law, sliding, state.leg_bristle)
+    return Grip(decay, gain, law.stiffness / law.damping, law.coulomb / law.stiffness, sliding)
 
 
 def leg_damping(parameters: Parameters) -> Array:

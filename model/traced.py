@@ -18,6 +18,7 @@ import casadi
 import numpy as np
 
 from gough_stewart.model import dynamics, energy, interface, kinematics, machine_dynamics
+from gough_stewart.model.friction import Grip
 from gough_stewart.model.interface import N_INPUTS, N_STATES
 from gough_stewart.model.machine_dynamics import MachineState
 from gough_stewart.model.parameters import Parameters
@@ -64,6 +65,27 @@ def decays_function(variant: Variant) -> casadi.Function:
     state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
     decay = machine_dynamics.decay_of_bristles(variant, parameters, state)
     return casadi.Function("decays", [x, p], casadi.cse([_column(decay)]), ["x", "p"], ["decay"])
+
+
+@cache
+@interrupts_held_back()
+def grip_function(variant: Variant) -> casadi.Function:
+    """CasADi Function `grip`: (x, p) -> the parts of `friction.Grip`, the gain (36) column by column."""
+    x, _, p = _arguments(variant)
+    state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
+    grip = machine_dynamics.grip_of_legs(variant, parameters, state, _solve_symbolically)
+    results = casadi.cse([_column(part) for part in grip._replace(gain=grip.gain.swapaxes(-1, -2))])
+    return casadi.Function("grip", [x, p], results, ["x", "p"], [*Grip._fields])
+
+
+@cache
+@interrupts_held_back()
+def sliding_function(variant: Variant) -> casadi.Function:
+    """CasADi Function `sliding`: (x, p) -> sliding (6) [m/s], the velocities at which friction acts."""
+    x, _, p = _arguments(variant)
+    state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
+    sliding = machine_dynamics.sliding_velocity(variant, parameters, state)
+    return casadi.Function("sliding", [x, p], casadi.cse([_column(sliding)]), ["x", "p"], ["sliding"])
 
 
 @cache

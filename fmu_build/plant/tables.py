@@ -3,7 +3,7 @@
 from gough_stewart.fmu_build.layout import Role
 from gough_stewart.fmu_build.plant.layout import plant_layout
 from gough_stewart.fmu_build.tables import GENERATED, defines, places
-from gough_stewart.model import exponential, integrator, interface, platform_checks, pose_limits
+from gough_stewart.model import fixed_steps, integrator, interface, platform_checks, pose_limits
 from gough_stewart.model.step_times import TOLERANCES
 from gough_stewart.model.variant import IDEAL, Variant
 
@@ -36,15 +36,14 @@ def plant_header(variant: Variant = IDEAL) -> str:
         limits |= {
             "LARGEST_SHARE": platform_checks.LARGEST_SHARE,
             "LONGEST_PRESLIDING": platform_checks.LONGEST_PRESLIDING,
-            "LARGEST_DECAY": exponential.LARGEST_DECAY,
-            "LARGEST_CHANGE": exponential.LARGEST_CHANGE,
-            "MOST_SUBSTEPS": exponential.MOST_SUBSTEPS,
-            "LARGEST_FIXED_STEP": exponential.LARGEST_FIXED_STEP,
+            "RESOLUTION": fixed_steps.RESOLUTION,
+            "MOST_SUBSTEPS": fixed_steps.MOST_SUBSTEPS,
+            "LARGEST_FIXED_STEP": fixed_steps.LARGEST_FIXED_STEP,
         }
     if variant.springs:
         limits |= {"SLOWEST_MODE": platform_checks.SLOWEST_MODE, "LARGEST_STRETCH": LARGEST_STRETCH}
     if variant.parts:
-        limits |= {"LARGEST_PRODUCT": exponential.LARGEST_PRODUCT}
+        limits |= {"LARGEST_PRODUCT": fixed_steps.LARGEST_PRODUCT}
     return f"""{GENERATED}
 #ifndef PLANT_TABLE_H
 #define PLANT_TABLE_H

@@ -200,7 +200,7 @@ def _exponential(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """As `_controlled`, of a variant with bristles: `controlled_step` of c/lanes/exponential_step.h."""
     at, decay, z = slice(12, 18), members.decays(x), x[12:18]
-    (half, inner, *_), (whole, one, two, three) = (
+    (half, inner, *_), (whole, one, two, three, _) = (
         (np.exp(y), *phi_functions(y)) for y in (-size / 2 * decay, -size * decay)
     )
 

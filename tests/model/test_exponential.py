@@ -1,6 +1,6 @@
 """Steps with bristles. Expected: textbook friction of one mass, integrated by SciPy; orders of the scheme; refusals."""
 
-from types import SimpleNamespace
+from math import factorial
 from typing import Any
 
 import numpy as np
@@ -15,41 +15,11 @@ from gough_stewart.model.exponential import (
     integrate_bristles,
     phi_functions,
 )
-from gough_stewart.model.friction import bristle_decay, bristle_force, bristle_rate, bristles_of
+from gough_stewart.model.friction import bristle_decay
 from gough_stewart.model.vectors import FloatArray
+from tests.support.one_mass import FC, FS, S0, S1, S2, VS, law_of, one_mass, printed_rates
 
-# Canudas de Wit et al. (1995), table I, a mass of 1 kg
-S0, S1, S2, FC, FS, VS, SHARE = 1e5, np.sqrt(1e5), 0.4, 1.0, 1.5, 1e-3, 0.8
 FREQUENCY = 2.0  # of the force [Hz]
-
-
-def law_of(model: float) -> Any:
-    one = np.ones(1)
-    parameters: Any = SimpleNamespace(
-        leg_coulomb_friction=FC,
-        leg_coulomb_friction_factor=one,
-        leg_static_friction=FS,
-        leg_bristle_stiffness=S0,
-        leg_bristle_damping=S1,
-        leg_viscous_friction=S2,
-        leg_viscous_friction_factor=one,
-        leg_stribeck_velocity=VS,
-        leg_breakaway_share=SHARE,
-        leg_friction_model=model,
-    )
-    return bristles_of(parameters, one)
-
-
-def one_mass(model: float, force: Any) -> Bristled:
-    """A mass of 1 kg on a bristle: position, velocity, bristle, time."""
-    law = law_of(model)
-
-    def derivatives(x: FloatArray) -> FloatArray:
-        v, z = x[1:2], x[2:3]
-        return np.concatenate([v, force(x) - bristle_force(law, v, z), bristle_rate(law, v, z), [1.0]])
-
-    sizes = np.array([1, 1, 1e-2, 1])
-    return Bristled(derivatives, lambda x: bristle_decay(law, x[1:2], x[2:3]), slice(2, 3), sizes)
 
 
 def positions(system: Bristled, rows: FloatArray, tolerance: float) -> FloatArray:
@@ -63,21 +33,7 @@ def positions(system: Bristled, rows: FloatArray, tolerance: float) -> FloatArra
 
 def by_textbook(is_lugre: bool, amplitude: float, rows: FloatArray) -> FloatArray:
     """The equations as printed, case by case, by SciPy's Radau."""
-    z_ba = SHARE * FC / S0
-
-    def rates(t: float, x: FloatArray) -> list[float]:
-        _, v, z = x
-        z_ss = (FC + (FS - FC) * np.exp(-((v / VS) ** 2))) / S0
-        if is_lugre or (v * z > 0 and abs(z) >= z_ss):
-            alpha = 1.0
-        elif v * z <= 0 or abs(z) <= z_ba:
-            alpha = 0.0
-        else:
-            alpha = 0.5 + 0.5 * np.sin(np.pi * (abs(z) - (z_ss + z_ba) / 2) / (z_ss - z_ba))
-        dz = v - alpha * abs(v) * z / z_ss
-        force = amplitude + amplitude * np.sin(2 * np.pi * FREQUENCY * t)
-        return [v, force - S0 * z - S1 * dz - S2 * v, dz]
-
+    rates = printed_rates(is_lugre, lambda t: amplitude + amplitude * np.sin(2 * np.pi * FREQUENCY * t))
     atol: Any = [1e-15, 1e-13, 1e-15]
     span = float(rows[0]), float(rows[-1])
     return np.asarray(solve_ivp(rates, span, [0, 0, 0], "Radau", rows, rtol=1e-10, atol=atol, max_step=2e-3).y[0])
@@ -147,7 +103,7 @@ def test_phi_functions_are_those_of_their_definition() -> None:
     s, w = (s + 1) / 2, w / 2
     for z in (0.0, -1e-9, -0.3, -0.999, -1.001, -7.0, -33.0):
         found = [float(each[0]) for each in phi_functions(np.array([z]))]
-        expected = [float((w * np.exp((1 - s) * z) * s**k / max(k, 1)).sum()) for k in range(3)]
+        expected = [float((w * np.exp((1 - s) * z) * s**k / factorial(k)).sum()) for k in range(4)]
         assert found == pytest.approx(expected, rel=3e-13), z
 
 

@@ -1,7 +1,7 @@
 /* Steps of a plant whose bristles forget fast: ETDRK4 of S. M. Cox, P. C. Matthews, "Exponential Time Differencing for
    Stiff Systems", J. Comput. Phys. 176(2), 2002, eqs. (26)-(29), with the rates d of the bristles as they are at the
    begin of a step. For all other states it is classical RK4. As gough_stewart.model.exponential. */
-#include "integrator.h"
+#include "exponential.h"
 
 #if HAS_BRISTLES
 #include <float.h>
@@ -12,25 +12,14 @@
 static const double SERIES_BELOW = 1;
 enum { TERMS = 18 };
 
-/* Of a step h and the rates of the bristles. */
-typedef struct {
-    double decay[N_LEGS]; /* d */
-    double whole[N_LEGS]; /* exp(-h d) */
-    double half[N_LEGS];  /* exp(-h d/2) */
-    double inner[N_LEGS]; /* (h/2) phi1(-h d/2) */
-    double first[N_LEGS]; /* h (phi1 - 3 phi2 + 4 phi3) */
-    double middle[N_LEGS]; /* h (2 phi2 - 4 phi3) */
-    double last[N_LEGS];  /* h (4 phi3 - phi2) */
-} coefficients;
-
-/* phi1, phi2, phi3 of z <= 0, and exp(z): phi0 = exp(z), phi_(k+1) = (phi_k - 1/k!)/z. */
-static double phi_functions(double z, double phi[3])
+double phi_functions(double z, double phi[4])
 {
     if (fabs(z) < SERIES_BELOW) {
-        double third = 0;
-        for (int j = TERMS; j > 3; j--)
-            third = z / j * (1 + third);
-        phi[2] = (1 + third) / 6;
+        double fourth = 0;
+        for (int j = TERMS; j > 4; j--)
+            fourth = z / j * (1 + fourth);
+        phi[3] = (1 + fourth) / 24;
+        phi[2] = 1.0 / 6 + z * phi[3];
         phi[1] = 0.5 + z * phi[2];
         phi[0] = 1 + z * phi[1];
         return 1 + z * phi[0];
@@ -39,13 +28,14 @@ static double phi_functions(double z, double phi[3])
     phi[0] = (e - 1) / z;
     phi[1] = (phi[0] - 1) / z;
     phi[2] = (phi[1] - 0.5) / z;
+    phi[3] = (phi[2] - 1.0 / 6) / z;
     return e;
 }
 
-static void find_coefficients(const double decay[N_LEGS], double h, coefficients *c)
+void find_coefficients(const double decay[N_LEGS], double h, coefficients *c)
 {
     for (int i = 0; i < N_LEGS; i++) {
-        double phi[3], half[3];
+        double phi[4], half[4];
         c->decay[i] = decay[i];
         if (decay[i] == 0) { /* a leg that stands: RK4 */
             c->whole[i] = c->half[i] = 1;
@@ -72,9 +62,8 @@ static void set_stage(double found[N_STATES], const double base[N_STATES], doubl
     memcpy(found + X_LEG_BRISTLE, bristle, sizeof(double) * N_LEGS);
 }
 
-/* One step of ETDRK4 from (t, x) with the derivatives k1 there to `end` after h. */
-static void exponential_step(const ode *problem, const coefficients *c, double t, double h, const double x[N_STATES],
-                             const double k1[N_STATES], double end[N_STATES])
+void exponential_step(const ode *problem, const coefficients *c, double t, double h, const double x[N_STATES],
+                      const double k1[N_STATES], double end[N_STATES])
 {
     double k2[N_STATES], k3[N_STATES], k4[N_STATES], sum[N_STATES], stage[N_STATES];
     double n1[N_LEGS], n2[N_LEGS], n3[N_LEGS], za[N_LEGS], zb[N_LEGS], zc[N_LEGS];
@@ -128,9 +117,8 @@ static double factor_of(double error)
     return error > 0 ? fmin(4, fmax(0.2, 0.9 * pow(error, -0.2))) : 4;
 }
 
-/* Moves the point to (t, x) with the derivatives there, and asks the owner. */
-static int arrive(const ode *problem, integration_point *at, double t, const double x[N_STATES],
-                  const double xdot[N_STATES], double *end)
+int arrive(const ode *problem, integration_point *at, double t, const double x[N_STATES],
+           const double xdot[N_STATES], double *end)
 {
     int changed = 0;
     at->t = t;
@@ -174,68 +162,6 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
         at->step = h = last && size < h ? fmax(h, size * factor) : size * factor;
         problem->derivatives(problem->owner, t, fine, rate);
         if (!arrive(problem, at, t, fine, rate, &end))
-            return GIVEN_UP;
-    }
-    return REACHED_END;
-}
-
-/* Substeps of a step h from x, so many that in each h d <= LARGEST_DECAY, and h (d - d0)/(1 + h d0) <= LARGEST_CHANGE
-   for a rate d that changes from d0, by which both h and the change become less; 0 if they are too many. The rate at
-   the end is that of a Euler step. */
-static int substeps(const ode *problem, const double x[N_STATES], const double xdot[N_STATES],
-                    const double decay[N_LEGS], double h)
-{
-    double ahead[N_STATES], later[N_LEGS], n = 1;
-    for (int i = 0; i < N_STATES; i++)
-        ahead[i] = x[i] + h * xdot[i];
-    problem->decays(problem->owner, ahead, later);
-    for (int i = 0; i < N_LEGS; i++) {
-        n = fmax(n, ceil(h * fmax(decay[i], later[i]) / LARGEST_DECAY));
-        n = fmax(n, ceil(sqrt(h * fabs(later[i] - decay[i]) / (1 + h * decay[i]) / LARGEST_CHANGE)));
-    }
-    return n <= MOST_SUBSTEPS ? (int)n : 0;
-}
-
-integration integrate_fixed(const ode *problem, integration_point *at, double end, double size)
-{
-    double start = at->t, n = number_of_steps(start, end, size), span = end - start, planned = end;
-    long done = 0;
-    if (n > MOST_FIXED_STEPS)
-        return TOO_MANY_STEPS;
-    while (at->t < end) {
-        if (end != planned) { /* the observer has reduced it; no more steps than were left */
-            start = at->t;
-            n = number_of_steps(start, end, size);
-            span = end - start;
-            planned = end;
-            done = 0;
-        }
-        done++;
-        double h = span / n, t = (double)done < n ? start + span * ((double)done / n) : end;
-        if (!(t > at->t))
-            return STEP_TOO_SMALL;
-        double x[N_STATES], next[N_STATES], rate[N_STATES], decay[N_LEGS], since = at->t;
-        memcpy(x, at->x, sizeof x);
-        memcpy(rate, at->xdot, sizeof rate);
-        problem->decays(problem->owner, x, decay);
-        int parts = substeps(problem, x, rate, decay, h);
-        if (parts == 0)
-            return TOO_FAST;
-        for (int k = 0; k < parts; k++) {
-            coefficients c;
-            if (k > 0) {
-                problem->derivatives(problem->owner, since + h / parts * k, x, rate);
-                problem->decays(problem->owner, x, decay);
-            }
-            find_coefficients(decay, h / parts, &c);
-            exponential_step(problem, &c, since + h / parts * k, h / parts, x, rate, next);
-            memcpy(x, next, sizeof x);
-        }
-        problem->derivatives(problem->owner, t, x, rate);
-        for (int i = 0; i < N_STATES; i++)
-            if (!isfinite(x[i]) || !isfinite(rate[i]))
-                return NOT_FINITE;
-        if (!arrive(problem, at, t, x, rate, &end))
             return GIVEN_UP;
     }
     return REACHED_END;

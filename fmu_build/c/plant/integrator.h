@@ -1,11 +1,22 @@
 /* Integration of dx/dt = f(t, x) over a time span: Dormand-Prince 5(4) with error control, or classical RK4. A plant
-   with bristles takes exponential steps instead (exponential.c). */
+   with bristles takes exponential steps instead (exponential.c, fixed_bristles.c). */
 #ifndef INTEGRATOR_H
 #define INTEGRATOR_H
 
 #include "internal.h"
 #include "model.h"
 #include "plant_table.h"
+
+#if HAS_BRISTLES
+/* What friction does within a step; see kernel_grip. */
+typedef struct {
+    double decay[N_LEGS];
+    double gain[N_LEGS * N_LEGS];
+    double ratio[N_LEGS];
+    double reach[N_LEGS];
+    double sliding[N_LEGS];
+} grip;
+#endif
 
 /* The differential equation and the callback for accepted steps. */
 typedef struct {
@@ -18,6 +29,8 @@ typedef struct {
 #if HAS_BRISTLES
     /* rates d of the bristles at x: dz/dt = v - d z */
     void (*decays)(void *owner, const double x[N_STATES], double decay[N_LEGS]);
+    void (*find_grip)(void *owner, const double x[N_STATES], grip *found);
+    void (*sliding)(void *owner, const double x[N_STATES], double sliding[N_LEGS]);
 #endif
 } ode;
 
@@ -27,7 +40,7 @@ typedef enum {
     STEP_TOO_SMALL,  /* the tolerance cannot be met */
     TOO_MANY_STEPS,
     NOT_FINITE,      /* in fixed steps */
-    TOO_FAST         /* fixed steps of legs that slide so fast that more than MOST_SUBSTEPS are needed */
+    TOO_FAST         /* a fixed step needs more than MOST_SUBSTEPS, which reach `step` of it */
 } integration;
 
 /* The current point of an integration. */

@@ -40,6 +40,18 @@ static void decays_in_step(void *owner, const double x[N_STATES], double decay[N
     const communication_step *step = owner;
     kernel_decays(x, step->c->s.p, decay);
 }
+
+static void grip_in_step(void *owner, const double x[N_STATES], grip *found)
+{
+    const communication_step *step = owner;
+    kernel_grip(x, step->c->s.p, found->decay, found->gain, found->ratio, found->reach, found->sliding);
+}
+
+static void sliding_in_step(void *owner, const double x[N_STATES], double sliding[N_LEGS])
+{
+    const communication_step *step = owner;
+    kernel_sliding(x, step->c->s.p, sliding);
+}
 #endif
 
 /* Updates the component to this point of the integration: time, states, inputs and derivatives. */
@@ -71,8 +83,9 @@ static int accept_internal_step(void *owner, double t, const double x[N_STATES],
     return 1;
 }
 
-static void explain_failure(component *c, integration how, double time, double end)
+static void explain_failure(component *c, integration how, const integration_point *at, double end)
 {
+    double time = at->t;
     const char *cause = "forces too large, leg_friction_velocity too small, or pose nearly singular";
     int is_fixed = c->s.fixed_step_size > 0;
     if (is_fixed && (how == TOO_MANY_STEPS || how == STEP_TOO_SMALL))
@@ -85,9 +98,9 @@ static void explain_failure(component *c, integration how, double time, double e
         write_message(c->message, "at time %.12g s: too many internal steps for one step to time %.12g s; %s", time, end,
                       cause);
     else if (how == TOO_FAST)
-        write_message(c->message, "at time %.12g s: legs that stick slide too fast for fixed_step_size = %g s; expected a "
-                                  "smaller one, or 0",
-                      time, c->s.fixed_step_size);
+        write_message(c->message, "at time %.12g s: no division resolves legs that stick in a step of fixed_step_size "
+                                  "= %g s; expected at most %.2g s, or 0 for error control",
+                      time, c->s.fixed_step_size, at->step);
     else if (how == NOT_FINITE)
         write_message(c->message, "at time %.12g s: the motion is not finite; fixed_step_size = %g s is too large, or %s",
                       time, c->s.fixed_step_size, cause);
@@ -148,7 +161,7 @@ outcome step_plant(component *c, double time, double step, const step_observer *
         run.interpolates |= before.input_rates[i] != 0;
     ode problem = {&run, derivatives_in_step, accept_internal_step,
 #if HAS_BRISTLES
-                   decays_in_step
+                   decays_in_step, grip_in_step, sliding_in_step
 #endif
     };
 
@@ -162,6 +175,6 @@ outcome step_plant(component *c, double time, double step, const step_observer *
     }
     c->s = before;
     forget_results(c);
-    explain_failure(c, how, at.t, end);
+    explain_failure(c, how, &at, end);
     return NOT_POSSIBLE;
 }

@@ -1,0 +1,183 @@
+/* Fixed steps of a plant with bristles: ETDRK4 with w = nu + gain (z - z0) in place of the velocities nu that friction
+   brakes, divided where it does not resolve a bristle. As gough_stewart.model.fixed_steps, which says why. */
+#include "exponential.h"
+
+#if HAS_BRISTLES
+#include <math.h>
+#include <string.h>
+
+/* of the motors if legs give, else of the platform */
+#if HAS_SPRINGS
+enum { X_BRAKED = X_MOTOR_VELOCITY };
+#else
+enum { X_BRAKED = X_VELOCITY };
+#endif
+
+static const double LARGEST_FACTOR = 4, SMALLEST_FACTOR = 0.1, SAFETY = 0.8;
+
+/* The same equations with w for nu. */
+typedef struct {
+    const ode *problem;
+    grip of_legs;
+    double start[N_LEGS]; /* z0 */
+    int stage;
+    double z[4][N_LEGS], n[4][N_LEGS]; /* of the stages: z, and dz/dt + d z */
+} momentum;
+
+/* v += sign gain b */
+static void add_gain(const momentum *m, double sign, const double b[N_LEGS], double v[N_LEGS])
+{
+    for (int k = 0; k < N_LEGS; k++)
+        for (int i = 0; i < N_LEGS; i++)
+            v[i] += sign * m->of_legs.gain[N_LEGS * k + i] * b[k];
+}
+
+/* The state of y. */
+static void leave_momentum(const momentum *m, const double y[N_STATES], double x[N_STATES])
+{
+    double bent[N_LEGS];
+    for (int i = 0; i < N_LEGS; i++)
+        bent[i] = y[X_LEG_BRISTLE + i] - m->start[i];
+    memcpy(x, y, sizeof(double) * N_STATES);
+    add_gain(m, -1, bent, x + X_BRAKED);
+}
+
+/* The rates of y in place of those of its state; notes the stage. */
+static void enter_momentum(momentum *m, const double y[N_STATES], double rate[N_STATES])
+{
+    for (int k = 0; k < N_LEGS; k++) {
+        m->z[m->stage][k] = y[X_LEG_BRISTLE + k];
+        m->n[m->stage][k] = rate[X_LEG_BRISTLE + k] + m->of_legs.decay[k] * y[X_LEG_BRISTLE + k];
+    }
+    m->stage++;
+    add_gain(m, 1, rate + X_LEG_BRISTLE, rate + X_BRAKED);
+}
+
+static void derivatives_in_momentum(void *owner, double t, const double y[N_STATES], double ydot[N_STATES])
+{
+    momentum *m = owner;
+    double x[N_STATES];
+    leave_momentum(m, y, x);
+    m->problem->derivatives(m->problem->owner, t, x, ydot);
+    enter_momentum(m, y, ydot);
+}
+
+/* The integral of z over a step of ETDRK4 less the sum of RK4: phi2, phi3, phi4 in place of phi1, phi2, phi3. */
+static double missed_integral(const momentum *m, int k, double h)
+{
+    double phi[4];
+    const double z[] = {m->z[0][k], m->z[1][k], m->z[2][k], m->z[3][k]};
+    const double n[] = {m->n[0][k], m->n[1][k], m->n[2][k], m->n[3][k]};
+    phi_functions(-h * m->of_legs.decay[k], phi);
+    double exact = phi[0] * z[0] + h * ((phi[1] - 3 * phi[2] + 4 * phi[3]) * n[0] +
+                                        (2 * phi[2] - 4 * phi[3]) * (n[1] + n[2]) + (4 * phi[3] - phi[2]) * n[3]);
+    return h * (exact - (z[0] + 2 * (z[1] + z[2]) + z[3]) / 6);
+}
+
+/* Adds the errors of bristles whose leg turns within the step from x to `end`. */
+static void add_reversals(const momentum *m, double h, const double x[N_STATES], const double end[N_STATES],
+                          double error[N_LEGS])
+{
+    double after[N_LEGS], decay[N_LEGS];
+    int known = 0;
+    m->problem->sliding(m->problem->owner, end, after);
+    for (int k = 0; k < N_LEGS; k++) {
+        double before = m->of_legs.sliding[k];
+        if (!(before * after[k] < 0))
+            continue;
+        if (!known)
+            m->problem->decays(m->problem->owner, end, decay);
+        known = 1;
+        double kink = fabs(m->of_legs.decay[k] * x[X_LEG_BRISTLE + k] / before) +
+                      fabs(decay[k] * end[X_LEG_BRISTLE + k] / after[k]);
+        error[k] += kink * h / 6 * fabs(before * after[k] / (after[k] - before));
+    }
+}
+
+/* One undivided step from (t, x) with the rate there to `end` with its rate; the largest error of a bristle in units of
+   RESOLUTION, infinite for a step that has diverged. */
+static double momentum_step(const ode *problem, double t, double h, const double x[N_STATES],
+                            const double rate[N_STATES], double end[N_STATES], double end_rate[N_STATES])
+{
+    momentum m = {.problem = problem};
+    ode in_momentum = {.owner = &m, .derivatives = derivatives_in_momentum};
+    double first[N_STATES], last[N_STATES], missed[N_LEGS], error[N_LEGS], largest = 0;
+    coefficients c;
+    problem->find_grip(problem->owner, x, &m.of_legs);
+    find_coefficients(m.of_legs.decay, h, &c);
+    memcpy(m.start, x + X_LEG_BRISTLE, sizeof m.start);
+    memcpy(first, rate, sizeof first);
+    enter_momentum(&m, x, first);
+    exponential_step(&in_momentum, &c, t, h, x, first, last);
+    leave_momentum(&m, last, end);
+    for (int k = 0; k < N_LEGS; k++)
+        missed[k] = m.of_legs.ratio[k] * (m.of_legs.decay[k] > 0 ? missed_integral(&m, k, h) : 0);
+    add_gain(&m, -1, missed, end + X_BRAKED);
+    problem->derivatives(problem->owner, t + h, end, end_rate);
+    for (int i = 0; i < N_STATES; i++)
+        if (!isfinite(end[i]) || !isfinite(end_rate[i]))
+            return INFINITY;
+    for (int k = 0; k < N_LEGS; k++) {
+        int i = X_LEG_BRISTLE + k;
+        error[k] = fabs(c.last[k] * (end_rate[i] + m.of_legs.decay[k] * end[i] - m.n[3][k]));
+    }
+    add_reversals(&m, h, x, end, error);
+    for (int k = 0; k < N_LEGS; k++)
+        largest = fmax(largest, error[k] / (RESOLUTION * m.of_legs.reach[k]));
+    return largest;
+}
+
+/* A step from (t, x) to `end`, divided where needed; else the time that MOST_SUBSTEPS reach, or the next one would. */
+static double divided_step(const ode *problem, double t, double end, double x[N_STATES], double rate[N_STATES])
+{
+    double start = t, size = end - t, next[N_STATES], next_rate[N_STATES];
+    for (int tried = 0; tried < MOST_SUBSTEPS; tried++) {
+        double parts = ceil((end - t) / size - 1e-9), h = (end - t) / parts;
+        double error = momentum_step(problem, t, h, x, rate, next, next_rate);
+        double factor = error > 0 ? SAFETY * pow(error, -0.25) : LARGEST_FACTOR;
+        size = h * fmin(LARGEST_FACTOR, fmax(SMALLEST_FACTOR, factor));
+        if (!(error <= 1))
+            continue;
+        memcpy(x, next, sizeof next);
+        memcpy(rate, next_rate, sizeof next_rate);
+        if (parts == 1)
+            return end;
+        t += h;
+    }
+    return t > start ? t : start + size;
+}
+
+integration integrate_fixed(const ode *problem, integration_point *at, double end, double size)
+{
+    double start = at->t, n = number_of_steps(start, end, size), span = end - start, planned = end;
+    long done = 0;
+    if (n > MOST_FIXED_STEPS)
+        return TOO_MANY_STEPS;
+    while (at->t < end) {
+        if (end != planned) { /* the observer has reduced it; no more steps than were left */
+            start = at->t;
+            n = number_of_steps(start, end, size);
+            span = end - start;
+            planned = end;
+            done = 0;
+        }
+        done++;
+        double t = (double)done < n ? start + span * ((double)done / n) : end, x[N_STATES], rate[N_STATES];
+        if (!(t > at->t))
+            return STEP_TOO_SMALL;
+        memcpy(x, at->x, sizeof x);
+        memcpy(rate, at->xdot, sizeof rate);
+        double reached = divided_step(problem, at->t, t, x, rate);
+        if (reached < t) {
+            at->step = reached - at->t;
+            return TOO_FAST;
+        }
+        if (!arrive(problem, at, t, x, rate, &end))
+            return GIVEN_UP;
+    }
+    return REACHED_END;
+}
+#else
+/* A file without declarations is not C. */
+typedef int no_fixed_bristles;
+#endif

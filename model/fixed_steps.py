@@ -1,0 +1,142 @@
+"""Fixed steps of a plant with bristles: ETDRK4 in the momentum of legs, divided where it does not resolve a bristle.
+
+Friction has the part σ1 ż, and ż = v − d z falls within 1/d, a hundredth of a step of 1 ms at speed. Its sum over the
+stages of a step would be wrong by a factor of up to h d; its integral is σ1 times a difference of z. So in place of the
+velocities ν a step has
+
+    w = ν + Γ (z − z0),    ẇ = ν̇ + Γ ż
+
+with the gain Γ of `friction.Grip` at its begin: ẇ has nothing of σ1 ż but what Γ changes within the step. Likewise the
+weights of RK4 give a wrong ∫ z dt where z falls within a step. ETDRK4 has it exactly, as of a state that −z drives, and
+its difference from the sum of RK4 is taken from the velocities at the end. Without decay that is 0, and all is RK4.
+
+The error of the bristles costs next to nothing. With the rate at the end instead of that of the fourth stage the scheme
+has order 3; their distance is that of these rates times the stage's coefficient. That is blind to a kink between the
+stages: where a leg reverses, the error of Simpson's rule over the kink is added. A step that is off by more than
+`RESOLUTION` of a bristle's reach is divided: where a leg breaks away or reverses, or slides with a bristle that is not
+bent yet. The order is 4 where friction is smooth, 2 over a reversal.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from gough_stewart.model.errors import StepError
+from gough_stewart.model.exponential import Derivatives, coefficients, exponential_step, phi_functions
+from gough_stewart.model.friction import Grip
+from gough_stewart.model.vectors import FloatArray
+
+# Error of a bristle in one substep, in units of its reach: 1 nm of 10 µm.
+RESOLUTION = 1e-4
+# In one step, those that are too long included.
+MOST_SUBSTEPS = 200
+# The largest h |λ| of the modes of legs that stick or give, within the half disc in which RK4 is stable; and the
+# largest step [s] where legs stick.
+LARGEST_PRODUCT = 2.6
+LARGEST_FIXED_STEP = 1e-3
+# The next substep over this one: at most, at least, and with what reserve.
+LARGEST_FACTOR, SMALLEST_FACTOR, SAFETY = 4.0, 0.1, 0.8
+
+
+class Gripped(NamedTuple):
+    """Equations with bristles, for `fixed_step`."""
+
+    derivatives: Derivatives  # ẋ of x; a new array in every call
+    grip: Callable[[FloatArray], Grip]  # of x
+    sliding: Callable[[FloatArray], FloatArray]  # of x: the velocity v of each bristle [m/s]
+    bristles: slice  # where they are in x
+    velocities: slice  # of what friction brakes: the platform, or motors with springs
+
+
+def fixed_step(system: Gripped, x: FloatArray, rate: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
+    """State and derivatives after a step h [s] from x with the derivatives there, divided where needed.
+
+    Raises
+    ------
+    StepError
+        It would take more than `MOST_SUBSTEPS`; the message has the step that would not.
+    """
+    left = size = h
+    for _ in range(MOST_SUBSTEPS):
+        parts = np.ceil(left / size - 1e-9)
+        part = left / parts
+        end, end_rate, error = momentum_step(system, x, rate, part)
+        factor = SAFETY * error**-0.25 if error > 0 else LARGEST_FACTOR
+        size = part * min(LARGEST_FACTOR, max(SMALLEST_FACTOR, factor))
+        if error <= 1:
+            x, rate, left = end, end_rate, left - part
+            if parts == 1:
+                return x, rate
+    possible = h - left if left < h else size
+    raise StepError(
+        "substeps", MOST_SUBSTEPS, h - left, f"do not resolve a step of {h:g} s; expected at most {possible:.2g} s"
+    )
+
+
+def momentum_step(system: Gripped, x: FloatArray, rate: FloatArray, h: float) -> tuple[FloatArray, FloatArray, float]:
+    """One undivided step: state, derivatives, and the largest error of a bristle.
+
+    It is in units of `RESOLUTION`, and infinite for a step that has diverged.
+    """
+    derivatives, grip_of, _, at, velocities = system
+    grip = grip_of(x)
+    c, z0 = coefficients(grip.decay, h), x[at].copy()
+
+    def of_momentum(found: FloatArray) -> FloatArray:
+        found = found.copy()
+        found[velocities] += grip.gain @ found[at]
+        return found
+
+    def state_of(y: FloatArray) -> FloatArray:
+        state = y.copy()
+        state[velocities] -= grip.gain @ (y[at] - z0)
+        return state
+
+    # at the begin w = ν
+    stages = [(x, of_momentum(rate))]
+
+    def in_momentum(y: FloatArray) -> FloatArray:
+        stages.append((y, of_momentum(derivatives(state_of(y)))))
+        return stages[-1][1]
+
+    end = state_of(exponential_step(in_momentum, x, grip.decay, at, c, stages[0][1]))
+    z, n = (np.array([part[at] for part in each]) for each in zip(*stages, strict=True))
+    n = n + grip.decay * z
+    end[velocities] -= grip.gain @ (grip.ratio * missed_integral(h * grip.decay, h, z, n))
+    end_rate = derivatives(end)
+    is_finite = np.isfinite(end).all() and np.isfinite(end_rate).all()
+    if not is_finite:
+        return end, end_rate, np.inf
+    error = np.abs(c.last * (end_rate[at] + grip.decay * end[at] - n[3])) + reversal(system, grip, x, end, h)
+    return end, end_rate, float((error / (RESOLUTION * grip.reach)).max())
+
+
+def reversal(system: Gripped, grip: Grip, x: FloatArray, end: FloatArray, h: float) -> FloatArray:
+    """Error (6,) [m] of bristles whose leg turns within a step h from x to `end`; 0 of others.
+
+    Where v crosses 0, the slope of d z jumps by the slope of v times |d z/v|. The rule's error for max(0, a (t − τ)) is
+    a h² (ϑ²/2 − ϑ/6), ϑ = τ/h or 1 − τ/h below ½: about a h² ϑ (1 − ϑ)/6, at most 0.042 a h².
+    """
+    before, after = grip.sliding, system.sliding(end)
+    turned = before * after < 0
+    if not turned.any():
+        return np.zeros_like(before)
+    before, after = np.where(turned, before, 1.0), np.where(turned, after, -1.0)
+    kink = np.abs(grip.decay * x[system.bristles] / before) + np.abs(
+        system.grip(end).decay * end[system.bristles] / after
+    )
+    return np.where(turned, kink * h / 6 * np.abs(before * after / (after - before)), 0.0)
+
+
+def missed_integral(hd: FloatArray, h: float, z: FloatArray, n: FloatArray) -> FloatArray:
+    """∫ z dt over a step h of ETDRK4 less the sum of RK4, for bristles z (4, ...) of its stages and n = ż + d z there.
+
+    The scheme for ζ̇ = z has the next function φ at each place: ∫ z dt = h φ1 z0 + h² Σ b_i n_i, b with φ2, φ3, φ4 of
+    −h d in place of φ1, φ2, φ3.
+    """
+    one, two, three, four = phi_functions(-hd)
+    exact = one * z[0] + h * (
+        (two - 3 * three + 4 * four) * n[0] + (2 * three - 4 * four) * (n[1] + n[2]) + (4 * four - three) * n[3]
+    )
+    return np.asarray(h * (exact - (z[0] + 2 * (z[1] + z[2]) + z[3]) / 6))
