@@ -124,7 +124,8 @@ static outcome check_fixed_step(component *c, double time, double step)
     double h = step / number_of_steps(time, time + step, c->s.fixed_step_size);
     if (c->largest_step == 0)
         c->largest_step = stable_step(c->s.x, c->s.inputs, c->s.p);
-    if (h <= c->largest_step)
+    /* the difference of two rounded times may be larger than the size that was set */
+    if (h <= c->largest_step * (1 + 1e-9))
         return DONE;
     write_message(c->message, "at time %.12g s: steps of %g s are too large for legs that stick or give like these; "
                               "expected fixed_step_size of at most %.3g s, or 0 for error control",

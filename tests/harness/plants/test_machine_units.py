@@ -73,6 +73,25 @@ def test_the_unit_moves_as_the_stepping_model_does(unit: Path, friction: str) ->
                 assert found[name] == pytest.approx(model.get(name), abs=bound), name
 
 
+@pytest.mark.parametrize("springs", [False, True], ids=["rigid", "gives"])
+def test_calls_of_one_fixed_step_slide_as_the_stepping_model_does(springs: bool) -> None:
+    """Expected: the model at 1e-10, pushed to 0.1 m/s. Differences of times k h are by rounding above h and below."""
+    platform, h = real_platform("lugre", springs=springs), 1e-3
+    model = SteppingModel(platform, 1e-10)
+    file = cached_build("3.0", None, Variant(bristles=True, springs=springs))
+    u = np.concatenate([platform.home_actuator_force + 60.0, np.zeros(6)])
+    with FmuPlant(file, platform, None, 1e-8, h) as plant:
+        for each in (model, plant):
+            each.set_inputs(u)
+        for k in range(40):
+            for each in (model, plant):
+                each.do_step(k * h, (k + 1) * h - k * h)
+        assert np.abs(model.state[6:9]).max() > 0.1
+        found = dict(zip(plant.columns, plant.results(), strict=True))
+        for k in range(3):
+            assert found[f"position[{k + 1}]"] == pytest.approx(model.state[k], abs=2e-6)
+
+
 def test_a_fixed_step_is_that_of_the_scheme_in_numpy(unit: Path) -> None:
     """Expected: `fixed_steps`, whose errors and order its own tests show; steps are divided as they are there."""
     platform, h = real_platform("lugre", springs=True), 1e-3
