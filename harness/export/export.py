@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from gough_stewart.fmu_build.builder import chosen_versions
+from gough_stewart.fmu_build.errors import check_installed
 from gough_stewart.fmu_build.targets import chosen_targets
 from gough_stewart.harness.control.python.casadi_function import is_casadi_function
 from gough_stewart.harness.errors import ExportError
@@ -18,6 +19,7 @@ from gough_stewart.harness.export.notes import in_short
 from gough_stewart.harness.export.report import least_robust_first
 from gough_stewart.harness.export.stability import LoopStability, MemberProgress
 from gough_stewart.model.process.files import check_output_folder, write_files
+from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.progress import StepProgress
 
 if TYPE_CHECKING:
@@ -138,6 +140,7 @@ def export(
         write_files(folder, files)
         return [folder / file for file in files]
     # what traces is imported for controllers only, since a page's code is carried
+    check_installed(TRACER)
     from gough_stewart.harness.export.controller_files import controller_files
 
     found = controller_files(

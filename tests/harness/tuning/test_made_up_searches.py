@@ -188,7 +188,7 @@ def test_charts_show_candidates_by_each_key(keys: int) -> None:
         assert [each.name for each in chart.series] == ["meets all conditions", "breaks a condition"]
         for series, which in zip(chart.series, (kept, ~kept), strict=True):
             np.testing.assert_array_equal(series.values, np.where(shown & which, value, np.nan))
-        assert chart.note == "2 candidates above."
+        assert chart.note == "2 candidates above the chart."
     assert every.x.values.tolist() == list(range(1, 8))
     np.testing.assert_array_equal(every.series[0].values, np.where(np.isfinite(value), value, np.nan))
     best = np.minimum.accumulate(np.where(kept, value, np.inf))
