@@ -58,10 +58,7 @@ class Kernel:
         self._call_derivatives = self._call("derivatives")
         self._call_outputs = self._call("outputs")
         self._call_jacobians: Callable[[], object] | None = None  # may have to be traced
-        self._call_margins: Callable[[], object] | None = None
-        self._call_decays: Callable[[], object] | None = None
-        self._call_grip: Callable[[], object] | None = None
-        self._call_sliding: Callable[[], object] | None = None
+        self._calls_of_state: dict[str, Callable[[], object]] = {}
 
     def derivatives(self, x: Array, u: Array, p: Array) -> FloatArray:
         """State derivatives ẋ (12,): velocity, rates of roll, pitch, yaw, acceleration, angular acceleration."""
@@ -85,36 +82,31 @@ class Kernel:
 
     def margins(self, x: Array, p: Array) -> tuple[Array, float, float]:
         """L_i² (6,), det K and ρ² of `traced.margins_function`."""
-        if self._call_margins is None:
-            self._call_margins = self._call("margins")
-        self._x[:], self._p[:] = x, p
-        self._call_margins()
+        self._evaluate("margins", x, p)
         return self._parts["square"], float(self._parts["determinant"][0]), float(self._parts["size"][0])
 
     def decays(self, x: Array, p: Array) -> FloatArray:
         """Decay rates (6,) [1/s] of the bristles, for a variant that has them; see `traced.decays_function`."""
-        if self._call_decays is None:
-            self._call_decays = self._call("decays")
-        self._x[:], self._p[:] = x, p
-        self._call_decays()
+        self._evaluate("decays", x, p)
         return self._parts["decay"]
 
     def grip(self, x: Array, p: Array) -> Grip:
         """What friction does within a step, for a variant with bristles: `machine_dynamics.grip_of_legs`."""
-        if self._call_grip is None:
-            self._call_grip = self._call("grip")
-        self._x[:], self._p[:] = x, p
-        self._call_grip()
+        self._evaluate("grip", x, p)
         grip = Grip(*(self._parts[name] for name in Grip._fields))
         return grip._replace(gain=grip.gain.reshape((6, 6), order="F"))
 
     def sliding(self, x: Array, p: Array) -> FloatArray:
         """Velocities (6,) [m/s] at which friction acts, for a variant with bristles."""
-        if self._call_sliding is None:
-            self._call_sliding = self._call("sliding")
-        self._x[:], self._p[:] = x, p
-        self._call_sliding()
+        self._evaluate("sliding", x, p)
         return self._parts["sliding"]
+
+    def _evaluate(self, name: str, x: Array, p: Array) -> None:
+        """Call a function of (x, p), which may have to be traced first."""
+        if name not in self._calls_of_state:
+            self._calls_of_state[name] = self._call(name)
+        self._x[:], self._p[:] = x, p
+        self._calls_of_state[name]()
 
     def _call(self, name: str) -> Callable[[], object]:
         """A function on the block: machine code if there is any, else CasADi."""

@@ -61,31 +61,28 @@ def jacobians_function(variant: Variant = IDEAL) -> casadi.Function:
 @interrupts_held_back()
 def decays_function(variant: Variant) -> casadi.Function:
     """CasADi Function `decays`: (x, p) -> decay (6) [1/s], of the bristles of a variant: ż = v − decay · z."""
-    x, _, p = _arguments(variant)
-    state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
+    x, p, state, parameters = _of_state(variant)
     decay = machine_dynamics.decay_of_bristles(variant, parameters, state)
-    return casadi.Function("decays", [x, p], casadi.cse([_column(decay)]), ["x", "p"], ["decay"])
+    return _function("decays", [x, p], [_column(decay)], ["decay"])
 
 
 @cache
 @interrupts_held_back()
 def grip_function(variant: Variant) -> casadi.Function:
     """CasADi Function `grip`: (x, p) -> the parts of `friction.Grip`, the gain (36) column by column."""
-    x, _, p = _arguments(variant)
-    state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
+    x, p, state, parameters = _of_state(variant)
     grip = machine_dynamics.grip_of_legs(variant, parameters, state, _solve_symbolically)
-    results = casadi.cse([_column(part) for part in grip._replace(gain=grip.gain.swapaxes(-1, -2))])
-    return casadi.Function("grip", [x, p], results, ["x", "p"], [*Grip._fields])
+    results = [_column(part) for part in grip._replace(gain=grip.gain.swapaxes(-1, -2))]
+    return _function("grip", [x, p], results, [*Grip._fields])
 
 
 @cache
 @interrupts_held_back()
 def sliding_function(variant: Variant) -> casadi.Function:
     """CasADi Function `sliding`: (x, p) -> sliding (6) [m/s], the velocities at which friction acts."""
-    x, _, p = _arguments(variant)
-    state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
+    x, p, state, parameters = _of_state(variant)
     sliding = machine_dynamics.sliding_velocity(variant, parameters, state)
-    return casadi.Function("sliding", [x, p], casadi.cse([_column(sliding)]), ["x", "p"], ["sliding"])
+    return _function("sliding", [x, p], [_column(sliding)], ["sliding"])
 
 
 @cache
@@ -204,6 +201,12 @@ def motion_function() -> casadi.Function:
 def _arguments(variant: Variant = IDEAL) -> tuple[casadi.SX, casadi.SX, casadi.SX]:
     n, q = interface.size_of(variant.states), interface.size_of(variant.parameters)
     return casadi.SX.sym("x", n), casadi.SX.sym("u", N_INPUTS), casadi.SX.sym("p", q)
+
+
+def _of_state(variant: Variant) -> tuple[casadi.SX, casadi.SX, MachineState, Parameters]:
+    """X and p of a function that needs no inputs, and what is in them."""
+    x, _, p = _arguments(variant)
+    return x, p, MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
 
 
 def _function(name: str, arguments: Iterable[Any], results: list[Any], names: list[str]) -> casadi.Function:

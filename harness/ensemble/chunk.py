@@ -100,8 +100,8 @@ def limits_of_members(batch: Batch, size: int) -> dict[str, Any]:
 
 def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
     """For each member's machine with its controller: whether the linear loop is stable, and its disk margin."""
-    from gough_stewart.harness.control.loop_transfer import loop_transfer
     from gough_stewart.harness.control.margins import loop_margins
+    from gough_stewart.harness.experiment.analysis import transfer_of
 
     stable, disk = np.full(len(prepared), np.nan), np.full(len(prepared), np.nan)
     for k, each in enumerate(prepared):
@@ -111,23 +111,8 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
             continue
         if controller is None:
             continue
-        loop, motion = each.loop, each.motion
-        assert motion is not None  # a controller has a reference
         try:
-            found = loop_margins(
-                loop_transfer(
-                    each.machine,
-                    controller,
-                    loop.timing.sample_time,
-                    delay=loop.actuators.delay,
-                    lag=loop.actuators.lag,
-                    position=motion.position[0],
-                    orientation=motion.orientation[0],
-                    believed=each.platform,
-                    side=loop.sensors.side,
-                )
-            )
-            stable[k], disk[k] = 1.0, found.disk.alpha
+            stable[k], disk[k] = 1.0, loop_margins(transfer_of(each, each.machine, controller)).disk.alpha
         except UnstableLoopError:
             stable[k] = 0.0
     return {f"{MARGINS}stable": stable, f"{MARGINS}disk": disk}

@@ -26,6 +26,7 @@ from gough_stewart.harness.experiment.step_answers import step_answers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.results.run_report import Robustness
+from gough_stewart.model.platform import Platform
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -155,7 +156,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         what = "an open loop has no margins" if prepared.controller is None else "a function has no transfer function"
         raise ControllerError(f"{chosen.where}: controller: {what}; choose an experiment with a linear controller")
     actuators, sample_time = prepared.loop.actuators, prepared.loop.timing.sample_time
-    L = _loop(prepared, linear, sample_time, actuators.delay, actuators.lag)
+    L = transfer_of(prepared, prepared.platform, linear)
     try:
         found = loop_margins(L)
     except UnstableLoopError as error:
@@ -178,23 +179,11 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
 
 def _legs_that_only_the_machine_has(prepared: Prepared, controller: LinearController) -> tuple[str, ...]:
     """One sentence if the machine's legs give and the design's are rigid, with the margin of that machine."""
-    machine, loop, motion = prepared.machine, prepared.loop, prepared.motion
+    machine = prepared.machine
     if not machine.leg_stiffness > 0 or prepared.platform.leg_stiffness > 0:
         return ()
-    assert motion is not None  # a controller has a reference
-    L = loop_transfer(
-        machine,
-        controller,
-        loop.timing.sample_time,
-        delay=loop.actuators.delay,
-        lag=loop.actuators.lag,
-        position=motion.position[0],
-        orientation=motion.orientation[0],
-        believed=prepared.platform,
-        side=loop.sensors.side,
-    )
     try:
-        says = f"has a disk margin of {loop_margins(L).disk.alpha:.3g}"
+        says = f"has a disk margin of {loop_margins(transfer_of(prepared, machine, controller)).disk.alpha:.3g}"
     except UnstableLoopError:
         says = "is unstable"
     return (
@@ -214,36 +203,40 @@ def robustness_of(experiment: Experiment) -> Robustness | None:
     return Robustness(disk.alpha, disk.frequency, disk.gain)
 
 
-def _loop(prepared: Prepared, controller: LinearController, sample_time: float, delay: int, lag: float) -> StateSpace:
-    """The loop transfer at the first pose of the reference."""
-    motion = prepared.motion
+def transfer_of(prepared: Prepared, plant: Platform, controller: LinearController, **other: Any) -> StateSpace:
+    """L(z) of an experiment's loop around a plant, its platform or a machine, with a controller for its platform.
+
+    In the first pose of the reference, or with `other` arguments of `loop_transfer`, `sample_time` among them.
+    """
+    loop, motion = prepared.loop, prepared.motion
     assert motion is not None  # a controller has a reference
-    return loop_transfer(
-        prepared.platform,
-        controller,
-        sample_time,
-        delay=delay,
-        lag=lag,
-        position=motion.position[0],
-        orientation=motion.orientation[0],
-        side=prepared.loop.sensors.side,
-    )
+    own = {
+        "sample_time": loop.timing.sample_time,
+        "delay": loop.actuators.delay,
+        "lag": loop.actuators.lag,
+        "position": motion.position[0],
+        "orientation": motion.orientation[0],
+    }
+    return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **own | other)
 
 
 def _what_moved_it(prepared: Prepared, controller: LinearController, choice: ControllerChoice | None) -> list[str]:
     """Other changes that would stabilise a loop, each alone: no delay, no lag, a shorter sample time."""
+    platform, sample_time = prepared.platform, prepared.loop.timing.sample_time
     delay, lag = prepared.loop.actuators.delay, prepared.loop.actuators.lag
-    sample_time = prepared.loop.timing.sample_time
     found = []
-    if delay and is_stable(_loop(prepared, controller, sample_time, 0, lag)):
+    if delay and is_stable(transfer_of(prepared, platform, controller, delay=0)):
         found.append(f"it is stable without the delay of {delay} samples")
-    if lag and is_stable(_loop(prepared, controller, sample_time, delay, 0.0)):
+    if lag and is_stable(transfer_of(prepared, platform, controller, lag=0.0)):
         found.append(f"it is stable without the actuators' lag of {lag:g} s")
     for part in (2, 4, 8, 16):
         # a controller from a file is made for its own sample time
-        faster = choice.controller(prepared.platform, sample_time / part) if isinstance(choice, PD | PID) else None
-        if isinstance(faster, LinearController) and is_stable(_loop(prepared, faster, sample_time / part, delay, lag)):
-            found.append(f"it is stable at a sample_time of {sample_time / part:g} s")
+        shorter = sample_time / part
+        faster = choice.controller(platform, shorter) if isinstance(choice, PD | PID) else None
+        if isinstance(faster, LinearController) and is_stable(
+            transfer_of(prepared, platform, faster, sample_time=shorter)
+        ):
+            found.append(f"it is stable at a sample_time of {shorter:g} s")
             break
     return found
 

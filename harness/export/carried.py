@@ -6,7 +6,7 @@ from typing import Literal, get_args
 
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.batch import Prepared
-from gough_stewart.model.interface import nearest
+from gough_stewart.harness.export.forms import chosen
 
 Part = Literal["drives", "sensors"]
 PARTS: tuple[Part, ...] = get_args(Part)
@@ -60,13 +60,7 @@ def chosen_parts(parts: Iterable[str] | str) -> tuple[Part, ...]:
     ExportError
         An unknown part.
     """
-    if not isinstance(parts, Iterable):
-        raise ExportError(f"parts is {parts!r}; expected one or more of {', '.join(PARTS)}")
-    requested = [parts] if isinstance(parts, str) else list(parts)
-    for part in requested:
-        if part not in PARTS:
-            raise ExportError(f"no part '{part}'{nearest(part, PARTS)}")
-    return tuple(part for part in PARTS if part in requested)
+    return chosen("part", parts, PARTS)
 
 
 def carried(parts: tuple[Part, ...], prepared: Prepared) -> Carried:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, TypeVar, get_args
 
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.schema import Experiment
@@ -14,6 +14,7 @@ FORMS: tuple[Form, ...] = get_args(Form)
 Real = Literal["double", "float"]
 REALS: tuple[Real, ...] = get_args(Real)
 ReferenceFrom = Literal["inside", "inputs"]
+T = TypeVar("T", bound=str)
 # The program that shows how the C is called.
 EXAMPLE = "example_main.c"
 
@@ -26,15 +27,27 @@ def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
     ExportError
         An unknown form, or none.
     """
-    if not isinstance(forms, Iterable):
-        raise ExportError(f"forms is {forms!r}; expected one or more of {', '.join(FORMS)}")
-    requested = [forms] if isinstance(forms, str) else list(forms)
-    for form in requested:
-        if form not in FORMS:
-            raise ExportError(f"no form '{form}'{nearest(form, FORMS)}")
-    if not requested:
+    found = chosen("form", forms, FORMS)
+    if not found:
         raise ExportError(f"no form; expected one or more of {', '.join(FORMS)}")
-    return tuple(form for form in FORMS if form in requested)
+    return found
+
+
+def chosen(what: str, names: Iterable[str] | str, known: tuple[T, ...]) -> tuple[T, ...]:
+    """Names without repetition, in the order of those that are known.
+
+    Raises
+    ------
+    ExportError
+        An unknown name.
+    """
+    if not isinstance(names, Iterable):
+        raise ExportError(f"{what}s is {names!r}; expected one or more of {', '.join(known)}")
+    requested = [names] if isinstance(names, str) else list(names)
+    for name in requested:
+        if name not in known:
+            raise ExportError(f"no {what} '{name}'{nearest(name, known)}")
+    return tuple(name for name in known if name in requested)
 
 
 def name_of(experiment: Experiment) -> str:

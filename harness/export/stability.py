@@ -13,7 +13,6 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.control.laws import LinearController, fresh_controller
-from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import (
     Margins,
     closed_loop,
@@ -24,6 +23,7 @@ from gough_stewart.harness.control.margins import (
 )
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
+from gough_stewart.harness.experiment.analysis import transfer_of
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.schema import Experiment
@@ -261,17 +261,8 @@ class _Loops:
     def transfer(self, machine: Platform, delay: int, lag: float, pose: FloatArray | None = None) -> Any:
         """L(z) of a machine, by default in the first pose of the reference."""
         p = self.poses[0][1] if pose is None else pose
-        return loop_transfer(
-            machine,
-            self._controller,
-            self.sample_time,
-            delay=delay,
-            lag=lag,
-            position=p[:3],
-            orientation=p[3:],
-            believed=self._prepared.platform,
-            side=self._prepared.loop.sensors.side,
-        )
+        place = {"position": p[:3], "orientation": p[3:]}
+        return transfer_of(self._prepared, machine, self._controller, delay=delay, lag=lag, **place)
 
     def case(self, what: str, machine: Platform, delay: int, lag: float, pose: FloatArray | None = None) -> Case:
         """The eigenvalues of a loop."""

@@ -117,20 +117,6 @@ static double factor_of(double error)
     return error > 0 ? fmin(4, fmax(0.2, 0.9 * pow(error, -0.2))) : 4;
 }
 
-int arrive(const ode *problem, integration_point *at, double t, const double x[N_STATES],
-           const double xdot[N_STATES], double *end)
-{
-    int changed = 0;
-    at->t = t;
-    memcpy(at->x, x, sizeof at->x);
-    memcpy(at->xdot, xdot, sizeof at->xdot);
-    if (!problem->accept(problem->owner, at->t, at->x, at->xdot, end, &changed))
-        return 0;
-    if (changed)
-        problem->derivatives(problem->owner, at->t, at->x, at->xdot);
-    return 1;
-}
-
 integration integrate_controlled(const ode *problem, integration_point *at, double end, double tolerance)
 {
     double h = at->step > 0 ? at->step : end - at->t;

@@ -24,9 +24,6 @@ void find_coefficients(const double decay[N_LEGS], double h, coefficients *c);
 /* From (t, x) with the derivatives k1 there to `end` after h. */
 void exponential_step(const ode *problem, const coefficients *c, double t, double h, const double x[N_STATES],
                       const double k1[N_STATES], double end[N_STATES]);
-/* Moves the point to (t, x) with the derivatives there, and asks the owner; 0 if it gives up. */
-int arrive(const ode *problem, integration_point *at, double t, const double x[N_STATES],
-           const double xdot[N_STATES], double *end);
 INTERNAL_END
 #endif
 

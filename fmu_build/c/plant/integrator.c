@@ -14,6 +14,47 @@ double number_of_steps(double start, double end, double size)
     return fmax(1, ceil((end - start) / size - slack));
 }
 
+int arrive(const ode *problem, integration_point *at, double t, const double x[N_STATES],
+           const double xdot[N_STATES], double *end)
+{
+    int changed = 0;
+    at->t = t;
+    memcpy(at->x, x, sizeof at->x);
+    memcpy(at->xdot, xdot, sizeof at->xdot);
+    if (!problem->accept(problem->owner, at->t, at->x, at->xdot, end, &changed))
+        return 0;
+    if (changed)
+        problem->derivatives(problem->owner, at->t, at->x, at->xdot);
+    return 1;
+}
+
+integration integrate_fixed(const ode *problem, integration_point *at, double end, double size)
+{
+    double start = at->t, n = number_of_steps(start, end, size), span = end - start, planned = end;
+    long done = 0;
+    if (n > MOST_FIXED_STEPS)
+        return TOO_MANY_STEPS;
+    while (at->t < end) {
+        if (end != planned) { /* the observer has reduced it; no more steps than were left */
+            start = at->t;
+            n = number_of_steps(start, end, size);
+            span = end - start;
+            planned = end;
+            done = 0;
+        }
+        done++;
+        double t = (double)done < n ? start + span * ((double)done / n) : end, x[N_STATES], xdot[N_STATES];
+        if (!(t > at->t))
+            return STEP_TOO_SMALL;
+        integration how = fixed_step(problem, at, t, span / n, x, xdot);
+        if (how != REACHED_END)
+            return how;
+        if (!arrive(problem, at, t, x, xdot, &end))
+            return GIVEN_UP;
+    }
+    return REACHED_END;
+}
+
 #if !HAS_BRISTLES
 #define STAGES 7
 
@@ -122,63 +163,33 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
         /* a step shortened to end on time is no estimate for the next one */
         proposal = last && h < proposal ? fmax(proposal, h * factor) : h * factor;
 
-        int changed = 0;
-        at->t = t;
         at->step = proposal;
-        memcpy(at->x, x, sizeof x);
-        memcpy(at->xdot, k[STAGES - 1], sizeof at->xdot);
-        if (!problem->accept(problem->owner, at->t, at->x, at->xdot, &end, &changed))
+        if (!arrive(problem, at, t, x, k[STAGES - 1], &end))
             return GIVEN_UP;
-        if (changed)
-            problem->derivatives(problem->owner, at->t, at->x, at->xdot);
     }
     return REACHED_END;
 }
 
-integration integrate_fixed(const ode *problem, integration_point *at, double end, double size)
+/* Classical RK4. */
+integration fixed_step(const ode *problem, integration_point *at, double t, double h, double x[N_STATES],
+                       double xdot[N_STATES])
 {
-    double start = at->t, n = number_of_steps(start, end, size), span = end - start, planned = end;
-    long done = 0;
-    if (n > MOST_FIXED_STEPS)
-        return TOO_MANY_STEPS;
-    while (at->t < end) {
-        if (end != planned) { /* the observer has reduced it; no more steps than were left */
-            start = at->t;
-            n = number_of_steps(start, end, size);
-            span = end - start;
-            planned = end;
-            done = 0;
-        }
-        done++;
-        double h = span / n, t = (double)done < n ? start + span * ((double)done / n) : end;
-        double k2[N_STATES], k3[N_STATES], k4[N_STATES], x[N_STATES];
-        if (!(t > at->t))
-            return STEP_TOO_SMALL;
-        memcpy(x, at->x, sizeof x);
-        add_multiple(x, h / 2, at->xdot);
-        problem->derivatives(problem->owner, at->t + h / 2, x, k2);
-        memcpy(x, at->x, sizeof x);
-        add_multiple(x, h / 2, k2);
-        problem->derivatives(problem->owner, at->t + h / 2, x, k3);
-        memcpy(x, at->x, sizeof x);
-        add_multiple(x, h, k3);
-        problem->derivatives(problem->owner, t, x, k4);
-        for (int i = 0; i < N_STATES; i++)
-            x[i] = at->x[i] + h / 6 * (at->xdot[i] + 2 * k2[i] + 2 * k3[i] + k4[i]);
-        problem->derivatives(problem->owner, t, x, k2);
-        for (int i = 0; i < N_STATES; i++)
-            if (!isfinite(x[i]) || !isfinite(k2[i]))
-                return NOT_FINITE;
-
-        int changed = 0;
-        at->t = t;
-        memcpy(at->x, x, sizeof x);
-        memcpy(at->xdot, k2, sizeof at->xdot);
-        if (!problem->accept(problem->owner, at->t, at->x, at->xdot, &end, &changed))
-            return GIVEN_UP;
-        if (changed)
-            problem->derivatives(problem->owner, at->t, at->x, at->xdot);
-    }
+    double k2[N_STATES], k3[N_STATES], k4[N_STATES];
+    memcpy(x, at->x, sizeof at->x);
+    add_multiple(x, h / 2, at->xdot);
+    problem->derivatives(problem->owner, at->t + h / 2, x, k2);
+    memcpy(x, at->x, sizeof at->x);
+    add_multiple(x, h / 2, k2);
+    problem->derivatives(problem->owner, at->t + h / 2, x, k3);
+    memcpy(x, at->x, sizeof at->x);
+    add_multiple(x, h, k3);
+    problem->derivatives(problem->owner, t, x, k4);
+    for (int i = 0; i < N_STATES; i++)
+        x[i] = at->x[i] + h / 6 * (at->xdot[i] + 2 * k2[i] + 2 * k3[i] + k4[i]);
+    problem->derivatives(problem->owner, t, x, xdot);
+    for (int i = 0; i < N_STATES; i++)
+        if (!isfinite(x[i]) || !isfinite(xdot[i]))
+            return NOT_FINITE;
     return REACHED_END;
 }
 #endif

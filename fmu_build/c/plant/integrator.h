@@ -56,7 +56,14 @@ INTERNAL_BEGIN
 double number_of_steps(double start, double end, double size);
 /* Error per step below `tolerance`, relative and absolute in SI units. */
 integration integrate_controlled(const ode *problem, integration_point *at, double end, double tolerance);
-/* Equal steps, the largest not above `size`: constant cost. */
+/* Moves the point to (t, x) with the derivatives there, and asks the owner; 0 if it gives up. */
+int arrive(const ode *problem, integration_point *at, double t, const double x[N_STATES],
+           const double xdot[N_STATES], double *end);
+/* One step of size h from the point to t, which is left where it is: the state there and its derivatives. REACHED_END,
+   NOT_FINITE or TOO_FAST. RK4, or with bristles the steps of fixed_bristles.c. */
+integration fixed_step(const ode *problem, integration_point *at, double t, double h, double x[N_STATES],
+                       double xdot[N_STATES]);
+/* Equal steps, the largest not above `size`. */
 integration integrate_fixed(const ode *problem, integration_point *at, double end, double size);
 INTERNAL_END
 
