@@ -122,3 +122,28 @@ def test_what_diverges_is_refused() -> None:
     pole = plain._replace(derivatives=lambda x: np.array([np.inf if x[3] > 5e-4 else 0.0, 0.0, 0.0, 1.0]))
     with np.errstate(all="ignore"), pytest.raises(StepError, match=r"expected at most 0\.0005 s"):
         fixed_step(pole, np.zeros(4), np.array([0.0, 0, 0, 1]), 1e-3)
+
+
+@pytest.mark.parametrize("share", [0.05, 1 / 6, 0.3, 0.5, 0.8])
+def test_the_error_of_a_reversal_is_that_of_simpsons_rule_over_a_kink(share: float) -> None:
+    """Expected: at least that for max(0, a (t − τ)), by the rule and by the exact integral; equal in the middle.
+
+    Where v = s (t − τ) crosses 0, d z = |v| z/z_ss, so its slope jumps by a = 2 s |z|/z_ss.
+    """
+    h, slope, reach = 1e-3, 7.0, FC / S0
+    before, after = -slope * share * h, slope * (1 - share) * h
+    grip = gripped_mass(LUGRE, lambda _: 0.0).grip(np.array([0.0, 1.0, 0.0, 0.0]))
+    z = np.full(1, 0.6 * reach)
+
+    def at(v: float) -> Any:
+        return grip._replace(decay=np.full(1, abs(v) / reach), sliding=np.full(1, v))
+
+    system = Gripped(np.asarray, lambda _: at(after), lambda _: np.full(1, after), slice(0, 1), slice(1, 2))
+    a = 2 * slope * z[0] / reach
+    rule = h / 6 * (4 * a * max(0.0, h / 2 - share * h) + a * (h - share * h))
+    exact = a * (h - share * h) ** 2 / 2
+    (found,) = fixed_steps.reversal(system, at(before), z, z, h)
+    assert found >= 0.999 * abs(rule - exact)
+    assert found == pytest.approx(a * h**2 * share * (1 - share) / 6, rel=1e-12)
+    if share == 0.5:
+        assert found == pytest.approx(abs(rule - exact), rel=1e-12)

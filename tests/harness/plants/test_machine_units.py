@@ -92,21 +92,31 @@ def test_calls_of_one_fixed_step_slide_as_the_stepping_model_does(springs: bool)
             assert found[f"position[{k + 1}]"] == pytest.approx(model.state[k], abs=2e-6)
 
 
-def test_a_fixed_step_is_that_of_the_scheme_in_numpy(unit: Path) -> None:
-    """Expected: `fixed_steps`, whose errors and order its own tests show; steps are divided as they are there."""
-    platform, h = real_platform("lugre", springs=True), 1e-3
+@pytest.mark.parametrize("force", [30.0, -90.0], ids=["slides", "reverses"])
+@pytest.mark.parametrize("springs", [False, True], ids=["rigid", "gives"])
+def test_a_fixed_step_is_that_of_the_scheme_in_numpy(springs: bool, force: float) -> None:
+    """Expected: `fixed_steps`, whose errors and order its own tests show; steps are divided as they are there.
+
+    Of rigid legs the gain of friction is a full matrix without symmetry, of legs that give a diagonal.
+    """
+    platform, h = real_platform("lugre", springs=springs), 1e-3
+    variant = Variant.of(platform)
     start = State(platform.home_position, platform.home_orientation, np.array([0.03, -0.02, 0.05]), np.zeros(3))
     model = SteppingModel(platform)
     model.set_many(start._asdict())
-    u = np.concatenate([platform.home_actuator_force + 30.0, np.zeros(6)])
-    system, x = gripped(Kernel(WHOLE), platform, u), model.state
-    with FmuPlant(unit, platform, start, 1e-8, h) as plant:
+    u = np.concatenate([platform.home_actuator_force + force, np.zeros(6)])
+    system, x = gripped(Kernel(variant), platform, u), model.state
+    turned = np.zeros(6, dtype=bool)
+    with FmuPlant(cached_build("3.0", None, variant), platform, start, 1e-8, h) as plant:
         plant.set_inputs(u)
-        for k in range(5):
+        for k in range(8):
+            before = system.sliding(x).copy()
             plant.do_step(k * h, h)
             x, _ = fixed_step(system, x, system.derivatives(x), h)
+            turned |= before * system.sliding(x) < 0
         found = dict(zip(plant.columns, plant.results(), strict=True))
-    names = [name for v in WHOLE.states for name in v.scalar_names]
+    assert turned.sum() >= (3 if force < 0 else 0)
+    names = [name for v in variant.states for name in v.scalar_names]
     np.testing.assert_allclose([found[name] for name in names], x, rtol=1e-10, atol=1e-13)
 
 
