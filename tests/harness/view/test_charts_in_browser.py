@@ -400,6 +400,40 @@ def test_paper_is_light_whole_and_without_controls(browser: Browser, report: Pat
     page.close()
 
 
+def test_a_chart_that_is_not_drawn_yet_says_so_on_paper(fresh: Page) -> None:
+    """Expected: one sentence in place of the chart, which goes with the paper."""
+    fresh.evaluate("() => { globalThis.kept = GoughStewart.panels[0].figure; GoughStewart.panels[0].figure = null; }")
+    fresh.evaluate("dispatchEvent(new Event('beforeprint'))")
+    said = fresh.evaluate("GoughStewart.panels[0].paper.textContent")
+    seen = fresh.evaluate("GoughStewart.panels[0].paper.isConnected")
+    fresh.evaluate("dispatchEvent(new Event('afterprint'))")
+    fresh.evaluate("() => { GoughStewart.panels[0].figure = globalThis.kept; }")
+    assert said == "This chart was not yet drawn: print once more."
+    assert seen
+    assert fresh.locator(".paper").count() == 0
+
+
+@pytest.mark.parametrize(("scheme", "name"), [("dark", "dark"), ("light", "contrast")])
+def test_forced_colours_have_the_theme_of_their_ground(browser: Browser, report: Path, scheme: Any, name: str) -> None:
+    """Expected: colours for a dark ground on one, else those of high contrast."""
+    page = browser.new_page(color_scheme=scheme, forced_colors="active")
+    page.goto(report.as_uri())
+    until(page, "GoughStewart.ready.all === true")
+    assert page.evaluate("GoughStewart.theme().name") == name
+    page.close()
+
+
+def test_axes_have_powers_of_ten_only_where_decimals_would_be_long(fresh: Page) -> None:
+    """Expected: below a millionth and from a million on; a run has times and most values between."""
+    found = fresh.evaluate(
+        """() => GoughStewart.panels.filter(p => p.figure && p.chart.y.scale !== 'log').map(p => p.figure.figure)
+        .flatMap(({ xaxes, yaxes, x_range, y_range }) => [[xaxes[0], x_range], [yaxes[0], y_range]])
+        .map(([axis, { start, end }]) => [axis.formatter.use_scientific, Math.max(Math.abs(start), Math.abs(end))])"""
+    )
+    assert [scientific for scientific, most in found] == [most >= 1e6 or most < 1e-6 for _, most in found]
+    assert [scientific for scientific, _ in found].count(False) > 5
+
+
 def test_a_chart_is_saved_as_a_picture_with_title_and_legend(fresh: Page, tmp_path: Path) -> None:
     """Expected: by button and by key the same file, as wide as the chart with an edge of 12 pixels on either side.
 

@@ -1,0 +1,22 @@
+"""Tables of a page: where cells stand, and how numbers are written."""
+
+from lxml import html
+
+from gough_stewart.harness.report.document import Column, Table
+from gough_stewart.harness.report.page_tables import table_html
+from gough_stewart.harness.report.quantities import Quantity
+
+
+def test_numbers_are_at_the_right_with_a_minus_and_words_are_not() -> None:
+    """Expected: by hand; the first column names its row, and a hyphen within words stays one."""
+    columns = (Column("what"), Column("error", Quantity("m", "m")), Column("cause"), Column("share"))
+    rows = (("leg-1", -0.25, "a-b", "-3 %"), ("leg-2", None, "stopped", "+4 %"))
+    table = html.fragment_fromstring(table_html(Table("errors", columns, rows)))
+    heads = [head.get("class") for head in table.xpath(".//thead//th")]
+    assert heads == [None, "n", None, "n"]
+    cells = [[cell.get("class") for cell in row.xpath("./td")] for row in table.xpath(".//tbody/tr")]
+    assert cells == [["n", None, "n"]] * 2
+    first = [cell.text_content() for cell in table.xpath(".//tbody/tr")[0]]
+    assert first[0] == "leg-1"
+    assert first[1].startswith("\N{MINUS SIGN}")
+    assert first[2:] == ["a-b", "\N{MINUS SIGN}3 %"]
