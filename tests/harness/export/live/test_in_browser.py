@@ -216,6 +216,25 @@ def test_a_payload_is_felt(heave: Watched) -> None:
     page.click("#again")
 
 
+def test_what_a_hand_has_put_on_and_cut_stays_when_the_loop_begins_again(heave: Watched) -> None:
+    """Expected: the cut leg has no force before and after; the others carry the payload; later both are gone."""
+    page = heave.page
+    page.evaluate("GoughStewart.live.restart(false)")
+    alone = np.array(later(page, 0.05)[13:19])
+    page.evaluate(LOAD, 0.5)
+    page.click("[aria-label='no force in leg 3']")
+    for _ in range(2):
+        page.evaluate("GoughStewart.live.restart(false)")
+        forces = np.array(later(page, 0.05)[13:19])
+        assert forces[2] == 0
+        assert np.delete(forces, 2).sum() > 1.2 * np.delete(alone, 2).sum()
+    page.click("[aria-label='no force in leg 3']")
+    page.evaluate(LOAD, 0)
+    page.evaluate("GoughStewart.live.restart(false)")
+    assert later(page, 0.05)[13:19] == pytest.approx(alone.tolist(), abs=1.0)
+    page.click("#again")
+
+
 def test_a_machine_that_sticks_bears_a_small_payload_and_slides_under_a_large_one(
     browser: Browser, tmp_path: Path
 ) -> None:
