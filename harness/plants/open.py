@@ -58,11 +58,6 @@ def open_plant(
         return
     if kind not in FMI_VERSIONS:
         raise PlantError(f"plant is {kind!r}; expected model, fmu2 or fmu3")
-    if fixed_step_size and Variant.of(platform).bristles:
-        raise PlantError(
-            f"plant has fixed_step_size {fixed_step_size:g} s and friction that sticks: where legs slide, fixed steps "
-            "are not accurate enough yet; remove fixed_step_size, for error control"
-        )
     version = FMI_VERSIONS[kind]
     if fmu is None:
         from gough_stewart.harness.plants.fmu import FmuPlant

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gough_stewart as gs
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.plant.layout import plant_layout
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.fixed_steps import fixed_step
 from gough_stewart.model.kernel import Kernel, parameter_vector
@@ -155,19 +155,22 @@ def test_a_fixed_step_beyond_the_modes_is_refused_with_one_that_is_not(unit: Pat
         assert plant.results()[2] == pytest.approx(platform.home_position[2], abs=1e-9)
 
 
-def test_a_fixed_step_that_makes_sliding_wrong_is_refused(unit: Path) -> None:
-    """Expected: units take 0.1 ms and no more; experiments take none, since their readers do not compare."""
-    platform = real_platform("elasto_plastic", springs=True)
-    with (
-        FmuPlant(unit, platform, None, 1e-8, 2e-3) as plant,
-        pytest.raises(StepError, match=r"steps of 0\.002 s are too large.*at most 0\.001 s"),
-    ):
-        plant.do_step(0.0, 2e-3)
-    with (
-        pytest.raises(PlantError, match=r"fixed_step_size 0\.0001 s and friction that sticks.*remove fixed_step_size"),
-        open_plant("fmu3", platform, fixed_step_size=1e-4),
-    ):
-        pass
+@pytest.mark.parametrize("kind", ["fmu2", "fmu3"])
+def test_a_loop_takes_steps_of_1_ms_where_friction_sticks_and_no_longer_ones(kind: str) -> None:
+    """Expected: the loop on the model under error control; errors of steps are corrected as by any feedback."""
+    settings = {
+        "platform.parameters": {"leg_friction_model": "lugre", "leg_coulomb_friction": 100.0},
+        "loop.duration": 0.3,
+        "plant.kind": kind,
+    }
+    exact = gs.run("heave_step", {**settings, "plant.kind": "model", "plant.tolerance": 1e-10})
+    found = gs.run("heave_step", {**settings, "plant.fixed_step_size": "1 ms"})
+    assert np.ptp(exact["position"][:, 2]) > 0.02
+    # encoders of 10 µm may tell two equal lengths apart
+    assert np.abs(found["position"] - exact["position"]).max() < 3e-6
+    long = gs.run("heave_step", {**settings, "loop.sample_time": "2 ms", "plant.fixed_step_size": "2 ms"})
+    assert len(long["position"]) == 1
+    assert re.search(r"steps of 0\.002 s are too large.*at most 0\.001 s", long.metadata["outcome"]["cause"])
 
 
 def test_sensitivities_are_those_of_the_equations(instance: Plant) -> None:
