@@ -25,6 +25,8 @@ HIDE = """hidden => {
     Object.defineProperty(document, "hidden", { value: hidden, configurable: true });
     document.dispatchEvent(new Event("visibilitychange"));
 }"""
+CONTROLS = "button, input, select, summary, a[href], [tabindex='0']"
+NAME = "(each) => each.id || each.getAttribute('aria-label') || each.textContent.trim()"
 NOISE = {"sensors.noise": {"leg_length": "3 um"}, "sensors.seed": 4}
 
 
@@ -259,6 +261,67 @@ def test_a_machine_that_sticks_bears_a_small_payload_and_slides_under_a_large_on
     assert home - later(found.page, 0.5)[3] > 1e-4
     assert found.errors == []
     found.page.close()
+
+
+def test_tab_comes_to_every_control(heave: Watched) -> None:
+    """Expected: those that a reader sees, but for the pads, whose axes have sliders and keys."""
+    page = heave.page
+    found = f'[...document.querySelectorAll("{CONTROLS}")].filter((each) => each.checkVisibility())'
+    seen = set(page.evaluate(f"{found}.map({NAME})"))
+    assert len(seen) > 40
+    page.evaluate("() => { document.activeElement.blur(); scrollTo(0, 0); }")
+    reached = set()
+    for _ in range(2 * len(seen)):
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate(f"({NAME})(document.activeElement)"))
+    assert seen <= reached
+
+
+def test_keys_do_what_a_mouse_does(heave: Watched) -> None:
+    """Expected: play, begin again, move, load, break, push while a key is held, turn and take home."""
+    page = heave.page
+    page.evaluate("() => document.activeElement.blur()")
+    was = page.evaluate("GoughStewart.live.playing")
+    page.keyboard.press("Space")
+    assert page.evaluate("GoughStewart.live.playing") != was
+    later(page, 3)
+    page.focus("#again")
+    page.keyboard.press("Enter")
+    pause(page)
+    assert clock(page) < 3
+    page.evaluate("() => document.activeElement.blur()")
+    height = later(page, 0.5)[3]
+    for _ in range(3):
+        page.keyboard.press("r")
+    assert later(page, 2)[3] > height + 0.005
+    page.focus("#payload")
+    page.keyboard.press("End")
+    page.focus("[aria-label='no force in leg 3']")
+    page.keyboard.press("Enter")
+    assert later(page, 0.05)[15] == 0
+    page.keyboard.press("Enter")
+    assert later(page, 0.05)[15] != 0
+    inputs = "GoughStewart.engine.ask('state', 'state').then((state) => state.inputs[6])"
+    page.focus("#push-x")
+    page.keyboard.down("Enter")
+    assert page.evaluate(inputs) > 0
+    page.keyboard.up("Enter")
+    assert page.evaluate(inputs) == 0
+    page.focus("#payload")
+    page.keyboard.press("Home")
+    field = "[aria-label='bandwidth, as a number']"
+    page.focus(field)
+    page.keyboard.press("Control+a")
+    page.keyboard.type("2.5")
+    page.keyboard.press("Tab")
+    assert page.input_value(field) == "2.5"
+    page.focus("#turn-back")
+    page.keyboard.press("Enter")
+    page.focus("#home")
+    with page.expect_download() as download:
+        page.keyboard.press("Enter")
+    assert download.value.suggested_filename.endswith(".zip")
+    page.click("#again")
 
 
 def test_it_waits_while_its_tab_is_hidden(heave: Watched) -> None:
