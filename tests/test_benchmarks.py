@@ -33,6 +33,15 @@ def test_the_timers_in_c_compile(tmp_path: Path) -> None:
         assert runpy.run_path(str(FOLDER / name))["compiled_timer"](folder).is_file()
 
 
+@pytest.mark.evidence
+def test_units_that_stick_and_give_are_timed_in_the_motion_of_the_ideal_one(tmp_path: Path) -> None:
+    """Expected: a time each, and ends that fixed steps share with those under error control."""
+    cost, errors = runpy.run_path(str(FOLDER / "machine.py"))["microseconds_a_step"](1, tmp_path)
+    assert len(cost) == 3
+    assert all(0 < each < np.inf for each in cost.values())
+    assert max(errors.values()) < 1e-6
+
+
 def test_a_step_of_the_loop_is_timed_around_that_of_the_unit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: a part of the step is inside of the unit, and not all of it."""
     measured = runpy.run_path(str(FOLDER / "loop.py"))
