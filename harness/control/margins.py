@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.control.state_space import StateSpace, matrices_of
-from gough_stewart.harness.control.structured import ComplexArray, scaled_norm
+from gough_stewart.harness.control.structured import ComplexArray, bounds_of_the_largest
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.model.vectors import FloatArray
 
@@ -99,7 +99,8 @@ def loop_margins(L: Any) -> Margins:
     L = matrices_of(L)
     check_stable(L)
     coarse, fine = _frequencies(L, _GRID), _frequencies(L, _FINE_GRID)
-    disk_peak, at = _peak(lambda S, T: scaled_norm((S - T) / 2), L, coarse)
+    on_grid = sensitivities(L, coarse)
+    disk_peak, at = _peak(lambda S, T: bounds_of_the_largest((S - T) / 2), L, coarse, on_grid)
     everything = response(L, fine)
     alpha = 1 / disk_peak
     half = alpha / 2
@@ -107,8 +108,8 @@ def loop_margins(L: Any) -> Margins:
     return Margins(
         tuple(_leg_margins(L, k, fine, one_leg_open(everything, k)) for k in range(L.noutputs)),
         DiskMargin(alpha, gain, 2 * math.atan(half), at / (2 * math.pi)),
-        _peak(lambda S, _T: np.linalg.norm(S, 2, axis=(1, 2)), L, coarse)[0],
-        _peak(lambda _S, T: np.linalg.norm(T, 2, axis=(1, 2)), L, coarse)[0],
+        _peak(lambda S, _T: np.linalg.norm(S, 2, axis=(1, 2)), L, coarse, on_grid)[0],
+        _peak(lambda _S, T: np.linalg.norm(T, 2, axis=(1, 2)), L, coarse, on_grid)[0],
     )
 
 
@@ -321,14 +322,19 @@ def _frequencies(L: Any, n: int) -> FloatArray:
     return np.unique(np.concatenate([np.geomspace(low, high, n), about[(about > low) & (about < high)]]))
 
 
-def _peak(of: Any, L: Any, grid: FloatArray) -> tuple[float, float]:
+def _peak(
+    of: Callable[[ComplexArray, ComplexArray], FloatArray],
+    L: Any,
+    grid: FloatArray,
+    on_grid: tuple[ComplexArray, ComplexArray],
+) -> tuple[float, float]:
     """Largest value over frequency of a function of S and T, and its frequency [rad/s]."""
     from scipy.optimize import minimize_scalar
 
     def size(omega: FloatArray) -> FloatArray:
-        return np.asarray(of(*sensitivities(L, omega)))
+        return of(*sensitivities(L, omega))
 
-    values = size(grid)
+    values = of(*on_grid)
     best = int(values.argmax())
     bracket = (math.log(grid[max(best - 1, 0)]), math.log(grid[min(best + 1, len(grid) - 1)]))
     found = minimize_scalar(

@@ -22,7 +22,7 @@ from gough_stewart.harness.control.margins import (
 )
 from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.control.state_space import control_system
-from gough_stewart.harness.control.structured import scaled_norm
+from gough_stewart.harness.control.structured import bounds_of_the_largest, scaled_norm
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.analysis import margins as margins_of
 from gough_stewart.model.kinematics import leg_jacobian
@@ -411,6 +411,22 @@ def test_the_scaled_norm_is_the_structured_singular_value() -> None:
     # what scaling cannot change, by whatever road it comes
     assert bound == pytest.approx(scaled_norm(M), rel=0.01)
     assert (bound < np.linalg.norm(badly, 2, axis=(1, 2)) / 2).sum() > 15
+
+
+@pytest.mark.parametrize("n", [1, 16, 17, 200])
+def test_the_largest_scaled_norm_is_found_without_the_others(n: int) -> None:
+    """Expected: the largest of all scaled norms, in its place; elsewhere bounds between scaled norm and largest.
+
+    All are of about one size: of the 200, twenty have larger bounds after balancing than the one that is the largest.
+    """
+    rng = np.random.default_rng(9)
+    M = rng.normal(size=(n, 6, 6)) + 1j * rng.normal(size=(n, 6, 6))
+    M /= 1 + np.linalg.norm(M, 2, axis=(1, 2))[:, None, None]
+    bounds, each = bounds_of_the_largest(M), scaled_norm(M)
+    assert int(bounds.argmax()) == int(each.argmax())
+    assert bounds.max() == each.max()
+    assert (bounds >= each).all()
+    assert (n <= 16) == (bounds == each).all()
 
 
 def test_coulomb_friction_is_left_out_of_model_and_loop_alike() -> None:
