@@ -4,6 +4,8 @@ import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from gough_stewart.harness.quantities import unit_typed
+
 _WITH_UNIT = re.compile(r"(.*?)(\s*)[\[(]([^\[\]()]*)[\])]")
 _INDEX = re.compile(r"\d+(,\d+)*")
 
@@ -33,7 +35,8 @@ class Heading(NamedTuple):
         """
         if self.unit is None:
             return 1.0
-        if self.unit not in units:
+        unit = unit_typed(self.unit)
+        if unit not in units:
             known = ", ".join(unit for unit in units if unit)
             raise ValueError(f"{self.column} has the unit '{self.unit}'; expected one of {known}")
-        return units[self.unit]
+        return units[unit]

@@ -33,8 +33,8 @@ UNITS: dict[str, dict[str, float]] = {
     "1": {"1": 1, "%": 1e-2},
     "N/(m.s)": {"N/(m.s)": 1, "N/(m s)": 1, "kN/(m.s)": 1e3},
     "kg": {"kg": 1, "g": 1e-3, "t": 1e3},
-    "kg.m2": {"kg.m2": 1, "kg m2": 1, "kg m²": 1},
-    "m/s2": {"m/s2": 1, "m/s²": 1},
+    "kg.m2": {"kg.m2": 1, "kg m2": 1},
+    "m/s2": {"m/s2": 1},
     "W": {"W": 1, "kW": 1e3},
     "J": {"J": 1, "kJ": 1e3},
 }
@@ -45,6 +45,19 @@ LARGEST = 1e12
 # A number and its unit, with or without a space between them.
 _QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 ZEROS = (0.0, 0.0, 0.0)
+_RAISED = str.maketrans("23", "²³")
+# Keyboards and other programs write the Greek letter for the micro sign.
+_TYPED = str.maketrans("·²³\N{GREEK SMALL LETTER MU}", ".23\N{MICRO SIGN}")
+
+
+def unit_text(unit: str) -> str:
+    """A unit as people write it: N·m and m/s² for N.m and m/s2."""
+    return re.sub(r"(?<=[a-z])[23]", lambda power: power[0].translate(_RAISED), unit.replace(".", "·"))
+
+
+def unit_typed(text: str) -> str:
+    """The unit of `UNITS` that a person wrote: the inverse of `unit_text`."""
+    return text.strip().translate(_TYPED)
 
 
 def number(value: object, unit: str) -> float:
@@ -64,11 +77,10 @@ def number(value: object, unit: str) -> float:
         except ValueError:
             raise ValueError(expected) from None
         return _of_this_world(size)
-    # keyboards and other programs write the Greek letter for the micro sign
-    parts = _QUANTITY.fullmatch(value.strip().replace("\N{GREEK SMALL LETTER MU}", "\N{MICRO SIGN}"))
+    parts = _QUANTITY.fullmatch(value.strip())
     if parts is None:
         raise ValueError(expected)
-    digits, found = parts.groups()
+    digits, found = parts[1], unit_typed(parts[2])
     if found not in UNITS[unit]:
         raise ValueError(f"{expected}; found the unit '{found}'" if found else expected)
     return _of_this_world(float(digits) * UNITS[unit][found])

@@ -180,7 +180,7 @@ def _quantile_interval(quantity: Quantity, low: float | None, high: float | None
         side = f"at least {at_least(quantity, low)}" if low is not None else ""
         side = f"at most {at_most(quantity, high)}" if high is not None else side
         return f"{side}; too few members for more".removeprefix("; ")
-    return f"{at_least(quantity, low).removesuffix(f' {quantity.unit}')} to {at_most(quantity, high)}"
+    return f"{at_least(quantity, low).removesuffix(f' {quantity.unit_text}')} to {at_most(quantity, high)}"
 
 
 def _within(by: str, size: str) -> str:

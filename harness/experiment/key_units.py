@@ -56,7 +56,7 @@ def value_text(key: str, value: Any) -> str:
     if not unit or not is_number:
         return plain_text(value)
     quantity = of_unit("%" if unit == "1" else unit)
-    return f"{plain_text(_scaled(value, quantity.factor))} {quantity.unit}"
+    return f"{plain_text(_scaled(value, quantity.factor))} {quantity.unit_text}"
 
 
 def _scaled(value: Any, factor: float) -> Any:

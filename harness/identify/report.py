@@ -109,7 +109,7 @@ def _value(found: Estimate, k: int) -> str:
     # as many decimals as the half width has in two digits
     decimals = max(0, 1 - math.floor(math.log10(shown))) if shown > 0 else 3
     value = f"{quantity.factor * found.values[k]:.{decimals}f}"
-    return f"{found.names[k]} {value} ± {shown:.2g} {quantity.unit}".rstrip()
+    return f"{found.names[k]} {value} ± {shown:.2g} {quantity.unit_text}".rstrip()
 
 
 def _numbers(found: Estimate) -> tuple[Number, ...]:

@@ -89,13 +89,19 @@ def _residuals(estimate: Estimate) -> Table:
         aside = None if found.validation_rms is None else float(found.validation_rms[k])
         share = float(rms / found.signal_rms[k]) if found.signal_rms[k] > 0 else None
         white = None if found.whiteness is None else float(found.whiteness[k])
-        rows.append((f"{found.quantity} {k + 1}", float(rms), aside, share, white))
+        rows.append((f"{found.quantity} {k + 1}", float(rms), aside, share, _p(white)))
     return Table("Residuals", columns, tuple(rows))
 
 
 def _tests(test: LackOfFit) -> Table:
     title = f"What the residuals contain; all tests p = {test.combined:.2g}"
-    return Table(title, (Column("tested"), Column("p", _TWO)), tuple((name, p) for name, p in test.p_values.items()))
+    value = Column("p value", _TWO, "probability of such residuals if the model is right")
+    return Table(title, (Column("tested"), value), tuple((name, _p(p)) for name, p in test.p_values.items()))
+
+
+def _p(value: float | None) -> Cell:
+    """A p value; what is smaller is not known better, and none is 0."""
+    return "< 1e-6" if value is not None and value < 1e-6 else value
 
 
 def _findings(diagnosis: Diagnosis) -> Table:

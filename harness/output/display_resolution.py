@@ -1,13 +1,11 @@
 """Resolution of display: smaller differences are rounding, and do not fill axes or table cells; points of a curve."""
 
-import math
-
 import numpy as np
 
 from gough_stewart.harness.quantities import UNITS
 from gough_stewart.model.vectors import FloatArray
 
-# The smallest relevant difference by unit, such as a micrometre or a ten-thousandth of a degree.
+# The smallest difference that numbers tell, by unit, such as a micrometre or a ten-thousandth of a degree.
 LEAST_SPANS: dict[str, float] = {
     "m": 1e-6,
     "mm": 1e-3,
@@ -36,11 +34,13 @@ LEAST_SPANS: dict[str, float] = {
 _LEAST_OF_OTHERS = 1e-6
 # The same as a share of the values; single precision, in which curves are stored, has little more.
 _LEAST_SHARE = 1e-6
+# Axes show this share of it: an error of 1e-5 degrees has a shape, one of 1e-9 degrees is rounding.
+_OF_AXES = 1e-2
 
 
 def least_span(unit: str, largest: float = 0.0) -> float:
-    """The smallest relevant difference in a unit, for values up to a largest magnitude."""
-    return max(LEAST_SPANS.get(unit, _LEAST_OF_OTHERS), _LEAST_SHARE * abs(largest))
+    """The smallest span of an axis in a unit, for values up to a largest magnitude."""
+    return max(_OF_AXES * LEAST_SPANS.get(unit, _LEAST_OF_OTHERS), _LEAST_SHARE * abs(largest))
 
 
 def factor_to(unit: str) -> float:
@@ -48,15 +48,6 @@ def factor_to(unit: str) -> float:
     if unit in UNITS:  # rad/s is the SI unit of a rate, but is also listed with Hz
         return 1.0
     return next((1 / others[unit] for others in UNITS.values() if unit in others), 1.0)
-
-
-def widened(low: float, high: float, unit: str) -> tuple[float, float]:
-    """Both ends of an axis, widened about their middle to at least `least_span`; NaN counts as 0."""
-    if not (math.isfinite(low) and math.isfinite(high)):
-        low = high = 0.0
-    span = max(high - low, least_span(unit, max(abs(low), abs(high))))
-    middle = low + (high - low) / 2
-    return middle - span / 2, middle + span / 2
 
 
 def decimated(time: FloatArray, values: FloatArray, points: int) -> tuple[FloatArray, FloatArray]:

@@ -135,7 +135,8 @@ def reproduce(
         case = case_of(load_preset(PAPER_PRESET) if case is None else case)
     console = console or Console(quiet=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
+    # without a terminal, its end would be an empty line
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
 
         def over_time(description: str) -> TimeProgress:
             task = progress.add_task(description, total=case.duration)

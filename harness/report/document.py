@@ -216,7 +216,7 @@ class Chart:
     x: Axis
     series: tuple[Series, ...]
     kind: ChartKind = "line"
-    y: Axis | None = None  # its name and scale; the values of a heat map's rows
+    y: Axis | None = None  # its name and scale; labels of the values 0, 1, …; the values of a heat map's rows
     marks: tuple[Mark, ...] = ()
     note: str = ""
     group: str = ""  # charts of a group are drawn together, as panels of one figure
@@ -258,7 +258,9 @@ class Chart:
     def y_title(self) -> str:
         """Name and unit of the vertical axis."""
         quantity = self.series[0].quantity
-        return self.y.title if self.kind == "heat" and self.y else quantity.headed(self.y.name if self.y else "")
+        if self.y is not None and (self.kind == "heat" or self.y.labels):
+            return self.y.title if self.kind == "heat" else self.y.name
+        return quantity.headed(self.y.name if self.y else "")
 
     def x_of(self, series: Series) -> FloatArray:
         """The abscissae of one of its series."""
@@ -305,7 +307,7 @@ class Table:
 
         Where columns state units too, this holds for all rows or none, so that they look alike.
         """
-        units = [{cell.quantity.unit for cell in each[1:] if isinstance(cell, Value)} for each in self.rows]
+        units = [{cell.quantity.unit_text for cell in each[1:] if isinstance(cell, Value)} for each in self.rows]
         is_mixed = any(column.quantity for column in self.columns[1:]) and any(len(each) > 1 for each in units)
         return next(iter(units[row])) if len(units[row]) == 1 and not is_mixed else ""
 

@@ -148,9 +148,9 @@ def _panels(chart: Chart) -> list[_Panel]:
     # an axis that hardly moves compared with the others should look like it
     least = max(_extent(chart.series, component) for component in components) / 50
     parts = {each: tuple(s for s in chart.series if s.component == each) for each in components}
-    unit = f" [{chart.series[0].quantity.unit}]" if chart.series[0].quantity.unit else ""
+    quantity = chart.series[0].quantity
     return [
-        _Panel(chart, f"{chart.title}, {each}{unit}", part, False, least, tuple(s.role for s in part))
+        _Panel(chart, quantity.headed(f"{chart.title}, {each}"), part, False, least, tuple(s.role for s in part))
         for each, part in parts.items()
     ]
 
@@ -197,9 +197,10 @@ def _height(row: Sequence[_Panel]) -> float:
 
 
 def _draw_wide(axes: Axes, panel: _Panel) -> None:
-    chart, unit = panel.chart, panel.series[0].quantity.unit
+    chart = panel.chart
     is_named = chart.kind in ("heat", "bars") or (chart.y is not None and chart.y.name != "")
-    axes.set_title(f"{panel.title} [{unit}]" if unit and not is_named else panel.title, parse_math=False)
+    title = panel.title if is_named else panel.series[0].quantity.headed(panel.title)
+    axes.set_title(title, parse_math=False)
     _draw_panel(axes, panel)
     if chart.y is not None and chart.y.name and chart.kind not in ("heat", "bars"):
         axes.set_ylabel(chart.y_title)
@@ -255,6 +256,8 @@ def _draw_panel(axes: Axes, panel: _Panel) -> None:
         elif chart.kind != "heat":
             # 0.9995 is plainer than -0.0005 with +1 above
             axes.ticklabel_format(axis="y", useOffset=False)
+        if chart.kind != "heat" and chart.y is not None and chart.y.labels:
+            axes.set_yticks(range(len(chart.y.labels)), chart.y.labels)
     _marks(axes, panel)
     _spans(axes, panel)
     _strips(axes, panel)

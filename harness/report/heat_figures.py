@@ -39,7 +39,8 @@ def slice_title(chart: Chart, k: int | None) -> str:
     if k is None or chart.map is None or chart.map.slices is None:
         return ""
     axis = chart.map.slices
-    return f"{axis.name} {number_text(axis.quantity.factor * float(axis.values[k]), 3)} {axis.quantity.unit}".strip()
+    value = number_text(axis.quantity.factor * float(axis.values[k]), 3)
+    return f"{axis.name} {value} {axis.quantity.unit_text}".strip()
 
 
 def height_over_width(chart: Chart) -> float:

@@ -204,7 +204,7 @@ def _number(number: Number) -> str:
         told.append(margin_text(number.quantity, number.margin))
     state = ' class="missed"' if number.margin is not None and number.margin < 0 else ""
     small = f"<small>{html.escape(with_minus('; '.join(told)))}</small>" if told else ""
-    unit = f' <span class="unit">{html.escape(number.quantity.unit)}</span>' if number.quantity.unit else ""
+    unit = f' <span class="unit">{html.escape(number.quantity.unit_text)}</span>' if number.quantity.unit else ""
     value = html.escape(with_minus(number.quantity.text(number.value, unit=False)))
     name = explained(number.name, number.explanation)
     return f"<div{state}><dt>{name}</dt><dd><b>{value}</b>{unit}{small}</dd></div>"

@@ -33,7 +33,8 @@ def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[s
         "kind": chart.kind,
         "isTime": has_time and is_over_time(chart),
         "x": _axis(chart.x, arrays),
-        "y": {**_shown(quantity, chart), "title": _y_title(chart), "scale": chart.y.scale if chart.y else "linear"},
+        "y": {**_shown(quantity, chart), "title": _y_title(chart), "scale": chart.y.scale if chart.y else "linear"}
+        | ({"labels": chart.y.labels} if chart.y and chart.y.labels and chart.kind != "heat" else {}),
         "series": [_series(each, chart, arrays) for each in chart.series],
         "marks": [
             {"value": mark.value, "text": mark.text, "vertical": mark.direction == "vertical", "role": mark.role}
@@ -97,7 +98,7 @@ def _shown(quantity: Quantity, chart: Chart) -> dict[str, Any]:
 
 
 def _written(quantity: Quantity) -> dict[str, Any]:
-    return {"unit": quantity.unit, "factor": quantity.factor, "digits": quantity.digits}
+    return {"unit": quantity.unit_text, "factor": quantity.factor, "digits": quantity.digits}
 
 
 def _axis(axis: Axis, arrays: Arrays) -> dict[str, Any]:

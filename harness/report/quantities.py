@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 from gough_stewart.harness.output.display_resolution import LEAST_SPANS, factor_to
-from gough_stewart.harness.quantities import UNITS
+from gough_stewart.harness.quantities import UNITS, unit_text, unit_typed
 
 _DEGREES = 180 / math.pi
 # A value that is not defined.
@@ -34,12 +34,17 @@ class Quantity:
         if self.digits < 1:
             raise ValueError(f"{self.digits} significant digits; expected at least 1")
 
+    @property
+    def unit_text(self) -> str:
+        """The unit as people write it: m/s² for m/s2."""
+        return unit_text(self.unit)
+
     def text(self, value: float | None, *, unit: bool = True) -> str:
         """A stored number as shown, with its unit; "< 0.001 mm" below the resolution of display."""
         if value is None or math.isnan(value):
             return NOTHING
         digits = self.number(value)
-        return f"{digits} {self.unit}" if unit and self.unit else digits
+        return f"{digits} {self.unit_text}" if unit and self.unit else digits
 
     def number(self, value: float | None) -> str:
         """The same without unit."""
@@ -58,7 +63,7 @@ class Quantity:
     def headed(self, name: str = "") -> str:
         """A heading: the name, or the quantity's own, with the unit in brackets."""
         words = name or self.name
-        return f"{words} [{self.unit}]" if self.unit else words
+        return f"{words} [{self.unit_text}]" if self.unit else words
 
     def stored(self, number: float, unit: str) -> float:
         """A number in any unit of this kind as it is stored: 1 mm of a length is 0.001.
@@ -68,7 +73,7 @@ class Quantity:
         ValueError
             A unit of another kind; names those that are known.
         """
-        known = UNITS.get(self.si, {self.unit: 1.0})
+        known, unit = UNITS.get(self.si, {self.unit: 1.0}), unit_typed(unit)
         if unit not in known:
             expected = ", ".join(each for each in known if each) or "no unit"
             raise ValueError(f"the unit '{unit}'; expected {expected}")

@@ -59,7 +59,7 @@ class Required:
         if not self.unit:
             return self.bound
         try:
-            return quantity.stored(self.bound, self.unit.replace("\N{GREEK SMALL LETTER MU}", "\N{MICRO SIGN}"))
+            return quantity.stored(self.bound, self.unit)
         except ValueError as error:
             raise RequirementError(f"the requirement '{self.text}' has {error}") from None
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.report.document import Cell, Column, Table, Value
-from gough_stewart.harness.report.quantities import FORCE, SHARE, TIME
+from gough_stewart.harness.report.quantities import FORCE, SHARE, TIME, Quantity
 from gough_stewart.harness.report.words import plain_text
 from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
@@ -76,7 +76,7 @@ def parameters_table(machine: Platform, believed: Platform) -> Table:
     for name, value in machine.as_dict().items():
         if value is None or name == "name":
             continue
-        head = f"{name} [{TABLE[name].unit}]" if name in TABLE and TABLE[name].unit else name
+        head = Quantity("", TABLE[name].unit if name in TABLE else "").headed(name)
         row: list[Cell] = [head, plain_text(value)]
         if differ:
             same = assumed.get(name) is not None and np.array_equal(value, assumed[name])

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.report.document import Chart, Mark, Scene, Section, Series, time_axis
+from gough_stewart.harness.report.document import Axis, Chart, Mark, Scene, Section, Series, time_axis
 from gough_stewart.harness.report.marks import Strip, strip_of
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
@@ -138,6 +138,7 @@ def _chart(
         time_axis(times[0]),
         tuple(series),
         "step" if signal.is_flag or signal.group in ("actuators", "controller") else "line",
+        y=Axis("", labels=("no", "yes")) if signal.is_flag else None,
         marks=tuple(Mark(limit / quantity.factor, "limit") for limit in signal.limits),
         strips=strips,
         group=signal.group,

@@ -69,6 +69,9 @@ _TITLES = {
     "error.leg_length": "leg length error",
     "leg_velocity": "sliding velocity of legs",
     "leg_length": "length of legs",
+    "flag.force_limited": "force limit active",
+    "flag.rate_limited": "force rate limit active",
+    "flag.stroke_exceeded": "beyond the stroke",
 }
 _TIME = "time"
 

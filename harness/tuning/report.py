@@ -8,6 +8,7 @@ import numpy as np
 
 from gough_stewart.harness.ensemble.columns import DISK
 from gough_stewart.harness.ensemble.report import number_of_members
+from gough_stewart.harness.quantities import unit_text
 from gough_stewart.harness.report.document import (
     Axis,
     Cell,
@@ -128,7 +129,7 @@ def tuning_verdict(found: Found) -> Verdict:
 
 
 def _text(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit}".rstrip()
+    return f"{value:.4g} {unit_text(unit)}".rstrip()
 
 
 def _numbers(found: Found) -> tuple[Number, ...]:

@@ -128,10 +128,10 @@ def _row(path: str, values: Sequence[float | None], marks: bool) -> tuple[Cell, 
     shown = shown_metric(path)
     scaled = [None if value is None else shown.factor * value for value in values]
     tops = best(path, scaled) if marks else set()
-    head = f"{shown.text} [{shown.unit}]" if shown.unit else shown.text
+    quantity = Quantity("", shown.unit)
     return (
-        head,
-        *(f"{_BEST if k in tops else ''}{Quantity('', shown.unit).number(value)}" for k, value in enumerate(scaled)),
+        quantity.headed(shown.text),
+        *(f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(scaled)),
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gough_stewart.harness.quantities import unit_text
 from gough_stewart.harness.report.words import number_text
 from gough_stewart.model.parameters import LIMITS, TABLE
 from gough_stewart.model.platform import Platform
@@ -33,7 +34,7 @@ class Shown:
         space = "" if self.unit in ("", "°") else " "
         # avoids −0 and rounding errors of degrees
         size = round(value * self.factor, 9) + 0.0 if np.isfinite(value) else value
-        return f"{number_text(size, digits)}{space}{self.unit}"
+        return f"{number_text(size, digits)}{space}{unit_text(self.unit)}"
 
 
 @dataclass(frozen=True, eq=False)

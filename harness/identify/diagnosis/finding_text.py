@@ -55,7 +55,7 @@ def _tilt(_names: Sequence[str], values: FloatArray, half: FloatArray) -> str:
 
 def _friction(names: Sequence[str], values: FloatArray, half: FloatArray) -> str:
     texts = []
-    for kind, said, unit in (("viscous", "viscous", "N.s/m"), ("coulomb", "Coulomb", "N")):
+    for kind, said, unit in (("viscous", "viscous", "N·s/m"), ("coulomb", "Coulomb", "N")):
         here = [k for k, name in enumerate(names) if kind in name]
         if here:
             own = _each([names[k] for k in here], values[here], half[here], _with)

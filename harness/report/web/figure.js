@@ -141,7 +141,8 @@
         name(figure.xaxis, chart.x.labels);
         figure.xaxes[0].major_label_orientation = 0.9;
       }
-      if (chart.rows?.labels.length) name(figure.yaxis, chart.rows.labels);
+      const labels = chart.rows?.labels.length ? chart.rows.labels : chart.y.labels;
+      if (labels) name(figure.yaxis, labels);
     }
 
     // Bars of some members within those of a histogram.

@@ -88,7 +88,7 @@
   };
 
   // A value without digits below the resolution of display.
-  const shown = (value, { least, digits }) => GS.short(Math.round(value / least) * least, digits);
+  const shown = (value, { least, digits, labels }) => labels?.[value] ?? GS.short(Math.round(value / least) * least, digits);
   // The values at an abscissa, for lines; the nearest row at or before it.
   GS.legendValues = (panel, x) => {
     if (!panel.figure?.isFunction) return;

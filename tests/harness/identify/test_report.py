@@ -28,7 +28,7 @@ def test_few_parameters_are_told_with_their_intervals() -> None:
     """Expected: 1.96 standard errors, in two digits, and values to the same decimals."""
     verdict = estimate_verdict(made(2))
     assert verdict.text == (
-        "Platform_mass 1216.93 ± 0.49 kg and leg_viscous_friction 512.0 ± 7.8 N.s/m; "
+        "Platform_mass 1216.93 ± 0.49 kg and leg_viscous_friction 512.0 ± 7.8 N·s/m; "
         "whether the model fits the log is not tested"
     )
     assert verdict.status == "marginal"

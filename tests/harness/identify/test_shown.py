@@ -105,7 +105,7 @@ def test_tables_have_every_number_in_its_place() -> None:
     assert heads_of(parameters) == ("", "before", "estimate", "±", "± %")
     assert rows_of(parameters) == [
         ("platform_mass kg", "1200", "1516.9", "3.9", "0.26"),
-        ("leg_viscous_friction[2] N.s/m", "500", "431.7", "5.9", "1.4"),
+        ("leg_viscous_friction[2] N·s/m", "500", "431.7", "5.9", "1.4"),
         ("platform_com[3] m", "0.15", "not excited", "–", "–"),
         ("leg_coulomb_friction N", "100", "0", "at its bound", "–"),
         ("force_gain[4]", "1", "1.021", "0.02", "1.9"),
@@ -129,11 +129,18 @@ def test_tables_have_every_number_in_its_place() -> None:
         ("force of leg 6", "15.06", "25.6", "–", "0.46"),
     ]
     assert tests.title == "What the residuals contain; all tests p = 0.0042"
-    assert heads_of(tests) == ("tested", "p")
+    assert heads_of(tests) == ("tested", "p value")
     assert rows_of(tests) == [("gain of forces", "1.2e-05"), ("joints", "0.034"), ("whiteness", "0.56")]
     assert findings.title == "Diagnosis: the first is most likely, the others are not separated from it"
     assert heads_of(findings) == ("", "misfit explained [%]")
     assert rows_of(findings) == [("forces of leg 4 read high", "88"), ("forces have offsets", "43")]
+
+
+def test_a_p_value_that_underflows_is_not_zero() -> None:
+    """Expected: the bound below which it lies, by hand; 0 is no probability of a continuous statistic."""
+    test = LackOfFit({"gain of forces": 0.0, "joints": 9e-7, "whiteness": 1.1e-6}, 0.00025)
+    shown = estimate_tables(replace(ESTIMATE, diagnosis=replace(DIAGNOSIS, test=test)))[3]
+    assert [row[1] for row in rows_of(shown)] == ["< 1e-6", "< 1e-6", "1.1e-06"]
 
 
 def test_tables_without_validation_tests_or_findings_say_so() -> None:
@@ -327,7 +334,7 @@ def test_a_diagnosis_without_findings_has_no_rest() -> None:
             ["leg_viscous_friction[2]", "leg_viscous_friction[3]", "leg_coulomb_friction[2]"],
             [480.0, 530.0, 91.0],
             [5.0, 10.0, 2.0],
-            "friction differs among legs: viscous leg 2 480.0 ± 9.8, leg 3 530 ± 20 N.s/m; Coulomb leg 2 91.0 ± 3.9 N",
+            "friction differs among legs: viscous leg 2 480.0 ± 9.8, leg 3 530 ± 20 N·s/m; Coulomb leg 2 91.0 ± 3.9 N",
         ),
         (
             "friction of each leg",

@@ -625,9 +625,9 @@ def test_the_case_is_the_papers_unless_one_is_given(monkeypatch: pytest.MonkeyPa
 
     shown: list[Console] = []
 
-    def progress(*_columns: object, console: Console, **_: Any) -> Progress:
+    def progress(*_columns: object, console: Console, disable: bool, **_: Any) -> Progress:
         shown.append(console)
-        return Progress(console=console)
+        return Progress(console=console, disable=disable)
 
     monkeypatch.setattr(reproduce, "run_stepping", stop)
     monkeypatch.setattr(reproduce, "Progress", progress)
@@ -635,10 +635,14 @@ def test_the_case_is_the_papers_unless_one_is_given(monkeypatch: pytest.MonkeyPa
         with pytest.raises(StopError):
             reproduce.reproduce(given)
     assert all(console.quiet for console in shown)
-    loud = Console(file=StringIO())
+    loud = Console(file=StringIO(), force_terminal=True)
     with pytest.raises(StopError):
         reproduce.reproduce(CASE, loud)
     assert shown[3] is loud
+    file = StringIO()
+    with pytest.raises(StopError):
+        reproduce.reproduce(CASE, Console(file=file))
+    assert file.getvalue() == ""
     assert seen[0].is_published
     assert seen[0].platform.name == "liu2000"
     assert seen[1].title == case_of(UNEVEN).title

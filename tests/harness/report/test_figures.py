@@ -11,7 +11,17 @@ from matplotlib.colors import to_hex
 from gough_stewart.harness.report.document import Axis, Chart, Mark, Report, Section, Series, Verdict, time_axis
 from gough_stewart.harness.report.figures import figures
 from gough_stewart.harness.report.palette import colour_of
-from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL, FORCE, FREQUENCY, LENGTH, SHARE, Quantity
+from gough_stewart.harness.report.quantities import (
+    ANGLE,
+    COUNT,
+    DECIBEL,
+    FORCE,
+    FREQUENCY,
+    LENGTH,
+    NUMBER,
+    SHARE,
+    Quantity,
+)
 from tests.support.drawn_figures import drawn
 from tests.support.figures import figures_drawn
 
@@ -59,6 +69,30 @@ def test_values_are_in_the_unit_that_the_title_names() -> None:
     assert float(marks[2].get_xdata()[0]) == 8.0
     assert len(marks) == 3
     assert to_hex(line.get_color()) == colour_of("error")
+
+
+def test_an_error_of_a_hundred_thousandth_of_a_degree_has_a_shape() -> None:
+    """Expected: the curve fills most of its axis; one of 1e-9 degrees is rounding, and is flat."""
+    shares = []
+    for size in (1e-5, 1e-9):
+        error = _series("yaw", np.radians(size) * np.sin(_TIME), "error", quantity=ANGLE)
+        (axes,) = _drawn(Chart("error", time_axis(_TIME), (error,)))
+        low, high = axes.get_ylim()
+        shares.append(np.ptp(size * np.sin(_TIME)) / (high - low))
+    assert shares[0] > 0.8
+    assert shares[1] < 0.01
+
+
+def test_values_with_names_have_them_on_the_axis() -> None:
+    """Expected: 0 is no and 1 is yes, and no title says number."""
+    values = np.asarray(_TIME > 8, dtype=float)
+    step = _series("leg 1", values, quantity=NUMBER)
+    (axes,) = _drawn(Chart("limit", time_axis(_TIME), (step,), "step", y=Axis("", labels=("no", "yes"))))
+    assert [(at, text.get_text()) for at, text in zip(axes.get_yticks(), axes.get_yticklabels(), strict=True)] == [
+        (0, "no"),
+        (1, "yes"),
+    ]
+    assert axes.get_ylabel() == ""
 
 
 def test_components_with_a_reference_get_a_panel_each() -> None:

@@ -98,15 +98,15 @@ def test_the_tables_of_parameters_and_versions() -> None:
     assert [name.partition(" [")[0] for name in rows] == stated
     assert rows["platform_mass [kg]"] == ("13", "11.5")
     assert rows["leg_length_max [m]"] == ("3.85", "3.9")
-    assert rows["leg_acceleration_max [m/s2]"] == ("2.5", "–")
-    assert rows["gravity [m/s2]"] == ("0.9, -1.3, -9.4", "")
+    assert rows["leg_acceleration_max [m/s²]"] == ("2.5", "–")
+    assert rows["gravity [m/s²]"] == ("0.9, -1.3, -9.4", "")
     assert rows["source"] == ("made up for tests", "")
     assert rows["base_points [m]"][0].split("; ")[3] == "1.98, -0.49, -0.08"
     assert rows["leg_viscous_friction_factor [1]"] == ("0.7, 1.4, 0.9, 1.6, 0.5, 1.1", "")
     assert [row[0] for row in rows.items() if row[1][1]] == [
         "platform_mass [kg]",
         "leg_length_max [m]",
-        "leg_acceleration_max [m/s2]",
+        "leg_acceleration_max [m/s²]",
     ]
     same = parameters_table(BELIEVED, BELIEVED)
     assert (same.title, heads_of(same)) == ("Platform: uneven", ("parameter", "machine"))

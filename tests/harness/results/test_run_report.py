@@ -113,6 +113,10 @@ def test_limits_that_act_are_told_with_their_share_of_the_time() -> None:
     record = with_columns(made, flag__force_limited=flags)
     text = record.report(charts=False).verdict.text
     assert "forces at the drives' limit for 25 % of the time" in text
+    chart = next(each for each in record.report().charts if each.title == "force limit active")
+    assert chart.y is not None
+    assert (chart.y_title, chart.y.labels, chart.kind) == ("", ("no", "yes"), "step")
+    np.testing.assert_array_equal(chart.series[4].values, flags[:, 4])
     assert record.report(charts=False).verdict.status in ("marginal", "bad")
     platform = {**record.metadata["platform"], "leg_length_max": float(record["leg_length"].max()) - 0.02}
     short = Record(record.table, {**record.metadata, "platform": platform})

@@ -174,7 +174,7 @@ def test_shares_of_the_grid_that_limits_keep_from(seen: Seen) -> None:
         ("actuator force", platform.actuator_force_max, "N", 1.0, ""),
         ("actuator power", platform.actuator_power_max, "W", 1.0, ""),
         ("joint angle from home", platform.joint_angle_max, "°", 180 / np.pi, joints),
-        ("leg acceleration", platform.leg_acceleration_max, "m/s2", 1.0, ""),
+        ("leg acceleration", platform.leg_acceleration_max, "m/s²", 1.0, ""),
     ]  # fmt: skip
     expected = []
     for name, value, unit, by, kept in table:
