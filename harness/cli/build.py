@@ -119,8 +119,9 @@ def _report(
     checks: "Sequence[UnitCheck] | None",
 ) -> "Report":
     """What was built: of which platform, for what, and how it passed its checks, or that it has not been run."""
-    from gough_stewart.harness.report.document import Column, Number, Report, Section, Table, Verdict
+    from gough_stewart.harness.report.document import Number, Report, Section, Verdict
     from gough_stewart.harness.report.quantities import COUNT, NUMBER
+    from gough_stewart.harness.report.table import Column, Table
     from gough_stewart.harness.report.words import listed, sentence
 
     systems = "this machine" if list(targets) == ["native"] else listed([*targets])

@@ -19,7 +19,7 @@ def experiments_command(
     """List the experiments that ship with the package, or print one as TOML to start a file of your own."""
     with clear_errors():
         from gough_stewart.harness.experiment.file import experiment_names, shipped_experiment, shipped_text
-        from gough_stewart.harness.report.document import Column, Table
+        from gough_stewart.harness.report.table import Column, Table
 
         if name is not None:
             with wrong_use_if(ExperimentError):

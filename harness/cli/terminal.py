@@ -20,7 +20,7 @@ from rich.segment import Segment
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from gough_stewart.harness.report.document import Table
+    from gough_stewart.harness.report.table import Table
 
 # Control characters except newline and tab, and marks that change the writing direction.
 _UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")

@@ -4,20 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gough_stewart.harness.report.document import (
-    Axis,
-    Cell,
-    Chart,
-    Column,
-    File,
-    Report,
-    Section,
-    Series,
-    Table,
-    Value,
-    time_axis,
-)
+from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
+from gough_stewart.harness.report.document import File, Report, Section
 from gough_stewart.harness.report.quantities import ANGLE, FORCE, LENGTH, Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.results.metrics import finite_part, flattened, metrics
 from gough_stewart.harness.results.outcome import outcome_text

@@ -20,18 +20,10 @@ from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.polars_paths import write_to
-from gough_stewart.harness.report.document import (
-    Cell,
-    Chart,
-    Column,
-    Number,
-    Report,
-    Section,
-    Table,
-    Value,
-    Verdict,
-)
+from gough_stewart.harness.report.chart import Chart
+from gough_stewart.harness.report.document import Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import SHARE
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.report.words import percent, sentence
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of

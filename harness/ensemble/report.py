@@ -31,28 +31,11 @@ from gough_stewart.harness.ensemble.statistics import (
     works,
 )
 from gough_stewart.harness.ensemble.tables import shown_input, shown_signal, usual_metrics
-from gough_stewart.harness.report.document import (
-    Axis,
-    Cell,
-    Chart,
-    Column,
-    Mark,
-    Note,
-    Number,
-    Part,
-    Report,
-    Section,
-    Series,
-    Status,
-    Table,
-    Value,
-    Verdict,
-    settings_of,
-    time_axis,
-)
+from gough_stewart.harness.report.chart import Axis, Chart, Mark, Samples, Series, time_axis
+from gough_stewart.harness.report.document import Note, Number, Part, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
 from gough_stewart.harness.report.quantities import NUMBER, SHARE, TIME, Quantity, of_unit
-from gough_stewart.harness.report.samples import Samples
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, sentence
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.results.bands import LEVELS, MOST_MEMBERS, QUANTILES

@@ -9,20 +9,8 @@ import numpy as np
 from gough_stewart.harness.motion.limits.needs import Needs
 from gough_stewart.harness.motion.limits.shares import LABELS, Peak, Shares
 from gough_stewart.harness.motion.limits.shares_tables import OF_LIMIT, shares_tables
-from gough_stewart.harness.report.document import (
-    Chart,
-    Mark,
-    Note,
-    Number,
-    Report,
-    Section,
-    Series,
-    Status,
-    Verdict,
-    settings_of,
-    time_axis,
-)
-from gough_stewart.harness.report.marks import strip_of
+from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.words import listed, percent, sentence
 

@@ -10,23 +10,10 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.control.frequency_response import Response
 from gough_stewart.harness.control.structured import ComplexArray
-from gough_stewart.harness.report.document import (
-    Axis,
-    Cell,
-    Chart,
-    Column,
-    Mark,
-    Note,
-    Number,
-    Report,
-    Section,
-    Series,
-    Status,
-    Table,
-    Verdict,
-    settings_of,
-)
+from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table
 from gough_stewart.harness.report.words import about, percent, sentence
 from gough_stewart.model.vectors import FloatArray
 

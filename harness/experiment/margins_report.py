@@ -18,26 +18,11 @@ from gough_stewart.harness.control.margins import (
 )
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.state_space import StateSpace
-from gough_stewart.harness.report.document import (
-    Axis,
-    Cell,
-    Chart,
-    Column,
-    Mark,
-    Note,
-    Number,
-    Report,
-    Section,
-    Series,
-    Table,
-    Value,
-    Verdict,
-    settings_of,
-    time_axis,
-)
-from gough_stewart.harness.report.marks import Span
+from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, counted, sentence
 
 _SHOWN_MODES = 8

@@ -5,8 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from gough_stewart.harness.export.stability import Host, LoopStability, StabilityReport
-from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Status, Table, Verdict
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict
 from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL, NUMBER
+from gough_stewart.harness.report.table import Column, Table
 from gough_stewart.harness.report.words import listed, sentence
 
 _NAMES: Mapping[str, str] = {"c": "C", "fmu": "FMU", "clocked": "clocked FMU", "ssp": "SSP", "page": "live page"}

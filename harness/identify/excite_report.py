@@ -3,7 +3,8 @@
 import numpy as np
 
 from gough_stewart.harness.identify.excite import Excited
-from gough_stewart.harness.report.document import Axis, Chart, Number, Report, Section, Series, Verdict, time_axis
+from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
+from gough_stewart.harness.report.document import Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, Quantity
 from gough_stewart.harness.report.words import counted, sentence
 from gough_stewart.model.platform import Platform
@@ -51,7 +52,5 @@ def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], du
 
 def _chart(what: str, quantity: Quantity, values: np.ndarray, components: tuple[str, ...], duration: float) -> Chart:
     time = np.linspace(0.0, duration, _ROWS)
-    series = tuple(
-        Series(name, quantity, values[:, k], "reference", component=name) for k, name in enumerate(components)
-    )
+    series = tuple(Series(name, quantity, values[:, k], component=name) for k, name in enumerate(components))
     return Chart(what, time_axis(time), series, y=Axis(what, quantity), group="pose")

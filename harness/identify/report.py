@@ -8,21 +8,10 @@ import numpy as np
 
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.tables import estimate_tables, quantity_of, residual_quantity
-from gough_stewart.harness.report.document import (
-    Axis,
-    Chart,
-    Mark,
-    Note,
-    Number,
-    Report,
-    Section,
-    Series,
-    Status,
-    Table,
-    Verdict,
-    time_axis,
-)
+from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, time_axis
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict
 from gough_stewart.harness.report.quantities import NUMBER, SHARE, of_unit
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.report.words import counted, listed, percent, sentence
 
 # A parameter whose interval is at most this share of its scale counts as well known.

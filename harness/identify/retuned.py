@@ -15,8 +15,9 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.report.document import Cell, Column, Number, Table, Value
+from gough_stewart.harness.report.document import Number
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, FREQUENCY, NOTHING, NUMBER, Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import tables_text
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain

@@ -7,8 +7,8 @@ from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
 from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.names import unit_of
-from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import NUMBER, SHARE, Quantity, of_unit
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 
 _TWO, _SHARE = replace(NUMBER, digits=2), replace(SHARE, digits=2)
 # Of what is known very well, also less than a thousandth of a percent is told.

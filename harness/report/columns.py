@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rich.cells import cell_len
 
-from gough_stewart.harness.report.document import Cell, Value
+from gough_stewart.harness.report.table import Cell, Value
 
 _NUMBER = re.compile(r"[-+±×<(\s]*\d")
 # Least widths of names and of long texts, which wrap; a word longer than the second is broken.

@@ -18,7 +18,8 @@ from matplotlib.ticker import MaxNLocator
 
 from gough_stewart.harness.output.display_resolution import decimated, least_span
 from gough_stewart.harness.output.plotting import entitle, files_of
-from gough_stewart.harness.report.document import Chart, Report, Series
+from gough_stewart.harness.report.chart import Chart, Series
+from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.heat_figures import (
     draw_heat,
     height_over_width,

@@ -9,7 +9,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from gough_stewart.harness.report.document import Chart
+from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.palette import INK, KINDS
 from gough_stewart.harness.report.words import number_text
 from gough_stewart.model.vectors import FloatArray

@@ -2,7 +2,8 @@
 
 from html import escape
 
-from gough_stewart.harness.report.document import Note, Report, Table
+from gough_stewart.harness.report.document import Note, Report
+from gough_stewart.harness.report.table import Table
 
 
 def to_html(report: Report) -> str:

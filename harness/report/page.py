@@ -7,19 +7,8 @@ import html
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from gough_stewart.harness.report.document import (
-    Chart,
-    Column,
-    Note,
-    Number,
-    Part,
-    Report,
-    Requirement,
-    Scene,
-    Section,
-    Table,
-    margin_text,
-)
+from gough_stewart.harness.report.chart import Chart
+from gough_stewart.harness.report.document import Note, Number, Part, Report, Requirement, Section, margin_text
 from gough_stewart.harness.report.glossary import explained, with_terms
 from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, three_licence
 from gough_stewart.harness.report.offline import asset, document
@@ -39,7 +28,8 @@ from gough_stewart.harness.report.palette import (
     colour_of_six,
 )
 from gough_stewart.harness.report.requirements import OUTCOMES
-from gough_stewart.harness.report.surface import Surface
+from gough_stewart.harness.report.scene import Scene, Surface
+from gough_stewart.harness.report.table import Column, Table
 from gough_stewart.harness.report.words import with_minus
 
 PAGE = "report.html"

@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.output.display_resolution import least_span
-from gough_stewart.harness.report.document import Axis, Chart, Map, Report, Scene, Series
+from gough_stewart.harness.report.chart import Axis, Chart, Map, Samples, Series
+from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
 from gough_stewart.harness.report.quantities import TIME, Quantity
-from gough_stewart.harness.report.samples import Samples
-from gough_stewart.harness.report.surface import Surface
+from gough_stewart.harness.report.scene import Scene, Surface
 from gough_stewart.harness.report.words import percent
 from gough_stewart.model.vectors import FloatArray
 

@@ -3,8 +3,8 @@
 import html
 
 from gough_stewart.harness.report.columns import is_at_right
-from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.glossary import explained, with_terms
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import with_minus
 
 

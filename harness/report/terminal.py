@@ -14,15 +14,9 @@ from rich.table import Table as Rows
 from rich.text import Text
 
 from gough_stewart.harness.report.columns import is_at_right, stacked_columns
-from gough_stewart.harness.report.document import (
-    Note,
-    Number,
-    Report,
-    Requirement,
-    Table,
-    margin_text,
-)
+from gough_stewart.harness.report.document import Note, Number, Report, Requirement, margin_text
 from gough_stewart.harness.report.requirements import OUTCOMES
+from gough_stewart.harness.report.table import Table
 
 if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderableType, RenderResult

@@ -6,7 +6,9 @@ from itertools import pairwise
 import numpy as np
 
 from gough_stewart.harness.output.display_resolution import decimated
-from gough_stewart.harness.report.document import Chart, Part, Report, Scene, Series
+from gough_stewart.harness.report.chart import Chart, Series
+from gough_stewart.harness.report.document import Part, Report
+from gough_stewart.harness.report.scene import Scene
 
 # Points of a line, and frames of a scene.
 POINTS, FRAMES = 800, 201

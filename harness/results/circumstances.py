@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import FORCE, SHARE, TIME, Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import plain_text
 from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gough_stewart.harness.report.document import Cell, Column, Report, Table, Value
+from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.notebook import table_to_html
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.report.document import Axis, Chart, Mark, Scene, Section, Series, time_axis
-from gough_stewart.harness.report.marks import Strip, strip_of
+from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Strip, strip_of, time_axis
+from gough_stewart.harness.report.document import Section
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
+from gough_stewart.harness.report.scene import Scene
 from gough_stewart.harness.results.limits import shares_of_limits
 from gough_stewart.harness.results.metrics import finite_part
 from gough_stewart.harness.results.record_data import RecordData

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.report.document import Flag, Scene
+from gough_stewart.harness.report.scene import Flag, Scene
 from gough_stewart.harness.results.limits import shares_of_limits
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.kinematics import joint_angles

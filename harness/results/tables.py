@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metric_folds import metric_of
 
 _LEGS = tuple(Column(f"{i}") for i in range(1, 7))

@@ -9,24 +9,11 @@ import numpy as np
 from gough_stewart.harness.ensemble.columns import DISK
 from gough_stewart.harness.ensemble.report import number_of_members
 from gough_stewart.harness.quantities import unit_text
-from gough_stewart.harness.report.document import (
-    Axis,
-    Cell,
-    Chart,
-    Column,
-    Note,
-    Number,
-    Report,
-    Section,
-    Series,
-    Status,
-    Table,
-    Value,
-    Verdict,
-    settings_of,
-)
+from gough_stewart.harness.report.chart import Axis, Chart, Series
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, of_unit
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, counted, listed, percent, sentence
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.candidates import Evaluation

@@ -7,21 +7,10 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.experiment.key_units import value_text
-from gough_stewart.harness.report.document import (
-    Axis,
-    Cell,
-    Chart,
-    Column,
-    Note,
-    Number,
-    Report,
-    Section,
-    Series,
-    Setting,
-    Table,
-    Verdict,
-)
+from gough_stewart.harness.report.chart import Axis, Chart, Series
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Setting, Verdict
 from gough_stewart.harness.report.quantities import LENGTH, Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table
 from gough_stewart.harness.report.words import at_most, listed
 from gough_stewart.harness.results.circumstances import parameters_table, run_table, versions_table
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of, shown_metric

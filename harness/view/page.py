@@ -5,8 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.report.document import Part, Report, Scene, Section, Table
+from gough_stewart.harness.report.document import Part, Report, Section
 from gough_stewart.harness.report.page import PAGE, page_of
+from gough_stewart.harness.report.scene import Scene
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.record import Record, machine_of
 from gough_stewart.harness.results.run_charts import Shown, shown
 from gough_stewart.harness.view.comparison import comparison_report

@@ -4,20 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from gough_stewart.harness.report.document import (
-    Axis,
-    Chart,
-    Map,
-    Note,
-    Number,
-    Part,
-    Report,
-    Section,
-    Series,
-    Verdict,
-)
+from gough_stewart.harness.report.chart import Axis, Chart, Map, Series
+from gough_stewart.harness.report.document import Note, Number, Part, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import NUMBER, SHARE
-from gough_stewart.harness.report.surface import Surface
+from gough_stewart.harness.report.scene import Surface
 from gough_stewart.harness.report.words import counted, listed, percent, sentence
 from gough_stewart.harness.workspace.display import (
     clearance,

@@ -5,7 +5,7 @@ from unittest.mock import patch
 from typer.testing import CliRunner, Result
 
 from gough_stewart.harness.cli import app as cli
-from gough_stewart.harness.report.document import Table
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.report.terminal import TerminalTable
 from tests.support.whole_tables import check_is_whole
 

@@ -9,7 +9,8 @@ from rich.progress import Progress
 from typer.testing import Result
 
 from gough_stewart.harness.cli import terminal
-from gough_stewart.harness.report.document import Column, Report, Section, Table, Verdict
+from gough_stewart.harness.report.document import Report, Section, Verdict
+from gough_stewart.harness.report.table import Column, Table
 
 
 class Notes:

@@ -1,6 +1,6 @@
 """Tables of a report as a terminal shows their cells."""
 
-from gough_stewart.harness.report.document import Table
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.report.terminal import row_texts
 
 

@@ -3,7 +3,7 @@
 from rich.console import Console
 from rich.text import Text
 
-from gough_stewart.harness.report.document import Table
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.report.terminal import TerminalTable
 from tests.support.tables_shown import heads_of, rows_of
 

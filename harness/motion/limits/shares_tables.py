@@ -7,8 +7,8 @@ import numpy as np
 
 from gough_stewart.harness.motion.limits.needs import Needs
 from gough_stewart.harness.motion.limits.shares import LABELS, Shares
-from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.quantities import SHARE, TIME, of_unit
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import number_text
 
 LEGS = tuple(range(1, 7))

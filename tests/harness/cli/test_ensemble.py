@@ -11,8 +11,9 @@ import pytest
 from typer.testing import Result
 
 from gough_stewart.harness.output import plotting
+from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.codec import from_json
-from gough_stewart.harness.report.document import Chart, Table
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.record import read_record
 from tests.support.commands import invoke
 from tests.support.page_arrays import data_of, unpacked

@@ -14,8 +14,9 @@ from gough_stewart.harness.cli.showing import Showing, shows
 from gough_stewart.harness.cli.terminal import Terminal
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.codec import from_json
-from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Table, Verdict
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import LENGTH, TIME
+from gough_stewart.harness.report.table import Column, Table
 
 _PEAK = "tracking.position.norm_peak"
 _DOCUMENT = Report(

@@ -66,13 +66,13 @@ INPUTS = (
     *("controller.bandwidth", "platform.leg_length_max", "gravity[1]", "disturbance.1.force[2]"),
 )
 UNITS = {
-    "leg_viscous_friction[4]": "N.s/m",
+    "leg_viscous_friction[4]": "N·s/m",
     "platform_mass": "kg",
     "base_points[2,3]": "m",
     "platform_com[3]": "m",
     "plant.parameters.leg_lower_mass": "kg",
     "platform.leg_length_max": "m",
-    "gravity[1]": "m/s2",
+    "gravity[1]": "m/s²",
 }
 
 

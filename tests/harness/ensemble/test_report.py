@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 from gough_stewart.harness.ensemble.report import ensemble_report
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
-from gough_stewart.harness.report.document import Chart
+from gough_stewart.harness.report.chart import Chart
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import ensemble_of
 

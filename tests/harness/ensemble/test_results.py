@@ -12,8 +12,8 @@ from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
 from gough_stewart.harness.ensemble.statistics import failures, integration_warning, quantiles, worst_members
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.report.document import Table
 from gough_stewart.harness.report.page import page_of
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.report.terminal import TerminalTable
 from gough_stewart.harness.sampling.design import Design
 from gough_stewart.model.vectors import FloatArray

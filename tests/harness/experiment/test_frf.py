@@ -16,7 +16,7 @@ from gough_stewart.harness.experiment.files import save_record
 from gough_stewart.harness.experiment.frf import FrequencyResponse, frf
 from gough_stewart.harness.experiment.frf_report import loop_is_known
 from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.report.document import Table
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain, read_record
 from tests.support.commands import invoke

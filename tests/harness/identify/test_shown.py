@@ -20,8 +20,8 @@ from gough_stewart.harness.identify.files import FILES, identification_files
 from gough_stewart.harness.identify.names import unit_of
 from gough_stewart.harness.identify.report import estimate_report
 from gough_stewart.harness.identify.tables import estimate_tables
-from gough_stewart.harness.report.document import Column, Table
 from gough_stewart.harness.report.page import page_of
+from gough_stewart.harness.report.table import Column, Table
 from gough_stewart.model.platform_toml import platform_from_toml
 from tests.support.page_arrays import data_of, unpacked
 from tests.support.tables_shown import heads_of, rows_of

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from gough_stewart.harness.report import columns as layout
 from gough_stewart.harness.report.columns import is_at_right, is_prose, stacked_columns
-from gough_stewart.harness.report.document import Cell, Column, Table, Value
 from gough_stewart.harness.report.notebook import table_to_html
 from gough_stewart.harness.report.quantities import Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import tables_text
 from gough_stewart.harness.report.words import number_text
 from tests.support.whole_tables import check_is_whole, printed

@@ -11,29 +11,9 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.report import document
+from gough_stewart.harness.report.chart import Axis, Chart, Map, Mark, Series, Span, Strip, time_axis
 from gough_stewart.harness.report.codec import from_data, from_json, to_data, to_json
-from gough_stewart.harness.report.document import (
-    Axis,
-    Chart,
-    Column,
-    File,
-    Flag,
-    Map,
-    Mark,
-    Note,
-    Number,
-    Report,
-    Requirement,
-    Scene,
-    Section,
-    Series,
-    Setting,
-    Table,
-    Value,
-    Verdict,
-    time_axis,
-)
-from gough_stewart.harness.report.marks import Span, Strip
+from gough_stewart.harness.report.document import File, Note, Number, Report, Requirement, Section, Setting, Verdict
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     COUNT,
@@ -46,7 +26,8 @@ from gough_stewart.harness.report.quantities import (
     Quantity,
     of_unit,
 )
-from gough_stewart.harness.report.surface import Surface
+from gough_stewart.harness.report.scene import Flag, Scene, Surface
+from gough_stewart.harness.report.table import Column, Table, Value
 
 _TIME: Any = [7.3, 7.4, 7.6]
 # Lists become arrays; wrong values are refused.
@@ -275,8 +256,8 @@ def test_arrays_are_read_only_copies() -> None:
         ),
         (lambda: _Map(slices=_Axis("z", LENGTH, [1, 2]), first=2), "the slice 2 is shown first; expected one of 2"),
         (lambda: _Map(point=(1.0,)), "a point of 1 coordinates; expected 2, or none"),
-        (lambda: _surface(vertices=np.zeros((2, 2))), r"'vertices' of the surface 's' has \(2, 2\) values"),
-        (lambda: _surface(values=np.zeros(3)), r"'values' of the surface 's' has \(3,\) values; expected \(2,\)"),
+        (lambda: _surface(vertices=np.zeros((2, 2))), r"vertices of the surface s has \(2, 2\) values"),
+        (lambda: _surface(values=np.zeros(3)), r"values of the surface s has \(3,\) values; expected \(2,\)"),
         (lambda: _surface(triangles=np.array([[0.0, 1, 2]])), "names a corner that is not there"),
         (lambda: _surface(names=("x", "y")), "the surface 's' has 2 names and 3 quantities; expected 3 of each"),
         (

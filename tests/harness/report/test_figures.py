@@ -8,7 +8,8 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import to_hex
 
-from gough_stewart.harness.report.document import Axis, Chart, Mark, Report, Section, Series, Verdict, time_axis
+from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, time_axis
+from gough_stewart.harness.report.document import Report, Section, Verdict
 from gough_stewart.harness.report.figures import figures
 from gough_stewart.harness.report.palette import colour_of
 from gough_stewart.harness.report.quantities import (

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import LogNorm, to_hex
 
-from gough_stewart.harness.report.document import Axis, Chart, Map, Report, Section, Series, Verdict
+from gough_stewart.harness.report.chart import Axis, Chart, Map, Series
+from gough_stewart.harness.report.document import Report, Section, Verdict
 from gough_stewart.harness.report.figures import figures
 from gough_stewart.harness.report.palette import KINDS
 from gough_stewart.harness.report.quantities import ANGLE, FORCE, LENGTH, NUMBER, Quantity

@@ -7,9 +7,9 @@ import pytest
 from matplotlib.colors import to_hex
 
 import gough_stewart as gs
+from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, Strip, strip_of, time_axis
 from gough_stewart.harness.report.codec import from_json, to_json
-from gough_stewart.harness.report.document import Axis, Chart, Mark, Report, Section, Series, Verdict, time_axis
-from gough_stewart.harness.report.marks import Span, Strip, strip_of
+from gough_stewart.harness.report.document import Report, Section, Verdict
 from gough_stewart.harness.report.packing import Arrays
 from gough_stewart.harness.report.page_data import chart_data
 from gough_stewart.harness.report.palette import colour_of

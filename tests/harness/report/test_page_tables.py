@@ -2,9 +2,9 @@
 
 from lxml import html
 
-from gough_stewart.harness.report.document import Column, Table
 from gough_stewart.harness.report.page_tables import table_html
 from gough_stewart.harness.report.quantities import Quantity
+from gough_stewart.harness.report.table import Column, Table
 
 
 def test_numbers_are_at_the_right_with_a_minus_and_words_are_not() -> None:

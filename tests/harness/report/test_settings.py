@@ -8,7 +8,8 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.experiment.check_report import check_report
-from gough_stewart.harness.report.document import Axis, Chart, Report, Section, Series, Setting, Verdict, settings_of
+from gough_stewart.harness.report.chart import Axis, Chart, Series
+from gough_stewart.harness.report.document import Report, Section, Setting, Verdict, settings_of
 from gough_stewart.harness.report.figures import figures
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.quantities import LENGTH

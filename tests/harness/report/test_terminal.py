@@ -6,9 +6,10 @@ from io import StringIO
 
 from rich.console import Console
 
-from gough_stewart.harness.report.document import Column, Note, Number, Report, Section, Setting, Table, Value, Verdict
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Setting, Verdict
 from gough_stewart.harness.report.quantities import FORCE, LENGTH
 from gough_stewart.harness.report.requirements import with_requirements
+from gough_stewart.harness.report.table import Column, Table, Value
 from gough_stewart.harness.report.terminal import show, text_of
 from tests.harness.report.test_document import whole_report
 

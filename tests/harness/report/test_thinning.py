@@ -7,9 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gough_stewart.harness.output.display_resolution import decimated
-from gough_stewart.harness.report.document import Axis, Chart, Flag, Report, Scene, Section, Series, Verdict, time_axis
+from gough_stewart.harness.report.chart import Axis, Chart, Samples, Series, time_axis
+from gough_stewart.harness.report.document import Report, Section, Verdict
 from gough_stewart.harness.report.quantities import COUNT, LENGTH
-from gough_stewart.harness.report.samples import Samples
+from gough_stewart.harness.report.scene import Flag, Scene
 from gough_stewart.harness.report.thinning import FRAMES, thinned
 from gough_stewart.model.vectors import FloatArray
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.report.document import Table
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.circumstances import limits_table, parameters_table, run_table, versions_table
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.harness.results.scene import nearness_to_limits

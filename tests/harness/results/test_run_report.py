@@ -8,7 +8,10 @@ import polars
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.report.document import Chart, Report, Scene, Table, Value
+from gough_stewart.harness.report.chart import Chart
+from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.scene import Scene
+from gough_stewart.harness.report.table import Table, Value
 from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.model.platform_toml import load_preset

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.harness.report.document import Chart, Report, Table
+from gough_stewart.harness.report.chart import Chart
+from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.harness.view.comparison import best, difference, differing_settings, side_by_side

@@ -10,8 +10,8 @@ import polars
 import pytest
 
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.report.document import Column, Table
 from gough_stewart.harness.report.page import NEARNESS
+from gough_stewart.harness.report.table import Column, Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.scene import FRAMES

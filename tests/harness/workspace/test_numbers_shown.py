@@ -10,8 +10,9 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.harness.report.document import Note, Table
-from gough_stewart.harness.report.surface import Surface
+from gough_stewart.harness.report.document import Note
+from gough_stewart.harness.report.scene import Surface
+from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.workspace.display import (
     Shown,
     clearance,

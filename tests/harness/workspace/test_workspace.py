@@ -20,7 +20,7 @@ from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.report.surface import Surface as SurfacePart
+from gough_stewart.harness.report.scene import Surface as SurfacePart
 from gough_stewart.harness.workspace.display import clearance
 from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.isosurface import Surface, isosurface, surface_of
