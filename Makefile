@@ -92,6 +92,7 @@ figures: $(VENV)/dev
 	$(BIN)/python docs/figures/draw_shares.py
 	$(BIN)/python docs/figures/draw_ensemble.py
 	$(BIN)/python docs/figures/draw_tolerance.py
+	$(BIN)/python docs/figures/draw_machine.py
 	$(BIN)/python -m tools.pages
 
 dist: $(VENV)/dev
