@@ -37,6 +37,7 @@ def plant_header(variant: Variant = IDEAL) -> str:
             "LARGEST_SHARE": platform_checks.LARGEST_SHARE,
             "LONGEST_PRESLIDING": platform_checks.LONGEST_PRESLIDING,
             "RESOLUTION": fixed_steps.RESOLUTION,
+            "FORCE_RESOLUTION": fixed_steps.FORCE_RESOLUTION,
             "MOST_SUBSTEPS": fixed_steps.MOST_SUBSTEPS,
             "LARGEST_FIXED_STEP": fixed_steps.LARGEST_FIXED_STEP,
         }

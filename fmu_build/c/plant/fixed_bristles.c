@@ -22,6 +22,7 @@ typedef struct {
     double start[N_LEGS]; /* z0 */
     int stage;
     double z[4][N_LEGS], n[4][N_LEGS]; /* of the stages: z, and dz/dt + d z */
+    double w[N_LEGS];                  /* dw/dt of the latest stage */
 } momentum;
 
 /* v += sign gain b */
@@ -51,6 +52,7 @@ static void enter_momentum(momentum *m, const double y[N_STATES], double rate[N_
     }
     m->stage++;
     add_gain(m, 1, rate + X_LEG_BRISTLE, rate + X_BRAKED);
+    memcpy(m->w, rate + X_BRAKED, sizeof m->w);
 }
 
 static void derivatives_in_momentum(void *owner, double t, const double y[N_STATES], double ydot[N_STATES])
@@ -94,8 +96,23 @@ static void add_reversals(const momentum *m, double h, const double x[N_STATES],
     }
 }
 
-/* One undivided step from (t, x) with the rate there to `end` with its rate; the largest error of a bristle in units of
-   RESOLUTION, infinite for a step that has diverged. */
+/* The largest error of dw/dt over a step, the distance to a scheme of order 3 with the rate at the end, in units of what
+   Coulomb friction of all legs would give. */
+static double share_of_friction(const momentum *m, const double end_rate[N_STATES])
+{
+    double end[N_LEGS], friction[N_LEGS] = {0}, largest = 0;
+    memcpy(end, end_rate + X_BRAKED, sizeof end);
+    add_gain(m, 1, end_rate + X_LEG_BRISTLE, end);
+    for (int k = 0; k < N_LEGS; k++)
+        for (int i = 0; i < N_LEGS; i++)
+            friction[i] += fabs(m->of_legs.gain[N_LEGS * k + i]) * m->of_legs.ratio[k] * m->of_legs.reach[k];
+    for (int i = 0; i < N_LEGS; i++)
+        largest = fmax(largest, fabs(end[i] - m->w[i]) / (10 * friction[i]));
+    return largest;
+}
+
+/* One undivided step from (t, x) with the rate there to `end` with its rate; the largest error of bristles and
+   accelerations in units of their RESOLUTION, infinite for a step that has diverged. */
 static double momentum_step(const ode *problem, double t, double h, const double x[N_STATES],
                             const double rate[N_STATES], double end[N_STATES], double end_rate[N_STATES])
 {
@@ -124,7 +141,7 @@ static double momentum_step(const ode *problem, double t, double h, const double
     add_reversals(&m, h, x, end, error);
     for (int k = 0; k < N_LEGS; k++)
         largest = fmax(largest, error[k] / (RESOLUTION * m.of_legs.reach[k]));
-    return largest;
+    return fmax(largest, share_of_friction(&m, end_rate) / FORCE_RESOLUTION);
 }
 
 /* A step from (t, x) to `end`, divided where needed; else the time that MOST_SUBSTEPS reach, or the next one would. */
