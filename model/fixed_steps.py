@@ -27,6 +27,10 @@ import numpy as np
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.exponential import Derivatives, coefficients, exponential_step, phi_functions
 from gough_stewart.model.friction import Grip
+from gough_stewart.model.integrator import rk4_step
+from gough_stewart.model.interface import N_INPUTS
+from gough_stewart.model.kernel import Kernel
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Error of a bristle in one substep, in units of its reach: 1 nm of 10 µm.
@@ -39,6 +43,8 @@ MOST_SUBSTEPS = 200
 # largest step [s] where legs stick.
 LARGEST_PRODUCT = 2.6
 LARGEST_FIXED_STEP = 1e-3
+# Where states are: of the platform, the bristles, and of motors with springs.
+_TWIST, _BRISTLES, _MOTORS = slice(6, 12), slice(12, 18), slice(24, 30)
 # The next substep over this one: at most, at least, and with what reserve.
 LARGEST_FACTOR, SMALLEST_FACTOR, SAFETY = 4.0, 0.1, 0.8
 
@@ -53,7 +59,67 @@ class Gripped(NamedTuple):
     velocities: slice  # of what friction brakes: the platform, or motors with springs
 
 
-def fixed_step(system: Gripped, x: FloatArray, rate: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
+def gripped(kernel: Kernel, variant: Variant, u: FloatArray, p: FloatArray) -> Gripped:
+    """The equations of a variant under constant inputs."""
+    return Gripped(
+        lambda x: kernel.derivatives(x, u, p).copy(),
+        lambda x: Grip(*(part.copy() for part in kernel.grip(x, p))),
+        lambda x: kernel.sliding(x, p).copy(),
+        _BRISTLES,
+        _MOTORS if variant.springs else _TWIST,
+    )
+
+
+def largest_step(kernel: Kernel, variant: Variant, x: FloatArray, p: FloatArray) -> float:
+    """The largest fixed step [s] that resolves the modes of legs that stick or give at the pose of x; ∞ without any.
+
+    h |λ| is at most `LARGEST_PRODUCT` for the poles λ at rest, where all legs stick.
+    """
+    if not variant.parts:
+        return np.inf
+    rest = x.copy()
+    rest[_TWIST] = 0.0
+    if variant.bristles:
+        rest[_BRISTLES] = 0.0
+    if variant.springs:
+        rest[-6:] = 0.0
+    poles = np.linalg.eigvals(kernel.jacobians(rest, np.zeros(N_INPUTS), p).A)
+    largest = LARGEST_PRODUCT / float(np.abs(poles).max())
+    return min(largest, LARGEST_FIXED_STEP) if variant.bristles else largest
+
+
+def check_step(h: float, largest: float, time: float) -> None:
+    """Refuse a step that does not resolve the modes of legs, which would grow or rest where they should not.
+
+    Raises
+    ------
+    StepError
+        Above the `largest_step`.
+    """
+    # the difference of two rounded times may be larger than the size that was set
+    if h > largest * (1 + 1e-9):
+        raise StepError(
+            "fixed_step_size",
+            h,
+            time,
+            f"is too large for legs that stick or give like these; expected at most {largest:.3g} s, or 0 for error "
+            "control",
+        )
+
+
+def step_of_machine(
+    kernel: Kernel, variant: Variant, u: FloatArray, p: FloatArray
+) -> Callable[[FloatArray, float, float], FloatArray]:
+    """The state after a fixed step from x, of time and size [s], under constant inputs: of RK4, or `fixed_step`."""
+    system = gripped(kernel, variant, u, p)
+    if not variant.bristles:
+        return lambda x, _time, h: rk4_step(system.derivatives, x, h)
+    return lambda x, time, h: fixed_step(system, x, system.derivatives(x), h, time)[0]
+
+
+def fixed_step(
+    system: Gripped, x: FloatArray, rate: FloatArray, h: float, time: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
     """State and derivatives after a step h [s] from x with the derivatives there, divided where needed.
 
     Raises
@@ -74,7 +140,10 @@ def fixed_step(system: Gripped, x: FloatArray, rate: FloatArray, h: float) -> tu
                 return x, rate
     possible = h - left if left < h else size
     raise StepError(
-        "substeps", MOST_SUBSTEPS, h - left, f"do not resolve a step of {h:g} s; expected at most {possible:.2g} s"
+        "substeps",
+        MOST_SUBSTEPS,
+        time + h - left,
+        f"do not resolve a step of {h:g} s; expected at most {possible:.2g} s",
     )
 
 

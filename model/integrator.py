@@ -1,4 +1,4 @@
-"""Error-controlled integration over one communication step with SciPy's Dormand–Prince 8(5,3)."""
+"""Integration over one communication step: SciPy's Dormand–Prince 8(5,3) under error control, or fixed steps."""
 
 from collections.abc import Callable
 
@@ -69,6 +69,66 @@ def integrate(
             check(solver.y, float(solver.t))
     # The last step was shortened to end on time; its original size carries over.
     return solver.y, max(proposed, float(solver.h_abs))
+
+
+def integrate_fixed(
+    step: Callable[[FloatArray, float, float], FloatArray],
+    x: FloatArray,
+    span: tuple[float, float],
+    size: float,
+    check: Callable[[FloatArray, float], object],
+) -> FloatArray:
+    """State at the end of a time span after equal steps of at most `size` [s], the smallest number of them.
+
+    Parameters
+    ----------
+    step
+        The state after a step from x, of time and size [s].
+    check
+        As `integrate`'s.
+
+    Raises
+    ------
+    StepError
+        More than `MOST_INTERNAL_STEPS`, a state that is not finite, or as `step` and `check`.
+    """
+    start, end = span
+    number = number_of_steps(span, size)
+    if number > MOST_INTERNAL_STEPS:
+        raise StepError(
+            "fixed_step_size",
+            size,
+            start,
+            f"takes {number} steps to time {end:g} s; expected at most {MOST_INTERNAL_STEPS}",
+        )
+    h = (end - start) / number
+    time = start
+    for k in range(1, number + 1):
+        with np.errstate(all="ignore"):
+            x = step(x, time, h)
+        time = end if k == number else start + k * h
+        if not np.isfinite(x).all():
+            raise StepError(
+                "fixed_step_size", size, time, "the motion is not finite; the step is too large, or the forces are"
+            )
+        check(x, time)
+    return x
+
+
+def number_of_steps(span: tuple[float, float], size: float) -> int:
+    """Of equal steps of at most `size` [s] in a span, within the rounding of times of this magnitude."""
+    start, end = span
+    slack = 1e-6 + 2 * np.finfo(float).eps * abs(start) / size
+    return max(1, int(np.ceil((end - start) / size - slack)))
+
+
+def rk4_step(derivatives: Callable[[FloatArray], FloatArray], x: FloatArray, h: float) -> FloatArray:
+    """State after a step h [s] of classical RK4; `derivatives` return a new array in every call."""
+    k1 = derivatives(x)
+    k2 = derivatives(x + h / 2 * k1)
+    k3 = derivatives(x + h / 2 * k2)
+    k4 = derivatives(x + h * k3)
+    return np.asarray(x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
 
 
 def _not_held(size: float, time: float, tolerance: float) -> StepError:

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError
 from gough_stewart.model.exponential import Bristled, integrate_bristles
-from gough_stewart.model.integrator import integrate
+from gough_stewart.model.fixed_steps import check_step, largest_step, step_of_machine
+from gough_stewart.model.integrator import integrate, integrate_fixed, number_of_steps
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry
@@ -60,10 +61,13 @@ class SteppingModel:
     5. `do_step(time, step)` integrates from `time`, which must be the model's time, to `time + step`, with inputs and
        parameters held constant. The step can vary from call to call.
     6. Integration is error-controlled (Dormand–Prince 8(5,3)) with `tolerance`, relative, and absolute in SI units.
-       The internal step size carries over between calls, so short communication steps cost little.
+       The internal step size carries over between calls, so short communication steps cost little. With a
+       `fixed_step_size`, a step is divided into the smallest number of equal steps not above it, of classical RK4, or
+       with bristles of `fixed_steps`.
     7. A step fails with `StepError` if at an internal step a leg has collapsed, |pitch| reaches 90° or the leg
        Jacobian is singular (or was singular since the last one), if the tolerance cannot be met, or if more than
-       `integrator.MOST_INTERNAL_STEPS` would be needed. The error has quantity, value and time. Wrong arguments
+       `integrator.MOST_INTERNAL_STEPS` would be needed, or if fixed steps cannot resolve legs that stick or give.
+       The error has quantity, value and time. Wrong arguments
        (step ≤ 0, another time, not finite) are also errors, and so is a start pose with a leg too short to contain
        the centre of mass of a part.
        Poses are checked at internal steps: with a loose tolerance a motion can reach a singular pose and return
@@ -83,6 +87,8 @@ class SteppingModel:
         Parameters and home pose of the plant.
     tolerance
         Integration tolerance, from 1e-13 to 1e-2.
+    fixed_step_size
+        0 for error control, or the largest step [s] of equal steps without.
 
     Examples
     --------
@@ -94,8 +100,10 @@ class SteppingModel:
 
     # sign of det J at the current pose, None if it must be checked again
     _handedness: float | None
+    # with fixed steps, None if it is not known
+    _largest_step: float | None
 
-    def __init__(self, platform: Platform, tolerance: float = DEFAULT_TOLERANCE) -> None:
+    def __init__(self, platform: Platform, tolerance: float = DEFAULT_TOLERANCE, fixed_step_size: float = 0.0) -> None:
         if not isinstance(platform, Platform):
             raise InterfaceError("platform", f"is {platform!r}; expected a Platform, such as load_preset('liu2000')")
         self._tolerance = _number("tolerance", tolerance)
@@ -104,6 +112,9 @@ class SteppingModel:
             raise InterfaceError(
                 "tolerance", f"is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}"
             )
+        self._fixed = _number("fixed_step_size", fixed_step_size)
+        if self._fixed < 0:
+            raise InterfaceError("fixed_step_size", f"is {fixed_step_size!r} s; expected 0 for error control, or > 0")
         self._initial_platform = platform
         self._variant = Variant.of(platform)
         self._kernel = Kernel(self._variant)
@@ -269,7 +280,13 @@ class SteppingModel:
             self._check(x, at, handedness)
 
         start, span, tolerance, internal = self._x, (self._time, end), self._tolerance, self._internal_step
-        if self._variant.bristles:
+        if self._fixed:
+            if self._largest_step is None:
+                self._largest_step = largest_step(self._kernel, self._variant, start, self._p)
+            check_step(step / number_of_steps(span, self._fixed), self._largest_step, self._time)
+            one = step_of_machine(self._kernel, self._variant, self._u, self._p)
+            self._x = integrate_fixed(one, start, span, self._fixed, check)
+        elif self._variant.bristles:
             system = Bristled(
                 derivatives, lambda x: self._kernel.decays(x, self._p).copy(), self._bristles, self._sizes
             )
@@ -291,7 +308,7 @@ class SteppingModel:
         )
 
     def restore_state(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot of this model, or of another one with the same tolerance (rule 9)."""
+        """Restore a snapshot of this model, or of another one that is stepped alike (rule 9)."""
         if not isinstance(snapshot, Snapshot):
             raise InterfaceError("snapshot", f"is {snapshot!r}; expected a snapshot from save_state()")
         self._use(snapshot.platform)
@@ -319,6 +336,7 @@ class SteppingModel:
         self._platform = platform
         self._p = parameter_vector(platform, self._variant)
         self._handedness = None
+        self._largest_step = None
 
     def _place_motors(self, platform: Platform, x: NDArray[np.float64]) -> None:
         """Write the motors' states into x that hold its pose at rest, and move with its twist."""
@@ -338,7 +356,7 @@ class SteppingModel:
     def _refuse_unsettable(self, variable: Variable) -> None:
         name = variable.name
         if variable.name == "fixed_step_size":
-            raise InterfaceError(name, "is a parameter of the FMU; the stepping model is error-controlled")
+            raise InterfaceError(name, "is a parameter of the FMU; of the stepping model it is an argument")
         self._refuse_absent(variable)
         if variable in self._variant.results and not variable.is_state:
             raise InterfaceError(name, f"is computed ({variable.causality}); set inputs, parameters or states instead")

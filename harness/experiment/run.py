@@ -136,7 +136,8 @@ def run_prepared(
         if (own := choice.own_unit(plant, fmu)) is not None:
             fmu = experiment.folder / own
         opening: AbstractContextManager[Plant]
-        if kind == "model" and fmu is None and (kernel := prepared.kernel) is not None:
+        is_controlled = kind == "model" and fmu is None and not choice.fixed_step_size
+        if is_controlled and (kernel := prepared.kernel) is not None:
             opening = lanes_plant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
         else:
             opening = open_plant(

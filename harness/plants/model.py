@@ -15,8 +15,14 @@ class ModelPlant(Plant):
 
     may_overrun = True
 
-    def __init__(self, platform: Platform, start: State | None = None, tolerance: float = DEFAULT_TOLERANCE) -> None:
-        self._model = SteppingModel(platform, tolerance)
+    def __init__(
+        self,
+        platform: Platform,
+        start: State | None = None,
+        tolerance: float = DEFAULT_TOLERANCE,
+        fixed_step_size: float = 0.0,
+    ) -> None:
+        self._model = SteppingModel(platform, tolerance, fixed_step_size)
         self.columns = self._model.variant.columns
         if start is not None:
             self._model.set_many(start._asdict())

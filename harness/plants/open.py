@@ -48,12 +48,11 @@ def open_plant(
         The FMU cannot be built, or what runs it is not installed.
     """
     if kind == "model":
-        if fmu is not None or fixed_step_size:
-            what = f"the file {fmu}" if fmu is not None else f"fixed_step_size {fixed_step_size:g} s"
-            raise PlantError(f"plant 'model' does not accept {what}; choose the plant fmu2 or fmu3")
+        if fmu is not None:
+            raise PlantError(f"plant 'model' does not accept the file {fmu}; choose the plant fmu2 or fmu3")
         from gough_stewart.harness.plants.model import ModelPlant
 
-        with ModelPlant(platform, start, tolerance) as plant:
+        with ModelPlant(platform, start, tolerance, fixed_step_size) as plant:
             yield plant
         return
     if kind not in FMI_VERSIONS:

@@ -105,6 +105,21 @@ def test_an_uneven_platform_moves_at_1_ms_as_under_error_control(friction: str, 
     np.testing.assert_allclose(x[:6], model.state[:6], rtol=0, atol=1e-6)
 
 
+def test_legs_that_give_ring_after_a_jump_of_the_force() -> None:
+    """Modes with a period of 2.8 steps, which RK4 damps within some. Expected: the motors of the model at 1e-9."""
+    platform = real_platform("elasto_plastic", True, leg_armature=0.8)
+    model, kernel = SteppingModel(platform, 1e-9), Kernel(Variant.of(platform))
+    inputs = np.zeros(12)
+    inputs[:6] = platform.home_actuator_force + 300 * np.array([1, -0.5, 0.7, 1.2, -0.8, 0.9])
+    model.set_inputs(inputs)
+    system, x, h = gripped(kernel, platform, inputs), model.state, 9e-4
+    for k in range(8):
+        model.do_step(k * h, h)
+        x = after(system, x, 1, h)
+        assert x[24:] == pytest.approx(model.state[24:], abs=1e-3)
+    assert np.abs(model.state[24:]).max() > 0.3
+
+
 def test_what_it_cannot_resolve_is_refused_with_a_step_that_it_can(monkeypatch: pytest.MonkeyPatch) -> None:
     """A leg at 1 m/s with a straight bristle takes 20 substeps: 8 reach a part of the step, which is not refused."""
     monkeypatch.setattr(fixed_steps, "MOST_SUBSTEPS", 8)

@@ -5,7 +5,7 @@ import pytest
 
 from gough_stewart.model import integrator
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.integrator import integrate
+from gough_stewart.model.integrator import integrate, integrate_fixed, number_of_steps, rk4_step
 from gough_stewart.model.vectors import FloatArray
 
 START = np.array([1.0, 0.0, 0.5])
@@ -113,3 +113,30 @@ def test_a_tolerance_that_cannot_be_met_is_told_with_size_and_time(kind: str) ->
     else:
         assert not caught.value.value > 1e-3
         assert caught.value.time == pytest.approx(8.3 if kind == "pole" else 7.3, abs=1e-4)
+
+
+def test_fixed_steps_are_equal_and_grow_as_the_exponential_series_of_rk4() -> None:
+    """Closed form: ẋ = λ x has the factor 1 + z + z²/2 + z³/6 + z⁴/24 with z = λ h in each of ⌈0.5/0.13⌉ steps."""
+    rates, seen = np.array([-3.0, 1.5]), list[float]()
+
+    def step(x: FloatArray, _time: float, h: float) -> FloatArray:
+        return rk4_step(lambda y: rates * y, x, h)
+
+    start, check = np.array([1.0, 2.0]), lambda _x, time: seen.append(time)
+    end = integrate_fixed(step, start, (2.0, 2.5), 0.13, check)
+    z = rates * 0.125
+    assert end == pytest.approx(start * (1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24) ** 4, rel=1e-14)
+    assert seen == [2.125, 2.25, 2.375, 2.5]
+    # the rounding of times makes no more steps
+    assert number_of_steps((0.3, 0.3 + 3 * 0.1), 0.1) == 3
+    assert number_of_steps((0.0, 0.31), 0.1) == 4
+
+
+def test_fixed_steps_that_diverge_or_are_too_many_are_refused() -> None:
+    """Expected: the size, the time, and how many are allowed."""
+    with pytest.raises(StepError, match=r"^fixed_step_size = 0\.1 at time 0\.2 s: the motion is not finite"):
+        integrate_fixed(
+            lambda x, time, _h: x if time < 0.05 else x + np.inf, np.zeros(2), (0.0, 0.5), 0.1, lambda _x, _t: None
+        )
+    with pytest.raises(StepError, match=r"takes 30000 steps to time 0\.3 s; expected at most 20000$"):
+        integrate_fixed(lambda x, _time, _h: x, np.zeros(2), (0.0, 0.3), 1e-5, lambda _x, _t: None)

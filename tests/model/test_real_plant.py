@@ -8,7 +8,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.model.errors import InterfaceError, PlatformError
+from gough_stewart.model.errors import InterfaceError, PlatformError, StepError
 from gough_stewart.model.fixed_steps import fixed_step
 from gough_stewart.model.kernel import Kernel
 from gough_stewart.model.kinematics import leg_geometry, leg_rates
@@ -89,6 +89,25 @@ def test_work_becomes_energy_and_losses(friction: str, springs: bool) -> None:
         fixed.append(fixed_step(system, fixed[-1], system.derivatives(fixed[-1]), 1e-3)[0])
     found = energy_balance(platform, np.array(fixed), inputs, 1e-3, 1e-10)
     assert found.gap <= 1e-5 * found.throughput
+
+
+def test_a_model_takes_fixed_steps_up_to_the_largest_that_resolves_its_modes() -> None:
+    """Expected: h |λ| = 2.6 for the motors on their springs, √(k/m_a + …) above √(k/m_a); what is larger is refused."""
+    platform = real_platform("elasto_plastic", True, leg_armature=0.5)
+    model = gs.SteppingModel(platform, fixed_step_size=1e-3)
+    with pytest.raises(
+        StepError, match=r"^fixed_step_size = 0\.001 at time 0 s: is too large for legs that stick"
+    ) as e:
+        model.do_step(0.0, 2e-3)
+    assert model.time == 0
+    largest = float(str(e.value).split("at most ")[1].split()[0])
+    fast = np.sqrt((platform.leg_stiffness + platform.leg_bristle_stiffness) / platform.leg_armature)
+    assert 0.7 * 2.6 / fast < largest < 2.6 / fast
+    model = gs.SteppingModel(platform, fixed_step_size=0.999 * largest)
+    model.do_step(0.0, 2e-3)
+    assert model.time == 2e-3
+    with pytest.raises(InterfaceError, match="fixed_step_size: is -1 s; expected 0 for error control, or > 0"):
+        gs.SteppingModel(platform, fixed_step_size=-1)
 
 
 def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:

@@ -412,7 +412,7 @@ def test_rule_3_each_refusal_says_why_and_what_to_do() -> None:
             "base_points[1,1]",
             "base_points: is a fixed parameter, which can only be set before the first step; call reset() first",
         ),
-        ("fixed_step_size", "fixed_step_size: is a parameter of the FMU; the stepping model is error-controlled"),
+        ("fixed_step_size", "fixed_step_size: is a parameter of the FMU; of the stepping model it is an argument"),
         ("external_force", "external_force: is 1.0; expected numbers of shape (3,) [N], external force at Op, world"),
         ("external_force[3]", "external_force[3]: is 'a'; expected one number [N], external force at Op, world compo"),
     ):

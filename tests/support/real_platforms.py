@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart.model import fixed_steps
 from gough_stewart.model.fixed_steps import Gripped
-from gough_stewart.model.friction import Grip
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.variant import Variant
@@ -59,18 +59,7 @@ def printed_law(platform: Platform, v: float, z: float, leg: int) -> tuple[float
 def gripped(kernel: Kernel, platform: Platform, inputs: FloatArray) -> Gripped:
     """A platform's equations under constant inputs, for fixed steps."""
     variant = Variant.of(platform)
-    p = parameter_vector(platform, variant)
-
-    def grip(x: FloatArray) -> Grip:
-        return Grip(*(part.copy() for part in kernel.grip(x, p)))
-
-    return Gripped(
-        lambda x: kernel.derivatives(x, inputs, p).copy(),
-        grip,
-        lambda x: kernel.sliding(x, p).copy(),
-        slice(12, 18),
-        slice(24, 30) if variant.springs else slice(6, 12),
-    )
+    return fixed_steps.gripped(kernel, variant, inputs, parameter_vector(platform, variant))
 
 
 def start_of(platform: Platform, variant: Any, **states: FloatArray) -> FloatArray:

@@ -300,11 +300,6 @@ def test_open_plant_refuses_in_whole_sentences(fmus: dict[str, Fmu]) -> None:
     path = fmus["3.0"].path
     for kind, options, text in (
         ("model", {"fmu": path}, f"plant 'model' does not accept the file {path}; choose the plant fmu2 or fmu3"),
-        (
-            "model",
-            {"fixed_step_size": 0.002},
-            "plant 'model' does not accept fixed_step_size 0.002 s; choose the plant f",
-        ),
         ("fmu2", {"fmu": path}, f"{path}: is FMI 3.0; expected FMI 2.0 for the plant fmu2"),
         ("fmu3", {"fmu": fmus["2.0"].path}, f"{fmus['2.0'].path}: is FMI 2.0; expected FMI 3.0 for the plant fmu3"),
         ("fmu", {}, "plant is 'fmu'; expected model, fmu2 or fmu3"),
@@ -321,10 +316,8 @@ def test_open_plant_hands_on_start_tolerance_and_step(kind: str, fmus: dict[str,
     version = {"fmu2": "2.0", "fmu3": "3.0", "file": "2.0"}.get(kind)
     ends = []
     for tolerance, step in ((1e-3, 0.0), (1e-9, 0.0), (1e-8, 0.004)):
-        if kind == "model" and step:
-            continue
         if version is None:
-            own: Plant = ModelPlant(UNEVEN, STATE, tolerance)
+            own: Plant = ModelPlant(UNEVEN, STATE, tolerance, step)
         else:
             own = FmuPlant(fmus[version].path, UNEVEN, STATE, tolerance, step)
         fmu = fmus["2.0"].path if kind == "file" else None
@@ -339,6 +332,16 @@ def test_open_plant_hands_on_start_tolerance_and_step(kind: str, fmus: dict[str,
             assert np.array_equal(opened.signals(), own.results()[:24])
             ends.append(own.results().tobytes())
     assert len(set(ends)) == len(ends)
+
+
+def test_fixed_steps_of_the_model_are_those_of_the_unit(fmus: dict[str, Fmu]) -> None:
+    """Expected: RK4 in C, three steps of 4 ms where 5 ms were allowed, then one of 1 ms."""
+    with FmuPlant(fmus["3.0"].path, UNEVEN, STATE, 1e-8, 5e-3) as unit, ModelPlant(UNEVEN, STATE, 1e-8, 5e-3) as model:
+        for time, step in ((0.0, 0.012), (0.012, 0.001)):
+            for plant in (unit, model):
+                plant.set_inputs(INPUTS.to_vector())
+                plant.do_step(time, step)
+        assert model.results() == pytest.approx(unit.results(), rel=1e-11, abs=1e-12)
 
 
 def test_a_plant_of_one_platform_has_no_members(open_one: Open) -> None:
