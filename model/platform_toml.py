@@ -5,6 +5,7 @@ fewest digits that give the same float, so TOML → Platform → TOML is lossles
 """
 
 from dataclasses import fields
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ _FILE_KEYS = (*KEYS, *joint_circles.KEYS)
 _PRESETS = ("gough_stewart.model", "presets")
 
 
+@lru_cache(maxsize=16)
 def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
     """The platform in a TOML text; errors refer to the text as `where`.
 

@@ -79,7 +79,7 @@ def test_the_archive_has_all_that_the_standard_knows(fmu: Fmu) -> None:
     assert (fmu.folder / "documentation/licenses/license.txt").read_text().startswith("BSD 3-Clause")
 
 
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("version", [pytest.param("2.0", marks=pytest.mark.evidence), "3.0"])
 def test_the_sources_compile_by_themselves(fmus: dict[str, Fmu], version: str, tmp_path: Path) -> None:
     """Expected: `fmpy compile`, CMake with the system's compiler, makes a unit with the same trajectory."""
     from fmpy.build import build_platform_binary

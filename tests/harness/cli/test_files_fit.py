@@ -281,6 +281,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, S
         yield found
 
 
+@pytest.mark.evidence
 def test_every_file_is_taken_where_such_a_file_is(written: Mapping[str, Sequence[str]]) -> None:
     """Expected: success, or the one refusal that is right; of each kind there are the files of several commands."""
     assert len(written[EXPERIMENT]) == 4

@@ -72,6 +72,7 @@ def test_payload_com_and_friction_of_a_foreign_machine_are_found_to_half_a_perce
     assert (found.residuals.validation_rms < 0.02 * found.residuals.signal_rms).all()
 
 
+@pytest.mark.evidence
 def test_errors_of_estimates_are_as_large_as_their_covariance_says() -> None:
     """Expected: of six logs the sum of (θ̂ − θ)ᵀ C⁻¹ (θ̂ − θ) is χ² of 72 degrees, within its quantiles 5e-4, 1 − 5e-4.
 

@@ -36,6 +36,7 @@ def test_p_values_of_white_noise_are_uniform() -> None:
     assert kstest(p_values, "uniform").pvalue > 1e-3
 
 
+@pytest.mark.evidence
 def test_right_logs_have_uniform_p_values_and_intervals_that_cover_the_truth() -> None:
     """Expected: of 8 machines, uniform by Kolmogorov and Smirnov; 95 % covered to 4.3 deviations; 1 in 1000 fails."""
     found = [run(Draw("perfect", "linear", 300 + k, 300 + k, 6.0, (0.01, 0.001)[k % 2])) for k in range(8)]
@@ -123,6 +124,7 @@ def test_instruments_are_estimated_with_the_platform_and_are_not_in_its_file() -
     assert json.loads(found.to_json())["parameters"]["delay"]["unit"] == "s"
 
 
+@pytest.mark.evidence
 def test_output_error_finds_instruments_too() -> None:
     """Expected: what the log was made with, within 4.5 standard errors."""
     machine, believed = random_machine(3)
