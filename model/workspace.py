@@ -22,6 +22,7 @@ from gough_stewart.model.kinematics import (
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.state import State
+from gough_stewart.model.stiffness import pose_stiffness
 from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
 
 # Poses per chunk: enough for fast NumPy loops, with tens of MB of intermediate results.
@@ -57,7 +58,7 @@ _TEXTS = {
 
 
 class PoseQualities(NamedTuple):
-    """Results at poses, each (...); None if the platform does not state the limit."""
+    """Results at poses, each (...); None if the platform does not state the limit, or has rigid legs."""
 
     limit: NDArray[np.int8]  # a `Limit`, 0 if the pose is reachable
     leg_length_margin: FloatArray | None  # of the leg nearest to an end of its stroke [m], negative beyond
@@ -67,6 +68,12 @@ class PoseQualities(NamedTuple):
     payload: FloatArray | None  # largest point mass at Op that the actuators hold at rest [kg]
     force_margin: FloatArray | None  # largest force at Op in any direction that they hold at rest [N]
     largest_speed: FloatArray | None  # of the twist [v; ρ ω] in any direction, limited by `leg_velocity_max` [m/s]
+    # of legs that give, with motors that hold; see `stiffness.PoseStiffness`
+    translational_stiffness: FloatArray | None  # in the softest direction [N/m]
+    translational_stiffness_max: FloatArray | None  # in the stiffest [N/m]
+    rotational_stiffness: FloatArray | None  # about the softest axis [N m/rad]
+    rotational_stiffness_max: FloatArray | None  # about the stiffest [N m/rad]
+    first_mode: FloatArray | None  # lowest natural frequency [Hz]
 
     @property
     def reachable(self) -> NDArray[np.bool_]:
@@ -100,7 +107,10 @@ def evaluate_poses(
         Arrays with the poses' leading axes, each None if the platform does not state its limit: `limit`, 0 if the
         pose is reachable; `leg_length_margin` [m] and `joint_angle_margin` [rad], negative beyond; `singular_margin`,
         the smallest singular value of the scaled leg Jacobian, negative beyond a singular pose; `condition_number`;
-        `payload` [kg]; `force_margin` [N]; `largest_speed` [m/s].
+        `payload` [kg]; `force_margin` [N]; `largest_speed` [m/s]. Of legs that give, whose motors hold: the stiffness
+        at Op in the softest and the stiffest direction, `translational_stiffness` and `translational_stiffness_max`
+        [N/m], `rotational_stiffness` and `rotational_stiffness_max` [N m/rad], and `first_mode`, the lowest natural
+        frequency [Hz].
 
     Examples
     --------
@@ -151,6 +161,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
     if platform.actuator_force_max is not None:
         regular = number < LARGEST_CONDITION_NUMBER
         capacity = _load_capacity(platform, position, orientation, legs, regular, platform.actuator_force_max)
+    stiffness = pose_stiffness(platform, position, orientation) if platform.leg_stiffness > 0 else (None,) * 5
     return PoseQualities(
         _first_limit(orientation, side, leg_margins, joint_margins),
         _nearest([leg_margins[limit] for limit in leg_margins]),
@@ -160,6 +171,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
         capacity[0],
         capacity[1],
         None if platform.leg_velocity_max is None else _largest_speed(legs, platform.leg_velocity_max),
+        *stiffness,
     )
 
 

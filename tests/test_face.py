@@ -25,6 +25,7 @@ NAMES = [
     "__version__",
     "Platform", "load_platform", "save_platform", "load_preset", "preset_names",
     "leg_geometry", "leg_jacobian", "forward_kinematics", "static_leg_forces", "mass_matrix", "inverse_dynamics",
+    "compliance",
     "State", "Acceleration", "stack",
     "SteppingModel", "build", "VARIABLES",
     "plant_system", "linearise", "trim", "modes",

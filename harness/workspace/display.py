@@ -74,6 +74,7 @@ def results_of(workspace: Workspace) -> list[Result]:
         results.append(Result("force_margin", "force margin", unit, q.force_margin))
     if q.largest_speed is not None:
         results.append(Result("largest_speed", "largest speed", _shown_speed(workspace), q.largest_speed))
+    results += _stiffness(workspace)
     if q.leg_length_margin is not None:
         length = shown_length(workspace)
         results.append(Result("leg_length_margin", "stroke left", length, q.leg_length_margin, ends_at_border=True))
@@ -83,6 +84,23 @@ def results_of(workspace: Workspace) -> list[Result]:
             Result("joint_angle_margin", "joint angle left", angle, q.joint_angle_margin, ends_at_border=True)
         )
     return results
+
+
+def _stiffness(workspace: Workspace) -> list[Result]:
+    """Of legs that give."""
+    q, found = workspace.qualities, []
+    for name, title, unit in (
+        ("translational_stiffness", "stiffness, softest direction", "N/µm"),
+        ("translational_stiffness_max", "stiffness, stiffest direction", "N/µm"),
+        ("rotational_stiffness", "stiffness, softest axis", "kN.m/rad"),
+        ("rotational_stiffness_max", "stiffness, stiffest axis", "kN.m/rad"),
+        ("first_mode", "first mode", "Hz"),
+    ):
+        values: FloatArray | None = getattr(q, name)
+        if values is not None:
+            factor = {"N/µm": 1e-6, "kN.m/rad": 1e-3}.get(unit, 1.0)
+            found.append(Result(name, title, Shown(unit, factor), values))
+    return found
 
 
 def reachable_values(workspace: Workspace, values: FloatArray) -> FloatArray:

@@ -34,6 +34,12 @@ _NOTES = {
     "force_margin": "The largest force at the platform frame's origin, in any direction, that the actuators hold at "
     "rest.",
     "largest_speed": "The largest speed in any direction, turning included, at which no leg is faster than its limit.",
+    "translational_stiffness": "Force at the platform frame's origin over the displacement along it, in the softest "
+    "direction, with motors that hold.",
+    "translational_stiffness_max": "The same in the stiffest direction.",
+    "rotational_stiffness": "Torque over the rotation about it, about the softest axis, with motors that hold.",
+    "rotational_stiffness_max": "The same about the stiffest axis.",
+    "first_mode": "The lowest natural frequency of the platform on its legs, with motors that hold.",
     "leg_length_margin": "Of the leg that is nearest to an end of its stroke; negative beyond.",
     "joint_angle_margin": "Of the joint that is nearest to its largest angle; negative beyond.",
 }

@@ -17,6 +17,7 @@ from gough_stewart.harness.workspace.display import (
     results_of,
     shown_coordinate,
 )
+from gough_stewart.model.stiffness import PoseStiffness
 from gough_stewart.model.vectors import FloatArray, first_of_largest
 from gough_stewart.model.workspace import Limit
 from gough_stewart.model.workspace_grid import COORDINATES, Workspace
@@ -37,7 +38,8 @@ def quantity_of(shown: Shown, digits: int = 4) -> Quantity:
 def workspace_csv(workspace: Workspace) -> bytes:
     """One row per pose: coordinates, whether it can be reached, which limit is passed, and all results.
 
-    SI units. Columns of results are empty if the platform does not state the limit they need; `limit` is in words.
+    SI units. Columns of results are empty if the platform does not state the limit they need; those of stiffness are
+    there if its legs give. `limit` is in words.
     """
     q = workspace.qualities
     poses = workspace.coordinates().reshape(-1, 6)
@@ -47,6 +49,9 @@ def workspace_csv(workspace: Workspace) -> bytes:
     columns["limit"] = pl.Series(names[q.limit.ravel()])
     for name in q._fields[1:]:
         values: FloatArray | None = getattr(q, name)
+        # of rigid legs there are no such columns
+        if values is None and name in PoseStiffness._fields:
+            continue
         empty = pl.Series([None] * len(poses), dtype=pl.Float64)
         columns[name] = empty if values is None else pl.Series(values.ravel())
     return pl.DataFrame(columns).write_csv().encode()

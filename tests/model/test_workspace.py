@@ -217,6 +217,7 @@ def test_without_gravity_any_payload_is_held() -> None:
 def test_limits_that_are_not_stated_keep_from_nothing() -> None:
     q = evaluate_poses(PAPER, PAPER.home_position, LEVEL)
     assert (q.leg_length_margin, q.joint_angle_margin, q.payload, q.force_margin, q.largest_speed) == (None,) * 5
+    assert q[8:] == (None,) * 5
     one_sided = evaluate_poses(replace(PAPER, leg_length_max=3.3), np.array([0, 0, 3.5]), LEVEL)
     assert one_sided.limit == Limit.LEG_TOO_LONG
 
@@ -225,10 +226,11 @@ def test_chunks_and_leading_axes_change_nothing(monkeypatch: pytest.MonkeyPatch)
     """Expected: the same poses all at once; progress counts them."""
     rng = np.random.default_rng(1)
     position = DESKTOP.home_position + 0.04 * rng.normal(size=(3, 7, 3))
-    whole = evaluate_poses(DESKTOP, position, LEVEL)
+    soft = replace(DESKTOP, leg_armature=0.2, leg_stiffness=1e6)
+    whole = evaluate_poses(soft, position, LEVEL)
     monkeypatch.setattr(module, "CHUNK", 4)
     done: list[int] = []
-    parts = evaluate_poses(DESKTOP, position, LEVEL, done.append)
+    parts = evaluate_poses(soft, position, LEVEL, done.append)
     assert done == [4, 8, 12, 16, 20, 21]
     for a, b in zip(whole, parts, strict=True):
         assert a is not None

@@ -37,6 +37,7 @@ from tests.support.uneven import UNEVEN
 NAMES = ("x", "y", "z", "roll", "pitch", "yaw")
 LIMITED = replace(UNEVEN, leg_velocity_max=0.6, actuator_power_max=300.0)
 STRONG = replace(UNEVEN, actuator_force_max=5e4, joint_angle_max=None, leg_length_min=None)
+SOFT = replace(UNEVEN, leg_stiffness=3.1e6)
 DESKTOP = load_preset("desktop_hexapod")
 # Name, digits of the unit and factor of each result, whether less is better, and whether it ends at the border.
 RESULTS: Mapping[str, tuple[str, bool, bool]] = {
@@ -44,6 +45,11 @@ RESULTS: Mapping[str, tuple[str, bool, bool]] = {
     "payload": ("largest payload", False, False),
     "force_margin": ("force margin", False, False),
     "largest_speed": ("largest speed", False, False),
+    "translational_stiffness": ("stiffness, softest direction", False, False),
+    "translational_stiffness_max": ("stiffness, stiffest direction", False, False),
+    "rotational_stiffness": ("stiffness, softest axis", False, False),
+    "rotational_stiffness_max": ("stiffness, stiffest axis", False, False),
+    "first_mode": ("first mode", False, False),
     "leg_length_margin": ("stroke left", False, True),
     "joint_angle_margin": ("joint angle left", False, True),
 }
@@ -56,6 +62,7 @@ CASES: Mapping[str, tuple[Callable[[], Workspace], str, str]] = {
     ),
     "small": (lambda: sweep(DESKTOP, {"yaw": None, "x": (-0.07, 0.06)}, {"y": 0.01}, 8), "mm", "N"),
     "strong": (lambda: sweep(STRONG, {"x": None, "y": (-0.7, 1.9)}, points=6), "m", "kN"),
+    "soft": (lambda: sweep(SOFT, {"pitch": (-0.4, 0.5), "x": (-0.6, 0.7)}, points=5), "m", "N"),
     "unlimited": (lambda: sweep(load_preset("liu2000"), {"roll": None, "z": (2.0, 2.8)}, points=5), "m", ""),
 }
 
@@ -95,6 +102,11 @@ class Seen:
             "payload": ("kg", 1.0),
             "force_margin": (self.force, 1e-3 if self.force == "kN" else 1.0),
             "largest_speed": (f"{length[0]}/s", length[1]),
+            "translational_stiffness": ("N/µm", 1e-6),
+            "translational_stiffness_max": ("N/µm", 1e-6),
+            "rotational_stiffness": ("kN.m/rad", 1e-3),
+            "rotational_stiffness_max": ("kN.m/rad", 1e-3),
+            "first_mode": ("Hz", 1.0),
             "leg_length_margin": length,
             "joint_angle_margin": ("°", 180 / np.pi),
         }[result]
@@ -205,7 +217,7 @@ def test_the_best_and_worst_of_every_result_and_where(seen: Seen) -> None:
         for word, least in (("best", is_best_low), ("worst", not is_best_low))[: 1 if ends_at_border else 2]:
             extreme = (min if least else max)(values[index] for index in reached)
             name, said, value, *place = rows[k]
-            assert name == f"{title} {unit}".strip().replace("°", "deg")
+            assert name == f"{title} {unit}".strip().replace("°", "deg").replace(".", "·")
             assert said == word
             assert value == (f"{extreme * factor:.0f}" if extreme * factor >= 1e4 else f"{extreme * factor:.4g}")
             places = [
@@ -267,7 +279,10 @@ def test_every_pose_is_a_row_of_the_table(seen: Seen) -> None:
     """Expected: the poses in the order of the grid, last coordinate fastest, with what each has by itself."""
     table = pl.read_csv(workspace_csv(seen.space), infer_schema_length=None)
     columns = [*NAMES, "reachable", "limit", "leg_length_margin", "joint_angle_margin", "singular_margin"]
-    assert table.columns == [*columns, "condition_number", "payload", "force_margin", "largest_speed"]
+    stiffness = [name for name in seen.results() if "stiffness" in name or name == "first_mode"]
+    assert len(stiffness) == (5 if seen.space.platform is SOFT else 0)
+    columns += ["condition_number", "payload", "force_margin", "largest_speed", *stiffness]
+    assert table.columns == columns
     assert table.height == len(seen.each)
     for row, (index, q) in zip(table.iter_rows(named=True), seen.each.items(), strict=True):
         assert [row[name] for name in NAMES] == pytest.approx(seen.poses[index])
