@@ -88,7 +88,7 @@ def pose_stiffness(parameters: Parameters, position: Array, orientation: Array) 
         frequency = np.where(regular, np.nan, 0.0)
         at = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
         frequency[regular] = held_frequencies(parameters, at[0][regular], at[1][regular])[..., 0]
-    return PoseStiffness(*found, frequency)
+    return PoseStiffness(found[0], found[1], found[2], found[3], frequency)
 
 
 def _stiffness_of(parameters: Parameters) -> FloatArray:
