@@ -14,9 +14,11 @@ from gough_stewart.harness.identify.geometry.joints import GEOMETRY, identify_ge
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
+from gough_stewart.harness.identify.not_shown import NOT_SHOWN, SHOWS, fit_of_shown
 from gough_stewart.harness.identify.output_error import identify_output_error
 from gough_stewart.harness.identify.parts import VALIDATION
 from gough_stewart.harness.identify.rows.hypotheses import MASSES
+from gough_stewart.harness.identify.rows.sticking import PRESLIDING, STICTION, resolved, sticks
 from gough_stewart.harness.identify.screening.leg_order import check_order_of_forces
 from gough_stewart.harness.identify.screening.observability import (
     MotionRows,
@@ -28,7 +30,7 @@ from gough_stewart.harness.identify.screening.observability import (
 from gough_stewart.harness.identify.screening.screening import Screened, screened
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.variant import refuse_parts
+from gough_stewart.model.variant import SLIDING, Variant, refuse_parts
 from gough_stewart.model.vectors import FloatArray
 
 AnyLog = Log | Record | Path | str
@@ -101,7 +103,7 @@ def identify(
     if "pose_frame" in options and method != "geometry":
         raise IdentificationError(f"pose_frame is an option of method geometry only; this one is {method}")
     if method != "geometry":
-        refuse_parts(platform, "identification", "estimate a smooth or rigid platform from the log")
+        _check_parts(platform, method, [name.strip() for name in names])
     logs = _logs(log)
     if method == "geometry":
         if len(logs) != 1 or validation != VALIDATION:
@@ -111,10 +113,32 @@ def identify(
             )
         return identify_geometry(logs[0], platform, names, **options)
     share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
-    found = screened(logs, platform, share, aside, options.pop("cutoff", None))
-    check_order_of_forces(found.parts, platform, found.cutoff)
-    fit = _of_determined(_METHODS[method], found, platform, expanded(names, platform), options)
+    # what is screened is the motion, and the forces that it needs but for friction
+    smooth = platform.with_parameters(SLIDING) if sticks(platform) else platform
+    found = screened(logs, smooth, share, aside, options.pop("cutoff", None))
+    check_order_of_forces(found.parts, smooth, found.cutoff)
+    wanted = expanded(names, platform)
+    stiffness, damping = PRESLIDING
+    if stiffness in wanted and damping not in wanted:
+        # a damping that is not known would pass for stiffness
+        wanted = (*wanted, damping)
+    fit = _of_determined(_METHODS[method], found, platform, wanted, options)
     return replace(fit, notes=(*found.notes, *fit.notes), alarms=(*found.alarms, *fit.alarms))
+
+
+def _check_parts(platform: Platform, method: Method, names: Sequence[str]) -> None:
+    """Refuse what a platform does not have, or a method cannot estimate."""
+    lacking = [name for name in names if name.partition("[")[0] in (*STICTION, *PRESLIDING)]
+    if lacking and not sticks(platform):
+        raise IdentificationError(
+            f"{lacking[0]}: friction of this platform does not stick; set its leg_friction_model = 'elasto_plastic' or "
+            "'lugre'",
+            lacking,
+        )
+    if method == "output_error":
+        refuse_parts(platform, "method output_error", "use method linear")
+    if Variant.of(platform).springs:
+        refuse_parts(platform.with_parameters(SLIDING), "identification", "estimate a rigid platform from the log")
 
 
 def _of_determined(
@@ -126,18 +150,22 @@ def _of_determined(
 ) -> Estimate:
     """The fit of what the motion determines; the other elements get no number."""
     linear = [name for name in names if is_linear(name, platform)]
+    smooth = platform.with_parameters(SLIDING) if sticks(platform) else platform
     if linear:
-        check_separable(platform, linear)
-    rows = motion_rows(found.parts, platform, found.cutoff) if linear else None
-    nominal = nominal_values(names, platform)
+        check_separable(smooth, linear)
+    rows = motion_rows(found.parts, smooth, found.cutoff) if linear else None
+    nominal = nominal_values(names, resolved(platform, names))
     if rows is None:
-        fit = method(found.parts, platform, names, cutoff=found.cutoff, **options)
-        return with_all(fit, names, nominal, fit.scale, (), np.zeros(len(names)))
+        fit, untold = fit_of_shown(
+            lambda kept: method(found.parts, platform, kept, cutoff=found.cutoff, **options), names
+        )
+        size = scales(platform, names, 1.0, 1.0)
+        return _with_note(with_all(fit, names, nominal, size, untold, np.zeros(len(names))), untold)
     scale = scales(platform, names, rows.force, rows.velocity)
     at = [names.index(name) for name in linear]
     values = nominal.copy()
-    untold = _not_told(rows, platform, names, scale)
-    now = identifiability(rows, platform, linear, values[at], scale[at])
+    untold = _not_told(rows, smooth, names, scale)
+    now = identifiability(rows, smooth, linear, values[at], scale[at])
     held: set[str] = set()
     unknown: set[str] = set()
     while True:
@@ -146,19 +174,23 @@ def _of_determined(
         kept = tuple(name for name in names if name not in held)
         if not kept:
             raise _not_excited(names)
-        fit = method(found.parts, platform, kept, cutoff=found.cutoff, not_excited=untold, **options)
-        values[[names.index(name) for name in kept]] = fit.values
+        fit, not_shown = fit_of_shown(
+            lambda kept: method(found.parts, platform, kept, cutoff=found.cutoff, not_excited=untold, **options), kept
+        )
+        held |= set(not_shown)
+        values[[names.index(name) for name in fit.names]] = fit.values
         # what a motion determines of centres of mass and inertias depends on their values
-        now = identifiability(rows, platform, linear, values[at], scale[at])
+        now = identifiability(rows, smooth, linear, values[at], scale[at])
         unknown |= set(now.not_excited)
         if set(now.held) <= held:
             break
     bias = np.zeros(len(names))
     bias[at] = now.bias * scale[at]
+    hidden = [name for name in names if name in held and not is_linear(name, platform)]
     lacking = [name for name in names if name in unknown]
-    if len(lacking) == len(names):
+    if len(lacking) + len(hidden) == len(names):
         raise _not_excited(names)
-    fit = with_all(fit, names, nominal, scale, lacking, bias)
+    fit = _with_note(with_all(fit, names, nominal, scale, (*lacking, *hidden), bias), hidden)
     if lacking:
         note = (
             f"not excited by this motion, so without a number: {', '.join(lacking)}. A motion that excites them is "
@@ -166,6 +198,11 @@ def _of_determined(
         )
         fit = replace(fit, notes=(*fit.notes, note))
     return fit
+
+
+def _with_note(fit: Estimate, hidden: Sequence[str]) -> Estimate:
+    """The estimate with a remark on what of the friction its log does not show."""
+    return replace(fit, notes=(*fit.notes, f"{NOT_SHOWN}: {', '.join(hidden)}. {SHOWS}")) if hidden else fit
 
 
 def _not_told(rows: MotionRows, platform: Platform, names: Sequence[str], scale: FloatArray) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """Linear identification: weighted least squares of inverse dynamics, which is linear in masses and friction."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +26,25 @@ from gough_stewart.harness.identify.rows.linear_parameters import (
 )
 from gough_stewart.harness.identify.rows.regression import Regression, Rows, joined, regression_of
 from gough_stewart.harness.identify.rows.row_model import RowModel
+from gough_stewart.harness.identify.rows.sticking import (
+    PRESLIDING,
+    StickingFriction,
+    is_of_bristles,
+    resolved,
+    sticks,
+)
+from gough_stewart.harness.identify.rows.sticking_start import start_of_friction
 from gough_stewart.harness.identify.rows.whitened import Fit, Whitened, whitened
 from gough_stewart.harness.identify.simulation import kernel_parameters
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.variant import SLIDING
 from gough_stewart.model.vectors import FloatArray
 
 # Unexplained share of the forces' changes, median over legs, beyond which the log is of another machine; if the fitted
 # rows last for less, forces hardly change but by noise and by what is not estimated [s].
 _UNEXPLAINED, _TELLING = 0.5, 1.0
+# Bristles that are this much stiffer do not bend; what they explain worse, in variances of the noise.
+_STIFF, _TOLD = 100.0, 16.0
 
 
 def identify_linear(
@@ -73,17 +85,15 @@ def identify_linear(
         A log that cannot be evaluated.
     """
     names = expanded(names, platform)
-    nominal = nominal_values(names, platform)
-    elements = elements_of(platform)
-    of_platform = [k for k, name in enumerate(names) if not is_of_instruments(name)]
+    bent = [k for k, name in enumerate(names) if is_of_bristles(name, platform)]
+    friction = StickingFriction(platform, tuple(names[k] for k in bent)) if sticks(platform) else None
+    nominal = nominal_values(names, resolved(platform, names))
+    # without friction that sticks, which is not linear
+    smooth = platform.with_parameters(SLIDING) if friction else platform
+    elements = elements_of(smooth)
+    of_platform = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in bent]
     own = tuple(names[k] for k in of_platform)
-    for name in own:
-        if not is_linear(name, elements):
-            raise IdentificationError(
-                f"{name}: inverse dynamics is not linear in it; use the method output_error, or geometry for joints "
-                "and offsets",
-                [name],
-            )
+    _check_linear(own, elements)
     elements = with_estimated(elements, own, nominal[of_platform].tolist())
     parts = parts_of(log, validation)
     each = [regression_of(part.log, platform, cutoff) for part in parts]
@@ -98,29 +108,49 @@ def identify_linear(
     scale = scales_of(rows, platform, names)
     W, F = rows.regressor[is_fitted], rows.force[is_fitted]
     _check_excitation(W, elements, own, scale[of_platform])
-    used = rows.sliding[is_fitted] if has_coulomb(platform, names) else np.ones((fitted, 6))
+    every = used_rows(rows, platform, names)
+    used = every[is_fitted]
 
     # ordinary least squares first: the covariance of the rows depends on masses and friction
     values = nominal.copy()
-    values[of_platform] = ordinary_fit(rows, elements, own, scale[of_platform], is_fitted, platform).values
-    model = RowModel(regression, platform, elements, names)
-    rows_at = whitened(regression, _fit_at(model, values, is_fitted, used), platform, not_excited)
-    if len(own) == len(names):
+    if friction:
+        linear = rows.regressor @ gradient(elements, own)
+        values[bent] = start_of_friction(regression, platform, friction.names, linear, every * is_fitted[:, None])
+        scale[bent] = values[bent]
+        rows = _without_friction(rows, regression, friction, values[bent])
+    if own:
+        values[of_platform] = ordinary_fit(rows, elements, own, scale[of_platform], is_fitted, every).values
+    model = RowModel(regression, smooth, elements, names, friction)
+    rows_at = whitened(regression, _fit_at(model, values, is_fitted, used), smooth, not_excited)
+    if len(own) == len(names) and not friction:
         wide = rows_at.of(np.concatenate([W, F[..., None]], axis=2))
         R, z = _compressed(wide[:, :SIZE], wide[:, SIZE])
         fit = _fitted(R, z, elements, own, scale)
     else:
         fit = _with_instruments(model, rows_at, values, elements, scale)
+    if PRESLIDING[0] in names:
+        _check_presliding(model, rows_at, fit.values, elements, scale)
     rows_at = rows_at.at(_fit_at(model, fit.values, is_fitted, used, rows_at.fit.derivatives))
     residual = model.residual(fit.values)
     _check_explained(residual[is_fitted], F, _duration(parts, each), parts[0].log.where)
     D = rows_at.of(rows_at.fit.columns * scale).reshape(fitted, 6, -1)
     notes = [f"{fitted} rows of {rows.cutoff:.3g} Hz fitted, {len(rows.time) - fitted} kept for validation"]
-    before = rows.regressor @ linear_parameters(elements)
     time, validating = on_one_axis(parts, [of_part.rows.time for of_part in each])
-    channels = Channels("force of leg", "N", time, rows.force, residual, before, is_fitted, validating)
+    channels = Channels(
+        "force of leg", "N", time, regression.rows.force, residual, model.force(nominal), is_fitted, validating
+    )
     white = rows_at.of(residual[is_fitted, :, None]).reshape(fitted, 6)
     return estimate_of("linear", names, nominal, scale, fit, (D, white), channels, notes, rows=rows_at)
+
+
+def _check_linear(names: Sequence[str], elements: Mapping[str, float]) -> None:
+    for name in names:
+        if not is_linear(name, elements):
+            raise IdentificationError(
+                f"{name}: inverse dynamics is not linear in it; use the method output_error, or geometry for joints "
+                "and offsets",
+                [name],
+            )
 
 
 def is_linear(name: str, elements: Mapping[str, float]) -> bool:
@@ -134,12 +164,11 @@ def ordinary_fit(
     names: Sequence[str],
     scale: FloatArray,
     is_fitted: NDArray[np.bool_],
-    platform: Platform,
+    used: FloatArray,
 ) -> BestFit:
-    """Ordinary least squares of the fitted rows over linear elements."""
+    """Ordinary least squares of the fitted rows that are used (n, 6) over linear elements."""
     F = rows.force[is_fitted]
-    used = rows.sliding[is_fitted] if has_coulomb(platform, names) else np.ones(F.shape)
-    weights = used / max(float(np.abs(F).max()), 1e-300)
+    weights = used[is_fitted] / max(float(np.abs(F).max()), 1e-300)
     R, z = _compressed(weights[..., None] * rows.regressor[is_fitted], weights * F)
     return _fitted(R, z, elements, names, scale)
 
@@ -152,13 +181,17 @@ def _fit_at(
     derivatives: ForceDerivatives | None = None,
 ) -> Fit:
     """What diagnosis needs of a fit, at these values; derivatives of a fit nearby do."""
-    phi, force = model.phi(values), model.force(values)
+    force = model.force(values)
     if derivatives is None:
         p, directions = kernel_parameters(model.platform, [model.names[k] for k in model.own])
         nominal = np.array([value_of(model.platform, model.names[k]) for k in model.own])
         p = p + directions @ (values[model.own] - nominal)
-        derivatives = force_derivatives(model.regression.motion, p, force)
-    return Fit(model.names, values, model.columns(values)[is_fitted], phi, force, derivatives, is_fitted, used)
+        derivatives = force_derivatives(model.regression.motion, p, model.smooth_force(values))
+        if model.friction is not None:
+            legs = range(6)
+            derivatives.by_legs[:, legs, :2, legs] += model.by_lengths(values).transpose(2, 0, 1)
+    columns = model.columns(values)[is_fitted]
+    return Fit(model.names, values, columns, force, model.rate(values), derivatives, is_fitted, used)
 
 
 def _with_instruments(
@@ -173,7 +206,50 @@ def _with_instruments(
     def jacobian(values: FloatArray) -> FloatArray:
         return -rows.of(model.columns(values)[here])
 
-    return best_fit(residual, jacobian, elements, model.names, scale, start, 1e-10)
+    return best_fit(residual, jacobian, elements, model.names, scale, start, 1e-8 if model.friction else 1e-10)
+
+
+def _without_friction(rows: Rows, regression: Regression, friction: StickingFriction, values: FloatArray) -> Rows:
+    """The rows less friction that sticks, at these values of its parameters."""
+    stuck = regression.filtered(lambda v, h: friction.force(values, v, h), 0)
+    return replace(rows, force=rows.force - stuck.reshape(len(stuck), 6, -1)[:, :, 0])
+
+
+def _check_presliding(
+    model: RowModel, rows: Whitened, values: FloatArray, elements: Mapping[str, float], scale: FloatArray
+) -> None:
+    """Refuse a stiffness of bristles that explains the log hardly better than legs that stick without bending.
+
+    Fast reversals last for milliseconds. There a soft bristle, which delays friction, and its damping, which advances
+    it, look together like a stiff one: the cost has a second minimum that the interval of the first does not reach.
+    """
+    here, names = rows.fit.is_fitted, list(model.names)
+    rest = [k for k, name in enumerate(names) if name not in PRESLIDING]
+    stiff = values.copy()
+    stiff[names.index(PRESLIDING[0])] *= _STIFF
+
+    def at(of_rest: FloatArray) -> FloatArray:
+        moved = stiff.copy()
+        moved[rest] = of_rest
+        return moved
+
+    def residual(of_rest: FloatArray) -> FloatArray:
+        return rows.of(model.residual(at(of_rest))[here, :, None])[:, 0]
+
+    def jacobian(of_rest: FloatArray) -> FloatArray:
+        return -rows.of(model.columns(at(of_rest))[here][:, :, rest])
+
+    kept = [names[k] for k in rest]
+    other = best_fit(residual, jacobian, elements, kept, scale[rest], values[rest], 1e-4) if rest else None
+    cost = float((rows.of(model.residual(values)[here, :, None]) ** 2).sum())
+    unbent = float((residual(values[rest] if other is None else other.values) ** 2).sum())
+    freedom = max(int(rows.fit.used.sum()) - len(names), 1)
+    if unbent - cost < _TOLD * cost / freedom:
+        raise IdentificationError(
+            f"{PRESLIDING[0]}: legs that stick without bending explain this log as well; expected slower reversals, of "
+            "some mm/s",
+            [PRESLIDING[0]],
+        )
 
 
 def _fitted(
@@ -198,6 +274,16 @@ def scales_of(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArra
     return scales(platform, names, force, velocity)
 
 
+def used_rows(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
+    """1 for rows that a fit of these elements uses, else 0 (n, 6).
+
+    Reversals show how a leg sticks; a fit that does not estimate that leaves them out.
+    """
+    if not has_coulomb(platform, names):
+        return np.ones_like(rows.sliding)
+    return rows.known if PRESLIDING[0] in names else rows.sliding
+
+
 def has_coulomb(platform: Platform, names: Sequence[str]) -> bool:
     """Whether a model with these estimates has Coulomb friction, so that reversals are left out."""
     return platform.leg_coulomb_friction > 0 or any(name.startswith("leg_coulomb_friction") for name in names)
@@ -205,6 +291,8 @@ def has_coulomb(platform: Platform, names: Sequence[str]) -> bool:
 
 def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence[str], scale: FloatArray) -> None:
     """Refuse combinations that have no effect on forces in this or any motion: rank-revealing QR with pivots."""
+    if not names:
+        return
     D = (W @ (gradient(elements, names) * scale)).reshape(-1, len(names))
     size = np.linalg.norm(D, axis=0)
     if not size.all():

@@ -13,7 +13,7 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import PHYSICAL
 from gough_stewart.model.platform import Platform
 
-_ROWS = {row.name: row for row in PHYSICAL if row.part is None}
+_ROWS = {row.name: row for row in PHYSICAL if not row.words}
 # Quantities of a log, not of the platform: shape and unit. Their nominal value is 0, that of a gain 1.
 OF_LOGS: dict[str, tuple[tuple[int, ...], str]] = {
     "leg_length_offset": ((6,), "m"),

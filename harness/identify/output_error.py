@@ -9,7 +9,7 @@ from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, scales
 from gough_stewart.harness.identify.instruments import is_of_instruments
-from gough_stewart.harness.identify.linear import has_coulomb, is_linear, ordinary_fit, scales_of
+from gough_stewart.harness.identify.linear import is_linear, ordinary_fit, scales_of, used_rows
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded, with_values
 from gough_stewart.harness.identify.parts import VALIDATION, Part, on_one_axis, parts_of
@@ -245,8 +245,10 @@ def fit_in_rows(
     columns[:, :, linear] = model.columns(values[linear])
     if others:
         columns[:, :, others] = derivatives.by_parameters @ parameter_columns([names[k] for k in others])
-    used = regression.rows.sliding[is_fitted] if has_coulomb(platform, names) else np.ones((int(is_fitted.sum()), 6))
-    return Fit(tuple(names), values, columns[is_fitted], model.phi(values[linear]), force, derivatives, is_fitted, used)
+    used = used_rows(regression.rows, platform, names)[is_fitted]
+    return Fit(
+        tuple(names), values, columns[is_fitted], force, model.rate(values[linear]), derivatives, is_fitted, used
+    )
 
 
 def linear_start(
@@ -266,7 +268,12 @@ def linear_start(
     elements = with_estimated(elements, own, nominal[chosen].tolist())
     try:
         start[chosen] = ordinary_fit(
-            regression.rows, elements, own, scales_of(regression.rows, platform, own), is_fitted, platform
+            regression.rows,
+            elements,
+            own,
+            scales_of(regression.rows, platform, own),
+            is_fitted,
+            used_rows(regression.rows, platform, own),
         ).values
     except IdentificationError:
         return nominal

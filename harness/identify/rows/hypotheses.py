@@ -15,6 +15,7 @@ from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.rows.force_derivatives import ForceDerivatives
 from gough_stewart.harness.identify.rows.linear_parameters import INERTIAL
 from gough_stewart.harness.identify.rows.regression import Regression
+from gough_stewart.harness.identify.rows.sticking import travel_since_reversal
 from gough_stewart.harness.identify.simulation import parameter_columns
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -48,7 +49,8 @@ class Family(NamedTuple):
 def families_of(
     regression: Regression,
     derivatives: ForceDerivatives,
-    phi: FloatArray,
+    force: FloatArray,
+    rate: FloatArray,
     platform: Platform,
     tilt: FloatArray,
     names: Sequence[str],
@@ -57,8 +59,8 @@ def families_of(
 
     Parameters
     ----------
-    phi
-        The linear parameters that were found (SIZE,).
+    force, rate
+        Of the platform, and its derivative, at all rows (n, 6) [N], [N/s].
     platform
         The nominal one, for its joints, gravity and friction velocity.
     tilt
@@ -68,7 +70,6 @@ def families_of(
     """
     W = regression.rows.regressor
     n = len(W)
-    force = W @ phi
     eye = np.eye(6)
     by_length = derivatives.by_legs[:, :, 0, :]
     p = derivatives.by_parameters
@@ -79,10 +80,10 @@ def families_of(
     joints = tuple(f"{which}_points[{i},{k}]" for which in ("base", "platform") for i in LEGS for k in (1, 2, 3))
     viscous, coulomb = W[:, :, INERTIAL : INERTIAL + 6], W[:, :, INERTIAL + 6 :]
 
-    def sticking(velocity: FloatArray) -> FloatArray:
+    def sticking(velocity: FloatArray, step: float) -> FloatArray:
         v = velocity / platform.leg_friction_velocity
         higher = [np.tanh(v) * np.exp(-((v / width) ** 2)) for width in _STRIBECK]
-        travel = _travel_since_reversal(velocity) * regression.sample_time
+        travel = travel_since_reversal(velocity) * step
         later = [-np.sign(velocity) * np.exp(-travel / over) for over in _TRAVELS]
         return np.concatenate([*higher, *later], axis=1)
 
@@ -96,7 +97,7 @@ def families_of(
             force[:, :, None] * eye,
             {f"gain of leg {i}": (i - 1,) for i in LEGS} | {"gains of all legs": tuple(range(6))},
         ),
-        Family("delay of forces", ("delay",), -regression.rate(phi)[..., None], {"delay of forces": (0,)}),
+        Family("delay of forces", ("delay",), -rate[..., None], {"delay of forces": (0,)}),
         Family(
             "offset of forces",
             tuple(f"force_offset[{i}]" for i in LEGS),
@@ -133,7 +134,7 @@ def families_of(
         Family(
             "stiction",
             tuple(f"friction of a starting leg {k + 1}" for k in range(starting)),
-            np.stack(np.split(regression.filtered(sticking), starting, axis=1), axis=2),
+            np.stack(np.split(regression.filtered(sticking, 0), starting, axis=1), axis=2),
             {"stiction": tuple(range(starting))},
         ),
         *(
@@ -149,12 +150,3 @@ def families_of(
             else []
         ),
     ]
-
-
-def _travel_since_reversal(velocity: FloatArray) -> FloatArray:
-    """Σ |v| since each leg last changed its direction, up to each row (n, 6) [m/s times rows]."""
-    travelled = np.cumsum(np.abs(velocity), axis=0)
-    turns = np.zeros_like(velocity, dtype=bool)
-    turns[1:] = velocity[1:] * velocity[:-1] < 0
-    at_turn = np.maximum.accumulate(np.where(turns, travelled - np.abs(velocity), 0.0), axis=0)
-    return np.asarray(travelled - at_turn)

@@ -85,7 +85,7 @@ def gradient(elements: Mapping[str, Any], names: Sequence[str]) -> FloatArray:
     for k in range(len(names)):
         moved = [v + (1j * step if i == k else 0) for i, v in enumerate(values)]
         columns.append(linear_parameters(with_estimated(elements, names, moved)).imag / step)
-    return np.stack(columns, axis=1)
+    return np.stack(columns, axis=1) if columns else np.zeros((SIZE, 0))
 
 
 def regressor(platform: Platform, state: State, acceleration: Acceleration) -> FloatArray:

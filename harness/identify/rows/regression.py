@@ -13,6 +13,7 @@ from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.movement import motion_of_lengths
 from gough_stewart.harness.identify.rows.linear_parameters import INERTIAL, SIZE, friction_columns, regressor
 from gough_stewart.harness.identify.rows.noise import KernelCorrelations, kernel_correlations
+from gough_stewart.harness.identify.rows.sticking import sliding_rows, sticks, unit_friction
 from gough_stewart.harness.identify.smoothing import edge, kernel_of, smoothed
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -31,6 +32,9 @@ _ROWS_A_PERIOD = 4
 _MEDIAN = 0.6744897501960817
 
 
+OfVelocity = Callable[[FloatArray, float], FloatArray]
+
+
 @dataclass(frozen=True)
 class Rows:
     """F = W φ + ε at the times of the rows."""
@@ -40,6 +44,8 @@ class Rows:
     regressor: FloatArray  # W (m, 6, SIZE)
     cutoff: float  # of the filter on forces and regressor [Hz]
     sliding: FloatArray  # 1 if a leg slides during the whole window of a row, 0 if it reverses (m, 6)
+    # 1 after the first slide of a leg: from there its bristle is known, if its friction sticks (m, 6)
+    known: FloatArray
 
 
 class RawNoise(NamedTuple):
@@ -58,13 +64,12 @@ class Regression:
     motion: FloatArray  # at the rows: pose, twist, acceleration (m, 18)
     noise: tuple[RawNoise, ...]  # of each part of the log
     sizes: tuple[int, ...]  # rows of each part
-    sample_time: float  # of the log [s]
     # F if the log's forces are late by this [s]
     force_if_late: Callable[[float], FloatArray]
     # d(W φ)/dt for φ (SIZE,) (m, 6) [N/s]
     rate: Callable[[FloatArray], FloatArray]
-    # of leg velocities (j, 6) a function (j, k) of them, filtered like the forces (m, k)
-    filtered: Callable[[Callable[[FloatArray], FloatArray]], FloatArray]
+    # of leg velocities (j, 6), this step [s] apart, a function (j, k), or its rate, filtered like the forces (m, k)
+    filtered: Callable[[OfVelocity, int], FloatArray]
 
 
 def regression_of(log: Log, platform: Platform, cutoff: float | None = None) -> Regression:
@@ -102,17 +107,22 @@ def regression_of(log: Log, platform: Platform, cutoff: float | None = None) -> 
     # friction steps where a leg reverses, so it needs all rows of the log
     velocity = smoothed(log.leg_length, h, wide, 1, 1)
 
-    def filtered(of: Callable[[FloatArray], FloatArray], derivative: int = 0) -> FloatArray:
-        return smoothed(of(velocity), h, cutoff, 1, derivative)[at - edge(h, wide) - edge(h, cutoff)]
+    raw_rows = at - edge(h, wide) - edge(h, cutoff)
 
-    friction = filtered(lambda v: friction_columns(platform, v)).reshape(len(at), 2, 6)
+    def filtered(of: OfVelocity, derivative: int = 0) -> FloatArray:
+        return smoothed(of(velocity, h), h, cutoff, 1, derivative)[raw_rows]
+
+    per_unit = friction_columns(platform, velocity)
+    if sticks(platform):
+        per_unit[:, 6:] = unit_friction(platform, velocity, h)
+    friction = filtered(lambda _v, _h: per_unit).reshape(len(at), 2, 6)
     alone = [friction[:, k, :, None] * np.eye(6) for k in range(2)]
     whole = np.concatenate([inertial.reshape(len(at), 6, INERTIAL), *alone], axis=2)
 
     def rate(phi: FloatArray) -> FloatArray:
         smooth = smoothed(W[:, :, :INERTIAL] @ phi[:INERTIAL], h * every, cutoff, thin, 1)
         own = phi[INERTIAL:].reshape(2, 6)
-        return smooth + filtered(lambda v: (friction_columns(platform, v).reshape(-1, 2, 6) * own).sum(axis=1), 1)
+        return smooth + filtered(lambda _v, _h: (per_unit.reshape(-1, 2, 6) * own).sum(axis=1), 1)
 
     # a held force belongs to the middle of its sample
     held = -h / 2 if log.holds_force else 0.0
@@ -123,13 +133,20 @@ def regression_of(log: Log, platform: Platform, cutoff: float | None = None) -> 
     # the filter's main lobe
     lobe = math.ceil(0.5 / (cutoff * h * every))
     motion_rows = (at - edge(h, wide)) // every
-    slowest = minimum_filter1d(np.abs(lengths[1]), 2 * lobe + 1, axis=0)[motion_rows]
-    fast = np.minimum(_REVERSAL * platform.leg_friction_velocity, _SLOW * np.sqrt((lengths[1] ** 2).mean(axis=0)))
+    if sticks(platform):
+        slid = sliding_rows(platform, velocity, h)
+        both = np.concatenate([slid, np.maximum.accumulate(slid, axis=0)], axis=1)
+        masks = minimum_filter1d(both, 2 * lobe * every + 1, axis=0)[at - edge(h, wide)]
+        sliding, known = masks[:, :6], masks[:, 6:]
+    else:
+        slowest = minimum_filter1d(np.abs(lengths[1]), 2 * lobe + 1, axis=0)[motion_rows]
+        fast = np.minimum(_REVERSAL * platform.leg_friction_velocity, _SLOW * np.sqrt((lengths[1] ** 2).mean(axis=0)))
+        sliding, known = np.asarray(slowest > fast, dtype=float), np.ones((len(at), 6))
     assert log.time is not None  # checked by sample_time_of
-    rows = Rows(log.time[at], force_if_late(0.0), whole, cutoff, np.asarray(slowest > fast, dtype=float))
+    rows = Rows(log.time[at], force_if_late(0.0), whole, cutoff, sliding, known)
     motion = np.concatenate([state.to_vector(), *acceleration], axis=1)[motion_rows]
     noise = _raw_noise(log, h, cutoff, every, thin)
-    return Regression(rows, motion, (noise,), (len(at),), h, force_if_late, rate, filtered)
+    return Regression(rows, motion, (noise,), (len(at),), force_if_late, rate, filtered)
 
 
 def _raw_noise(log: Log, h: float, cutoff: float, every: int, thin: int) -> RawNoise:
@@ -161,14 +178,13 @@ def joined(parts: Sequence[Regression]) -> Regression:
 
     cutoff = max(each.rows.cutoff for each in parts)
     return Regression(
-        Rows(all_of("time"), all_of("force"), all_of("regressor"), cutoff, all_of("sliding")),
+        Rows(all_of("time"), all_of("force"), all_of("regressor"), cutoff, all_of("sliding"), all_of("known")),
         np.concatenate([each.motion for each in parts]),
         tuple(noise for each in parts for noise in each.noise),
         tuple(size for each in parts for size in each.sizes),
-        parts[0].sample_time,
         lambda delay: np.concatenate([each.force_if_late(delay) for each in parts]),
         lambda phi: np.concatenate([each.rate(phi) for each in parts]),
-        lambda of: np.concatenate([each.filtered(of) for each in parts]),
+        lambda of, derivative: np.concatenate([each.filtered(of, derivative) for each in parts]),
     )
 
 

@@ -1,8 +1,9 @@
 """Readings of forces as a function of all parameters of the linear method, in the rows of the regression.
 
-    reading(t) = g ∘ W(tilt) φ(θ) (t − delay) + o
+    reading(t) = g ∘ (W(tilt) φ(θ) + f(θ)) (t − delay) + o
 
-with gains g, offsets o, delay and tilt of the instruments; W is affine in gravity, which a tilt turns.
+with gains g, offsets o, delay and tilt of the instruments; W is affine in gravity, which a tilt turns. f is friction
+that sticks, which is not linear in its parameters; other friction is in φ.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,6 +26,7 @@ from gough_stewart.harness.identify.rows.linear_parameters import (
     with_estimated,
 )
 from gough_stewart.harness.identify.rows.regression import Regression
+from gough_stewart.harness.identify.rows.sticking import StickingFriction
 from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
@@ -35,10 +37,18 @@ class RowModel:
     """The model of the rows; values are those of `names`, in their order."""
 
     def __init__(
-        self, regression: Regression, platform: Platform, elements: Mapping[str, float], names: Sequence[str]
+        self,
+        regression: Regression,
+        platform: Platform,
+        elements: Mapping[str, float],
+        names: Sequence[str],
+        friction: StickingFriction | None = None,
     ) -> None:
         self.regression, self.platform, self.elements, self.names = regression, platform, elements, tuple(names)
-        self.own = [k for k, name in enumerate(names) if not is_of_instruments(name)]
+        self.friction = friction
+        self.bent = [] if friction is None else [list(names).index(name) for name in friction.names]
+        self.own = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in self.bent]
+        self._last: tuple[bytes, FloatArray] = (b"", np.zeros(0))
 
     def phi(self, values: FloatArray) -> FloatArray:
         """The linear parameters φ (SIZE,)."""
@@ -50,7 +60,23 @@ class RowModel:
 
     def force(self, values: FloatArray) -> FloatArray:
         """The forces of the platform (n, 6) [N]."""
+        return self.smooth_force(values) + (0.0 if self.friction is None else self._sticking(values)[:, :, 0])
+
+    def smooth_force(self, values: FloatArray) -> FloatArray:
+        """The forces without friction that sticks (n, 6) [N]."""
         return np.asarray(self._regressor(values) @ self.phi(values))
+
+    def rate(self, values: FloatArray) -> FloatArray:
+        """How the forces of a level platform change (n, 6) [N/s]."""
+        found = self.regression.rate(self.phi(values))
+        return found if self.friction is None else found + self._sticking(values, 1)[:, :, 0]
+
+    def by_lengths(self, values: FloatArray) -> FloatArray:
+        """Of friction that sticks, the derivatives by each leg's length and velocity (n, 2, 6)."""
+        assert self.friction is not None
+        friction, own = self.friction, values[self.bent]
+        found = self.regression.filtered(lambda v, h: friction.by_lengths(own, v, h), 0)
+        return found.reshape(len(found), 2, 6)
 
     def residual(self, values: FloatArray) -> FloatArray:
         """What the log reads less what it should (n, 6) [N], at times that a delay shifts."""
@@ -65,18 +91,30 @@ class RowModel:
         if self.own:
             by_own = gradient(self._elements(values), [self.names[k] for k in self.own])
             result[:, :, self.own] = found.gain[:, None] * (W @ by_own)
+        if self.bent:
+            result[:, :, self.bent] = found.gain[:, None] * self._sticking(values)[:, :, 1:]
         for k, name in enumerate(self.names):
             stem, index = place_of(name)
             if stem == "force_gain":
-                result[:, index[0], k] = (W @ phi)[:, index[0]]
+                result[:, index[0], k] = self.force(values)[:, index[0]]
             elif stem == "force_offset":
                 result[:, index[0], k] = 1.0
             elif stem == "delay":
-                result[:, :, k] = -found.gain * self.regression.rate(phi)
+                result[:, :, k] = -found.gain * self.rate(values)
             elif stem == "base_tilt":
                 turned = tilt_directions(self.platform.gravity, found.tilt)[:, index[0]]
                 result[:, :, k] = found.gain * (np.einsum("nlpa,a->nlp", self._by_gravity, turned) @ phi)
         return result
+
+    def _sticking(self, values: FloatArray, derivative: int = 0) -> FloatArray:
+        """Friction that sticks, and its derivatives by its parameters (n, 6, 1 + q); or their rates."""
+        assert self.friction is not None
+        friction, own = self.friction, values[self.bent]
+        key = own.tobytes() + bytes([derivative])
+        if self._last[0] != key:
+            found = self.regression.filtered(lambda v, h: friction.force(own, v, h), derivative)
+            self._last = (key, found.reshape(len(found), 6, -1))
+        return self._last[1]
 
     def _elements(self, values: FloatArray) -> dict[str, float]:
         return with_estimated(self.elements, [self.names[k] for k in self.own], values[self.own])

@@ -23,8 +23,8 @@ class Fit(NamedTuple):
     names: tuple[str, ...]
     values: FloatArray  # (p,)
     columns: FloatArray  # ∂(reading)/∂θ (n, 6, p) of the fitted rows
-    phi: FloatArray  # linear parameters (SIZE,)
     force: FloatArray  # of the platform at all rows (m, 6) [N]
+    rate: FloatArray  # its derivative by time (m, 6) [N/s]
     derivatives: ForceDerivatives  # at all rows
     is_fitted: NDArray[np.bool_]  # (m,)
     used: FloatArray  # 1 for fitted rows that are used (n, 6)
@@ -62,7 +62,7 @@ def whitened(regression: Regression, fit: Fit, platform: Platform, not_excited: 
     families = tuple(
         family._replace(columns=family.columns[here])
         for family in families_of(
-            regression, fit.derivatives, fit.phi, platform, instruments.tilt, (*fit.names, *not_excited)
+            regression, fit.derivatives, fit.force, fit.rate, platform, instruments.tilt, (*fit.names, *not_excited)
         )
     )
     parts: list[TwoNoises] = []

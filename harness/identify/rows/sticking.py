@@ -1,0 +1,216 @@
+"""Friction that sticks in the rows of a log: the bristles follow from the legs' measured motion.
+
+A bristle's deflection z depends on the sliding velocity of its own leg and on the law alone, ż = v − d(v, z) z. So the
+lengths of a log give it without a simulation of the platform, and inverse dynamics stays a regression,
+
+    F = W φ + σ0 z + σ1 ż,    z⁺ = z + (v − d z) h (1 − e^(−d h))/(d h)
+
+with viscous friction in φ, and v and d frozen at the middle of a part of the sample, of length h: elastic displacements
+and steady sliding are exact. ∂z/∂θ follows with it [model.friction; `leg_bristle` is z].
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, NamedTuple
+
+import casadi
+import numpy as np
+
+from gough_stewart.harness.identify.names import place_of, value_of
+from gough_stewart.model.friction import Bristles, bristle_decay
+from gough_stewart.model.machine_dynamics import law_of_bristles
+from gough_stewart.model.parameters import PHYSICAL, Parameters
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.variant import Variant
+from gough_stewart.model.vectors import FloatArray
+
+# Parameters of the law that a log can show; how a leg breaks away, `leg_breakaway_share`, is the platform's.
+STICTION = ("leg_static_friction", "leg_stribeck_velocity")
+PRESLIDING = ("leg_bristle_stiffness", "leg_bristle_damping")
+COULOMB = "leg_coulomb_friction"
+# The fields of the law in the order of a step's arguments; those beyond, and damping, are not in the decay.
+_FIELDS = ("coulomb", "static", "stribeck_velocity", "stiffness", "breakaway")
+_SUBSTEPS = 2
+# Exponents below this are 0 [1]; relative steps of differences of the law, which is smooth.
+_SMALL, _STEP = 1e-9, 1e-6
+# Presliding distances of travel after which a leg slides, if the platform's are right within a factor of some.
+_DISTANCES = 4.0
+
+
+class Bent(NamedTuple):
+    """The bristles along a log, and their derivatives by the elements."""
+
+    deflection: FloatArray  # z (j, 6) [m]
+    by: FloatArray  # ∂z/∂θ (j, 6, q)
+
+
+def sticks(platform: Platform) -> bool:
+    """Whether the platform's friction sticks."""
+    return Variant.of(platform).bristles
+
+
+def is_of_bristles(name: str, platform: Platform) -> bool:
+    """Whether an element belongs to the law of friction that sticks; viscous friction is linear."""
+    return sticks(platform) and name.partition("[")[0] in (COULOMB, *STICTION, *PRESLIDING)
+
+
+def resolved(platform: Platform, names: Sequence[str]) -> Platform:
+    """The platform with those of these parameters as numbers that are 0, which means derived from the others."""
+    if not sticks(platform):
+        return platform
+    law, values = _law(platform, {}), {}
+    for name in {name.partition("[")[0] for name in names}:
+        if name in (*STICTION, *PRESLIDING) and not getattr(platform, name) > 0:
+            of_legs = getattr(law, name.removeprefix("leg_").removesuffix("_friction").removeprefix("bristle_"))
+            values[name] = float(np.mean(of_legs / (platform.leg_coulomb_friction_factor if "static" in name else 1.0)))
+    return platform.unchecked(values)
+
+
+@dataclass(frozen=True)
+class StickingFriction:
+    """The friction of a platform's legs along a log, as a function of some elements of its law."""
+
+    platform: Platform
+    names: tuple[str, ...]  # (q,)
+    # what was bent last, by the rows' identity
+    _last: dict[int, tuple[bytes, Bent]] = field(default_factory=dict, compare=False)
+
+    def law(self, values: FloatArray) -> Bristles:
+        """The law at these values (q,), each of its fields (6,)."""
+        return _law(self.platform, dict(zip(self.names, values.tolist(), strict=True)))
+
+    def bent(self, values: FloatArray, velocity: FloatArray, step: float) -> Bent:
+        """The bristles at rows with these velocities (j, 6) [m/s], `step` [s] apart; unbent at the first."""
+        key, kept = values.tobytes() + velocity[:: max(len(velocity) // 8, 1)].tobytes(), self._last.get(len(velocity))
+        if kept is None or kept[0] != key:
+            self._last[len(velocity)] = key, self._bent(values, velocity, step)
+        return self._last[len(velocity)][1]
+
+    def _bent(self, values: FloatArray, velocity: FloatArray, step: float) -> Bent:
+        law, moved = self.law(values), self._by_values(values)
+        q = len(self.names)
+        function = _step(q)
+        numbers = _stacked(law)
+        X = np.zeros((6, 1 + q), order="F")
+        v, after = np.zeros((6, 2), order="F"), np.zeros((6, 1 + q), order="F")
+        directions = np.asfortranarray(np.concatenate([moved[name] for name in _FIELDS], axis=0))
+        of_law = np.concatenate([numbers, law.is_lugre * np.ones(6), [step]])
+        buffer: Any  # its type stubs do not accept NumPy arrays
+        buffer, call = function.buffer()
+        for k, argument in enumerate((X, v, of_law, directions)):
+            buffer.set_arg(k, argument.reshape(-1, order="F").data)
+        buffer.set_res(0, after.reshape(-1, order="F").data)
+        found = np.zeros((len(velocity), 6, 1 + q))
+        for k in range(len(velocity) - 1):
+            v[:] = velocity[k : k + 2].T
+            call()
+            X[:] = after
+            found[k + 1] = after
+        return Bent(found[:, :, 0], found[:, :, 1:])
+
+    def force(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
+        """Friction without its viscous part, and its derivatives (j, 6 (1 + q)) [N], leg after leg.
+
+        ż is that between the rows beside, so that σ1 takes the momentum σ1 Δz, however quickly a leg breaks away.
+        """
+        law, moved, bent = self.law(values), self._by_values(values), self.bent(values, velocity, step)
+        z, by = bent.deflection, bent.by
+        rate, rate_by = (np.gradient(each, step, axis=0) for each in (z, by))
+        force = law.stiffness * z + law.damping * rate
+        own = law.stiffness[:, None] * by + law.damping[:, None] * rate_by
+        own = own + z[..., None] * moved["stiffness"] + rate[..., None] * moved["damping"]
+        return np.concatenate([force[..., None], own], axis=2).reshape(len(velocity), -1)
+
+    def by_lengths(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
+        """∂f/∂(L, L̇) (j, 12) [N/m], [N s/m]: where a leg sticks that of its bristle, else the slope of the curve."""
+        law, z = self.law(values), self.bent(values, velocity, step).deflection
+        moving = np.where(velocity == 0, np.finfo(float).tiny, velocity)
+        elastic = np.clip(1 - bristle_decay(law, moving, z) * z / moving, 0.0, 1.0)
+        slip = np.exp(-((velocity / law.stribeck_velocity) ** 2))
+        slope = -2 * np.abs(velocity) / law.stribeck_velocity**2 * (law.static - law.coulomb) * slip
+        return np.concatenate([law.stiffness * elastic, law.damping * elastic + (1 - elastic) * slope], axis=1)
+
+    def _by_values(self, values: FloatArray) -> Mapping[str, FloatArray]:
+        """Derivatives (6, q) of the law's fields."""
+        found = {name: np.zeros((6, len(self.names))) for name in (*_FIELDS, "damping")}
+        for k, value in enumerate(values):
+            ends = []
+            for side in (1, -1):
+                moved = values.copy()
+                moved[k] = value * (1 + side * _STEP)
+                ends.append(self.law(moved))
+            for name, column in found.items():
+                column[:, k] = (getattr(ends[0], name) - getattr(ends[1], name)) / (2 * _STEP * value)
+        return found
+
+
+def unit_friction(platform: Platform, velocity: FloatArray, step: float) -> FloatArray:
+    """Friction (j, 6) for unit Coulomb friction of each leg, by the platform's law."""
+    friction = StickingFriction(platform, ())
+    nothing = np.zeros(0)
+    return friction.force(nothing, velocity, step) / friction.law(nothing).coulomb
+
+
+def travel_since_reversal(velocity: FloatArray) -> FloatArray:
+    """Σ |v| since each leg last changed its direction, up to each row (n, 6) [m/s times rows]."""
+    travelled = np.cumsum(np.abs(velocity), axis=0)
+    turns = np.zeros_like(velocity, dtype=bool)
+    turns[1:] = velocity[1:] * velocity[:-1] < 0
+    at_turn = np.maximum.accumulate(np.where(turns, travelled - np.abs(velocity), 0.0), axis=0)
+    return np.asarray(travelled - at_turn)
+
+
+def sliding_rows(platform: Platform, velocity: FloatArray, step: float) -> FloatArray:
+    """1 for rows (n, 6) at which a leg has slid some presliding distances since it reversed, else 0."""
+    law = _law(platform, {})
+    least = _DISTANCES * law.static / law.stiffness
+    return np.asarray(step * travel_since_reversal(velocity) > least, dtype=float)
+
+
+def _law(platform: Platform, values: Mapping[str, float]) -> Bristles:
+    changed: dict[str, Any] = {row.name: getattr(platform, row.name) for row in PHYSICAL}
+    own = {place_of(name)[1][0]: value for name, value in values.items() if name.startswith(f"{COULOMB}[")}
+    if own:
+        each = np.array([own.get(k, value_of(platform, f"{COULOMB}[{k + 1}]")) for k in range(6)])
+        changed |= {COULOMB: each.mean(), f"{COULOMB}_factor": each / each.mean()}
+    changed |= {name: value for name, value in values.items() if "[" not in name}
+    law = law_of_bristles(Variant(bristles=True), Parameters(**changed))
+    return Bristles(*(np.broadcast_to(np.asarray(field, dtype=float), (6,)) for field in law))
+
+
+def _stacked(law: Bristles) -> FloatArray:
+    return np.concatenate([getattr(law, name) for name in _FIELDS])
+
+
+@cache
+@interrupts_held_back()
+def _step(q: int) -> casadi.Function:
+    """CasADi Function: ([z, ∂z/∂θ] (6, 1+q), v at both ends (6, 2), law (36) and h, ∂law/∂θ (30, q)) -> the former."""
+    X, v, p, D = (casadi.SX.sym(*of) for of in (("X", 6, 1 + q), ("v", 6, 2), ("p", 37), ("D", 30, q)))
+    fields = {name: _row(p[6 * k : 6 * k + 6]) for k, name in enumerate((*_FIELDS, "is_lugre"))}
+    law = Bristles(**fields, damping=np.zeros(6), viscous=np.zeros(6))
+    h = np.array([[p[36]]], dtype=object) / _SUBSTEPS
+    z = casadi.SX.sym("z", 6)
+    bent = _row(z)
+    for part in range(_SUBSTEPS):
+        share = (part + 0.5) / _SUBSTEPS
+        velocity = _row((1 - share) * v[:, 0] + share * v[:, 1])
+        middle = _after(velocity, bent, bristle_decay(law, velocity, bent), h / 2)
+        bent = _after(velocity, bent, bristle_decay(law, velocity, middle), h)
+    after = casadi.vertcat(*bent.reshape(-1))
+    moved = casadi.jtimes(after, casadi.vertcat(z, p[:30]), casadi.vertcat(X[:, 1:], D)) if q else casadi.SX(6, 0)
+    whole = casadi.Function("whole", [z, X, v, p, D], [casadi.horzcat(after, moved)])(X[:, 0], X, v, p, D)
+    return casadi.Function("step", [X, v, p, D], [casadi.densify(casadi.cse(whole))])
+
+
+def _after(v: Any, z: Any, decay: Any, step: Any) -> Any:
+    """Exact for constant v and decay."""
+    x = np.array([[casadi.fmax(each, _SMALL) for each in (decay * step).reshape(-1)]], dtype=object)
+    share = np.array([[-casadi.expm1(-each) / each for each in x.reshape(-1)]], dtype=object)
+    return z + (v - decay * z) * step * share
+
+
+def _row(vector: casadi.SX) -> Any:
+    return np.array([casadi.vertsplit(vector)], dtype=object)

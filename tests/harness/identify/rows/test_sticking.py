@@ -1,0 +1,96 @@
+"""Bristles along a log: against small steps of the published law, differences, and distances in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.identify.rows.sticking import StickingFriction, resolved, sliding_rows, unit_friction
+from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.vectors import FloatArray
+from tests.support.sticking_logs import LEGS, Law
+
+H = 1e-3
+NAMES = (
+    "leg_coulomb_friction",
+    "leg_static_friction",
+    "leg_stribeck_velocity",
+    "leg_bristle_stiffness",
+    "leg_bristle_damping",
+)
+LAW = Law()
+VALUES = np.array([LAW.coulomb, LAW.static, LAW.stribeck_velocity, LAW.stiffness, LAW.damping])
+PLATFORM = load_preset("motion_base").with_parameters(
+    {"leg_friction_model": "elasto_plastic", "leg_coulomb_friction": (80 * LEGS).tolist()}
+)
+
+
+def velocities(n: int = 800) -> FloatArray:
+    """Legs that reverse at different times, slowly and fast (n, 6)."""
+    t = H * np.arange(n)
+    size = np.array([0.02, 0.004, 0.001, 0.05, 0.01, 0.002])
+    fast = size * np.sin(2 * np.pi * np.outer(t, [2, 3, 1, 1, 3, 2]))
+    return np.asarray(fast + 3e-4 * np.cos(2 * np.pi * 7 * t)[:, None])
+
+
+@pytest.mark.parametrize("law", [LAW, Law(is_lugre=True)])
+def test_bristles_are_those_of_small_steps_of_the_published_law(law: Law) -> None:
+    """Expected: the test's own integration of the papers' equations, to 2 % of a leg's presliding, 0.1 % RMS."""
+    platform = replace(PLATFORM, leg_friction_model=2.0) if law.is_lugre else PLATFORM
+    found = StickingFriction(platform, NAMES).bent(VALUES, velocities(), H).deflection
+    expected = law.bent(velocities(), H)
+    assert np.abs(found - expected).max() < 0.02 * law.coulomb / law.stiffness
+    assert np.sqrt(((found - expected) ** 2).mean()) < 1e-3 * law.coulomb / law.stiffness
+
+
+def test_friction_is_differentiated_by_its_parameters() -> None:
+    """Expected: central differences of the force."""
+    friction, v = StickingFriction(PLATFORM, NAMES), velocities(400)
+    found = friction.force(VALUES, v, H).reshape(len(v), 6, -1)
+    for k, value in enumerate(VALUES):
+        step = 1e-4 * value * np.eye(5)[k]
+        ends = [friction.force(VALUES + s * step, v, H).reshape(len(v), 6, -1)[:, :, 0] for s in (1, -1)]
+        expected = (ends[0] - ends[1]) / (2e-4 * value)
+        assert np.abs(found[:, :, 1 + k] - expected).max() < 1e-5 * np.abs(expected).max()
+
+
+def test_a_leg_s_own_friction_is_its_own() -> None:
+    """Expected: 30 N more in leg 4 is 30 N more along its velocity in fast sliding, static friction in proportion."""
+    names = tuple(f"leg_coulomb_friction[{k}]" for k in range(1, 7))
+    v = np.full((200, 6), 0.1)
+    more = 80 * LEGS + 30 * np.eye(6)[3]
+    friction = StickingFriction(PLATFORM, names)
+    change = friction.force(more, v, H) - friction.force(80 * LEGS, v, H)
+    np.testing.assert_allclose(change.reshape(200, 6, -1)[-1, :, 0], 30 * np.eye(6)[3], atol=1e-6)
+    np.testing.assert_allclose(unit_friction(PLATFORM, v, H)[-1], 1.0, rtol=1e-9)
+
+
+def test_slopes_by_length_are_the_bristle_s_where_a_leg_sticks_and_the_curve_s_where_it_slides() -> None:
+    """Expected: σ0 and σ1 within the elastic range; −2 v/v_s² (F_s − F_c) e^(−(v/v_s)²) in steady sliding."""
+    friction = StickingFriction(PLATFORM, NAMES)
+    stuck = friction.by_lengths(VALUES, np.full((3, 6), 1e-4), H).reshape(3, 2, 6)
+    np.testing.assert_allclose(stuck[-1, 0], LAW.stiffness)
+    np.testing.assert_allclose(stuck[-1, 1], LAW.damping)
+    v = 3e-3
+    slid = friction.by_lengths(VALUES, np.full((200, 6), v), H).reshape(200, 2, 6)[-1]
+    r = v / LAW.stribeck_velocity
+    slope = -2 * r / LAW.stribeck_velocity * (LAW.static - LAW.coulomb) * LEGS * np.exp(-(r**2))
+    np.testing.assert_allclose(slid[1], slope, rtol=1e-6)
+    np.testing.assert_allclose(slid[0], 0.0, atol=1e-4 * LAW.stiffness)
+
+
+def test_what_is_derived_becomes_a_number() -> None:
+    """Expected: static = Coulomb friction; its stiffness by 10 µm, on the mean of the legs."""
+    found = resolved(PLATFORM, NAMES)
+    assert found.leg_static_friction == pytest.approx(80)
+    assert found.leg_bristle_stiffness == pytest.approx(80 / 1e-5)
+    assert found.leg_bristle_damping > 0
+
+
+def test_a_leg_slides_four_presliding_distances_after_its_reversal() -> None:
+    """Expected: 10 µm of presliding, so 40 µm at 10 mm/s are 4 rows; leg 2 reverses once more."""
+    v = np.full((12, 6), 0.01)
+    v[6:, 1] *= -1
+    found = sliding_rows(PLATFORM, v, H)
+    np.testing.assert_array_equal(found[:, 0], [0, 0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 1])
+    np.testing.assert_array_equal(found[:, 1], [0, 0, 0, 0, 1, 1, 0, 0, 0, 0, 1, 1])

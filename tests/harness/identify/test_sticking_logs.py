@@ -1,0 +1,93 @@
+"""Friction that sticks from logs: forces of a Lagrangian, bristles of the published law, legs that differ."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify.identify import identify
+from gough_stewart.model.errors import PlatformError
+from tests.support.machine_logs import MACHINE, Swing
+from tests.support.sticking_logs import LEGS, Law, sticking_log
+
+# What is known: the machine but for its friction, of which the legs' proportions are.
+NOMINAL = replace(MACHINE, leg_coulomb_friction=0.0).with_parameters(
+    {"leg_friction_model": "elasto_plastic", "leg_coulomb_friction": (120 * LEGS).tolist()}
+)
+TRUE = {
+    "platform_mass": MACHINE.platform_mass,
+    "leg_viscous_friction": MACHINE.leg_viscous_friction,
+    "leg_coulomb_friction": Law().coulomb,
+    "leg_static_friction": Law().static,
+    "leg_stribeck_velocity": Law().stribeck_velocity,
+    "leg_bristle_stiffness": Law().stiffness,
+    "leg_bristle_damping": Law().damping,
+}
+
+
+def test_a_slow_log_shows_how_legs_stick() -> None:
+    """Expected: the machine's parameters, within their intervals but for a chance of 1 in 1000; no alarm."""
+    wanted = [name for name in TRUE if name != "leg_bristle_damping"]
+    found = identify(sticking_log(), NOMINAL, wanted)
+    # the damping of bristles would pass for stiffness, so it is estimated with it
+    assert found.names == tuple(TRUE)
+    assert found.alarms == ()
+    truth = np.array(list(TRUE.values()))
+    assert (np.abs(found.values - truth) < 4 * found.standard_errors).all()
+    shares = found.standard_errors / truth
+    assert shares[2] < 0.01
+    assert shares[3] < 0.01
+    assert shares[4] < 0.05
+    assert shares[5] < 0.15
+    assert found.platform(NOMINAL).leg_bristle_stiffness == found["leg_bristle_stiffness"][0]
+
+
+def test_a_fast_log_shows_no_number_that_it_does_not_support() -> None:
+    """Expected: reversals in milliseconds show neither presliding nor static friction; Coulomb friction is right."""
+    fast = Swing(seed=5, frequency=0.4, size=0.03)
+    found = identify(
+        sticking_log(Law(stribeck_velocity=3e-4, stiffness=np.inf), fast, 4.0, noise=0.02), NOMINAL, list(TRUE)
+    )
+    hidden = {"leg_static_friction", "leg_stribeck_velocity", "leg_bristle_stiffness", "leg_bristle_damping"}
+    assert set(found.not_excited) == hidden
+    assert np.isnan(found["leg_bristle_stiffness"]).all()
+    coulomb = found.names.index("leg_coulomb_friction")
+    assert abs(found.values[coulomb] - Law().coulomb) < 4 * found.standard_errors[coulomb]
+    assert any("not shown by this log" in note for note in found.notes)
+    # what has no number stays as it was
+    assert found.platform(NOMINAL).leg_bristle_stiffness == 0.0
+
+
+def test_a_log_without_any_of_it_is_refused() -> None:
+    fast = Swing(seed=5, frequency=0.4, size=0.03)
+    log = sticking_log(Law(stribeck_velocity=3e-4, stiffness=np.inf), fast, 4.0, noise=0.02)
+    with pytest.raises(IdentificationError, match=r"not shown by this log.*Slow motions") as caught:
+        identify(log, NOMINAL, ["leg_bristle_stiffness"])
+    assert "leg_bristle_stiffness" in caught.value.names
+
+
+def test_each_leg_has_its_own_coulomb_friction() -> None:
+    """Expected: that of each leg, from a platform that believes them equal; reversals take no part."""
+    equal = NOMINAL.with_parameters({"leg_coulomb_friction": 120.0})
+    law = Law(static=100.0)
+    found = identify(sticking_log(law, duration=6.0), equal, ["leg_viscous_friction", "leg_coulomb_friction[1..6]"])
+    error = found["leg_coulomb_friction"] - law.coulomb * LEGS
+    assert (np.abs(error) < 4 * found.standard_errors[1:]).all()
+    assert np.abs(error).max() < 2.0
+    np.testing.assert_allclose(
+        found.platform(equal).leg_coulomb_friction_factor,
+        found["leg_coulomb_friction"] / found["leg_coulomb_friction"].mean(),
+    )
+
+
+def test_smooth_friction_has_no_parameters_of_sticking() -> None:
+    with pytest.raises(
+        IdentificationError, match=r"leg_static_friction: friction of this platform does not stick; set"
+    ):
+        identify(sticking_log(), MACHINE, ["platform_mass", "leg_static_friction"])
+
+
+def test_output_error_refuses_friction_that_sticks() -> None:
+    with pytest.raises(PlatformError, match=r"method output_error has smooth friction only so far: use method linear"):
+        identify(sticking_log(), NOMINAL, ["platform_mass"], "output_error")
