@@ -19,11 +19,11 @@ LOOPS: dict[str, dict[str, Any]] = {
     "heave_step": {"loop.duration": 0.6, **_LARGE},
     "pitch_sine": {"loop.duration": 0.8, "reference.fade_in": 0.2, **_LARGE},
     "hold_against_gravity": {"loop.duration": 0.4, **_LARGE},
-    "impulse": {"loop.duration": 0.4, "disturbance.0.at": 0.1, **_LARGE},
+    "impulse": {"loop.duration": 0.4, "disturbance": [{"at": 0.1, "duration": 0.05, "force": [2e3, 0, 0]}], **_LARGE},
     "saturation": {"loop.duration": 0.6, **_LARGE},
     "fastest_path": {"loop.duration": 0.6, **_LARGE},
     "recorded_ride": {"loop.duration": 0.6, **_LARGE},
-    "excitation": {"loop.duration": 0.6, "reference.fade": 0.2, **_LARGE},
+    "excitation": {"loop.duration": 0.6, **_LARGE},
     "circle_computed_torque": {"loop.duration": 0.6, "reference.fade_in": 0.2, **_SMALL},
 }
 _GIVES = {"plant.parameters.leg_stiffness": 1e8}

@@ -110,6 +110,24 @@ def test_a_model_takes_fixed_steps_up_to_the_largest_that_resolves_its_modes() -
         gs.SteppingModel(platform, fixed_step_size=-1)
 
 
+def test_stiff_legs_are_the_rigid_plant_to_first_order() -> None:
+    """Expected: the rigid plant without friction; legs stretch by F/k, so poses differ by ∝ 1/k under smooth forces."""
+    frictionless = {"leg_viscous_friction": 0.0, "leg_coulomb_friction": 0.0, "leg_static_friction": 0.0}
+    stiffness, ends = [0.0, 1e7, 1e8, 1e9], []
+    for k in stiffness:
+        platform = real_platform("smooth", True, **frictionless, leg_stiffness=k, leg_damping=0.0)
+        model = gs.SteppingModel(platform, tolerance=1e-11)
+        model.set_many({"velocity": [0.06, -0.04, 0.1], "angular_velocity": [0.05, 0.1, -0.08]})
+        for n in range(20):
+            model.set("actuator_force", platform.home_actuator_force + 40 * np.sin(0.2 * n + np.arange(6)))
+            model.do_step(1e-3 * n, 1e-3)
+        ends.append(model.state[:6])
+    errors = np.abs(np.array(ends[1:]) - ends[0]).max(axis=1)
+    order = -np.polyfit(np.log(stiffness[1:]), np.log(errors), 1)[0]
+    assert errors[-1] > 1e-9  # not of the tolerance
+    assert order == pytest.approx(1.0, abs=0.1)
+
+
 def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:
     """Expected: leg length plus force over stiffness, and the rates of the legs."""
     platform = real_platform("elasto_plastic", True)
