@@ -100,17 +100,28 @@ def loop_margins(L: Any) -> Margins:
     check_stable(L)
     coarse, fine = _frequencies(L, _GRID), _frequencies(L, _FINE_GRID)
     on_grid = sensitivities(L, coarse)
-    disk_peak, at = _peak(lambda S, T: bounds_of_the_largest((S - T) / 2), L, coarse, on_grid)
     everything = response(L, fine)
-    alpha = 1 / disk_peak
-    half = alpha / 2
-    gain = ((1 - half) / (1 + half), (1 + half) / (1 - half)) if half < 1 - 1e-9 else (0.0, math.inf)
     return Margins(
         tuple(_leg_margins(L, k, fine, one_leg_open(everything, k)) for k in range(L.noutputs)),
-        DiskMargin(alpha, gain, 2 * math.atan(half), at / (2 * math.pi)),
+        _disk_margin(L, coarse, on_grid),
         _peak(lambda S, _T: np.linalg.norm(S, 2, axis=(1, 2)), L, coarse, on_grid)[0],
         _peak(lambda _S, T: np.linalg.norm(T, 2, axis=(1, 2)), L, coarse, on_grid)[0],
     )
+
+
+def disk_margin(L: Any) -> DiskMargin:
+    """The disk margin of a loop transfer that is known to be stable when closed, at a fraction of the cost of all."""
+    L = matrices_of(L)
+    coarse = _frequencies(L, _GRID)
+    return _disk_margin(L, coarse, sensitivities(L, coarse))
+
+
+def _disk_margin(L: StateSpace, grid: FloatArray, on_grid: tuple[ComplexArray, ComplexArray]) -> DiskMargin:
+    disk_peak, at = _peak(lambda S, T: bounds_of_the_largest((S - T) / 2), L, grid, on_grid)
+    alpha = 1 / disk_peak
+    half = alpha / 2
+    gain = ((1 - half) / (1 + half), (1 + half) / (1 - half)) if half < 1 - 1e-9 else (0.0, math.inf)
+    return DiskMargin(alpha, gain, 2 * math.atan(half), at / (2 * math.pi))
 
 
 def closed_loop(L: Any) -> StateSpace:

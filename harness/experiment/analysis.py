@@ -16,10 +16,11 @@ from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import Margins, closed_loop, is_stable, loop_margins
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.state_space import StateSpace, control_system
+from gough_stewart.harness.control.structure import Structure, structural_modes, structure_of
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.margins_report import margins_report
+from gough_stewart.harness.experiment.margins_report import FRAIL, margins_report
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.step_answers import step_answers
@@ -54,6 +55,9 @@ class LoopMargins(Margins):
     """Loop transfer L (6×6) at the actuators, u = −L u, as matrices."""
     changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """What was set of the experiment's file, as `Experiment.changed`."""
+    structure: Structure | None = None
+    """Of legs that give: the structural modes, each with `frequency`, `damping_ratio`, `held_frequency` and `gain`, and
+    the largest `bandwidth` [Hz] of the controller with a disk margin of at least `disk`."""
     warnings: tuple[str, ...] = ()
     """What the machine has that these margins do not know, one sentence each."""
 
@@ -110,6 +114,7 @@ class LoopMargins(Margins):
                 for mode in self.modes
             ],
             "margins": Margins(*(getattr(self, each.name) for each in fields(Margins))).as_dict(),
+            **({} if self.structure is None else {"structure": _plain_structure(self.structure)}),
         }
 
 
@@ -173,8 +178,24 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         modes=tuple(modes(closed_loop(L))),
         transfer=L,
         changed=chosen.changed,
+        structure=_structure(prepared, L, chosen.controller if controller is None else None),
         warnings=_legs_that_only_the_machine_has(prepared, linear),
     )
+
+
+def _structure(prepared: Prepared, L: StateSpace, choice: ControllerChoice | None) -> Structure | None:
+    """The structural modes of the design's platform, and the bandwidth that keeps a usual disk margin."""
+    platform, sample_time, motion = prepared.platform, prepared.loop.timing.sample_time, prepared.motion
+    assert motion is not None  # as in `transfer_of`
+    family = None
+    if isinstance(choice, PD | PID) and choice.bandwidth is not None:
+
+        def with_bandwidth(bandwidth: float, choice: PD | PID = choice) -> StateSpace:
+            other = choice.model_copy(update={"bandwidth": bandwidth}).controller(platform, sample_time)
+            return transfer_of(prepared, platform, other)
+
+        family = choice.bandwidth, with_bandwidth
+    return structure_of(platform, L, family, FRAIL, motion.position[0], motion.orientation[0])
 
 
 def _legs_that_only_the_machine_has(prepared: Prepared, controller: LinearController) -> tuple[str, ...]:
@@ -221,10 +242,19 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
 
 
 def _what_moved_it(prepared: Prepared, controller: LinearController, choice: ControllerChoice | None) -> list[str]:
-    """Other changes that would stabilise a loop, each alone: no delay, no lag, a shorter sample time."""
+    """Other changes that would stabilise a loop, each alone: rigid legs, no delay, no lag, a shorter sample time."""
     platform, sample_time = prepared.platform, prepared.loop.timing.sample_time
     delay, lag = prepared.loop.actuators.delay, prepared.loop.actuators.lag
     found = []
+    if platform.leg_stiffness > 0:
+        rigid = platform.with_parameters({"leg_stiffness": 0.0, "leg_damping": 0.0})
+        if is_stable(transfer_of(prepared, rigid, controller)):
+            assert prepared.motion is not None  # as in `transfer_of`
+            free, _ = structural_modes(platform, prepared.motion.position[0], prepared.motion.orientation[0])
+            first = f", whose first structural mode is at {free[0].frequency:.3g} Hz" if free else ""
+            found.append(
+                f"it is stable on rigid legs: those of {platform.leg_stiffness:g} N/m{first}, limit the bandwidth"
+            )
     if delay and is_stable(transfer_of(prepared, platform, controller, delay=0)):
         found.append(f"it is stable without the delay of {delay} samples")
     if lag and is_stable(transfer_of(prepared, platform, controller, lag=0.0)):
@@ -244,6 +274,16 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
 def margins_file(found: LoopMargins) -> bytes:
     """The numbers as JSON, with the versions of the software."""
     return (json.dumps({**found.as_dict(), "versions": versions()}, indent=2) + "\n").encode()
+
+
+def _plain_structure(structure: Structure) -> dict[str, Any]:
+    """In plain types; None where there is none."""
+
+    def number(value: float | None) -> float | None:
+        return None if value is None or math.isnan(value) else value
+
+    modes = [{name: number(value) for name, value in mode._asdict().items()} for mode in structure.modes]
+    return {"modes": modes, "disk": structure.disk, "bandwidth": number(structure.bandwidth)}
 
 
 def _plain_gains(gains: Gains) -> dict[str, Any]:

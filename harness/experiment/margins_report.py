@@ -18,6 +18,7 @@ from gough_stewart.harness.control.margins import (
 )
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.state_space import StateSpace
+from gough_stewart.harness.control.structure import Structure
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
 from gough_stewart.harness.report.palette import Role
@@ -46,6 +47,7 @@ PATHS = (
     *("margins.disk", "margins.gain", "margins.phase", "margins.delay", "margins.leg.phase", "margins.leg.gain_up"),
     *("margins.leg.gain_down", "margins.crossover", "margins.sensitivity_peak", "margins.complementary_peak"),
     *("modes.slowest", "modes.damping_ratio"),
+    *("structure.first_mode", "structure.damping_ratio", "structure.gain", "structure.bandwidth"),
 )
 
 
@@ -77,6 +79,8 @@ class Analysed(Protocol):
     @property
     def transfer(self) -> StateSpace: ...
     @property
+    def structure(self) -> Structure | None: ...
+    @property
     def warnings(self) -> tuple[str, ...]: ...
 
 
@@ -88,7 +92,7 @@ def decibels(factor: float) -> float:
 def margins_report(found: Analysed, step: tuple[np.ndarray, np.ndarray] | None = None) -> Report:
     """The report of an analysis; `step` has times and answers (6, n) of a step of force on each leg, for its chart."""
     sections = [Section("Margins", (_legs(found), _together(found)))]
-    sections.append(Section("Design", (*_gains(found), _modes(found))))
+    sections.append(Section("Design", (*_gains(found), _modes(found), *_structure(found))))
     if step is not None:
         sections.append(Section("Responses", (*_responses(found), _step(*step))))
     lag = f", lag of the drives {about(TIME, found.lag)}" if found.lag else ""
@@ -168,6 +172,64 @@ def _numbers(found: Analysed) -> tuple[Number, ...]:
             "least damping ratio",
             min(mode.damping_ratio for mode in found.modes),
             explanation="of all modes of the closed loop",
+        ),
+        *_numbers_of(found.structure),
+    )
+
+
+def _numbers_of(structure: Structure | None) -> tuple[Number, ...]:
+    """Of legs that give."""
+    if structure is None or not structure.modes:
+        return ()
+    first = structure.modes[0]
+    gain = max((mode.gain for mode in structure.modes if not math.isnan(mode.gain)), default=None)
+    bandwidth = None if structure.bandwidth is None or math.isnan(structure.bandwidth) else structure.bandwidth
+    return (
+        Number("structure.first_mode", "first structural mode", first.frequency, FREQUENCY,
+               explanation="of the platform on its legs, with motors that are free"),
+        Number("structure.damping_ratio", "its damping ratio", first.damping_ratio),
+        Number("structure.gain", "gain of L at a structural mode", None if gain is None else decibels(gain), DECIBEL,
+               explanation="largest singular value, of all modes; below 0 dB no phase makes a mode unstable"),
+        Number("structure.bandwidth", "largest bandwidth", bandwidth, FREQUENCY,
+               explanation=f"of this controller with a disk margin of at least {structure.disk:g}"),
+    )  # fmt: skip
+
+
+def _structure(found: Analysed) -> tuple[Table | Note, ...]:
+    structure = found.structure
+    if structure is None or not structure.modes:
+        return ()
+    columns = (
+        Column("mode", explanation="of the platform on its legs, the slowest first"),
+        Column("frequency", FREQUENCY, "with motors that are free: a resonance of the loop"),
+        Column("damping ratio", Quantity("", "", digits=3)),
+        Column("motors held", FREQUENCY, "the natural frequency with motors that hold"),
+        Column("gain of L", DECIBEL, "largest singular value there; below 0 dB no phase makes the mode unstable"),
+    )
+    rows = tuple(
+        (str(k), mode.frequency, mode.damping_ratio, mode.held_frequency, decibels(mode.gain))
+        for k, mode in enumerate(structure.modes, 1)
+    )
+    return Table("Structural modes", columns, rows), *_allowed(structure)
+
+
+def _allowed(structure: Structure) -> tuple[Note, ...]:
+    """What the first mode does to the bandwidth."""
+    if structure.bandwidth is None:
+        return ()
+    first = about(FREQUENCY, structure.modes[0].frequency, 3)
+    if math.isnan(structure.bandwidth):
+        return (
+            Note(
+                f"With the first structural mode at {first}, this controller has no bandwidth with a disk margin of "
+                f"{structure.disk:g}; a notch, more damping or stiffer legs may give one."
+            ),
+        )
+    share = structure.bandwidth / structure.modes[0].frequency
+    return (
+        Note(
+            f"This controller keeps a disk margin of {structure.disk:g} up to a bandwidth of "
+            f"{about(FREQUENCY, structure.bandwidth, 3)}, {share:.2g} of the first structural mode at {first}."
         ),
     )
 
