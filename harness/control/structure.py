@@ -47,7 +47,9 @@ def structural_modes(
     linear = linear_matrices(platform, position, orientation)
     part = slice(_STATES_OF_PLATFORM)
     nothing = np.zeros((0, 0))
-    held = np.array([each.frequency for each in _oscillating(StateSpace(linear.A[part, part], *[nothing] * 3))])
+    held = np.array(
+        [each.frequency for each in _oscillating(StateSpace(linear.A[part, part], nothing, nothing, nothing))]
+    )
     first = float(held[0]) if len(held) else 0.0
     return tuple(each for each in _oscillating(linear) if each.frequency > first)[-6:], held[-6:]
 

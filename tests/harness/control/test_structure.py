@@ -14,6 +14,7 @@ from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.control.structure import largest_bandwidth, structural_modes
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.analysis import LoopMargins
+from gough_stewart.harness.report.document import Table
 from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.kinematics import leg_jacobian
 from tests.support.real_platforms import SPRINGS, real_platform
@@ -66,7 +67,7 @@ def test_margins_tell_the_modes_and_the_gain_of_the_loop_there(found: LoopMargin
     assert report.number("structure.first_mode").value == first.frequency == pytest.approx(37.95, abs=0.01)
     assert report.number("structure.damping_ratio").value == first.damping_ratio
     assert report.number("structure.gain").value == pytest.approx(20 * math.log10(largest))
-    table = next(part for part in report.parts() if getattr(part, "title", "") == "Structural modes")
+    table = next(part for part in report.parts() if isinstance(part, Table) and part.title == "Structural modes")
     decibels = 20 * math.log10(first.gain)
     row = (f"{first.frequency:.4g}", f"{first.damping_ratio:.3g}", f"{first.held_frequency:.4g}", f"{decibels:.4g}")
     assert rows_of(table)[0] == ("1", *row)
