@@ -49,6 +49,12 @@ SHARE_TOLD = 0.95
 # The metric of the verdict, which also ranks the worst members: the first of these that exists.
 _WORST_BY = ("tracking.position.norm_peak", "force.peak")
 _MOST_CAUSES = 8
+_DRAWN = {
+    "random": "drawn at random",
+    "sobol": "of a Sobol sequence",
+    "latin_hypercube": "of a Latin hypercube",
+    "saltelli": "of Saltelli's design",
+}
 _MOST_INPUTS, _MOST_BARS, _BINS = 8, 15, 40
 # Inputs that a table of members has as columns, and that have a chart at first.
 _MOST_COLUMNS, _MOST_FIRST = 5, 4
@@ -99,14 +105,13 @@ def ensemble_report(
         sections += ensemble_charts(found, by, known)
         every = [name for name in found.metrics if len(counted(members, name))]
         sections.append(Section("All metrics", (quantile_table(members, every),), detail=True))
-    sampling = str(found.metadata.get("sampling", "random")).replace("_", " ")
     seed = f", seed {found.metadata['seed']}" if "seed" in found.metadata else ""
     return Report(
         found.title,
         ensemble_verdict(found, by, known),
         tuple(sections),
         study="ensemble",
-        lead=f"{count(members.height, 'member')}, sampling {sampling}{seed}",
+        lead=f"{count(members.height, 'member')} {_DRAWN[found.metadata.get('sampling', 'random')]}{seed}",
         numbers=ensemble_numbers(found),
         settings=settings_of(found.metadata.get("settings") or {}),
         notes=_notes(found),
@@ -331,11 +336,10 @@ def _notes(found: EnsembleData) -> tuple[Note, ...]:
     notes = [Note(text, "warning") for text in warnings if text]
     sampling = found.metadata.get("sampling", "random")
     if sampling != "random":
-        kind = str(sampling).replace("_", " ")
         notes.append(
             Note(
-                f"Confidence intervals are as if members were drawn independently; sampling {kind} covers the ranges "
-                "more evenly, so they are as a rule too wide."
+                "Confidence intervals are as if members were drawn independently; the members "
+                f"{_DRAWN[sampling]} cover the ranges more evenly, so they are as a rule too wide."
             )
         )
     return tuple(notes)

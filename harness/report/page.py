@@ -194,7 +194,8 @@ def _number(number: Number) -> str:
         told.append(margin_text(number.quantity, number.margin))
     state = ' class="missed"' if number.margin is not None and number.margin < 0 else ""
     small = f"<small>{html.escape(with_minus('; '.join(told)))}</small>" if told else ""
-    unit = f' <span class="unit">{html.escape(number.quantity.unit_text)}</span>' if number.quantity.unit else ""
+    has_unit = number.quantity.unit and number.value is not None
+    unit = f' <span class="unit">{html.escape(number.quantity.unit_text)}</span>' if has_unit else ""
     value = html.escape(with_minus(number.quantity.text(number.value, unit=False)))
     name = explained(number.name, number.explanation)
     return f"<div{state}><dt>{name}</dt><dd><b>{value}</b>{unit}{small}</dd></div>"

@@ -4,6 +4,9 @@
   const GS = GoughStewart, { element, page, state } = GS;
   const panels = [], groups = new Map();
   GS.panels = panels;
+  // the charts that a reader sees first are drawn
+  let hasDrawn;
+  GS.firstDrawn = new Promise((done) => { hasDrawn = done; });
 
   // Charts over time share the time of the page.
   const timeGroup = {
@@ -152,7 +155,7 @@
 
   const seen = (panel) => panel.visible;
   GS.charts = async () => {
-    await GS.started;
+    await GS.timed;
     await GS.sliceBar();
     for (const host of document.querySelectorAll("figure.chart")) {
       const chart = page.charts[Number(host.dataset.chart)], plot = host.querySelector(".plot");
@@ -187,13 +190,12 @@
     GS.on("members", () => panels.forEach((panel) => { GS.showMembers(panel); GS.markedBars(panel); GS.markedBand(panel); }));
     GS.onTheme(() => panels.forEach(dress));
     GS.clearCharts = () => { for (const group of groups.values()) group.clear(); };
-    // the charts in view first, then the others one by one, for paper and for a reader who scrolls
-    await Promise.all(panels.filter(({ host }) => {
-      const { top, bottom } = host.getBoundingClientRect();
-      return host.checkVisibility() && top < innerHeight && bottom > 0;
-    }).map(draw));
+    // the charts in view first, or the one that comes next, then the others one by one, for paper and for a reader who scrolls
+    const open = panels.filter(({ host }) => host.checkVisibility()), seenFirst = open.filter(({ host }) => host.getBoundingClientRect().top < innerHeight);
+    await Promise.all((seenFirst.length ? seenFirst : open.slice(0, 1)).map(draw));
     performance.mark("curves");
     GS.ready.curves = true;
+    hasDrawn();
     for (const panel of panels) {
       if (!panel.host.checkVisibility()) continue;
       await new Promise((done) => { (window.requestIdleCallback || setTimeout)(done, { timeout: 400 }); });

@@ -37,6 +37,9 @@
     axis.formatter.setv({ use_scientific: most >= 1e6 || most < 1e-6 });
   };
 
+  // Within two decades round numbers, with room for each; else powers of ten.
+  const logTicks = (axis, start, end) => { axis.ticker = end < 100 * start ? new Bokeh.FixedTicker({ ticks: GS.roundTicks(start, end) }) : new Bokeh.LogTicker(); };
+
   class Figure {
     constructor(chart, host, data) {
       Object.assign(this, { chart, host, data, parts: [], spans: [], isTime: chart.isTime });
@@ -188,7 +191,8 @@
       }
       this.setY(seen, least);
       figure.x_range.setv({ start: from, end: to });
-      if (chart.x.scale !== "log") {
+      if (chart.x.scale === "log") logTicks(figure.xaxes[0], from, to);
+      else {
         plain(figure.xaxes[0], from, to);
         if (!chart.x.labels.length) figure.xaxes[0].ticker.setv({ desired_num_ticks: Math.max(3, Math.min(6, Math.floor(width / 60))) });
       }
@@ -212,7 +216,7 @@
       const room = STRIP * chart.strips.length;
       if (room && !isLog) start -= (end - start) * room / (1 - room);
       figure.y_range.setv(chart.kind === "histogram" ? { start: 0, end } : { start, end });
-      if (!isLog) plain(figure.yaxes[0], start, end);
+      if (isLog) logTicks(figure.yaxes[0], start, end); else plain(figure.yaxes[0], start, end);
     }
 
     // The whole range of the abscissa; time is that of the page.

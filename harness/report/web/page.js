@@ -14,7 +14,7 @@ const GoughStewart = (() => {
   const chosen = () => $("theme").value || ofSystem();
   const theme = () => {
     const name = printing && chosen() === "dark" ? "light" : chosen(), colours = page.palette[name];
-    const line = { light: "#dfe4ea", dark: "#3a4653", contrast: "#000000" }[name];
+    const line = { light: "#dfe4ea", dark: "#3a4653", contrast: "#9a9a9a" }[name];
     return { name, dark: name === "dark", ink: colours.ink, paper: colours.ground, line, roles: colours.roles, six: colours.six, kinds: colours.kinds };
   };
   const changed = () => {

@@ -264,10 +264,16 @@
     strips();
   };
 
-  GS.started = (async () => {
+  // The range of time is known.
+  GS.timed = (async () => {
     if (page.scenes.length) await GS.unpackScenes();
     await ends();
+  })();
+  GS.started = (async () => {
+    await GS.timed;
     if (hasTime) controls();
+    // without a graphics card nothing else happens while the first picture is made, for half a second
+    if (page.scenes.length && page.charts.length && GS.software()) await GS.firstDrawn;
     if (page.scenes.length) stage();
     const stands = GS.follow(location.hash);
     addEventListener("hashchange", () => { player.pause(); GS.follow(location.hash); });

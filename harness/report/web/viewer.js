@@ -5,7 +5,7 @@
   const FOV = 36, REST = 300;
 
   // Whether rendering is in software, by the renderer's name.
-  const software = () => {
+  GS.software = () => {
     const gl = document.createElement("canvas").getContext("webgl"), more = gl && gl.getExtension("WEBGL_debug_renderer_info");
     const name = more ? gl.getParameter(more.UNMASKED_RENDERER_WEBGL) : "";
     if (gl) gl.getExtension("WEBGL_lose_context")?.loseContext();
@@ -13,7 +13,7 @@
   };
 
   GS.viewer = (element) => {
-    const soft = software();
+    const soft = GS.software();
     // Without a graphics card, smooth edges cost as much as all else. Those of bodies wait until nothing moves.
     const renderer = new THREE.WebGLRenderer({ antialias: !soft, alpha: true });
     renderer.shadowMap.enabled = true;

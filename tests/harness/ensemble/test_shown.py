@@ -146,7 +146,7 @@ def test_the_page_of_a_large_ensemble_has_every_member(large: Ensemble) -> None:
     assert marks == pytest.approx(np.quantile(expected[:10_000], [0.05, 0.5, 0.95]).tolist())
     names = {each["name"] for each in data["members"]["numbers"]}
     assert {"position error, peak", "disk margin"} <= names
-    assert "10,100 members, sampling random, seed 7" in said
+    assert "10,100 members drawn at random, seed 7" in said
     assert "Quantiles are without the 100 members not completed." in said
     assert "Quantiles are of the first 10,000 members." in said
     assert "Worst members" not in said
@@ -159,9 +159,9 @@ def test_a_page_without_seed_and_of_another_design_says_so() -> None:
     found = ensemble_of(normal(30), sampling="latin_hypercube")
     bare = Ensemble(found.members, found.bands, {k: v for k, v in found.metadata.items() if k != "seed"})
     said = words_of(page_of(ensemble_report(bare, PEAK)))
-    assert "30 members, sampling latin hypercube" in said
+    assert "30 members of a Latin hypercube" in said
     assert "seed" not in said
-    assert "sampling latin hypercube covers the ranges more evenly" in said
+    assert "the members of a Latin hypercube cover the ranges more evenly" in said
 
 
 def test_the_worst_members_are_found_by_their_numbers() -> None:

@@ -374,7 +374,7 @@ def test_the_page_says_what_its_numbers_are_of(done: Done) -> None:
     page = (done.folder / "report.html").read_text()
     text = re.sub('<span class="term"[^>]*>([^<]*)</span>', r"\1", page.partition("<script")[0])
     text = re.sub("<[^>]*>", " ", text)
-    assert "14 members, sampling random, seed 11" in text
+    assert "14 members drawn at random, seed 11" in text
     assert "Quantiles are without the 8 members not completed." in text
     tables = html.fromstring(page).iter("table")
     table = next(each for each in tables if "Worst members" in str(each.xpath("string(caption)")))
