@@ -130,8 +130,8 @@ def ensemble_command(
             command.written.append(folder)
             progress.update(task, total=None, description="worst members and report")
             from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, SAMPLES
+            from gough_stewart.harness.ensemble.charts import FIGURES
             from gough_stewart.harness.ensemble.files import WORST, write_worst
-            from gough_stewart.harness.ensemble.report import FIGURES
 
             worst = write_worst(found, folder, pages=showing.page)
             report = worst.shown_in(found.report(charts=showing.draws, worst=worst.links))
@@ -162,6 +162,7 @@ def _compare(
 ) -> None:
     with members_bar() as progress:
         task = progress.add_task("preparing", total=None)
+        from gough_stewart.harness.ensemble.charts import FIGURES
         from gough_stewart.harness.ensemble.compare import (
             DIFFERENCES,
             comparison_report,
@@ -170,7 +171,6 @@ def _compare(
             run_compared,
         )
         from gough_stewart.harness.ensemble.files import write_worst
-        from gough_stewart.harness.ensemble.report import FIGURES
 
         requirements = showing.requirements(experiments[1].requirements, known_numbers())
         names = names_of(*texts)

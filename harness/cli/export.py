@@ -106,7 +106,7 @@ def export_command(
         str | None,
         typer.Option(
             "--with",
-            help="Parts of the machine that the controller carries: drives, sensors, or both with a comma.",
+            help="Parts of the machine that the controller includes: drives, sensors, or both with a comma.",
             metavar="PARTS",
         ),
     ] = None,

@@ -91,7 +91,7 @@ def _with_members(report: "Report", folder: Path) -> "Report":
     if report.study != "ensemble" or not any(folder.glob("samples.parquet")):
         return report
     from gough_stewart.harness.ensemble.assembly import read_ensemble
-    from gough_stewart.harness.ensemble.report import with_samples
+    from gough_stewart.harness.ensemble.charts import with_samples
 
     samples = read_ensemble(folder).samples
     return report if samples is None else with_samples(report, samples)

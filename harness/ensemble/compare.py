@@ -11,9 +11,10 @@ import polars
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from gough_stewart.harness.ensemble.charts import ensemble_charts
 from gough_stewart.harness.ensemble.columns import CAUSE, ENDED, MEMBER, OUTCOME, VARIED
 from gough_stewart.harness.ensemble.ensemble import ensemble
-from gough_stewart.harness.ensemble.report import ensemble_charts, ensemble_numbers, worst_by
+from gough_stewart.harness.ensemble.report import ensemble_numbers, worst_by
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import sensitivity_if_known
 from gough_stewart.harness.ensemble.tables import usual_metrics

@@ -34,8 +34,8 @@ LEAST_SPANS: dict[str, float] = {
 _LEAST_OF_OTHERS = 1e-6
 # The same as a share of the values; single precision, in which curves are stored, has little more.
 _LEAST_SHARE = 1e-6
-# Axes show this share of it: an error of 1e-5 degrees has a shape, one of 1e-9 degrees is rounding.
-_OF_AXES = 1e-2
+# Axes show this share of it: an error of 1e-5 degrees has a shape, one of 1e-7 degrees is rounding.
+_OF_AXES = 0.1
 
 
 def least_span(unit: str, largest: float = 0.0) -> float:

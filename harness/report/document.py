@@ -49,6 +49,18 @@ class Number:
         """The value as shown, with its unit."""
         return self.quantity.text(self.value)
 
+    @property
+    def remark(self) -> str:
+        """What stands behind it: its interval, its limit, the margin."""
+        quantity, parts = self.quantity, []
+        if self.low is not None or self.high is not None:
+            parts.append(f"{quantity.number(self.low)} to {quantity.text(self.high)}")
+        if self.limit is not None:
+            parts.append(f"limit {quantity.text(self.limit)}")
+        if self.margin is not None:
+            parts.append(margin_text(quantity, self.margin))
+        return ", ".join(parts)
+
 
 @dataclass(frozen=True)
 class Verdict:

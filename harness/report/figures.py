@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from functools import partial
 from itertools import groupby
 from textwrap import wrap
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,29 +18,20 @@ from matplotlib.ticker import MaxNLocator
 
 from gough_stewart.harness.output.display_resolution import decimated, least_span
 from gough_stewart.harness.output.plotting import entitle, files_of
-from gough_stewart.harness.report.chart import Chart, Series
+from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.heat_figures import (
     draw_heat,
-    height_over_width,
     kind_patches,
-    slice_title,
-    slices_shown,
 )
 from gough_stewart.harness.report.palette import DASHES, SIX_DASHES, colour_of, colour_of_six
+from gough_stewart.harness.report.panels import ROW, WIDTH, Panel, columns_of, drawable, height_of, rows_of, told_apart
 from gough_stewart.harness.report.words import percent
-from gough_stewart.model.vectors import FloatArray
 
 KINDS = ("pdf", "png", "svg")
-_WIDTH, _ROW, _HEAD = 8.0, 1.9, 0.55  # [inch]
+_HEAD = 0.55  # [inch]
 # Points of a line in a panel of about 400 pixels.
 _POINTS = 800
-# Larger values overflow matplotlib's arithmetic.
-_LARGEST = 1e100
-# Lines that stay within this share of the axis hide each other.
-_HIDES = 4e-3
-# Lines that can be told apart in one panel.
-_MOST_LINES = 12
 _MOST_BARS = 20
 # More markers are pixels, also in PDF and SVG.
 _MOST_MARKERS = 2000
@@ -50,24 +41,10 @@ _SHORT_LABEL = 3
 _NOTE = 100
 # And of a name in a legend beside its chart.
 _LABEL = 24
-# Of a group, so many charts of one kind with the same series are small panels with one legend.
-_SMALL = 3
 # Height of a strip, of the axes.
 _STRIP = 0.022
 # Opacity of one band over another.
 _SHADE = 0.22
-
-
-class _Panel(NamedTuple):
-    """Some of the series of a chart, in axes of their own; wide, or a small one in a grid."""
-
-    chart: Chart
-    title: str
-    series: tuple[Series, ...]
-    is_wide: bool
-    least: float = 0.0  # span of the vertical axis
-    names: tuple[str, ...] = ()  # of its series in the legend of the grid
-    slice: int | None = None  # of a heat map
 
 
 def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = None) -> dict[str, bytes]:
@@ -83,52 +60,15 @@ def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = No
     taken: set[str] = set()
     for title, charts in groupby(drawn, key=lambda chart: chart.group or chart.title):
         name = _name(title, taken)
-        panels = _rows(list(charts))
-        height = _HEAD + sum(_ROW * _height(row) for row in panels)
+        panels = rows_of(list(charts))
+        height = _HEAD + sum(ROW * height_of(row) for row in panels)
         # what did not go well should look like it
         is_well = report.verdict.status in ("good", "told")
         head = report.title if is_well else f"{report.title} — {report.verdict.text}"
         head += f" ({', '.join(each.text for each in report.settings)})" if report.changed else ""
-        files = files_of(partial(_draw, head, panels), _WIDTH, height, tuple(kinds))
+        files = files_of(partial(_draw, head, panels), WIDTH, height, tuple(kinds))
         found |= {f"{name}.{kind}": file for kind, file in files.items()}
     return found
-
-
-def _rows(charts: Sequence[Chart]) -> list[list[_Panel]]:
-    """The panels of a figure: a row for each chart, or a grid for several of one kind with the same series."""
-
-    def look(chart: Chart) -> object:
-        if chart.map is not None:
-            return "map"
-        return chart.kind, tuple((each.name, each.role) for each in chart.series)
-
-    rows: list[list[_Panel]] = []
-    for _, alike in groupby(charts, key=look):
-        some = list(alike)
-        if some[0].map is not None:
-            rows += _maps(some)
-        elif len(some) >= _SMALL and some[0].kind not in ("bars", "heat"):
-            names = tuple(each.name for each in some[0].series)
-            rows.append([_Panel(each, _small_title(each), each.series, False, names=names) for each in some])
-        else:
-            rows += [_panels(each) for each in some]
-    return rows
-
-
-def _maps(charts: Sequence[Chart]) -> list[list[_Panel]]:
-    """Maps side by side, two in a row; those in slices have a row each."""
-    if charts[0].map is not None and charts[0].map.slices is not None:
-        return [
-            [_Panel(each, slice_title(each, k), each.series, False, slice=k) for k in slices_shown(each)]
-            for each in charts
-        ]
-    panels = [_Panel(each, each.series[0].quantity.headed(each.title), each.series, False) for each in charts]
-    return [panels[k : k + 2] for k in range(0, len(panels), 2)]
-
-
-def _small_title(chart: Chart) -> str:
-    """The name and unit of the vertical axis, or the chart's title with the unit."""
-    return chart.y_title if chart.y is not None and chart.y.name else chart.series[0].quantity.headed(chart.title)
 
 
 def _name(title: str, taken: set[str]) -> str:
@@ -141,33 +81,11 @@ def _name(title: str, taken: set[str]) -> str:
     return name
 
 
-def _panels(chart: Chart) -> list[_Panel]:
-    has_reference = len({each.role for each in chart.series}) > 1 and any(s.role == "reference" for s in chart.series)
-    components = list(dict.fromkeys(each.component for each in chart.series))
-    if not has_reference or len(components) < 2 or len({each.run for each in chart.series}) > 1:
-        return [_Panel(chart, chart.title, chart.series, True)]
-    # an axis that hardly moves compared with the others should look like it
-    least = max(_extent(chart.series, component) for component in components) / 50
-    parts = {each: tuple(s for s in chart.series if s.component == each) for each in components}
-    quantity = chart.series[0].quantity
-    return [
-        _Panel(chart, quantity.headed(f"{chart.title}, {each}"), part, False, least, tuple(s.role for s in part))
-        for each, part in parts.items()
-    ]
-
-
-def _extent(series: Sequence[Series], component: str | None = None) -> float:
-    """The span of the values of a component, or of all, as shown."""
-    values = [_drawable(s.quantity.factor * s.values) for s in series if component is None or s.component == component]
-    finite = np.concatenate([each[np.isfinite(each)] for each in values])
-    return float(np.ptp(finite)) if finite.size else 0.0
-
-
-def _draw(title: str, rows: Sequence[Sequence[_Panel]], figure: Figure) -> None:
+def _draw(title: str, rows: Sequence[Sequence[Panel]], figure: Figure) -> None:
     entitle(figure, title)
-    parts: Any = figure.subfigures(len(rows), 1, height_ratios=[_height(row) for row in rows], squeeze=False)[:, 0]
+    parts: Any = figure.subfigures(len(rows), 1, height_ratios=[height_of(row) for row in rows], squeeze=False)[:, 0]
     for k, (part, row) in enumerate(zip(parts, rows, strict=True)):
-        columns = _columns(row)
+        columns = columns_of(row)
         grid = part.subplots(-(-len(row) // columns), columns, squeeze=False)
         for axes in grid.flat[len(row) :]:
             axes.set_axis_off()
@@ -181,23 +99,7 @@ def _draw(title: str, rows: Sequence[Sequence[_Panel]], figure: Figure) -> None:
             _draw_small(part, list(grid.flat[: len(row)]), row, has_legend=has_legend)
 
 
-def _columns(row: Sequence[_Panel]) -> int:
-    """Panels side by side: one that is wide, at most three small ones, two of four; all of a row of maps."""
-    if row[0].chart.map is not None:
-        return max(len(row), 2)
-    return 2 if len(row) == 4 else min(len(row), 3)
-
-
-def _height(row: Sequence[_Panel]) -> float:
-    """The height of a row, in panels."""
-    if row[0].chart.map is not None:
-        # what is left of the width of a panel beside titles and bar
-        wide = _WIDTH / _columns(row) - (1.3 if row[0].slice is None else 0.5)
-        return (wide * height_over_width(row[0].chart) + 0.7) / _ROW
-    return 1.5 if row[0].is_wide else float(-(-len(row) // _columns(row)))
-
-
-def _draw_wide(axes: Axes, panel: _Panel) -> None:
+def _draw_wide(axes: Axes, panel: Panel) -> None:
     chart = panel.chart
     is_named = chart.kind in ("heat", "bars") or (chart.y is not None and chart.y.name != "")
     title = panel.title if is_named else panel.series[0].quantity.headed(panel.title)
@@ -215,11 +117,11 @@ def _draw_wide(axes: Axes, panel: _Panel) -> None:
         axes.legend(handles, labels, loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0, handlelength=3.2)
 
 
-def _draw_small(part: Any, grid: Sequence[Axes], row: Sequence[_Panel], *, has_legend: bool) -> None:
+def _draw_small(part: Any, grid: Sequence[Axes], row: Sequence[Panel], *, has_legend: bool) -> None:
     """Draw a grid of panels; what is the same for all is said once: an axis, the legend, the note."""
     is_one_x = len({panel.chart.x.title for panel in row}) == 1
     is_one_y = not is_one_x and len({panel.chart.y_title for panel in row}) == 1
-    columns = _columns(row)
+    columns = columns_of(row)
     for k, (panel, axes) in enumerate(zip(row, grid, strict=True)):
         _draw_panel(axes, panel)
         axes.tick_params(labelsize=7.5)
@@ -244,7 +146,7 @@ def _note(text: str) -> str:
     return "\n".join(wrap(text, _NOTE))
 
 
-def _draw_panel(axes: Axes, panel: _Panel) -> None:
+def _draw_panel(axes: Axes, panel: Panel) -> None:
     """Draw the series and marks of a panel, without its words."""
     chart = panel.chart
     draw = {"heat": _heat, "bars": _bars, "histogram": _histogram}.get(chart.kind, _lines)
@@ -264,7 +166,7 @@ def _draw_panel(axes: Axes, panel: _Panel) -> None:
     _strips(axes, panel)
 
 
-def _style(panel: _Panel, index: int) -> dict[str, Any]:
+def _style(panel: Panel, index: int) -> dict[str, Any]:
     """Colour and dashes of a series: by role, or by leg, run or order where several have one role."""
     series = panel.series[index]
     same = [k for k, each in enumerate(panel.series) if each.role == series.role]
@@ -277,12 +179,12 @@ def _style(panel: _Panel, index: int) -> dict[str, Any]:
     return {"color": colour, "linestyle": (0, dashes) if dashes else "-"}
 
 
-def _lines(axes: Axes, panel: _Panel) -> None:
+def _lines(axes: Axes, panel: Panel) -> None:
     chart = panel.chart
-    for k, label in _told_apart(panel):
+    for k, label in told_apart(panel):
         series, style = panel.series[k], _style(panel, k)
         scale = series.quantity.factor
-        x, values = chart.x.quantity.factor * chart.x_of(series), _drawable(scale * series.values)
+        x, values = chart.x.quantity.factor * chart.x_of(series), drawable(scale * series.values)
         if series.low is not None and series.high is not None:
             low, high = (scale * each for each in (series.low, series.high))
             if chart.kind == "points":
@@ -306,49 +208,7 @@ def _lines(axes: Axes, panel: _Panel) -> None:
     _span(axes, panel)
 
 
-def _drawable(values: FloatArray) -> FloatArray:
-    """Values with gaps where they would overflow the arithmetic of axes."""
-    return np.where(np.abs(values) <= _LARGEST, values, np.nan)
-
-
-def _told_apart(panel: _Panel) -> list[tuple[int, str]]:
-    """The series to draw, with their names; those that would hide each other are one line with all their names."""
-    if panel.chart.kind == "points" or not panel.is_wide:
-        return [(k, each.name) for k, each in enumerate(panel.series)]
-    is_log = panel.chart.y is not None and panel.chart.y.scale == "log"
-    near = _HIDES if is_log else max(_extent(panel.series) * _HIDES, least_span(panel.series[0].quantity.unit))
-    groups: list[list[int]] = []
-    for k, series in enumerate(panel.series):
-        for group in groups:
-            if _coincide(panel.chart, panel.series[group[0]], series, near, is_log=is_log):
-                group.append(k)
-                break
-        else:
-            groups.append([k])
-    return [(group[0], _common_name([panel.series[k] for k in group])) for group in groups[:_MOST_LINES]]
-
-
-def _coincide(chart: Chart, one: Series, other: Series, near: float, *, is_log: bool) -> bool:
-    """Whether two series stay as near as this to each other, on a logarithmic axis as a share of the value."""
-    if one.role != other.role or one.low is not None or other.low is not None:
-        return False
-    if len(one.values) != len(other.values) or not np.array_equal(chart.x_of(one), chart.x_of(other)):
-        return False
-    first, second = (_drawable(each.quantity.factor * each.values) for each in (one, other))
-    gap = np.abs(first - second)
-    return bool(
-        np.all((gap <= near * (np.abs(first) if is_log else 1)) | (np.isnan(one.values) & np.isnan(other.values)))
-    )
-
-
-def _common_name(series: Sequence[Series]) -> str:
-    legs = [each.leg for each in series if each.leg is not None]
-    if len(series) > 2 and len(legs) == len(series) and legs == list(range(legs[0], legs[0] + len(legs))):
-        return f"legs {legs[0]}–{legs[-1]}"
-    return ", ".join(each.name for each in series)
-
-
-def _span(axes: Axes, panel: _Panel) -> None:
+def _span(axes: Axes, panel: Panel) -> None:
     """Widen the vertical axis to the resolution of display, so that rounding does not fill it."""
     series = panel.series[0]
     if panel.chart.y is not None and panel.chart.y.scale == "log":
@@ -360,14 +220,14 @@ def _span(axes: Axes, panel: _Panel) -> None:
         axes.set_ylim(middle - least / 2, middle + least / 2)
 
 
-def _histogram(axes: Axes, panel: _Panel) -> None:
+def _histogram(axes: Axes, panel: Panel) -> None:
     edges = panel.chart.x.quantity.factor * panel.chart.x.values
     for k, series in enumerate(panel.series):
         axes.stairs(series.values, edges, fill=True, color=_style(panel, k)["color"], alpha=0.8, label=series.name)
     axes.set_ylim(bottom=0)
 
 
-def _bars(axes: Axes, panel: _Panel) -> None:
+def _bars(axes: Axes, panel: Panel) -> None:
     chart, count = panel.chart, len(panel.series)
     labels = chart.x.labels or tuple(chart.x.quantity.number(value) for value in chart.x.values)
     shown = slice(0, _MOST_BARS)
@@ -393,13 +253,13 @@ def _bars(axes: Axes, panel: _Panel) -> None:
     axes.set_xlabel(chart.y_title)
 
 
-def _heat(axes: Axes, panel: _Panel) -> None:
+def _heat(axes: Axes, panel: Panel) -> None:
     draw_heat(axes, panel.chart, panel.slice)
     if any(len(label) > _SHORT_LABEL for label in panel.chart.x.labels):
         axes.tick_params(axis="x", labelrotation=90)
 
 
-def _draw_maps(part: Any, grid: Sequence[Axes], row: Sequence[_Panel]) -> None:
+def _draw_maps(part: Any, grid: Sequence[Axes], row: Sequence[Panel]) -> None:
     """Draw maps side by side; slices share their axes and one bar of colours at the right."""
     for k, (panel, axes) in enumerate(zip(row, grid, strict=True)):
         chart, is_slice = panel.chart, panel.slice is not None
@@ -419,7 +279,7 @@ def _draw_maps(part: Any, grid: Sequence[Axes], row: Sequence[_Panel]) -> None:
         part.legend([*patches, *cross], labels, loc="outside lower left", ncols=4, fontsize=8)
 
 
-def _marks(axes: Axes, panel: _Panel) -> None:
+def _marks(axes: Axes, panel: Panel) -> None:
     chart, named = panel.chart, set[str]()
     limits = {True: axes.get_ylim(), False: axes.get_xlim()}
     for mark in chart.marks:
@@ -442,7 +302,7 @@ def _marks(axes: Axes, panel: _Panel) -> None:
         named.add(text)
 
 
-def _spans(axes: Axes, panel: _Panel) -> None:
+def _spans(axes: Axes, panel: Panel) -> None:
     """Margins as thick lines from end to end, with their text beside them."""
     chart = panel.chart
     across, up = chart.x.quantity.factor, panel.series[0].quantity.factor
@@ -458,7 +318,7 @@ def _spans(axes: Axes, panel: _Panel) -> None:
         axes.annotate(each.text, (x, low), shift, textcoords="offset points", color=colour, bbox=boxed, **place)
 
 
-def _strips(axes: Axes, panel: _Panel) -> None:
+def _strips(axes: Axes, panel: Panel) -> None:
     """When limits are active: bars at the lower edge of the axes, one above the other."""
     chart, (low, high) = panel.chart, axes.get_ylim()
     ends, room = axes.get_xlim(), 1.4 * _STRIP * len(chart.strips)

@@ -22,7 +22,6 @@ def to_html(report: Report) -> str:
 
 def table_to_html(table: Table) -> str:
     """A table, all texts escaped; a unit that all numbers of a row share stands beside its first cell."""
-    heads = (each.quantity.headed(each.name) if each.quantity else each.name for each in table.columns)
     rows = []
     for k in range(len(table.rows)):
         unit = table.shared_unit(k)
@@ -30,7 +29,7 @@ def table_to_html(table: Table) -> str:
         kind = ' class="group-end"' if k in table.group_ends else ""
         cells = "".join(f"<td>{escape(cell)}</td>" for cell in rest)
         rows.append(f"<tr{kind}>{_heading('row', first, unit)}{cells}</tr>")
-    head = "".join(_heading("col", each) for each in heads)
+    head = "".join(_heading("col", each.title) for each in table.columns)
     caption = f"<caption>{escape(table.title)}</caption>"
     return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
 

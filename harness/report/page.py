@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from gough_stewart.harness.report.chart import Chart
-from gough_stewart.harness.report.document import Note, Number, Part, Report, Requirement, Section, margin_text
+from gough_stewart.harness.report.document import Note, Number, Part, Report, Requirement, Section
 from gough_stewart.harness.report.glossary import explained, with_terms
 from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, three_licence
 from gough_stewart.harness.report.offline import asset, document
@@ -185,15 +185,8 @@ def _first(
 
 
 def _number(number: Number) -> str:
-    told = []
-    if number.low is not None and number.high is not None:
-        told.append(f"{number.quantity.text(number.low, unit=False)} to {number.quantity.text(number.high)}")
-    if number.limit is not None:
-        told.append(f"limit {number.quantity.text(number.limit)}")
-    if number.margin is not None:
-        told.append(margin_text(number.quantity, number.margin))
     state = ' class="missed"' if number.margin is not None and number.margin < 0 else ""
-    small = f"<small>{html.escape(with_minus('; '.join(told)))}</small>" if told else ""
+    small = f"<small>{html.escape(with_minus(number.remark))}</small>" if number.remark else ""
     has_unit = number.quantity.unit and number.value is not None
     unit = f' <span class="unit">{html.escape(number.quantity.unit_text)}</span>' if has_unit else ""
     value = html.escape(with_minus(number.quantity.text(number.value, unit=False)))

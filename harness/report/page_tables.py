@@ -54,13 +54,11 @@ def _head_cell(column: Column, sortable: bool, right: bool) -> str:
     kind = _class("n" if right else "")
     if not column.name:
         return f"<td{kind}></td>"
-    title = column.quantity.headed(column.name) if column.quantity else column.name
-    text = explained(title, column.explanation)
+    text = explained(column.title, column.explanation)
     if not sortable:
         return f'<th scope="col"{kind}>{text}</th>'
-    return (
-        f'<th scope="col"{kind} aria-sort="none"><button type="button" class="sort">{html.escape(title)}</button></th>'
-    )
+    button = f'<button type="button" class="sort">{html.escape(column.title)}</button>'
+    return f'<th scope="col"{kind} aria-sort="none">{button}</th>'
 
 
 def _sorted_by(cell: Cell) -> str:

@@ -34,6 +34,11 @@ class Column:
     quantity: Quantity | None = None
     explanation: str = ""
 
+    @property
+    def title(self) -> str:
+        """Name, and unit of numbers that are all of one kind."""
+        return self.quantity.headed(self.name) if self.quantity else self.name
+
 
 @dataclass(frozen=True)
 class Table:

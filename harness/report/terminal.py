@@ -14,7 +14,7 @@ from rich.table import Table as Rows
 from rich.text import Text
 
 from gough_stewart.harness.report.columns import is_at_right, stacked_columns
-from gough_stewart.harness.report.document import Note, Number, Report, Requirement, margin_text
+from gough_stewart.harness.report.document import Note, Number, Report, Requirement
 from gough_stewart.harness.report.requirements import OUTCOMES
 from gough_stewart.harness.report.table import Table
 
@@ -86,27 +86,13 @@ def _numbers(numbers: Sequence[Number]) -> Rows:
     rows = Rows.grid(padding=(0, 2, 0, 0))
     rows.add_column(overflow="fold")
     rows.add_column(justify="right", no_wrap=True)
-    remarks = [Text(remark_of(each), "dim") for each in numbers]
+    remarks = [Text(each.remark, "dim") for each in numbers]
     if any(remark.plain for remark in remarks):
         # an empty column would take room from the words
         rows.add_column(overflow="fold")
     for each, remark in zip(numbers, remarks, strict=True):
         rows.add_row(Text(each.name), Text(each.text, "bold"), *([remark] if len(rows.columns) > 2 else []))
     return rows
-
-
-def remark_of(number: Number) -> str:
-    """What stands behind a number: its interval, its limit, the margin."""
-    quantity = number.quantity
-    parts = []
-    if number.low is not None or number.high is not None:
-        low, high = quantity.number(number.low), quantity.text(number.high)
-        parts.append(f"{low} to {high}")
-    if number.limit is not None:
-        parts.append(f"limit {quantity.text(number.limit)}")
-    if number.margin is not None:
-        parts.append(margin_text(quantity, number.margin))
-    return ", ".join(parts)
 
 
 def requirements_of(requirements: Sequence[Requirement]) -> Rows:
@@ -133,7 +119,7 @@ class TerminalTable:
         """The title, the rows that are shown at first, and what is left out."""
         table = self.table
         shown = len(table.rows) if table.first_shown is None else min(table.first_shown, len(table.rows))
-        heads = [each.quantity.headed(each.name) if each.quantity else each.name for each in table.columns]
+        heads = [each.title for each in table.columns]
         texts = [row_texts(table, k) for k in range(shown)]
         columns = [(head, *(row[k].plain for row in texts)) for k, head in enumerate(heads)]
         if table.title:

@@ -8,9 +8,9 @@ from playwright.sync_api import Browser
 from tests.support.browser import CHROMIUM, chromium
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """Chromium, if there is one."""
+    """Chromium, if there is one; started once."""
     if CHROMIUM is None:
         pytest.skip("no Chromium here; `make evidence` insists on it")
     with chromium() as started:

@@ -9,6 +9,7 @@ from playwright.sync_api import Page
 
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.vectors import FloatArray
+from tests.support.browser import until
 
 
 def drawn(page: Page, run: int = 0) -> dict[str, Any]:
@@ -31,7 +32,7 @@ def seek(page: Page, record: Record, row: int) -> None:
 
 def pixels(page: Page) -> FloatArray:
     """The view at rest (height, width, 3)."""
-    page.wait_for_timeout(900)
+    until(page, "GoughStewart.player.stage().still")
     picture = Image.open(io.BytesIO(page.locator("#view").screenshot()))
     return np.asarray(picture.convert("RGB"), dtype=float)
 

@@ -196,11 +196,16 @@
     performance.mark("curves");
     GS.ready.curves = true;
     hasDrawn();
-    for (const panel of panels) {
-      if (!panel.host.checkVisibility()) continue;
-      await new Promise((done) => { (window.requestIdleCallback || setTimeout)(done, { timeout: 400 }); });
-      await draw(panel);
-    }
+    GS.drawRest = async () => {
+      for (const panel of panels) {
+        if (panel.drawn || !panel.host.checkVisibility()) continue;
+        await new Promise((done) => { (window.requestIdleCallback || setTimeout)(done, { timeout: 400 }); });
+        await draw(panel);
+      }
+    };
+    // also of parts that are opened later
+    document.addEventListener("toggle", GS.drawRest, true);
+    await GS.drawRest();
     GS.ready.all = true;
   };
 })();

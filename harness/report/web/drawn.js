@@ -41,8 +41,8 @@
     });
   };
 
-  // Floor, sun, camera, and the position on the canvas of a point of the room [CSS pixels].
-  GS.stage = (root, { camera, controls, canvas }, floor, sun) => {
+  // Floor, sun, camera, whether the view is drawn sharp and at rest, and the position on the canvas of a point of the room [CSS pixels].
+  GS.stage = (root, { camera, controls, canvas, isStill }, floor, sun) => {
     root.updateMatrixWorld(true);
     camera.updateMatrixWorld(true);
     const inRoom = new THREE.Matrix4().copy(root.matrixWorld).invert();
@@ -51,7 +51,7 @@
       return [(1 + at.x) / 2 * canvas.clientWidth, (1 - at.y) / 2 * canvas.clientHeight];
     };
     return {
-      ground: floor.position.z, sun, seen,
+      ground: floor.position.z, sun, seen, still: isStill(),
       camera: camera.position.clone().applyMatrix4(inRoom).toArray(),
       target: controls.target.clone().applyMatrix4(inRoom).toArray(),
     };

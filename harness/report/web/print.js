@@ -18,6 +18,7 @@
       panel.plot.after(panel.paper);
     }
     GS.printStage?.();
+    GS.drawRest?.();
   });
   addEventListener("afterprint", () => {
     GS.setPrinting(false);

@@ -116,7 +116,7 @@
     // what is drawn, for tests
     GS.surface = { triangles: triangles.length / 3, vertices: vertices.length / 3, height: () => sheet.position.z, pixels: () => viewer.renderer.info.render.triangles };
   };
-  GS.surfaceDrawn = build().catch((problem) => {
+  build().catch((problem) => {
     $("no-view").hidden = false;
     $("no-view").textContent = `This browser shows no 3-D graphics (WebGL): ${problem.message || problem}. Maps and tables work without.`;
   });

@@ -50,6 +50,7 @@
       const rests = performance.now() - changedAt > REST && renderer.getPixelRatio() < ratios.still;
       if (stale || rests) draw(!stale);
     };
+    const isStill = () => !stale && renderer.getPixelRatio() >= ratios.still;
     // Reduces the resolution during motion; false if it is at its minimum.
     const coarser = () => {
       const { moving } = ratios;
@@ -66,6 +67,6 @@
     };
     new ResizeObserver(resize).observe(element);
     resize();
-    return { soft, renderer, canvas, room, camera, changed, moved, draw, render, coarser, controls: GS.orbit(canvas, camera, changed) };
+    return { soft, renderer, canvas, room, camera, changed, moved, draw, render, isStill, coarser, controls: GS.orbit(canvas, camera, changed) };
   };
 })();

@@ -6,8 +6,9 @@ import pytest
 from rich.console import Console
 from scipy.stats import sobol_indices
 
+from gough_stewart.harness.ensemble.charts import FIGURES
 from gough_stewart.harness.ensemble.compare import compare, comparison_report, difference
-from gough_stewart.harness.ensemble.report import FIGURES, ensemble_report, sensitivity_table
+from gough_stewart.harness.ensemble.report import ensemble_report, sensitivity_table
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
 from gough_stewart.harness.ensemble.statistics import failures, integration_warning, quantiles, worst_members

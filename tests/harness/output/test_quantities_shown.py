@@ -38,17 +38,17 @@ def test_the_least_of_every_unit() -> None:
 @pytest.mark.parametrize(
     ("unit", "largest", "least"),
     [
-        ("mm", 0.0, 1e-5),
-        ("mm", 9.99, 1e-5),
-        ("mm", -10.01, 1.001e-5),
-        ("deg", 2e-5, 1e-6),
+        ("mm", 0.0, 1e-4),
+        ("mm", 99.9, 1e-4),
+        ("mm", -100.1, 1.001e-4),
+        ("deg", 2e-5, 1e-5),
         ("none of these", 5.0, 5e-6),
-        ("none of these", 0.0, 1e-8),
-        ("N/s", 2.0, 1e-3),
+        ("none of these", 0.0, 1e-7),
+        ("N/s", 2.0, 1e-2),
     ],
 )
 def test_the_least_grows_with_what_is_shown(unit: str, largest: float, least: float) -> None:
-    """Expected: a hundredth of what numbers tell, or a millionth of the largest value, if that is more."""
+    """Expected: a tenth of what numbers tell, or a millionth of the largest value, if that is more."""
     assert least_span(unit, largest) == pytest.approx(least)
 
 

@@ -14,19 +14,19 @@ from tests.support.browser import Watched, open_report
 from tests.support.records import waving_record
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def platform() -> Platform:
     """A platform with all limits."""
     return load_preset("motion_base")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def record(platform: Platform) -> Record:
     """Half a second; few enough rows that every row is a frame."""
     return waving_record(platform)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def report(record: Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of one record."""
     path = tmp_path_factory.mktemp("view") / "report.html"

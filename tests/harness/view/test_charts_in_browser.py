@@ -308,24 +308,24 @@ def test_nothing_is_wider_than_the_page_and_titles_stand_clear(fresh: Page, widt
 
 
 @pytest.mark.parametrize(("width", "height"), [(1440, 900), (390, 844)])
-def test_the_first_screen_has_verdict_numbers_and_picture(
-    browser: Browser, report: Path, width: int, height: int
-) -> None:
+def test_the_first_screen_has_verdict_numbers_and_picture(fresh: Page, width: int, height: int) -> None:
     """Expected: all of them above the bar of time, which is at the lower edge; charts after."""
-    page = browser.new_page(viewport={"width": width, "height": height})
-    page.goto(report.as_uri() + "#t=0.1")
-    until(page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
+    page = fresh
+    page.evaluate("document.querySelector('.stage-options').open = false, scrollTo(0, 0)")
+    page.set_viewport_size({"width": width, "height": height})
+    until(page, "document.querySelector('#view canvas').clientWidth <= innerWidth")
     tops = [
         page.locator(each).first.bounding_box()
         for each in (".verdict", ".numbers", "#view canvas", ".bar", "figure.chart")
     ]
+    page.set_viewport_size({"width": 1000, "height": 640})
+    page.evaluate("document.querySelector('.stage-options').open = true")
     verdict, numbers, picture, bar, chart = (each for each in tops if each is not None)
     for part in (verdict, numbers, picture):
         assert part["y"] >= 0
         assert part["y"] + part["height"] <= min(bar["y"] + 1, height)
     assert bar["y"] + bar["height"] <= height + 1
     assert chart["y"] >= picture["y"] + picture["height"]
-    page.close()
 
 
 def test_fingers_scroll_the_page_over_a_chart_and_a_tap_goes_to_its_time(browser: Browser, report: Path) -> None:
@@ -333,7 +333,7 @@ def test_fingers_scroll_the_page_over_a_chart_and_a_tap_goes_to_its_time(browser
     context = browser.new_context(viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True)
     page = context.new_page()
     page.goto(report.as_uri() + "#t=0.0")
-    until(page, "GoughStewart.ready.picture && GoughStewart.ready.all")
+    until(page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
     box, before = box_of(page, ERROR), page.evaluate("scrollY")
     session = context.new_cdp_session(page)
     point = {"x": box["x"] + 150, "y": box["y"] + 80}
@@ -414,13 +414,12 @@ def test_a_chart_that_is_not_drawn_yet_says_so_on_paper(fresh: Page) -> None:
 
 
 @pytest.mark.parametrize(("scheme", "name"), [("dark", "dark"), ("light", "contrast")])
-def test_forced_colours_have_the_theme_of_their_ground(browser: Browser, report: Path, scheme: Any, name: str) -> None:
+def test_forced_colours_have_the_theme_of_their_ground(fresh: Page, scheme: Any, name: str) -> None:
     """Expected: colours for a dark ground on one, else those of high contrast."""
-    page = browser.new_page(color_scheme=scheme, forced_colors="active")
-    page.goto(report.as_uri())
-    until(page, "GoughStewart.ready.all === true")
-    assert page.evaluate("GoughStewart.theme().name") == name
-    page.close()
+    fresh.emulate_media(color_scheme=scheme, forced_colors="active")
+    found = fresh.evaluate("GoughStewart.theme().name")
+    fresh.emulate_media(color_scheme="light", forced_colors="none")
+    assert found == name
 
 
 def test_axes_have_powers_of_ten_only_where_decimals_would_be_long(fresh: Page) -> None:
@@ -490,3 +489,10 @@ def test_each_chart_has_a_name_that_says_what_it_shows(fresh: Page, record: Reco
     force, speed = (f"{100 * each[:-1].any(axis=1).mean():.2g} %" for each in shares)
     limits = f"force at its limit, {force} of the time; leg speed beyond its limit, {speed} of the time"
     assert name == f"Chart of actuator force over time [s]: {legs}; values from {low} to {high} N; {limits}."
+
+
+def test_charts_of_a_part_that_is_opened_are_all_drawn(fresh: Page) -> None:
+    """Expected: also those far below the window, so that paper has them."""
+    fresh.evaluate("document.querySelectorAll('main details').forEach((each) => { each.open = true; })")
+    until(fresh, "GoughStewart.panels.every((panel) => panel.figure)")
+    fresh.evaluate("document.querySelectorAll('main details').forEach((each) => { each.open = false; })")

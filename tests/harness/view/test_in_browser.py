@@ -14,7 +14,7 @@ from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
-from tests.support.browser import Watched, open_report, until
+from tests.support.browser import Watched, open_report, until, watched
 from tests.support.records import waving_record
 
 
@@ -167,7 +167,8 @@ def test_records_lie_over_each_other_and_can_be_hidden(browser: Browser, record:
 
 def test_the_policy_stops_other_scripts_and_forms(browser: Browser, report: Path) -> None:
     """Expected: a script that is not the page's own does not run, a form does not leave; both are complained of."""
-    found = open_report(browser, report, 0.0)
+    found = watched(browser)
+    found.page.goto(report.as_uri())
     found.page.evaluate(
         "document.body.append(Object.assign(document.createElement('script'), {textContent: 'window.foreign = true'}))"
     )
@@ -205,7 +206,7 @@ def test_a_reader_who_wants_no_motion_gets_none(browser: Browser, report: Path) 
     """Expected: the animation stands at its start, until it is asked to play."""
     page = browser.new_page(reduced_motion="reduce")
     page.goto(report.as_uri())
-    until(page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
+    until(page, "GoughStewart.ready.picture")
     page.wait_for_timeout(200)
     assert page.evaluate("[GoughStewart.state.playing, GoughStewart.state.time]") == [False, 0]
     page.keyboard.press("Space")

@@ -11,7 +11,6 @@ from PIL import Image
 from playwright.sync_api import Browser
 
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.vectors import FloatArray
 from tests.support.browser import Watched, until
 from tests.support.stage import at, drawn, seek, seen, stage
@@ -123,12 +122,10 @@ def test_a_video_plays_from_start_to_end_once(one: Watched, browser: Browser, re
     assert (width, height) == pytest.approx((box["width"], box["height"]), abs=2)
 
 
-def test_a_browser_without_a_recorder_says_so(browser: Browser, record: Record, tmp_path: Path) -> None:
-    path = tmp_path / "report.html"
-    path.write_bytes(view_page([record], ["waves"]))
+def test_a_browser_without_a_recorder_says_so(browser: Browser, report: Path) -> None:
     page = browser.new_page()
     page.add_init_script("delete window.MediaRecorder")
-    page.goto(path.as_uri() + "#t=0")
+    page.goto(report.as_uri() + "#t=0")
     until(page, "GoughStewart.ready.picture")
     assert page.is_disabled("#record")
     assert page.text_content("#saved") == "This browser cannot record video."
@@ -160,15 +157,11 @@ def test_the_clock_does_not_chatter(one: Watched, record: Record) -> None:
     page.select_option("#speed", "1")
 
 
-def test_a_finger_scrolls_the_page_up_and_down_and_turns_the_view_sideways(
-    browser: Browser, record: Record, tmp_path: Path
-) -> None:
-    path = tmp_path / "report.html"
-    path.write_bytes(view_page([record], ["waves"]))
+def test_a_finger_scrolls_the_page_up_and_down_and_turns_the_view_sideways(browser: Browser, report: Path) -> None:
     context = browser.new_context(viewport={"width": 390, "height": 800}, has_touch=True, is_mobile=True)
     page = context.new_page()
-    page.goto(path.as_uri() + "#t=0")
-    until(page, "GoughStewart.ready.picture && GoughStewart.ready.curves")
+    page.goto(report.as_uri() + "#t=0")
+    until(page, "GoughStewart.ready.picture")
     page.click(".stage-options > summary")
     assert page.is_visible(".by-touch")
     assert page.is_hidden(".by-mouse")

@@ -1,0 +1,162 @@
+"""The charts of an ensemble: distributions, bands over time, dependence on what varies, sensitivity."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import polars
+
+from gough_stewart.harness.ensemble.columns import (
+    ENDED,
+    MEMBER,
+    OUTCOME,
+)
+from gough_stewart.harness.ensemble.data import EnsembleData
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity
+from gough_stewart.harness.ensemble.statistics import (
+    counted,
+    finite,
+    left_out,
+)
+from gough_stewart.harness.ensemble.tables import shown_input, shown_signal, usual_metrics
+from gough_stewart.harness.report.chart import Axis, Chart, Mark, Samples, Series, time_axis
+from gough_stewart.harness.report.document import Part, Report, Section
+from gough_stewart.harness.report.quantities import NUMBER, of_unit
+from gough_stewart.harness.report.words import counted as count
+from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
+from gough_stewart.harness.results.metric_folds import metric_of
+from gough_stewart.model.vectors import FloatArray
+
+# The groups of charts.
+FIGURES = ("distribution", "bands", "dependence", "sensitivity")
+_MOST_BARS, _BINS = 15, 40
+# Inputs that have a chart at first.
+_MOST_FIRST = 4
+
+
+def ensemble_charts(found: EnsembleData, by: str, known: Sensitivity | None) -> list[Section]:
+    """Distributions, bands over time, dependence on what varies, and sensitivity."""
+    names = [by, *(name for name in usual_metrics(found.members) if name != by)]
+    histograms = [_histogram(found, name) for name in names if len(counted(found.members, name)) > 1]
+    sections = [Section("Distribution", tuple(histograms))] if histograms else []
+    signals = list(dict.fromkeys(found.bands["signal"].to_list()))
+    signals.sort(key=lambda name: not name.startswith("error."))
+    if signals:
+        sections.append(Section("Over time", tuple(_band(found, name) for name in signals)))
+    inputs = [known.inputs[k] for k in known.order] if known is not None else list(found.varied)
+    there = [name for name in inputs if name in found.varied and len(finite(found.values(name)))][:_MOST_BARS]
+    if there:
+        charts = [replace(_dependence(found, by, name), detail=k >= _MOST_FIRST) for k, name in enumerate(there)]
+        sections.append(Section("Dependence", tuple(charts)))
+    if known is not None:
+        sections.append(Section("Sensitivity", (_bars(known),)))
+    return sections
+
+
+def _histogram(found: EnsembleData, name: str) -> Chart:
+    metric, values = metric_of(name), counted(found.members, name)
+    inside = _without_outliers(values)
+    low, high = float(inside.min()), float(inside.max())
+    ends = (low, high) if high > low else (low - 0.5, high + 0.5)
+    counts, edges = np.histogram(inside, min(_BINS, max(5, int(np.sqrt(len(values))) + 1)), ends)
+    note = ""
+    if outside := len(values) - len(inside):
+        ends_of_all = f"{metric.quantity.text(values.min(), unit=False)} to {metric.quantity.text(values.max())}"
+        note = f"{metric.text}: {count(outside, 'member')} outside, {ends_of_all} in all."
+    marks = tuple(
+        Mark(float(np.quantile(values, level)), f"{100 * level:g} %", "vertical", "median")
+        for level in (0.05, 0.5, 0.95)
+    )
+    series = Series("members", NUMBER, counts, "neutral")
+    axis = Axis(metric.text, metric.quantity, edges)
+    return Chart(metric.text, axis, (series,), "histogram", y=Axis("members"), marks=marks, note=note,
+                 group="distribution")  # fmt: skip
+
+
+def _without_outliers(values: FloatArray) -> FloatArray:
+    """The values without the few that would hide how all others are distributed."""
+    low, high = np.quantile(values, (0.005, 0.995))
+    width = high - low
+    return values[(values >= low - 2 * width) & (values <= high + 2 * width)] if width > 0 else values
+
+
+def _band(found: EnsembleData, name: str) -> Chart:
+    part, shown = found.bands.filter(polars.col("signal") == name), shown_signal(name)
+    quantity = of_unit(shown.unit)
+    values = {each: part[each].fill_null(np.nan).to_numpy() for each in ("lowest", *QUANTILES, "highest")}
+    series = (
+        Series("lowest to highest", quantity, values["q50"], "band", low=values["lowest"], high=values["highest"]),
+        Series("5 to 95 %", quantity, values["q50"], "band", low=values["q05"], high=values["q95"]),
+        Series("25 to 75 %", quantity, values["q50"], "band", low=values["q25"], high=values["q75"]),
+        Series("median", quantity, values["q50"], "median"),
+    )
+    some = f" Quantiles are of the first {MOST_MEMBERS:,} members." if found.members.height > MOST_MEMBERS else ""
+    # of others, each time has fewer members than the first
+    note = f"{'Of the members still running.' if _ends_early(found.members) else ''}{some}".strip()
+    axis = Axis(shown.text, quantity)
+    time = time_axis(part["time"].to_numpy())
+    return Chart(
+        shown.text,
+        time,
+        series,
+        y=axis,
+        note=note,
+        group="bands",
+        samples=_samples(found.samples, name, found.members.height),
+    )
+
+
+def _ends_early(members: polars.DataFrame) -> bool:
+    """Whether some members end before others."""
+    return bool(left_out(members)) or members[ENDED].n_unique() > 1
+
+
+def _samples(frame: polars.DataFrame | None, name: str, of: int) -> Samples | None:
+    """The signal of the first members, from which the page draws the bands of those that are marked."""
+    if frame is None or name not in frame.columns or not frame.height:
+        return None
+    members = frame[MEMBER].unique(maintain_order=True).to_numpy()
+    values = frame[name].fill_null(np.nan).to_numpy().reshape(len(members), -1)
+    return Samples(members, frame["time"].to_numpy()[: values.shape[1]], values, of)
+
+
+def with_samples(report: Report, frame: polars.DataFrame) -> Report:
+    """A report that was read back, with the samples of its members, which its data leave out."""
+    of = max((len(each.members) for each in report.numbers if each.members is not None), default=0)
+    names = {shown_signal(name).text: name for name in frame.columns if name not in (MEMBER, "time")}
+
+    def filled(part: Part) -> Part:
+        if not isinstance(part, Chart) or part.group != "bands" or part.title not in names:
+            return part
+        return replace(part, samples=_samples(frame, names[part.title], of))
+
+    sections = tuple(replace(each, parts=tuple(map(filled, each.parts))) for each in report.sections)
+    return replace(report, sections=sections)
+
+
+def _dependence(found: EnsembleData, by: str, name: str) -> Chart:
+    metric, shown = metric_of(by), shown_input(name)
+    completed = (found.members[OUTCOME] == "completed").to_numpy()
+    x, y = found.values(name), np.where(completed, found.values(by), np.nan)
+    series = Series("members", metric.quantity, y, "actual", members=found.members[MEMBER].to_numpy().astype(float))
+    axis = Axis(name, of_unit(shown.unit) if shown.unit else NUMBER, x)
+    return Chart(
+        f"{metric.text} by {name}", axis, (series,), "points", y=Axis(metric.text, metric.quantity), group="dependence"
+    )
+
+
+def _bars(known: Sensitivity) -> Chart:
+    order = known.order[:_MOST_BARS]
+    parts: list[tuple[str, FloatArray, FloatArray, Any]] = [
+        ("alone" if known.total is not None else "β", known.main, known.main_confidence, "actual")
+    ]
+    if known.total is not None and known.total_confidence is not None:
+        parts.append(("in total", known.total, known.total_confidence, "neutral"))
+    series = tuple(
+        Series(name, NUMBER, values[order], role, low=(values - half)[order], high=(values + half)[order])
+        for name, values, half, role in parts
+    )
+    what = "share of the variance" if known.total is not None else "standardised regression coefficient β"
+    title = f"what makes the {metric_of(known.metric).text} vary"
+    return Chart(title, Axis("input", labels=tuple(known.inputs[k] for k in order)), series, "bars", y=Axis(what),
+                 note=known.remark, group="sensitivity")  # fmt: skip
