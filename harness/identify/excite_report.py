@@ -1,4 +1,4 @@
-"""What the design of an excitation found, as a report: how well a log of that motion tells the parameters apart."""
+"""What the design of an excitation found, as a report: how well a log of that motion separates the parameters."""
 
 import numpy as np
 
@@ -23,13 +23,13 @@ def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], du
         condition,
         limit=LARGEST,
         margin=LARGEST - condition,
-        explanation="how much less well the worst combination of parameters is told than the best, relative to scale",
+        explanation="how much less accurately the worst combination is known than the best, relative to scale",
     )
     well = condition <= LARGEST
     text = sentence(
         [
-            f"a log of this motion {'tells' if well else 'hardly tells'} {counted(len(names), 'parameter')} apart",
-            f"condition number {condition:.3g}, where {LARGEST:g} is much",
+            f"a log of this motion {'separates' if well else 'hardly separates'} {counted(len(names), 'parameter')}",
+            f"condition number {condition:.3g}; up to {LARGEST:g} is good",
         ]
     )
     motion = found.reference.about(platform)(np.linspace(0.0, duration, _ROWS))

@@ -191,7 +191,7 @@ def _settling(measured: Mapping[str, Any]) -> list[_Part]:
     if late:
         step = late[0]
         waited = measured["outcome"]["time"] - step["at"]
-        text = f"{step['axis']} has not settled to 2 % {about(TIME, waited)} after its step"
+        text = f"{step['axis']} has not settled to 2 % within {about(TIME, waited)} of its step"
         return [_Part(text, True, Number(f"step_response.{step['axis']}.settling_time", "settling time", None, TIME))]
     step = max(steps, key=lambda each: each["settling_time"])
     number = Number(f"step_response.{step['axis']}.settling_time", "settling time", step["settling_time"], TIME)
