@@ -97,7 +97,7 @@ def tune_command(
             task = progress.add_task("preparing", total=None)
             from gough_stewart.harness.experiment.setting_file import text_with_settings
             from gough_stewart.harness.report.requirements import check_known
-            from gough_stewart.harness.results.metric_folds import METRICS, shown_metric
+            from gough_stewart.harness.results.metric_folds import METRICS, metric_of
             from gough_stewart.harness.tuning.files import FILES, tuning_files
             from gough_stewart.harness.tuning.tune import tune
             from gough_stewart.model.process.files import check_output_folder, write_files
@@ -108,8 +108,8 @@ def tune_command(
             text_with_settings(experiment, settings or (), folder=folder)
 
             def status(found: "Search") -> None:
-                shown, best = shown_metric(found.goal.metric), found.best
-                so_far = "none yet" if best is None else f"{shown.factor * best.value:.4g} {shown.unit}"
+                quantity, best = metric_of(found.goal.metric).quantity, found.best
+                so_far = "none yet" if best is None else quantity.text(best.value)
                 done = found.generation[-1] + 1
                 progress.update(task, description=f"best {so_far}", completed=done, total=generations)
 

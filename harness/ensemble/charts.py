@@ -18,10 +18,10 @@ from gough_stewart.harness.ensemble.statistics import (
     finite,
     left_out,
 )
-from gough_stewart.harness.ensemble.tables import shown_input, shown_signal, usual_metrics
+from gough_stewart.harness.ensemble.tables import named_signal, quantity_of_input, usual_metrics
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Samples, Series, time_axis
 from gough_stewart.harness.report.document import Part, Report, Section
-from gough_stewart.harness.report.quantities import NUMBER, of_unit
+from gough_stewart.harness.report.quantities import NUMBER
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.results.bands import MOST_MEMBERS, QUANTILES
 from gough_stewart.harness.results.metric_folds import metric_of
@@ -81,8 +81,7 @@ def _without_outliers(values: FloatArray) -> FloatArray:
 
 
 def _band(found: EnsembleData, name: str) -> Chart:
-    part, shown = found.bands.filter(polars.col("signal") == name), shown_signal(name)
-    quantity = of_unit(shown.unit)
+    part, (words, quantity) = found.bands.filter(polars.col("signal") == name), named_signal(name)
     values = {each: part[each].fill_null(np.nan).to_numpy() for each in ("lowest", *QUANTILES, "highest")}
     series = (
         Series("lowest to highest", quantity, values["q50"], "band", low=values["lowest"], high=values["highest"]),
@@ -93,10 +92,10 @@ def _band(found: EnsembleData, name: str) -> Chart:
     some = f" Quantiles are of the first {MOST_MEMBERS:,} members." if found.members.height > MOST_MEMBERS else ""
     # of others, each time has fewer members than the first
     note = f"{'Of the members still running.' if _ends_early(found.members) else ''}{some}".strip()
-    axis = Axis(shown.text, quantity)
+    axis = Axis(words, quantity)
     time = time_axis(part["time"].to_numpy())
     return Chart(
-        shown.text,
+        words,
         time,
         series,
         y=axis,
@@ -123,7 +122,7 @@ def _samples(frame: polars.DataFrame | None, name: str, of: int) -> Samples | No
 def with_samples(report: Report, frame: polars.DataFrame) -> Report:
     """A report that was read back, with the samples of its members, which its data leave out."""
     of = max((len(each.members) for each in report.numbers if each.members is not None), default=0)
-    names = {shown_signal(name).text: name for name in frame.columns if name not in (MEMBER, "time")}
+    names = {named_signal(name)[0]: name for name in frame.columns if name not in (MEMBER, "time")}
 
     def filled(part: Part) -> Part:
         if not isinstance(part, Chart) or part.group != "bands" or part.title not in names:
@@ -135,11 +134,11 @@ def with_samples(report: Report, frame: polars.DataFrame) -> Report:
 
 
 def _dependence(found: EnsembleData, by: str, name: str) -> Chart:
-    metric, shown = metric_of(by), shown_input(name)
+    metric = metric_of(by)
     completed = (found.members[OUTCOME] == "completed").to_numpy()
     x, y = found.values(name), np.where(completed, found.values(by), np.nan)
     series = Series("members", metric.quantity, y, "actual", members=found.members[MEMBER].to_numpy().astype(float))
-    axis = Axis(name, of_unit(shown.unit) if shown.unit else NUMBER, x)
+    axis = Axis(name, quantity_of_input(name), x)
     return Chart(
         f"{metric.text} by {name}", axis, (series,), "points", y=Axis(metric.text, metric.quantity), group="dependence"
     )

@@ -30,10 +30,10 @@ from gough_stewart.harness.ensemble.statistics import (
     quantiles,
     works,
 )
-from gough_stewart.harness.ensemble.tables import shown_input, usual_metrics
+from gough_stewart.harness.ensemble.tables import quantity_of_input, usual_metrics
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
-from gough_stewart.harness.report.quantities import NUMBER, SHARE, TIME, Quantity, of_unit
+from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, sentence
 from gough_stewart.harness.report.words import counted as count
@@ -301,7 +301,12 @@ def worst_table(
     """These members with their outcome, the metric, and what was drawn for the first of the inputs."""
     metric, every = metric_of(by), found.varied if inputs is None else inputs
     inputs = every[:_MOST_COLUMNS]
-    columns = (Column("member"), Column("outcome"), Column(metric.text, metric.quantity), *map(_input_column, inputs))
+    columns = (
+        Column("member"),
+        Column("outcome"),
+        Column(metric.text, metric.quantity),
+        *(Column(each, quantity_of_input(each)) for each in inputs),
+    )
     merit = found.values(by)
     rows: list[tuple[Cell, ...]] = []
     row_of = {int(member): k for k, member in enumerate(found.members[MEMBER].to_list())}
@@ -319,11 +324,6 @@ def worst_table(
         links=links if pages else (),
         note=f"{len(every) - len(inputs)} more inputs are in `members.parquet`." if len(every) > len(inputs) else "",
     )
-
-
-def _input_column(name: str) -> Column:
-    shown = shown_input(name)
-    return Column(name, of_unit(shown.unit) if shown.unit else NUMBER)
 
 
 def _notes(found: EnsembleData) -> tuple[Note, ...]:

@@ -1,12 +1,10 @@
 """What is shown of an ensemble: its usual metrics, and the words of its signals and inputs."""
 
-import math
-
 import polars
 
 from gough_stewart.harness.ensemble.columns import metric_names
 from gough_stewart.harness.ensemble.statistics import counted
-from gough_stewart.harness.results.metric import Shown
+from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
 from gough_stewart.model.interface import BY_NAME
 from gough_stewart.model.parameters import TABLE
 
@@ -38,25 +36,26 @@ def usual_metrics(members: polars.DataFrame) -> list[str]:
     return sorted(filter(is_worth_it, names), key=lambda name: order.get(name, 4.5))
 
 
-# Signals, with the displayed unit.
-_SIGNALS = {"m": ("mm", 1e3), "rad": ("deg", 180 / math.pi)}
+# The displayed units of errors.
+_OF_ERRORS = {"m": "mm", "rad": "deg"}
 _AXES = {"position": "xyz", "orientation": ("roll", "pitch", "yaw")}
 
 
-def shown_signal(column: str) -> Shown:
-    """A signal of bands: `position[3]`, `error.position.norm`."""
+def named_signal(column: str) -> tuple[str, Quantity]:
+    """A signal of bands, `position[3]` or `error.position.norm`, in words, and how it is written."""
     is_error, norm = column.startswith("error."), column.endswith(".norm")
     name, _, rest = column.removeprefix("error.").removesuffix(".norm").partition("[")
-    variable = BY_NAME[name]
-    unit, factor = _SIGNALS.get(variable.unit, (variable.unit, 1.0)) if is_error else (variable.unit, 1.0)
+    unit = BY_NAME[name].unit
     words = name.replace("_", " ")
     if rest:
         k = int(rest.removesuffix("]")) - 1
         words = str(_AXES[name][k]) if name in _AXES else f"{words} {k + 1}"
-    return Shown(f"error of {words}" + (", norm" if norm else "") if is_error else words, unit, factor)
+    if not is_error:
+        return words, of_unit(unit)
+    return f"error of {words}" + (", norm" if norm else ""), of_unit(_OF_ERRORS.get(unit, unit))
 
 
-def shown_input(key: str) -> Shown:
-    """A varied input, by key: a parameter of the platform has its unit."""
+def quantity_of_input(key: str) -> Quantity:
+    """How a varied input is written, by key: a parameter of the platform has its unit."""
     name = key.removeprefix("platform.").removeprefix("plant.parameters.").partition("[")[0]
-    return Shown(key, TABLE[name].unit if name in TABLE else "", 1.0)
+    return of_unit(TABLE[name].unit) if name in TABLE and TABLE[name].unit else NUMBER

@@ -8,14 +8,6 @@ from typing import Literal, NamedTuple
 from gough_stewart.harness.report.quantities import Quantity
 
 
-class Shown(NamedTuple):
-    """How a number is displayed: its words, and its unit with the factor from the SI unit."""
-
-    text: str
-    unit: str
-    factor: float
-
-
 class Metric(NamedTuple):
     """A number of a run, or one for each leg or axis."""
 

@@ -25,7 +25,7 @@ from gough_stewart.harness.report.quantities import (
     Quantity,
 )
 from gough_stewart.harness.results.limits import DRIVE_LIMITS, DriveLimit
-from gough_stewart.harness.results.metric import Metric, Shown
+from gough_stewart.harness.results.metric import Metric
 from gough_stewart.harness.results.step_fold import STEP_METRICS, steps_of
 from gough_stewart.model.operations import greater, less, maximum
 from gough_stewart.model.vectors import Array, FloatArray
@@ -374,12 +374,6 @@ def columns_of(results: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
 def metric_of(path: str) -> Metric:
     """The metric of a path; of one that is not declared, with the path as its text."""
     return _BY_PATH.get(path) or Metric(path, path, NUMBER, "", is_compared=False)
-
-
-def shown_metric(path: str) -> Shown:
-    """Words, unit and scale of a metric, by its path."""
-    metric = metric_of(path)
-    return Shown(metric.text, metric.quantity.unit, metric.quantity.factor)
 
 
 def _counted(flags: Array) -> Iterator[tuple[str, Array]]:

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import qmc
 
-from gough_stewart.harness.results.metric_folds import shown_metric
+from gough_stewart.harness.report.words import about
+from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
 from gough_stewart.harness.tuning.space import Axis, values_of
 from gough_stewart.model.errors import GoughStewartError
@@ -49,10 +50,8 @@ class Search:
             count = sum(not condition.holds(value) for value in values)
             finite = [value for value in values if np.isfinite(value)]
             nearest = min(finite, key=condition.violation, default=None)
-            shown = shown_metric(condition.metric)
-            reached = (
-                "" if nearest is None else f", the nearest reached {shown.factor * nearest:.4g} {shown.unit}".rstrip()
-            )
+            quantity = metric_of(condition.metric).quantity
+            reached = "" if nearest is None else f", the nearest reached {about(quantity, nearest, 4)}"
             counts[f"'{condition.text}' was not met by {count} of {len(self.tried)} candidates{reached}"] = count
         return max(counts, key=lambda text: counts[text])
 

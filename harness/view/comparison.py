@@ -13,7 +13,7 @@ from gough_stewart.harness.report.quantities import LENGTH, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table
 from gough_stewart.harness.report.words import at_most, listed
 from gough_stewart.harness.results.circumstances import parameters_table, run_table, versions_table
-from gough_stewart.harness.results.metric_folds import METRICS, metric_of, shown_metric
+from gough_stewart.harness.results.metric_folds import METRICS, metric_of
 from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.results.outcome import is_sound, outcome_text
 from gough_stewart.harness.results.record import Record, platform_of
@@ -114,26 +114,26 @@ def side_by_side(records: Sequence[Record], found: Sequence[Mapping[str, Any]], 
 
 
 def _row(path: str, values: Sequence[float | None], marks: bool) -> tuple[Cell, ...]:
-    shown = shown_metric(path)
-    scaled = [None if value is None else shown.factor * value for value in values]
+    metric = metric_of(path)
+    scaled = [None if value is None else metric.quantity.factor * value for value in values]
     tops = best(path, scaled) if marks else set()
-    quantity = Quantity("", shown.unit)
+    quantity = Quantity("", metric.quantity.unit)
     return (
-        quantity.headed(shown.text),
+        quantity.headed(metric.text),
         *(f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(scaled)),
     )
 
 
 def best(path: str, values: Sequence[float | None]) -> set[int]:
     """Indices of the best values of a metric, as displayed; none if all are equal or the metric is not ranked."""
-    better = metric_of(path).better
+    metric = metric_of(path)
+    better = metric.better
     sign = 1.0 if better == "larger" else -1.0
     known = {k: abs(value) if sign < 0 else value for k, value in enumerate(values) if value is not None}
     if better is None or len(known) < 2:
         return set()
     most = max(sign * value for value in known.values())
-    unit = shown_metric(path).unit
-    texts = {k: Quantity("", unit).number(value) for k, value in known.items()}
+    texts = {k: Quantity("", metric.quantity.unit).number(value) for k, value in known.items()}
     top = {texts[k] for k, value in known.items() if sign * value == most}
     found = {k for k, text in texts.items() if text in top}
     return found if len(found) < len(known) else set()

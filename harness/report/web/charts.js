@@ -110,7 +110,7 @@
     panel.stale = false;
     follow(panel);
   };
-  const dress = (panel) => {
+  GS.dressChart = (panel) => {
     if (!panel.figure) return;
     panel.figure.dress();
     GS.legend(panel);
@@ -188,7 +188,7 @@
       }
     });
     GS.on("members", () => panels.forEach((panel) => { GS.showMembers(panel); GS.markedBars(panel); GS.markedBand(panel); }));
-    GS.onTheme(() => panels.forEach(dress));
+    GS.onTheme(() => panels.forEach(GS.dressChart));
     GS.clearCharts = () => { for (const group of groups.values()) group.clear(); };
     // the charts in view first, or the one that comes next, then the others one by one, for paper and for a reader who scrolls
     const open = panels.filter(({ host }) => host.checkVisibility()), seenFirst = open.filter(({ host }) => host.getBoundingClientRect().top < innerHeight);

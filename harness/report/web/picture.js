@@ -22,11 +22,8 @@
     const [width, height] = [wide, wide * down / across].map((size) => 2 * Math.round(size / 2));
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     const pen = canvas.getContext("2d"), pixel = width / across;
-    const sky = pen.createLinearGradient(0, 0, 0, height);
-    sky.addColorStop(0, theme.paper);
-    sky.addColorStop(1, theme.paper);
     pen.setTransform(1, 0, 0, 1, 0, 0);
-    pen.fillStyle = sky;
+    pen.fillStyle = theme.paper;
     pen.fillRect(0, 0, width, height);
     // a WebGL canvas keeps its picture only until the end of the task
     view.draw(sharp);

@@ -11,9 +11,7 @@
         panel.plot.after(panel.paper);
         continue;
       }
-      panel.figure.dress();
-      GS.legend(panel);
-      GS.legendValues(panel, panel.group.cursor());
+      GS.dressChart(panel);
       panel.paper = GS.element("div", { class: "paper", "aria-hidden": "true" }, panel.figure.drawing());
       panel.plot.after(panel.paper);
     }
@@ -24,10 +22,7 @@
     GS.setPrinting(false);
     for (const panel of GS.panels || []) {
       panel.paper?.remove();
-      if (!panel.figure) continue;
-      panel.figure.dress();
-      GS.legend(panel);
-      GS.legendValues(panel, panel.group.cursor());
+      GS.dressChart(panel);
     }
   });
 })();

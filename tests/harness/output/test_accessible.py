@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
-from tests.support.axe import LOOKS, violations
+from tests.support.axe import violations
 from tests.support.browser import Watched, until, watched
 from tests.support.pages import DRAWN, PAGES
 
@@ -41,18 +41,26 @@ def opened(browser: Browser, folder: Path) -> Callable[..., Watched]:
     return open_page
 
 
+# Each kind once; together they cover both themes at both widths. The evidence has every kind in all of them.
+LOOKS = {
+    "one run": ("dark", 1440),
+    "three runs": ("light", 390),
+    "ensemble": ("light", 1440),
+    "identification": ("dark", 390),
+    "workspace": ("dark", 1440),
+    "volume": ("light", 390),
+}
+
+
 @pytest.mark.parametrize("kind", PAGES)
-def test_axe_finds_nothing_in_the_light_and_in_the_dark(opened: Open, kind: str) -> None:
+def test_axe_finds_nothing(opened: Open, kind: str) -> None:
     """Expected: no rule of axe is broken, and the scripts complain of nothing; headings go down one level at a time."""
-    seen = opened(kind, "light", 390)
+    seen = opened(kind, *LOOKS[kind])
     assert violations(seen.page) == []
     assert seen.page.evaluate("document.documentElement.lang") == "en"
     levels = seen.page.eval_on_selector_all("h1, h2, h3", "all => all.map((each) => Number(each.tagName[1]))")
     assert levels[0] == 1
     assert all(after <= before + 1 for before, after in pairwise(levels))
-    seen.page.emulate_media(color_scheme="dark")
-    seen.page.set_viewport_size({"width": 1440, "height": 800})
-    assert violations(seen.page, LOOKS) == []
     assert seen.errors == []
     seen.page.close()
 

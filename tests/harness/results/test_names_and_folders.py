@@ -9,7 +9,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.results.metric_folds import shown_metric
+from gough_stewart.harness.results.metric_folds import metric_of
 from tests.support.ensembles import ensemble_of
 
 # As the table names them, with unit and the number that stands for 0.0123 in SI units.
@@ -104,7 +104,8 @@ NAMED = {
 @pytest.mark.parametrize("path", NAMED)
 def test_each_metric_has_its_words_unit_and_factor(path: str) -> None:
     """Expected: the table above; what is no metric has its path."""
-    assert shown_metric(path) == NAMED[path]
+    metric = metric_of(path)
+    assert (metric.text, metric.quantity.unit, metric.quantity.factor) == NAMED[path]
 
 
 FOLDERS = {

@@ -63,7 +63,7 @@ def test_the_same_record_gives_the_same_bytes(record: Record, page: bytes) -> No
     assert view_page([record], ["waves"]) == page
 
 
-@pytest.mark.parametrize("records", [1, 6])
+@pytest.mark.parametrize("records", [1, pytest.param(6, marks=pytest.mark.evidence)])
 def test_ten_seconds_at_a_kilohertz_make_at_most_six_megabytes(platform: Platform, records: int) -> None:
     """Expected: the bound that was set, for all signals of one run; six runs have more curves, and the same frames."""
     long = waving_record(platform, rows=10_001)
