@@ -83,6 +83,8 @@ IDEAL = Variant()
 CHOOSING = ("leg_friction_model", "leg_stiffness")
 # Parameters of a plant whose legs slide without Coulomb friction, as a moving platform's do about its motion.
 SLIDING: Mapping[str, float] = {"leg_friction_model": SMOOTH, "leg_coulomb_friction": 0.0, "leg_static_friction": 0.0}
+# Of one with rigid legs.
+RIGID: Mapping[str, float] = {"leg_stiffness": 0.0, "leg_damping": 0.0}
 
 
 def refuse_parts(platform: Any, host: str, instead: str) -> None:

@@ -36,6 +36,13 @@ class Method(StrEnum):
     geometry = "geometry"
 
 
+class Side(StrEnum):
+    """The side of legs that give at which lengths were measured."""
+
+    leg = "leg"
+    motor = "motor"
+
+
 class PoseFrame(StrEnum):
     """The frame in which poses are measured."""
 
@@ -77,6 +84,15 @@ def identify_command(
             "are readings at the times of their rows. Records of `run` say so themselves.",
         ),
     ] = False,
+    side: Annotated[
+        Side | None,
+        typer.Option(
+            help="Of legs that give, where leg_length was measured. Records of `run` say so themselves; columns "
+            "motor_position[1..6] are the motors'.",
+            metavar=choices(Side),
+            show_default="leg",
+        ),
+    ] = None,
     validate: Annotated[
         list[Path] | None,
         typer.Option(
@@ -155,11 +171,10 @@ def identify_command(
         with progress_bar() as progress:
             task = progress.add_task("identifying", total=None)
             options: dict[str, Any] = {} if pose_frame is None else {"pose_frame": pose_frame.value}
-            read = [read_log(log, force_per_current, holds_force=holds_force or None) for log in logs]
+            of_log: dict[str, Any] = {"holds_force": holds_force or None, "side": side and side.value}
+            read = [read_log(log, force_per_current, **of_log) for log in logs]
             if validate:
-                options["validation"] = [
-                    read_log(log, force_per_current, holds_force=holds_force or None) for log in validate
-                ]
+                options["validation"] = [read_log(log, force_per_current, **of_log) for log in validate]
             elif validation is not None:
                 options["validation"] = validation
             found = identify(read, nominal, estimate, method.value, **options)

@@ -18,7 +18,7 @@ from gough_stewart.harness.identify.not_shown import NOT_SHOWN, SHOWS, fit_of_sh
 from gough_stewart.harness.identify.output_error import identify_output_error
 from gough_stewart.harness.identify.parts import VALIDATION
 from gough_stewart.harness.identify.rows.hypotheses import MASSES
-from gough_stewart.harness.identify.rows.sticking import PRESLIDING, STICTION, resolved, sticks
+from gough_stewart.harness.identify.rows.sticking import PRESLIDING, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.identify.screening.leg_order import check_order_of_forces
 from gough_stewart.harness.identify.screening.observability import (
     MotionRows,
@@ -28,9 +28,10 @@ from gough_stewart.harness.identify.screening.observability import (
     motion_rows,
 )
 from gough_stewart.harness.identify.screening.screening import Screened, screened
+from gough_stewart.harness.identify.springs import SPRINGS, merged, nominal_springs, springs_of, with_both_sides
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.variant import SLIDING, Variant, refuse_parts
+from gough_stewart.model.variant import refuse_parts
 from gough_stewart.model.vectors import FloatArray
 
 AnyLog = Log | Record | Path | str
@@ -114,7 +115,7 @@ def identify(
         return identify_geometry(logs[0], platform, names, **options)
     share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
     # what is screened is the motion, and the forces that it needs but for friction
-    smooth = platform.with_parameters(SLIDING) if sticks(platform) else platform
+    smooth = ideal_of(platform)
     found = screened(logs, smooth, share, aside, options.pop("cutoff", None))
     check_order_of_forces(found.parts, smooth, found.cutoff)
     wanted = expanded(names, platform)
@@ -122,7 +123,17 @@ def identify(
     if stiffness in wanted and damping not in wanted:
         # a damping that is not known would pass for stiffness
         wanted = (*wanted, damping)
-    fit = _of_determined(_METHODS[method], found, platform, wanted, options)
+    springs = tuple(name for name in wanted if name in SPRINGS)
+    others = tuple(name for name in wanted if name not in SPRINGS)
+    measured = found.parts
+    found = found._replace(parts=with_both_sides(measured, platform, found.cutoff))
+    fit = _of_determined(_METHODS[method], found, platform, others, options) if others else None
+    if fit is not None and found.parts != measured and all(part.log.motor_position is None for part in measured):
+        # the other side once more, by the masses that were found
+        found = found._replace(parts=with_both_sides(measured, fit.platform(platform), found.cutoff))
+        fit = _of_determined(_METHODS[method], found, platform, others, options)
+    if springs or fit is None:
+        fit = _with_springs(fit, found._replace(parts=measured), platform, wanted, springs)
     return replace(fit, notes=(*found.notes, *fit.notes), alarms=(*found.alarms, *fit.alarms))
 
 
@@ -137,8 +148,13 @@ def _check_parts(platform: Platform, method: Method, names: Sequence[str]) -> No
         )
     if method == "output_error":
         refuse_parts(platform, "method output_error", "use method linear")
-    if Variant.of(platform).springs:
-        refuse_parts(platform.with_parameters(SLIDING), "identification", "estimate a rigid platform from the log")
+    springs = [name for name in names if name in SPRINGS]
+    if springs and not platform.leg_armature > 0 and "leg_armature" not in names:
+        raise IdentificationError(
+            f"{springs[0]}: leg_armature is 0, and legs that give need the mass of their motors; set it, or "
+            "estimate it, too",
+            springs,
+        )
 
 
 def _of_determined(
@@ -150,7 +166,7 @@ def _of_determined(
 ) -> Estimate:
     """The fit of what the motion determines; the other elements get no number."""
     linear = [name for name in names if is_linear(name, platform)]
-    smooth = platform.with_parameters(SLIDING) if sticks(platform) else platform
+    smooth = ideal_of(platform)
     if linear:
         check_separable(smooth, linear)
     rows = motion_rows(found.parts, smooth, found.cutoff) if linear else None
@@ -198,6 +214,27 @@ def _of_determined(
         )
         fit = replace(fit, notes=(*fit.notes, note))
     return fit
+
+
+def _with_springs(
+    fit: Estimate | None, found: Screened, platform: Platform, names: tuple[str, ...], springs: tuple[str, ...]
+) -> Estimate:
+    """The estimate of all names with the springs of the legs, under the forces of the platform that was found."""
+    nominal = nominal_values(names, resolved(platform, names))
+    known = dict(zip(SPRINGS, nominal_springs(platform), strict=True))
+    nominal = np.array([known.get(name, value) for name, value in zip(names, nominal.tolist(), strict=True)])
+    of_springs = nominal[[names.index(name) for name in springs]]
+    if fit is None:
+        own, hidden = springs_of(found.parts, platform, springs, of_springs, found.cutoff)
+        return _with_note(with_all(own, names, nominal, nominal, hidden, np.zeros(len(names))), hidden)
+    scale = np.array([dict(zip(fit.names, fit.scale.tolist(), strict=True)).get(name, 1.0) for name in names])
+    try:
+        own, hidden = springs_of(found.parts, fit.platform(platform), springs, of_springs, found.cutoff)
+    except IdentificationError as error:
+        every = with_all(fit, names, nominal, scale, (*fit.not_excited, *springs), np.zeros(len(names)))
+        return replace(every, notes=(*every.notes, str(error)))
+    every = with_all(fit, names, nominal, scale, (*fit.not_excited, *hidden), np.zeros(len(names)))
+    return _with_note(merged(every, own, names), hidden)
 
 
 def _with_note(fit: Estimate, hidden: Sequence[str]) -> Estimate:

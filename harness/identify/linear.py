@@ -29,6 +29,7 @@ from gough_stewart.harness.identify.rows.row_model import RowModel
 from gough_stewart.harness.identify.rows.sticking import (
     PRESLIDING,
     StickingFriction,
+    ideal_of,
     is_of_bristles,
     resolved,
     sticks,
@@ -37,7 +38,6 @@ from gough_stewart.harness.identify.rows.sticking_start import start_of_friction
 from gough_stewart.harness.identify.rows.whitened import Fit, Whitened, whitened
 from gough_stewart.harness.identify.simulation import kernel_parameters
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.variant import SLIDING
 from gough_stewart.model.vectors import FloatArray
 
 # Unexplained share of the forces' changes, median over legs, beyond which the log is of another machine; if the fitted
@@ -88,8 +88,8 @@ def identify_linear(
     bent = [k for k, name in enumerate(names) if is_of_bristles(name, platform)]
     friction = StickingFriction(platform, tuple(names[k] for k in bent)) if sticks(platform) else None
     nominal = nominal_values(names, resolved(platform, names))
-    # without friction that sticks, which is not linear
-    smooth = platform.with_parameters(SLIDING) if friction else platform
+    # without friction that sticks, which is not linear, and with the legs' stretch in the lengths of both sides
+    smooth = ideal_of(platform)
     elements = elements_of(smooth)
     of_platform = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in bent]
     own = tuple(names[k] for k in of_platform)

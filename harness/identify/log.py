@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import polars
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError, TableError
 from gough_stewart.harness.heading import Heading
+from gough_stewart.harness.plants.signals import Side
 from gough_stewart.harness.polars_paths import readable
 from gough_stewart.harness.quantities import UNITS
 from gough_stewart.harness.results.record import Record
@@ -27,6 +28,7 @@ _UNITS = {**UNITS, "A": {"A": 1, "mA": 1e-3}}
 _QUANTITIES = {
     "time": (("time",), 1, "s"),
     "leg_length": (("measured.leg_length", "leg_length"), 6, "m"),
+    "motor_position": (("motor_position",), 6, "m"),
     "actuator_force": (("measured.actuator_force", "actuator_force", "controller.force"), 6, "N"),
     "motor_current": (("motor_current",), 6, "A"),
     "position": (("measured.position", "position"), 3, "m"),
@@ -49,6 +51,9 @@ class Log:
     # whether a force acts from its row to the next, as with a sampled controller; else it is instantaneous
     holds_force: bool = False
     where: str = "log"
+    # of legs that give: where `leg_length` was measured; if at both sides, the motors' in `motor_position` (n, 6) [m]
+    side: Side = "leg"
+    motor_position: FloatArray | None = None
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -57,13 +62,19 @@ class Log:
     def rows(self, which: slice | NDArray[np.intp]) -> "Log":
         """The log with some of its rows."""
         kept: dict[str, Any] = {}
-        for name in ("leg_length", "time", "actuator_force", "position", "orientation"):
+        for name in ("leg_length", "time", "actuator_force", "position", "orientation", "motor_position"):
             values = getattr(self, name)
             kept[name] = None if values is None else values[which]
         return replace(self, **kept)
 
 
-def read_log(path: Path | str, force_per_current: float | None = None, *, holds_force: bool | None = None) -> Log:
+def read_log(
+    path: Path | str,
+    force_per_current: float | None = None,
+    *,
+    holds_force: bool | None = None,
+    side: Side | None = None,
+) -> Log:
     """Read a log from CSV or Parquet: a record of `run`, or columns of a machine with units in their names.
 
     Columns: `time`, `leg_length[1..6]`, `actuator_force[1..6]` or `motor_current[1..6]`, and, if poses were measured,
@@ -80,6 +91,10 @@ def read_log(path: Path | str, force_per_current: float | None = None, *, holds_
     holds_force
         Whether each force acts from its row to the next, as commands of a sampled controller do, or is a reading at
         the time of its row; by default, forces of records are held, and others are not.
+
+    side
+        Of legs that give, where `leg_length` was measured, "leg" or "motor"; by default that of a record's sensors,
+        else the leg's. Columns `motor_position[1..6]` are the motors', alone or beside `leg_length`.
 
     Returns
     -------
@@ -100,7 +115,7 @@ def read_log(path: Path | str, force_per_current: float | None = None, *, holds_
     path = Path(path)
     if path.is_dir():
         path = next((path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()), path)
-    log = _log_of(_table(path), _metadata(path), str(path), force_per_current)
+    log = _log_of(_table(path), _metadata(path), str(path), force_per_current, side)
     return log if holds_force is None else replace(log, holds_force=holds_force)
 
 
@@ -115,11 +130,16 @@ def log_of(record: Record) -> Log:
     return _log_of(record.table, record.metadata, "record", None)
 
 
-def _log_of(table: polars.DataFrame, metadata: Mapping[str, Any], path: str, force_per_current: float | None) -> Log:
+def _log_of(
+    table: polars.DataFrame,
+    metadata: Mapping[str, Any],
+    path: str,
+    force_per_current: float | None,
+    side: Side | None = None,
+) -> Log:
     found = _columns(table.columns, path)
     values = {name: _numbers(table, columns, path) for name, columns in found.items()}
-    if "leg_length" not in values:
-        raise LogError(f"{path}: no leg lengths; {_FORM}")
+    own_side = _sides(values, metadata, side, "measured.leg_length[1]" in table.columns, path)
     force = values.get("actuator_force")
     if "motor_current" in values and force is None:
         if force_per_current is None or not (math.isfinite(force_per_current) and force_per_current != 0):
@@ -136,10 +156,46 @@ def _log_of(table: polars.DataFrame, metadata: Mapping[str, Any], path: str, for
         values.get("orientation"),
         _OF_RUNS in table.columns,
         path,
+        own_side,
+        values.get("motor_position"),
     )
     if len(log) < 2:
         raise LogError(f"{path}: {len(log)} rows; expected a log of some seconds, or of several poses")
     return _at_samples(log, metadata)
+
+
+def _sides(
+    values: dict[str, FloatArray], metadata: Mapping[str, Any], side: Side | None, has_readings: bool, path: str
+) -> Side:
+    """The side of the lengths; a record of a run read at the motors has no lengths of the legs, which none measured."""
+    if side is not None and side not in get_args(Side):
+        raise LogError(f"{path}: side is {side!r}; expected one of {', '.join(get_args(Side))}")
+    of_run = _sensors(metadata).get("side", "leg") if _sensors(metadata) else None
+    if of_run == "motor":
+        motors = values.pop("motor_position", None)
+        if not has_readings and motors is not None:
+            values["leg_length"] = motors
+        return side or "motor"
+    if "leg_length" not in values:
+        if "motor_position" not in values:
+            raise LogError(f"{path}: no leg lengths; {_FORM}")
+        values["leg_length"] = values.pop("motor_position")
+        if side == "leg":
+            raise LogError(f"{path}: has motor_position only, but side is 'leg'; expected leg_length[1..6]")
+        return "motor"
+    if side == "motor" and "motor_position" in values:
+        raise LogError(
+            f"{path}: has motor_position beside leg_length, so the latter is the legs', but side is 'motor'; leave "
+            "side away, or remove one of both"
+        )
+    return side or "leg"
+
+
+def _sensors(metadata: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The sensors of a run's experiment; empty for other logs."""
+    experiment = metadata.get("experiment")
+    found = experiment.get("sensors") if isinstance(experiment, Mapping) else None
+    return found if isinstance(found, Mapping) else {}
 
 
 def _table(path: Path) -> polars.DataFrame:
@@ -206,9 +262,7 @@ def _at_samples(log: Log, metadata: Mapping[str, Any]) -> Log:
     sample, step = metadata.get("sample_time"), metadata.get("plant_step")
     if not log.holds_force or not sample or not step or log.actuator_force is None:
         return log
-    experiment = metadata.get("experiment")
-    sensors = experiment.get("sensors") if isinstance(experiment, Mapping) else None
-    own = sensors.get("sample_time") if isinstance(sensors, Mapping) else None
+    own = _sensors(metadata).get("sample_time")
     # a force that varies between two readings has no one time, so its samples are kept
     every = math.gcd(round(sample / step), round(max(sample, own or 0.0) / step))
     n = len(log) // every

@@ -47,6 +47,8 @@ FRICTION = ("leg_viscous_friction", "leg_coulomb_friction")
 _FIXED = ("base_points", "platform_points", "gravity")
 INERTIAL = 10 + 5
 SIZE = INERTIAL + 12
+# The place of the armature in φ.
+ARMATURE = INERTIAL - 1
 
 
 def elements_of(platform: Platform) -> dict[str, float]:

@@ -11,7 +11,7 @@ from scipy.ndimage import minimum_filter1d
 from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, sample_time_of
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.movement import motion_of_lengths
-from gough_stewart.harness.identify.rows.linear_parameters import INERTIAL, SIZE, friction_columns, regressor
+from gough_stewart.harness.identify.rows.linear_parameters import ARMATURE, INERTIAL, SIZE, friction_columns, regressor
 from gough_stewart.harness.identify.rows.noise import KernelCorrelations, kernel_correlations
 from gough_stewart.harness.identify.rows.sticking import sliding_rows, sticks, unit_friction
 from gough_stewart.harness.identify.smoothing import edge, kernel_of, smoothed
@@ -101,11 +101,15 @@ def regression_of(log: Log, platform: Platform, cutoff: float | None = None) -> 
     lengths = [smoothed(log.leg_length, h, wide, every, k) for k in range(3)]
     state, acceleration = motion_of_lengths(platform, *lengths)
     W = regressor(platform, state, acceleration).reshape(len(lengths[0]), 6, SIZE)
+    if log.motor_position is not None:
+        # rotor and screw are on the motors' side
+        W[:, :, ARMATURE] = smoothed(log.motor_position, h, wide, every, 2)
     inertial = smoothed(W[:, :, :INERTIAL].reshape(len(W), -1), h * every, cutoff, thin)
     first = edge(h, wide) + every * edge(h * every, cutoff)
     at = first + every * thin * np.arange(len(inertial))
     # friction steps where a leg reverses, so it needs all rows of the log
-    velocity = smoothed(log.leg_length, h, wide, 1, 1)
+    motors = log.leg_length if log.motor_position is None else log.motor_position
+    velocity = smoothed(motors, h, wide, 1, 1)
 
     raw_rows = at - edge(h, wide) - edge(h, cutoff)
 

@@ -23,7 +23,7 @@ from gough_stewart.model.machine_dynamics import law_of_bristles
 from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.interrupts import interrupts_held_back
-from gough_stewart.model.variant import Variant
+from gough_stewart.model.variant import RIGID, SLIDING, Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Parameters of the law that a log can show; how a leg breaks away, `leg_breakaway_share`, is the platform's.
@@ -49,6 +49,12 @@ class Bent(NamedTuple):
 def sticks(platform: Platform) -> bool:
     """Whether the platform's friction sticks."""
     return Variant.of(platform).bristles
+
+
+def ideal_of(platform: Platform) -> Platform:
+    """The platform with rigid legs, and without friction that sticks: the equations that are linear in parameters."""
+    found = platform.with_parameters(RIGID) if Variant.of(platform).springs else platform
+    return found.with_parameters(SLIDING) if sticks(platform) else found
 
 
 def is_of_bristles(name: str, platform: Platform) -> bool:
@@ -176,7 +182,7 @@ def _law(platform: Platform, values: Mapping[str, float]) -> Bristles:
         each = np.array([own.get(k, value_of(platform, f"{COULOMB}[{k + 1}]")) for k in range(6)])
         changed |= {COULOMB: each.mean(), f"{COULOMB}_factor": each / each.mean()}
     changed |= {name: value for name, value in values.items() if "[" not in name}
-    law = law_of_bristles(Variant(bristles=True), Parameters(**changed))
+    law = law_of_bristles(Variant.of(platform), Parameters(**changed))
     return Bristles(*(np.broadcast_to(np.asarray(field, dtype=float), (6,)) for field in law))
 
 

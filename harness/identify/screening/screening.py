@@ -245,7 +245,8 @@ def _on_even_rows(log: Log) -> tuple[Log, Mask, list[str]]:
     even = log.rows(np.searchsorted(at, rows, side="right") - 1)
     is_missing = ~np.isin(rows, at)
     even = replace(even, time=np.interp(rows, at, log.time))
-    for name in ("leg_length", "actuator_force"):
+    signals = ("leg_length", "actuator_force", *(() if log.motor_position is None else ("motor_position",)))
+    for name in signals:
         _interpolate(getattr(even, name), np.repeat(is_missing[:, None], 6, axis=1))
     gaps, missing = np.flatnonzero(number > 1), int((number - 1).sum())
     places = [

@@ -1,0 +1,134 @@
+"""Legs that give, from logs of one side or of both: forces of a Lagrangian, stretch in closed form."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import polars
+import pytest
+from scipy.interpolate import make_interp_spline
+
+from gough_stewart.harness.errors import IdentificationError, LogError
+from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.log import Log, log_of, read_log
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+from tests.support.lagrangian import forces_along, legs_along
+from tests.support.machine_logs import MACHINE, Swing
+
+K, C, RATE, DURATION = 1.3e7, 3e4, 500.0, 6.0
+LEGS = np.array([1.0, 1.2, 0.9, 1.1, 1.1, 0.7])
+SPRUNG = MACHINE.with_parameters({"leg_stiffness": K, "leg_damping": C, "leg_coulomb_friction": (130 * LEGS).tolist()})
+NAMES = ("platform_mass", "leg_armature", "leg_viscous_friction", "leg_coulomb_friction")
+
+
+@cache
+def _machine() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Time, lengths of the legs and positions of the motors, forces: k δ + c δ̇ = N by its series, m_a s̈ = F − f − N."""
+    swing = Swing(seed=8, frequency=0.3, size=0.02)
+    platform = replace(MACHINE, leg_armature=0.0, leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
+    time, coarse = np.arange(round(DURATION * RATE)) / RATE, np.arange(-0.05, DURATION + 0.06, 0.01)
+    N = make_interp_spline(coarse, forces_along(platform, swing.along(platform, coarse, DURATION)), k=7)
+    length, velocity = legs_along(platform, swing.along(platform, time, DURATION))
+    speed = make_interp_spline(time, velocity, k=5)
+    lag = C / K
+    stretch, faster, fastest = ((N(time, d) - lag * N(time, d + 1) + lag**2 * N(time, d + 2)) / K for d in (0, 1, 2))
+    sliding = velocity + faster
+    friction = 560 * sliding + 130 * LEGS * np.tanh(sliding / MACHINE.leg_friction_velocity)
+    force = N(time) + MACHINE.leg_armature * (speed(time, 1) + fastest) + friction
+    return time, length, length + stretch, force
+
+
+def elastic_log(sides: str, seed: int = 0) -> Log:
+    """What the machine records: "leg", "motor" or "both", whose encoders count from another zero."""
+    time, length, motor, force = _machine()
+    rng = np.random.default_rng(seed)
+    force = force + 5.0 * rng.standard_normal(force.shape)
+    length, motor = (each + 1e-6 * rng.standard_normal(each.shape) for each in (length, motor))
+    if sides == "both":
+        return Log(length, time, force, motor_position=motor + 1e-3 * LEGS)
+    return Log(motor if sides == "motor" else length, time, force, side="motor" if sides == "motor" else "leg")
+
+
+def test_both_sides_of_a_log_show_the_springs() -> None:
+    """Expected: the machine's stiffness and damping, from a platform that believes the legs rigid."""
+    rigid = SPRUNG.with_parameters({"leg_stiffness": 0.0, "leg_damping": 0.0, "platform_mass": 1200.0})
+    found = identify(elastic_log("both"), rigid, [*NAMES, "leg_stiffness", "leg_damping"])
+    truth = np.array([MACHINE.platform_mass, MACHINE.leg_armature, 560.0, 130.0 * LEGS.mean(), K, C])
+    assert found.alarms == ()
+    assert (np.abs(found.values - truth) < 4 * found.standard_errors).all()
+    assert found.standard_errors[4] < 0.005 * K
+    assert found.platform(rigid).leg_stiffness == found["leg_stiffness"][0]
+
+
+def test_intervals_of_the_springs_hold() -> None:
+    """Expected: errors of twenty logs in standard errors have a standard deviation of 1, within its sampling error."""
+    errors = []
+    for seed in range(20):
+        found = identify(elastic_log("both", seed), SPRUNG, ["leg_stiffness", "leg_damping"])
+        errors.append((found.values - [K, C]) / found.standard_errors)
+    spread = np.sqrt((np.array(errors) ** 2).mean(axis=0))
+    assert (spread > 0.6).all()
+    assert (spread < 1.5).all()
+
+
+@pytest.mark.parametrize("side", ["leg", "motor"])
+def test_lengths_of_one_side_are_brought_to_the_other(side: str) -> None:
+    """Expected: the machine's mass and armature with the springs known; a log read as of the other side is off."""
+    log = elastic_log(side)
+    found = identify(log, SPRUNG, NAMES)
+    truth = [MACHINE.platform_mass, MACHINE.leg_armature]
+    assert (np.abs(found.values[:2] - truth) < 4 * found.standard_errors[:2]).all()
+    wrong = identify(replace(log, side="leg" if side == "motor" else "motor"), SPRUNG, NAMES)
+    assert (np.abs(wrong.values[:2] - truth) > 4 * wrong.standard_errors[:2]).any()
+
+
+def test_one_side_shows_no_springs() -> None:
+    with pytest.raises(IdentificationError, match=r"leg_stiffness: not shown by log, which has lengths on one side"):
+        identify(elastic_log("motor"), SPRUNG, ["leg_stiffness"])
+    found = identify(elastic_log("motor"), SPRUNG, ["platform_mass", "leg_stiffness"])
+    assert found.not_excited == ("leg_stiffness",)
+    assert found.platform(SPRUNG).leg_stiffness == K
+    assert any("one side of the legs only" in note for note in found.notes)
+
+
+def test_two_readings_of_one_side_are_refused() -> None:
+    log = elastic_log("leg")
+    with pytest.raises(IdentificationError, match=r"motor_position and leg_length of this log do not differ"):
+        identify(replace(log, motor_position=log.leg_length), SPRUNG, ["leg_stiffness"])
+
+
+def test_springs_need_the_mass_of_motors() -> None:
+    light: Platform = replace(MACHINE, leg_armature=0.0)
+    with pytest.raises(IdentificationError, match=r"leg_stiffness: leg_armature is 0.*set it, or estimate it, too"):
+        identify(elastic_log("both"), light, ["leg_stiffness"])
+
+
+def test_a_log_says_its_side(tmp_path: Path) -> None:
+    """Expected: of a record that of its sensors, with their reading; of a file its columns' or the option's."""
+    changes = {"plant.parameters.leg_stiffness": 1e7, "loop.duration": 0.1, "sensors.side": "motor"}
+    record = run("heave_step", changes)
+    log = log_of(record)
+    assert (log.side, log.motor_position) == ("motor", None)
+    motors = record.table.select([f"motor_position[{k}]" for k in range(1, 7)]).to_numpy()
+    # the stretch is 0.25 mm, the sensors' step 10 µm
+    assert np.abs(log.leg_length - motors[: len(log)]).max() < 6e-6
+    both = log_of(run("heave_step", changes | {"sensors.side": "leg"}))
+    assert both.side == "leg"
+    assert both.motor_position is not None
+
+    time, _, motor, force = _machine()
+    columns = {f"actuator_force[{k + 1}]": force[:, k] for k in range(6)}
+    polars.DataFrame({"time": time} | columns | {f"motor_position[{k + 1}]": motor[:, k] for k in range(6)}).write_csv(
+        tmp_path / "motors.csv"
+    )
+    polars.DataFrame({"time": time} | columns | {f"leg_length[{k + 1}]": motor[:, k] for k in range(6)}).write_csv(
+        tmp_path / "lengths.csv"
+    )
+    assert read_log(tmp_path / "motors.csv").side == "motor"
+    assert read_log(tmp_path / "lengths.csv").side == "leg"
+    assert read_log(tmp_path / "lengths.csv", side="motor").side == "motor"
+    with pytest.raises(LogError, match=r"has motor_position only, but side is 'leg'"):
+        read_log(tmp_path / "motors.csv", side="leg")
