@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.checks import sample_time_of
@@ -68,7 +68,7 @@ def _on_both_sides(log: Log, platform: Platform, cutoff: float | None) -> Log:
     return replace(inner, motor_position=inner.leg_length + stretch)
 
 
-def _leg_force(log: Log, platform: Platform, cutoff: float) -> tuple[make_interp_spline, slice]:
+def _leg_force(log: Log, platform: Platform, cutoff: float) -> tuple[BSpline, slice]:
     """N through a low-pass as a spline of six over time, and the rows that it reaches."""
     h = sample_time_of(log)
     every, first = max(1, int(1 / (_ROWS_A_PERIOD * cutoff * h))), edge(h, cutoff)
