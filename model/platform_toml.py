@@ -156,7 +156,7 @@ def preset_text(name: str) -> str:
 
 
 def load_preset(name: str) -> Platform:
-    """A preset by name: the paper's `liu2000`, `desktop_hexapod` or `motion_base`.
+    """A preset by name: `liu2000`, the paper's, `desktop_hexapod`, `motion_base` or `motion_base_screws`, which sticks.
 
     Returns
     -------

@@ -379,3 +379,15 @@ def test_a_platform_lists_its_fields_in_the_order_of_its_file() -> None:
     for name, value in UNEVEN.as_dict().items():
         assert value == "smooth" if name == "leg_friction_model" else value is getattr(UNEVEN, name)
     assert Platform(**UNEVEN.as_dict()) == UNEVEN
+
+
+def test_the_friction_of_screws_is_that_of_their_preload() -> None:
+    """Expected: JIS B 1192 with a third of the largest force and the screw of motion_base; all else as there."""
+    screws, base = load_preset("motion_base_screws"), load_preset("motion_base")
+    preload, lead, diameter = screws.actuator_force_max / 3, 0.025, 0.04
+    torque = 0.05 * (lead / (np.pi * diameter)) ** -0.5 * preload * lead / (2 * np.pi)
+    assert screws.leg_coulomb_friction == pytest.approx(2 * np.pi * torque / lead, rel=0.01)
+    assert screws.leg_static_friction / screws.leg_bristle_stiffness == pytest.approx(20e-6)
+    friction = ("friction_model", "coulomb_friction", "static_friction", "stribeck_velocity", "bristle_stiffness")
+    own = ("name", "source", *(f"leg_{each}" for each in friction))
+    assert replace(screws, **{name: getattr(base, name) for name in own}) == base

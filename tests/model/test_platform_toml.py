@@ -250,12 +250,14 @@ def test_wrong_keys_and_values_are_told_in_whole_sentences(tmp_path: Path) -> No
 
 
 def test_presets_are_named_and_errors_in_them_too() -> None:
-    """Expected: the three of the documentation, in order; the text of a preset is that of its file."""
-    assert preset_names() == ("desktop_hexapod", "liu2000", "motion_base")
+    """Expected: the four of the documentation, in order; the text of a preset is that of its file."""
+    assert preset_names() == ("desktop_hexapod", "liu2000", "motion_base", "motion_base_screws")
     assert [load_preset(name).name for name in preset_names()] == list(preset_names())
     with pytest.raises(PlatformFileError, match=r"^preset 'motion_bas': no such preset; did you mean 'motion_base'\?$"):
         preset_text("motion_bas")
-    with pytest.raises(PlatformFileError, match=r"expected one of desktop_hexapod, liu2000, motion_base$"):
+    with pytest.raises(
+        PlatformFileError, match=r"expected one of desktop_hexapod, liu2000, motion_base, motion_base_screws$"
+    ):
         load_preset("qq")
 
 

@@ -26,10 +26,11 @@ def runner(interpreter: Interpreter) -> Runner:
     """What runs one command of a page, as a shell would in a terminal of 80 columns.
 
     `gough-stewart …` and `python FILE` run in an interpreter that has imported most of it; a compiler, and what it
-    makes, in a shell.
+    makes, in a shell. With `|| test $? -eq 3` behind it, it must end with just that exit code.
     """
 
     def run_one(command: str, cwd: Path) -> str:
+        command, _, exit_code = command.partition(" || test $? -eq ")
         program, *arguments = shlex.split(command)
         target = ""
         if ">" in arguments:
@@ -41,7 +42,7 @@ def runner(interpreter: Interpreter) -> Runner:
         else:
             assert command.startswith(("python -m ziglang cc ", "./")), command
             done = run_in_shell(command, cwd)
-        if done.returncode:
+        if done.returncode != int(exit_code or 0):
             raise FailedCommandError(command, done)
         if target:
             (cwd / target).write_text(done.stdout)
