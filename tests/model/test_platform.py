@@ -384,6 +384,7 @@ def test_a_platform_lists_its_fields_in_the_order_of_its_file() -> None:
 def test_the_friction_of_screws_is_that_of_their_preload() -> None:
     """Expected: JIS B 1192 with a third of the largest force and the screw of motion_base; all else as there."""
     screws, base = load_preset("motion_base_screws"), load_preset("motion_base")
+    assert screws.actuator_force_max is not None
     preload, lead, diameter = screws.actuator_force_max / 3, 0.025, 0.04
     torque = 0.05 * (lead / (np.pi * diameter)) ** -0.5 * preload * lead / (2 * np.pi)
     assert screws.leg_coulomb_friction == pytest.approx(2 * np.pi * torque / lead, rel=0.01)
