@@ -6,6 +6,7 @@ from typing import Any
 
 from gough_stewart.harness.ensemble.columns import DISK
 from gough_stewart.harness.errors import NoCandidateError, TuningError
+from gough_stewart.harness.experiment.analysis import margins
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.hints import too_late
 from gough_stewart.harness.experiment.schema import Experiment
@@ -15,6 +16,7 @@ from gough_stewart.harness.tuning.conditions import check_metric, condition_of
 from gough_stewart.harness.tuning.result import Tuning
 from gough_stewart.harness.tuning.search import Search, point_of_experiment, search
 from gough_stewart.harness.tuning.space import Axis, axes_of
+from gough_stewart.model.errors import GoughStewartError
 
 # Members that evaluate a candidate, if the experiment has more, and fresh members that the search does not use.
 MEMBERS, FRESH = 64, 500
@@ -125,8 +127,9 @@ def tune(
     judged = [_judged(each, axes, goal, best.point, own, further) for each in judges]
     (seen, before), (unseen, before_unseen) = judged[0], judged[1] if judges[1:] else (None, None)
     path_values = {axis.place.path: value for axis, value in zip(axes, best.point, strict=True)}
+    tuned = experiment_with(here.members.nominal, path_values).model_copy(update={"ensemble": chosen.ensemble})
     return Tuning(
-        experiment_with(here.members.nominal, path_values).model_copy(update={"ensemble": chosen.ensemble}),
+        tuned,
         dict(zip([axis.key for axis in axes], best.point, strict=True)),
         seen,
         unseen,
@@ -137,7 +140,19 @@ def tune(
         judges[-1].count if judges[1:] else 0,
         left_out,
         max(each.integration_error for each in judges),
+        _of_margins(here, tuned, controller),
     )
+
+
+def _of_margins(candidates: Candidates, tuned: Experiment, controller: Any) -> tuple[str, ...]:
+    """What margins do not say of the result: those of a design with rigid legs for a machine whose legs give."""
+    batch = candidates.members.prepared_with([{}], [None]).batch
+    if not len(batch) or not batch.machine[0].leg_stiffness > 0:
+        return ()
+    try:
+        return margins(tuned, controller=controller).warnings
+    except GoughStewartError:
+        return ()  # the controller has no linear loop
 
 
 def _judged(

@@ -32,6 +32,7 @@ class Made:
     search: Search = field(default_factory=lambda: searched(ending=""))
     members: int = 20
     fresh_members: int = 40
+    warnings: tuple[str, ...] = ()
 
 
 def searched(**more: Any) -> Search:

@@ -123,3 +123,29 @@ def test_what_cannot_be_is_refused_with_its_reason(
         gs.tune(
             "heave_step", vary, minimise, {"loop.duration": 0.3}, subject_to=subject_to, generations=1, population=5
         )
+
+
+def test_a_machine_that_sticks_and_gives_is_tuned_as_it_is() -> None:
+    """Expected: the metric of the tuned experiment's own run; margins are said to be those of rigid legs."""
+    machine = {
+        "plant.parameters.leg_friction_model": "elasto_plastic",
+        "plant.parameters.leg_coulomb_friction": [60, 80, 100, 120, 90, 110],
+        "plant.parameters.leg_stiffness": 5e6,
+        "loop.duration": 0.25,
+    }
+    found = gs.tune(
+        "heave_step",
+        ["controller.bandwidth=1..6Hz"],
+        "tracking.position.norm_rms",
+        machine,
+        subject_to=["disk_margin > 0.5"],
+        generations=2,
+        population=5,
+    )
+    alone = gs.run(found.experiment)
+    assert found.seen.value == pytest.approx(gs.metrics(alone)["tracking"]["position"]["norm_rms"], rel=1e-4)
+    assert len({round(each.value, 9) for each in found.search.tried}) > 1
+    (warning,) = found.warnings
+    assert warning == gs.margins(found.experiment).warnings[0]
+    assert "margins are of rigid legs: on that machine the loop" in warning
+    assert any(note.text == warning and note.kind == "warning" for note in found.report(charts=False).notes)
