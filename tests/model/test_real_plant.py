@@ -1,6 +1,7 @@
 """The stepping model of platforms that stick and give. Expected: standing still, energy balance, rules."""
 
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.variant import Variant
 from tests.support.energy_balance import energy_balance
+from tests.support.printed_machine import motion_by_radau
 from tests.support.real_platforms import VARIANTS, gripped, real_platform
 from tests.support.uneven import UNEVEN
 
@@ -108,6 +110,37 @@ def test_a_model_takes_fixed_steps_up_to_the_largest_that_resolves_its_modes() -
     assert model.time == 2e-3
     with pytest.raises(InterfaceError, match="fixed_step_size: is -1 s; expected 0 for error control, or > 0"):
         gs.SteppingModel(platform, fixed_step_size=-1)
+
+
+@pytest.mark.parametrize(
+    ("friction", "springs", "tolerance"),
+    [
+        ("elasto_plastic", True, 1e-6),
+        *(
+            pytest.param(*case, marks=pytest.mark.evidence)
+            for case in product(("elasto_plastic", "lugre"), (False, True), (1e-8,))
+        ),
+    ],
+)
+def test_a_platform_moves_as_a_lagrangian_with_printed_laws_under_radau(
+    friction: str, springs: bool, tolerance: float
+) -> None:
+    """Legs slide, four of them reverse. Expected: equations and integration that share nothing with the model's."""
+    platform = real_platform(friction, springs)
+    model = gs.SteppingModel(platform, tolerance=1e-11)
+    model.set("velocity", [0.03, -0.02, 0.05])
+    force = platform.home_actuator_force + np.array([-90, 15, -70, -110, 12, -60])
+    model.set("actuator_force", force)
+    start = model.state
+    expected = motion_by_radau(platform, start, force, 8e-3, tolerance)
+    model.do_step(0.0, 8e-3)
+    # Radau's accuracy: of velocities the tolerance, poses and bristles are better
+    bounds = np.full(len(start), 2 * tolerance)
+    bounds[:6], bounds[12:18] = 0.01 * tolerance, 1e-4 * tolerance
+    # the rates of roll, pitch and yaw are not the angular velocity
+    gap = np.delete(np.abs(model.state - expected) / bounds, slice(9, 12))
+    assert gap.max() < 1
+    assert np.ptp(np.sign(model.state[12:18])) == 2
 
 
 def test_stiff_legs_are_the_rigid_plant_to_first_order() -> None:
