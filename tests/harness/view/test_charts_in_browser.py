@@ -10,7 +10,11 @@ import pytest
 from matplotlib.image import imread
 from playwright.sync_api import Browser, Page, expect
 
+from gough_stewart.harness.report.chart import Axis, Chart, Series
+from gough_stewart.harness.report.document import Report, Section, Verdict
+from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.palette import THEMES, colour_of_six
+from gough_stewart.harness.report.quantities import FREQUENCY, NUMBER
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.platform import Platform
@@ -491,8 +495,30 @@ def test_each_chart_has_a_name_that_says_what_it_shows(fresh: Page, record: Reco
     assert name == f"Chart of actuator force over time [s]: {legs}; values from {low} to {high} N; {limits}."
 
 
+def test_short_logarithmic_axes_have_round_ticks(browser: Browser, tmp_path: Path) -> None:
+    """Expected: from 2 to 100 Hz round numbers of one digit, at most seven; over more decades powers of ten."""
+    charts = [
+        Chart(title, Axis(title, FREQUENCY, np.array(ends), scale="log"), (Series("L", NUMBER, np.ones(2)),))
+        for title, ends in (("short", [2.0, 100.0]), ("long", [0.01, 1000.0]))
+    ]
+    path = tmp_path / "ticks.html"
+    path.write_bytes(page_of(Report("ticks", Verdict("v", "told"), (Section("a", tuple(charts)),))))
+    page = open_report(browser, path).page
+    until(page, "GoughStewart.ready.all === true")
+    short, long = page.evaluate(
+        "GoughStewart.panels.map((p) => p.figure.figure.xaxes[0].ticker.ticks).map((all) => all && [...all])"
+    )
+    assert 3 <= len(short) <= 7
+    assert short[0] >= 2
+    assert short[-1] <= 100
+    assert {str(tick / 10 ** np.floor(np.log10(tick))) for tick in short} <= {"1.0", "2.0", "3.0", "5.0", "7.0"}
+    assert long is None
+    page.close()
+
+
 def test_charts_of_a_part_that_is_opened_are_all_drawn(fresh: Page) -> None:
     """Expected: also those far below the window, so that paper has them."""
+    until(fresh, "GoughStewart.ready.all === true")
     fresh.evaluate("document.querySelectorAll('main details').forEach((each) => { each.open = true; })")
     until(fresh, "GoughStewart.panels.every((panel) => panel.figure)")
     fresh.evaluate("document.querySelectorAll('main details').forEach((each) => { each.open = false; })")
