@@ -40,7 +40,8 @@ def _runs(number: int) -> bytes:
 
 
 def _workspace(*over: str) -> bytes:
-    return page_of(workspace_report(sweep(load_preset("desktop_hexapod"), dict.fromkeys(over), points=15)))
+    points = 15 if len(over) == 2 else 9
+    return page_of(workspace_report(sweep(load_preset("desktop_hexapod"), dict.fromkeys(over), points=points)))
 
 
 PAGES: Mapping[str, Callable[[], bytes]] = {
