@@ -305,17 +305,26 @@ def _responses(found: Analysed) -> tuple[Chart, ...]:
     values = zip(sensitivities(L, omega), ("S", "T"), ("actual", "published"), strict=True)
     sigma = tuple(_sigma(each, name, role) for each, name, role in values)
     one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
+    legs = _first_mode(found, frequency.values)
     of_disk = (Mark(found.disk.frequency, f"disk margin {found.disk.alpha:.3g} at", "vertical", _margin_role(found)),)
     gain_margins, phase_margins = _margins_of_one(found, frequency.values, angles)
     alone = "one leg cut, the others closed"
     log = Axis("gain of L", _GAIN, scale="log")
     return (
-        Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=one, spans=gain_margins, group="bode"),
+        Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=(*one, *legs), spans=gain_margins, group="bode"),
         Chart(f"phase of L, {alone}", frequency, phase, y=Axis("phase of L", ANGLE), group="bode",
               spans=phase_margins, marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
         Chart("singular values of S and T, all legs closed", frequency, sigma, marks=(*one, *of_disk),
               y=Axis("singular value", _GAIN, scale="log"), group="bode"),
     )  # fmt: skip
+
+
+def _first_mode(found: Analysed, frequency: np.ndarray) -> tuple[Mark, ...]:
+    """Where legs that give begin to resonate."""
+    if found.structure is None or not found.structure.modes:
+        return ()
+    at = found.structure.modes[0].frequency
+    return (Mark(at, "first structural mode", "vertical", "neutral"),) if at < frequency[-1] else ()
 
 
 def _margin_role(found: Analysed) -> Role:

@@ -256,7 +256,7 @@ POSES = np.array(
 
 def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None:
     """Expected: NumPy and SciPy's rotations, pose by pose; static forces by balances of bodies; a batch of a batch."""
-    platform = replace(UNEVEN, leg_velocity_max=0.8, actuator_force_max=75.0)
+    platform = replace(UNEVEN, leg_velocity_max=0.8, actuator_force_max=75.0, leg_stiffness=2.7e6)
     found = evaluate_poses(platform, POSES[:, :3].reshape(2, 3, 3), POSES[:, 3:].reshape(2, 3, 3))
     home = Rotation.from_euler("xyz", UNEVEN.home_orientation)
     rho = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
@@ -282,6 +282,7 @@ def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None
         J = np.hstack([u, np.cross(arm, u)])
         f1 = np.linalg.solve(J.T, np.concatenate([-UNEVEN.gravity, np.zeros(3)]))
         A = np.linalg.inv(J.T)[:, :3]
+        C = np.linalg.inv(2.7e6 * J.T @ J)
         holds = bool((np.abs(f0) <= 75.0).all())
         expected = {
             "leg_length_margin": min(L.min() - 2.3, 3.9 - L.max()),
@@ -291,6 +292,10 @@ def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None
             "payload": ((75.0 - np.sign(f1) * f0) / np.abs(f1)).min() if holds else 0.0,
             "force_margin": ((75.0 - np.abs(f0)) / np.linalg.norm(A, axis=1)).min() if holds else 0.0,
             "largest_speed": 0.8 / np.linalg.norm(scaled, axis=1).max(),
+            "translational_stiffness": 1 / np.linalg.eigvalsh(C[:3, :3]).max(),
+            "translational_stiffness_max": 1 / np.linalg.eigvalsh(C[:3, :3]).min(),
+            "rotational_stiffness": 1 / np.linalg.eigvalsh(C[3:, 3:]).max(),
+            "rotational_stiffness_max": 1 / np.linalg.eigvalsh(C[3:, 3:]).min(),
         }
         for name, value in expected.items():
             own = getattr(found, name)

@@ -125,3 +125,17 @@ def test_a_loop_that_legs_make_unstable_names_their_first_mode() -> None:
     text = r"stable on rigid legs: those of 5e\+06 N/m, whose first structural mode is at 19 Hz, limit the bandwidth"
     with pytest.raises(UnstableLoopError, match=text):
         gs.margins("heave_step", {"platform.parameters.leg_stiffness": 5e6})
+
+
+def test_the_first_mode_is_marked_in_the_bode_plot(found: LoopMargins) -> None:
+    """Expected: at the lowest √(k (J M⁻¹ Jᵀ + 1/m_a)) of the platform at home; none of rigid legs."""
+    base = gs.load_preset("motion_base")
+    home = base.home_position, base.home_orientation
+    J, M = leg_jacobian(base, *home), mass_matrix(replace(base, leg_armature=0.0), *home)
+    squares = 2e7 * np.linalg.eigvalsh(J @ np.linalg.solve(M, J.T) + np.eye(6) / base.leg_armature)
+    gain = next(chart for chart in found.report().charts if chart.title.startswith("gain of L"))
+    (mark,) = [each for each in gain.marks if each.direction == "vertical"]
+    assert mark.text == "first structural mode"
+    assert mark.value == pytest.approx(np.sqrt(squares[0]) / (2 * np.pi), rel=1e-3)
+    rigid = next(chart for chart in gs.margins("heave_step").report().charts if chart.title.startswith("gain of L"))
+    assert not [each for each in rigid.marks if each.direction == "vertical"]
