@@ -10,8 +10,8 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.model.errors import InterfaceError, PlatformError, StepError
-from gough_stewart.model.fixed_steps import fixed_step
-from gough_stewart.model.kernel import Kernel
+from gough_stewart.model.fixed_steps import fixed_step, largest_step
+from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry, leg_rates
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
@@ -141,6 +141,19 @@ def test_a_platform_moves_as_a_lagrangian_with_printed_laws_under_radau(
     gap = np.delete(np.abs(model.state - expected) / bounds, slice(9, 12))
     assert gap.max() < 1
     assert np.ptp(np.sign(model.state[12:18])) == 2
+
+
+@pytest.mark.parametrize("springs", [False, True])
+def test_the_largest_fixed_step_is_that_of_legs_that_stand(springs: bool) -> None:
+    """Expected: the same for legs that slide, whose bristles forget within 10 µs, and for legs at rest."""
+    platform = real_platform("lugre", springs, **({"leg_armature": 0.5} if springs else {}))
+    variant = Variant.of(platform)
+    kernel, p, rest = Kernel(variant), parameter_vector(platform, variant), gs.SteppingModel(platform).state
+    moving = rest.copy()
+    moving[6:12], moving[12:18] = 0.2, 5e-6
+    if springs:
+        moving[24:] = 0.3
+    assert largest_step(kernel, variant, moving, p) == pytest.approx(largest_step(kernel, variant, rest, p), rel=1e-12)
 
 
 def test_stiff_legs_are_the_rigid_plant_to_first_order() -> None:
