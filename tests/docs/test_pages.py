@@ -173,8 +173,14 @@ def test_the_tests_that_the_pages_name_are_there(interpreter: Interpreter, tmp_p
     # a file whose engine is not installed is left out as a whole when it is collected
     named = [each for each in slow | quick if "::" in each or not (ROOT / each).is_file()]
     assert [each for each in named if not any(name.startswith(each) for name in collected)] == []
-    assert [each for each in slow if not each.startswith("tests/evidence/")] == []
+    assert [each for each in slow if not has_evidence(each)] == []
     assert [each for each in quick if each.startswith("tests/evidence/")] == []
+
+
+def has_evidence(name: str) -> bool:
+    """Whether a file of tests, perhaps with a test behind `::`, has slow ones."""
+    file = name.partition("::")[0]
+    return file.startswith("tests/evidence/") or "mark.evidence" in (ROOT / file).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", PAGES)
