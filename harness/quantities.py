@@ -46,18 +46,12 @@ LARGEST = 1e12
 # A number and its unit, with or without a space between them.
 _QUANTITY = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
 ZEROS = (0.0, 0.0, 0.0)
-_RAISED = str.maketrans("23", "²³")
 # Keyboards and other programs write the Greek letter for the micro sign.
 _TYPED = str.maketrans("·²³\N{GREEK SMALL LETTER MU}", ".23\N{MICRO SIGN}")
 
 
-def unit_text(unit: str) -> str:
-    """A unit as people write it: N·m and m/s² for N.m and m/s2."""
-    return re.sub(r"(?<=[a-z])[23]", lambda power: power[0].translate(_RAISED), unit.replace(".", "·"))
-
-
 def unit_typed(text: str) -> str:
-    """The unit of `UNITS` that a person wrote: the inverse of `unit_text`."""
+    """The unit of `UNITS` that a person wrote: the inverse of `interface.unit_text`."""
     return text.strip().translate(_TYPED)
 
 

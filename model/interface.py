@@ -9,6 +9,7 @@ The names are part of the public interface. Elements of arrays have their FMI 2.
 """
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -26,6 +27,7 @@ from gough_stewart.model.vectors import Array
 
 Causality = Literal["input", "output", "local", "parameter"]
 Variability = Literal["continuous", "discrete", "fixed", "tunable"]
+_RAISED = str.maketrans("23", "²³")
 
 
 @dataclass(frozen=True)
@@ -221,6 +223,11 @@ def find(name: str) -> tuple[Variable, int | None]:
     if name in _ELEMENTS:
         return _ELEMENTS[name]
     raise InterfaceError(name, f"no such variable{nearest(name, {**BY_NAME, **_ELEMENTS})}")
+
+
+def unit_text(unit: str) -> str:
+    """A unit as people write it: N·m and m/s² for N.m and m/s2."""
+    return re.sub(r"(?<=[a-z])[23]", lambda power: power[0].translate(_RAISED), unit.replace(".", "·"))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart.model.interface import unit_text
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import TABLE, TEXTS, PlatformFields, in_words
 from gough_stewart.model.vectors import FloatArray
@@ -14,7 +15,7 @@ def platform_text(platform: PlatformFields) -> str:
     """Name, masses, geometry, home pose and limits, one line each."""
     legs = leg_geometry(platform, platform.home_position, platform.home_orientation).length
     limits = [
-        f"{name} {_text(getattr(platform, name))} {row.unit}"
+        f"{name} {_text(getattr(platform, name))} {unit_text(row.unit)}"
         for name, row in TABLE.items()
         if row.is_optional and getattr(platform, name) is not None
     ]
@@ -36,7 +37,7 @@ def platform_html(platform: PlatformFields) -> str:
     """Every parameter with its value, unit and meaning."""
     rows = [
         f"<tr><th scope=row>{name}</th><td>{_text(in_words(name, getattr(platform, name)))}</td>"
-        f"<td>{html.escape(row.unit)}</td><td>{html.escape(row.description)}</td></tr>"
+        f"<td>{html.escape(unit_text(row.unit))}</td><td>{html.escape(row.description)}</td></tr>"
         for name, row in TABLE.items()
         if getattr(platform, name) is not None
     ]

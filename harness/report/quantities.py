@@ -8,7 +8,8 @@ import math
 from dataclasses import dataclass
 
 from gough_stewart.harness.output.display_resolution import LEAST_SPANS, factor_to
-from gough_stewart.harness.quantities import UNITS, unit_text, unit_typed
+from gough_stewart.harness.quantities import UNITS, unit_typed
+from gough_stewart.model.interface import unit_text
 
 _DEGREES = 180 / math.pi
 # A value that is not defined.

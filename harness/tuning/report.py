@@ -8,7 +8,6 @@ import numpy as np
 
 from gough_stewart.harness.ensemble.columns import DISK
 from gough_stewart.harness.ensemble.report import number_of_members
-from gough_stewart.harness.quantities import unit_text
 from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.palette import Role
@@ -18,6 +17,7 @@ from gough_stewart.harness.report.words import about, counted, listed, percent, 
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.search import Search
+from gough_stewart.model.interface import unit_text
 from gough_stewart.model.vectors import FloatArray
 
 # A value so near to a bound, of the range, may be better beyond it.

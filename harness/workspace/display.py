@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gough_stewart.harness.quantities import unit_text
 from gough_stewart.harness.report.words import number_text
+from gough_stewart.model.interface import unit_text
 from gough_stewart.model.parameters import LIMITS, TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH

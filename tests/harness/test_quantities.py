@@ -19,10 +19,10 @@ from gough_stewart.harness.quantities import (
     number,
     positive_or_word,
     quantity_in,
-    unit_text,
     unit_typed,
 )
 from gough_stewart.harness.quantities import vector as vector_of
+from gough_stewart.model.interface import unit_text
 
 PI = 3.141592653589793
 # Each unit as so many SI units, from the SI brochure: rad/s as a frequency are turns of 2π, rpm 60 to the minute.

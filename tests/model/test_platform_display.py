@@ -66,7 +66,7 @@ def test_a_notebook_shows_each_number_with_unit_and_meaning() -> None:
     rows = {row[0].text_content(): [cell.text_content() for cell in row[1:]] for row in page.findall(".//tbody/tr")}
     assert [cell.text_content() for cell in page.findall(".//thead/tr/th")] == ["parameter", "value", "unit", "meaning"]
     assert page.findtext("caption") == "Platform <b> – a & b"
-    assert rows["platform_inertia"][:2] == ["4.6, 0.35, -0.28; 0.35, 5.7, 0.41; -0.28, 0.41, 8.1", "kg.m2"]
+    assert rows["platform_inertia"][:2] == ["4.6, 0.35, -0.28; 0.35, 5.7, 0.41; -0.28, 0.41, 8.1", "kg·m²"]
     assert rows["leg_upper_com"] == ["0.58", "m", "upper part's centre of mass, from the platform joint along the leg"]
     assert rows["leg_viscous_friction_factor"][:2] == ["0.7, 1.4, 0.9, 1.6, 0.5, 1.1", "1"]
     assert list(rows) == list(UNEVEN.as_dict())[2:]
@@ -78,7 +78,7 @@ def test_a_platform_is_a_table_of_all_its_parameters_in_a_notebook(uneven: Platf
     page = html.fragment_fromstring(uneven._repr_html_())
     rows = {row[0].text_content(): [cell.text_content() for cell in row[1:]] for row in page.findall(".//tbody/tr")}
     assert set(rows) == set(uneven.as_dict()) - {"name", "source"}
-    assert rows["gravity"][:2] == ["0, 0, -9.81", "m/s2"]
+    assert rows["gravity"][:2] == ["0, 0, -9.81", "m/s²"]
     assert rows["base_points"][0].startswith("13, 24, 0; 7, 16, 0; ")
     assert "crooked" in page.findtext("caption")
 
