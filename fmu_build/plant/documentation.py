@@ -146,7 +146,7 @@ First derivatives of outputs are available."""
     scheme, fixed = "the Dormand–Prince pair of order 5(4)", "the classical Runge–Kutta method of order 4"
     if variant.bristles:
         scheme = "the exponential scheme ETDRK4, whole steps against two halves,"
-        fixed = "ETDRK4 without error control, with substeps where legs slide fast,"
+        fixed = "the same scheme in momenta, divided where a leg breaks away, reverses or rings,"
     jacobians = "directional derivatives" if fmi_version == "2.0" else "directional and adjoint derivatives"
     return f"""
 <h2>Behaviour</h2>

@@ -12,11 +12,12 @@ import pytest
 
 from gough_stewart.fmu_build.formulas import mathml
 from gough_stewart.fmu_build.plant.documentation import documentation_page
-from gough_stewart.fmu_build.plant.layout import PLANT
+from gough_stewart.fmu_build.plant.layout import PLANT, plant_layout
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset, preset_names
+from gough_stewart.model.variant import Variant
 
 XHTML = "{http://www.w3.org/1999/xhtml}"
 VERSIONS = ["2.0", "3.0"]
@@ -47,8 +48,9 @@ def example_of(page: bytes) -> str:
 
 def test_every_variable_has_its_line(preset_and_version: tuple[Platform, str]) -> None:
     """Expected: name, unit and description of the layout, in its order."""
-    rows = table_of(documentation_page(*preset_and_version))
-    variables = [row.variable for row in PLANT.described(preset_and_version[1])]
+    platform, version = preset_and_version
+    rows = table_of(documentation_page(platform, version))
+    variables = [row.variable for row in plant_layout(Variant.of(platform)).described(version)]
     assert [row[0].split()[0] for row in rows] == [v.name for v in variables]
     assert [row[3] for row in rows] == [v.unit for v in variables]
     assert [row[5] for row in rows] == [v.description for v in variables]
@@ -121,9 +123,10 @@ def test_it_says_what_an_importer_has_to_know(preset_and_version: tuple[Platform
     platform, version = preset_and_version
     text = text_of(documentation_page(platform, version))
     prefix = f"fmi{version[0]}"
+    scheme = "Dormand–Prince" if platform.leg_friction_model == 0 else "ETDRK4"
     for words in (
         *(f"{prefix}Discard", f"{prefix}Error", f"FMI {version}", platform.name),
-        *("from 10−13 to 10−2, by default 10−8", "20,000 internal steps", "Dormand–Prince", "fixed_step_size"),
+        *("from 10−13 to 10−2, by default 10−8", "20,000 internal steps", scheme, "fixed_step_size"),
         *("logStatusDiscard", "logAll", "are not enforced", "16(1), 2000"),
     ):
         assert words in text

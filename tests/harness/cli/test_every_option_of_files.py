@@ -206,7 +206,7 @@ def test_identify(notes: Notes, kind: str) -> None:  # noqa: PLR0915
             *("one.csv", "two.csv", "--estimate", "leg_armature,platform_com", "--platform", "own.toml"),
             *("--method", "output_error", "--force-per-current", "57.5", "--holds-force", "--validate", "three.csv"),
             *("--validate", "four.csv", "--pose-frame", "own", "--experiment", "circle", "--set", "loop.delay=3"),
-            *("--out", "there", "--open"),
+            *("--side", "motor", "--out", "there", "--open"),
         ),
     }[kind]
     done = invoke("identify", *arguments)
@@ -215,11 +215,13 @@ def test_identify(notes: Notes, kind: str) -> None:  # noqa: PLR0915
     lines = [f"Done in T s. Wrote to {out} (3 kB):"]
     tables = ["parameters found", "parameters"]
     more_tables = ["before and after"] * (kind == "all")
-    factor, holds = (57.5, True) if kind == "all" else (None, None)
+    factor, of_log = (
+        (57.5, {"holds_force": True, "side": "motor"}) if kind == "all" else (None, {"holds_force": None, "side": None})
+    )
     logs = {"default": ["log.csv"], "share": ["a/log.csv"], "all": ["one.csv", "two.csv", "three.csv", "four.csv"]}[
         kind
     ]
-    assert notes.calls.pop("read_log") == [((Path(log), factor), {"holds_force": holds}) for log in logs]
+    assert notes.calls.pop("read_log") == [((Path(log), factor), of_log) for log in logs]
     read = [f"read {log}" for log in logs]
     expected: dict[str, Any] = {}
     if kind == "all":
@@ -394,7 +396,7 @@ def test_presets_and_experiments_are_listed_with_their_numbers() -> None:
 
     Recomputed: |t + R p − b|, and the ratio of singular values of the rows [u, c × u / ρ], ρ the mean arm's length.
     """
-    done = invoke("presets", columns=250)
+    done = invoke("presets", columns=300)
     heads = [cell.strip() for cell in done.stdout.splitlines()[1].strip("┃").split("┃")]
     assert heads == ["name", "platform [kg]", "home leg [m]", "condition", "source"]
     rows = {}

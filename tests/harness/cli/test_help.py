@@ -80,7 +80,7 @@ def test_names_are_completed_by_what_there_is() -> None:
                 for each in parameter.shell_complete(context, begun):
                     found.setdefault(f"{command.name} {name}", set()).add(each.value)
     for command in ("build", "excite", "identify", "reproduce", "workspace"):
-        assert found[f"{command} preset"] == {"motion_base"}
+        assert found[f"{command} preset"] == {"motion_base", "motion_base_screws"}
     for command in ("run", "check", "margins", "ensemble", "tune", "export"):
         assert found[f"{command} experiment"] == {"heave_step"}
     systems = {"all", "aarch64-linux", "aarch64-darwin"}

@@ -317,7 +317,7 @@ def test_figures_that_fail_cost_no_record(own: Path, monkeypatch: pytest.MonkeyP
         (["margins", "circle_"], ["circle_computed_torque"]),
         (["experiments", "satur"], ["saturation"]),
         (["presets", "desk"], ["desktop_hexapod"]),
-        (["reproduce", "--preset", "mot"], ["motion_base"]),
+        (["reproduce", "--preset", "liu"], ["liu2000"]),
         (["build", "--target", "x86_64-"], ["x86_64-linux", "x86_64-windows", "x86_64-darwin"]),
     ],
 )

@@ -242,7 +242,7 @@ NAMES = {
 SHOWN = """
 shortest mm: leg_length_min; longest mm: leg_length_max; stroke mm: stroke; RMS mm: stroke_rms; travelled mm: distance
 speed, peak mm/s: leg_velocity_peak; at force N: leg_velocity_peak_force; RMS mm/s: leg_velocity_rms
-accel., peak m/s2: leg_acceleration_peak; RMS m/s2: leg_acceleration_rms
+accel., peak m/s²: leg_acceleration_peak; RMS m/s²: leg_acceleration_rms
 force, peak N: actuator_force_peak; at speed mm/s: actuator_force_peak_velocity; RMS N: actuator_force_rms
 push, peak N: actuator_force_push; pull, peak N: actuator_force_pull
 power, peak W: motoring_power_peak; at speed mm/s: motoring_power_peak_velocity; at force N: motoring_power_peak_force
