@@ -18,6 +18,7 @@ from gough_stewart.harness.identify.not_shown import NOT_SHOWN, SHOWS, fit_of_sh
 from gough_stewart.harness.identify.output_error import identify_output_error
 from gough_stewart.harness.identify.parts import VALIDATION
 from gough_stewart.harness.identify.rows.hypotheses import MASSES
+from gough_stewart.harness.identify.rows.regression import cutoff_within_noise
 from gough_stewart.harness.identify.rows.sticking import PRESLIDING, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.identify.screening.leg_order import check_order_of_forces
 from gough_stewart.harness.identify.screening.observability import (
@@ -116,7 +117,10 @@ def identify(
     share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
     # what is screened is the motion, and the forces that it needs but for friction
     smooth = ideal_of(platform)
-    found = screened(logs, smooth, share, aside, options.pop("cutoff", None))
+    cutoff = options.pop("cutoff", None)
+    if cutoff is None and sticks(platform):
+        cutoff = min(cutoff_within_noise(each, smooth) for each in logs)
+    found = screened(logs, smooth, share, aside, cutoff)
     check_order_of_forces(found.parts, smooth, found.cutoff)
     wanted = expanded(names, platform)
     stiffness, damping = PRESLIDING

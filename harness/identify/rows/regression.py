@@ -26,6 +26,8 @@ _BEYOND = 1e-3
 _LOWEST = 2.0  # [Hz]
 # A leg reverses below this multiple of the smoothing velocity of friction, or this share of its usual velocity.
 _REVERSAL, _SLOW = 10.0, 0.1
+# Noise of forces by that of lengths, as a share of the forces' changes; what is above this share of 1/h is noise.
+_HIDDEN, _REJECTED = 0.003, 0.2
 # Rows of the motion per period of the lengths' cut-off.
 _ROWS_A_PERIOD = 4
 # Median of |x| of the standard normal distribution.
@@ -190,6 +192,20 @@ def joined(parts: Sequence[Regression]) -> Regression:
         lambda phi: np.concatenate([each.rate(phi) for each in parts]),
         lambda of, derivative: np.concatenate([each.filtered(of, derivative) for each in parts]),
     )
+
+
+def cutoff_within_noise(log: Log, platform: Platform) -> float:
+    """A cut-off of a log whose friction steps [Hz]: `cutoff_of`, or less where noise of the lengths would hide it.
+
+    Accelerations of a leg that sticks have no highest frequency. White noise σ of the lengths becomes a force of about
+    m (2π f)² σ √(2 f h/5) in rows with the cut-off f, m the mass that a leg moves; it may be a share of the forces'.
+    """
+    h = sample_time_of(log)
+    noise = float(_noise(log.leg_length, h, _REJECTED / h).max())
+    mass = platform.platform_mass / 6 + platform.leg_upper_mass + platform.leg_armature
+    least = _HIDDEN * float(np.std(force_of(log), axis=0).mean())
+    quiet = (least / (mass * (2 * math.pi) ** 2 * noise * math.sqrt(2 * h / 5))) ** 0.4
+    return max(min(cutoff_of(log.leg_length, h), float(quiet)), _LOWEST)
 
 
 def cutoff_of(leg_length: FloatArray, sample_time: float) -> float:
