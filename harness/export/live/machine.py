@@ -77,7 +77,7 @@ def live_machine(experiment: Experiment) -> Live:
     Raises
     ------
     ExportError
-        A controller that needs Python or an FMU, or another plant than the model.
+        A controller that needs Python or an FMU, another plant than the model, or steps of a fixed size.
     """
     name, kind = experiment.where, getattr(experiment.controller, "type", "")
     if experiment.code:
@@ -87,6 +87,11 @@ def live_machine(experiment: Experiment) -> Live:
         )
     if experiment.plant.kind != "model":
         raise ExportError(f"{name} has the plant '{experiment.plant.kind}'; expected 'model': set plant.kind=model")
+    if experiment.plant.fixed_step_size:
+        raise ExportError(
+            f"{name} has plant.fixed_step_size {experiment.plant.fixed_step_size:g}; a page steps by error control: "
+            "set plant.fixed_step_size=0"
+        )
     prepared = prepare(experiment)
     try:
         turned = turned_of(experiment, prepared)

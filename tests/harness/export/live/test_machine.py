@@ -128,6 +128,7 @@ def test_another_case_is_not_called_the_papers(settings: dict[str, Any], publish
     [
         ({"controller": {"type": "python", "file": "law.py"}}, "expected a controller of the types pd, pid"),
         ({"plant.kind": "fmu3"}, "expected 'model': set plant.kind=model"),
+        ({"plant.fixed_step_size": 1e-3}, "has plant.fixed_step_size 0.001; a page steps by error control"),
     ],
 )
 def test_what_needs_python_or_an_fmu_is_refused(settings: dict[str, Any], said: str) -> None:
