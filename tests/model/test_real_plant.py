@@ -240,8 +240,8 @@ def test_a_run_records_bristles_and_motors() -> None:
 
 
 @pytest.mark.parametrize(("friction", "springs"), [("elasto_plastic", False), ("smooth", True)])
-def test_what_has_ideal_legs_only_refuses_others(friction: str, springs: bool) -> None:
+def test_output_error_has_ideal_legs_only_and_refuses_others(friction: str, springs: bool) -> None:
     platform, log = real_platform(friction, springs), None
     text = "has rigid legs only so far" if springs else "is 'elasto_plastic'; .* has smooth friction only so far"
     with pytest.raises(PlatformError, match=text):
-        identify(log, platform, "platform_mass")  # type: ignore[arg-type]
+        identify(log, platform, "platform_mass", "output_error")  # type: ignore[arg-type]
