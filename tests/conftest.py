@@ -8,10 +8,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 from hypothesis import settings
+from playwright.sync_api import Browser
 
 from gough_stewart.fmu_build.build import build
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
+from tests.support.browser import CHROMIUM, chromium
 from tests.support.demo import Demo, run_demo
 from tests.support.fmu_plants import Fmu
 from tests.support.interpreter import Interpreter
@@ -62,6 +64,15 @@ def interpreter() -> Iterator[Interpreter]:
     interpreter = Interpreter()
     yield interpreter
     interpreter.close()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """Chromium, if there is one; started once, since Playwright runs once in a process."""
+    if CHROMIUM is None:
+        pytest.skip("no Chromium here; `make evidence` insists on it")
+    with chromium() as started:
+        yield started
 
 
 @pytest.fixture(scope="session")

@@ -29,7 +29,7 @@ from gough_stewart.harness.identify.screening.observability import (
     motion_rows,
 )
 from gough_stewart.harness.identify.screening.screening import Screened, screened
-from gough_stewart.harness.identify.springs import SPRINGS, merged, nominal_springs, springs_of, with_both_sides
+from gough_stewart.harness.identify.springs import FAST, SPRINGS, merged, nominal_springs, springs_of, with_both_sides
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.variant import refuse_parts
@@ -230,7 +230,7 @@ def _with_springs(
     of_springs = nominal[[names.index(name) for name in springs]]
     if fit is None:
         own, hidden = springs_of(found.parts, platform, springs, of_springs, found.cutoff)
-        return _with_note(with_all(own, names, nominal, nominal, hidden, np.zeros(len(names))), hidden)
+        return _with_note(with_all(own, names, nominal, nominal, hidden, np.zeros(len(names))), hidden, FAST)
     scale = np.array([dict(zip(fit.names, fit.scale.tolist(), strict=True)).get(name, 1.0) for name in names])
     try:
         own, hidden = springs_of(found.parts, fit.platform(platform), springs, of_springs, found.cutoff)
@@ -238,12 +238,12 @@ def _with_springs(
         every = with_all(fit, names, nominal, scale, (*fit.not_excited, *springs), np.zeros(len(names)))
         return replace(every, notes=(*every.notes, str(error)))
     every = with_all(fit, names, nominal, scale, (*fit.not_excited, *hidden), np.zeros(len(names)))
-    return _with_note(merged(every, own, names), hidden)
+    return _with_note(merged(every, own, names), hidden, FAST)
 
 
-def _with_note(fit: Estimate, hidden: Sequence[str]) -> Estimate:
-    """The estimate with a remark on what of the friction its log does not show."""
-    return replace(fit, notes=(*fit.notes, f"{NOT_SHOWN}: {', '.join(hidden)}. {SHOWS}")) if hidden else fit
+def _with_note(fit: Estimate, hidden: Sequence[str], shows: str = SHOWS) -> Estimate:
+    """The estimate with a remark on what of friction, or of springs, its log does not show, and which would."""
+    return replace(fit, notes=(*fit.notes, f"{NOT_SHOWN}: {', '.join(hidden)}. {shows}")) if hidden else fit
 
 
 def _not_told(rows: MotionRows, platform: Platform, names: Sequence[str], scale: FloatArray) -> tuple[str, ...]:

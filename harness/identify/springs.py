@@ -32,6 +32,7 @@ from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 SPRINGS = ("leg_stiffness", "leg_damping")
+FAST = "Fast motions show the damping of a spring: it delays the stretch behind the force by c/k"
 # Rows of the motion per period of the filter; splines of fifth degree between them are exact to 1e-5.
 _ROWS_A_PERIOD = 8
 # Standard error of the damping beyond which it is not shown, as a share of its value; rows per period of the cut-off.

@@ -10,10 +10,11 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from lxml import html
 from lxml.html import HtmlElement
+from playwright.sync_api import Browser
 
 import gough_stewart as gs
 from tests.support.axe import violations
-from tests.support.browser import CHROMIUM, chromium, watched
+from tests.support.browser import watched
 from tools.pages.blocks import ROOT
 
 PAGES_OF_NAV = re.findall(r"^\s+- [^#\n]+: ([\w/.-]+\.md)$", (ROOT / "mkdocs.yml").read_text("utf-8"), re.MULTILINE)
@@ -150,33 +151,30 @@ def test_pages_name_files_of_the_repository(pages: dict[Path, HtmlElement]) -> N
         assert str(ROOT) not in text, path.name
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium")
-def test_a_browser_shows_the_site_from_the_disk(site: Path, tmp_path: Path) -> None:
+def test_a_browser_shows_the_site_from_the_disk(browser: Browser, site: Path, tmp_path: Path) -> None:
     """Expected: nothing on the console, no request but for files, formulas of some size, a search that finds."""
-    with chromium() as browser:
-        for scheme, width in (("light", 1280), ("dark", 390)):
-            seen = watched(browser, width, 900)
-            seen.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
-            for name in ("index", "equations"):
-                seen.page.goto((site / f"{name}.html").as_uri())
-                seen.page.screenshot(path=tmp_path / f"{name}-{scheme}.png")
-                assert seen.page.evaluate("document.documentElement.scrollWidth") <= width
-            box = seen.page.locator("math .matrix").first.bounding_box()
-            assert box is not None
-            assert box["height"] > 25
-            if scheme == "light":
-                seen.page.locator(".md-search__input").click()
-                seen.page.keyboard.type("baumgarte")
-                seen.page.locator(".md-search-result__item").first.wait_for(timeout=10_000)
-            assert seen.errors == []
-            assert seen.requests
-            assert {urlsplit(url).scheme for url in seen.requests} <= {"file", "data", "blob"}
-            seen.page.close()
+    for scheme, width in (("light", 1280), ("dark", 390)):
+        seen = watched(browser, width, 900)
+        seen.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+        for name in ("index", "equations"):
+            seen.page.goto((site / f"{name}.html").as_uri())
+            seen.page.screenshot(path=tmp_path / f"{name}-{scheme}.png")
+            assert seen.page.evaluate("document.documentElement.scrollWidth") <= width
+        box = seen.page.locator("math .matrix").first.bounding_box()
+        assert box is not None
+        assert box["height"] > 25
+        if scheme == "light":
+            seen.page.locator(".md-search__input").click()
+            seen.page.keyboard.type("baumgarte")
+            seen.page.locator(".md-search-result__item").first.wait_for(timeout=10_000)
+        assert seen.errors == []
+        assert seen.requests
+        assert {urlsplit(url).scheme for url in seen.requests} <= {"file", "data", "blob"}
+        seen.page.close()
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium")
 @pytest.mark.parametrize("names", [("index", "notation"), pytest.param((), marks=pytest.mark.evidence)])
-def test_axe_finds_nothing_on_any_page(names: tuple[str, ...], site: Path) -> None:
+def test_axe_finds_nothing_on_any_page(names: tuple[str, ...], browser: Browser, site: Path) -> None:
     """Expected: no rule of axe is broken, in the light and in the dark, on a desk and on a phone.
 
     All pages but 404.html, whose links to styles need a server, in both themes at both widths with the evidence, for
@@ -184,11 +182,10 @@ def test_axe_finds_nothing_on_any_page(names: tuple[str, ...], site: Path) -> No
     """
     pages = sorted(page for page in site.glob("*.html") if page.stem != "404" and page.stem in (names or (page.stem,)))
     assert len(pages) == len(names) or len(pages) > 10
-    with chromium() as browser:
-        for scheme, width in (("light", 1280), ("dark", 390), ("dark", 1280), ("light", 390))[: 2 if names else 4]:
-            seen = watched(browser, width, 900)
-            seen.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
-            for page in pages:
-                seen.page.goto(page.as_uri())
-                assert violations(seen.page) == [], (page.stem, scheme, width)
-            seen.page.close()
+    for scheme, width in (("light", 1280), ("dark", 390), ("dark", 1280), ("light", 390))[: 2 if names else 4]:
+        seen = watched(browser, width, 900)
+        seen.page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+        for page in pages:
+            seen.page.goto(page.as_uri())
+            assert violations(seen.page) == [], (page.stem, scheme, width)
+        seen.page.close()

@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page
 
 import gough_stewart as gs
 from gough_stewart.harness.export.live.page import live_page
-from tests.support.browser import CHROMIUM, Watched, chromium, until, watched
+from tests.support.browser import CHROMIUM, Watched, until, watched
 
 pytestmark = pytest.mark.evidence
 
@@ -37,10 +37,11 @@ RANDOM = """seed => {
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
+def browser(request: pytest.FixtureRequest) -> Browser:
+    """That of all tests, on which the evidence insists."""
     assert CHROMIUM is not None, "expected Chromium; install the package chromium"
-    with chromium() as started:
-        yield started
+    started: Browser = request.getfixturevalue("browser")
+    return started
 
 
 @pytest.fixture

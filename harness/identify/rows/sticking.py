@@ -80,8 +80,8 @@ class StickingFriction:
 
     platform: Platform
     names: tuple[str, ...]  # (q,)
-    # what was bent last, by the rows' identity
-    _last: dict[int, tuple[bytes, Bent]] = field(default_factory=dict, compare=False)
+    # what was bent last, by the number of rows: each log's
+    _last: dict[int, tuple[tuple[bytes, bytes, float], Bent]] = field(default_factory=dict, compare=False)
 
     def law(self, values: FloatArray) -> Bristles:
         """The law at these values (q,), each of its fields (6,)."""
@@ -89,7 +89,7 @@ class StickingFriction:
 
     def bent(self, values: FloatArray, velocity: FloatArray, step: float) -> Bent:
         """The bristles at rows with these velocities (j, 6) [m/s], `step` [s] apart; unbent at the first."""
-        key, kept = values.tobytes() + velocity[:: max(len(velocity) // 8, 1)].tobytes(), self._last.get(len(velocity))
+        key, kept = (values.tobytes(), velocity.tobytes(), step), self._last.get(len(velocity))
         if kept is None or kept[0] != key:
             self._last[len(velocity)] = key, self._bent(values, velocity, step)
         return self._last[len(velocity)][1]
