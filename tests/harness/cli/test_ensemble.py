@@ -109,6 +109,7 @@ def test_run_repeats_a_member(done: tuple[Result, Path], tmp_path: Path) -> None
     assert f"member {member}" in json.loads((tmp_path / "metadata.json").read_text())["title"]
 
 
+@pytest.mark.evidence
 def test_two_controllers_are_compared_over_the_same_machines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: the mean of the differences of the members' rows; the mean times its confidence by Student's t of 8."""
     # pictures take most of the time, and others look at them

@@ -67,6 +67,7 @@ def test_a_log_without_any_of_it_is_refused() -> None:
     assert "leg_bristle_stiffness" in caught.value.names
 
 
+@pytest.mark.evidence
 def test_each_leg_has_its_own_coulomb_friction() -> None:
     """Expected: that of each leg, from a platform that believes them equal; reversals take no part."""
     equal = NOMINAL.with_parameters({"leg_coulomb_friction": 120.0})
