@@ -28,6 +28,7 @@ from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.variant import RIGID
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -247,7 +248,7 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
     delay, lag = prepared.loop.actuators.delay, prepared.loop.actuators.lag
     found = []
     if platform.leg_stiffness > 0:
-        rigid = platform.with_parameters({"leg_stiffness": 0.0, "leg_damping": 0.0})
+        rigid = platform.with_parameters(RIGID)
         if is_stable(transfer_of(prepared, rigid, controller)):
             assert prepared.motion is not None  # as in `transfer_of`
             free, _ = structural_modes(platform, prepared.motion.position[0], prepared.motion.orientation[0])

@@ -52,6 +52,17 @@ def test_structural_modes_at_a_pose_are_those_of_the_closed_form() -> None:
     assert held == pytest.approx(np.sqrt(k * np.linalg.eigvalsh(relative)) / (2 * np.pi), rel=1e-4)
 
 
+def test_margins_have_the_modes_of_the_pose_in_which_the_reference_begins(found: LoopMargins) -> None:
+    at = {"type": "hold", "position": [0.25, -0.2, 2.1], "orientation": [0.05, 0.1, 0.2]}
+    there = gs.margins("heave_step", SOFT | {"reference": at, "loop.duration": 0.1}).structure
+    assert there is not None
+    assert found.structure is not None
+    soft = gs.load_preset("motion_base").with_parameters({"leg_stiffness": 2e7, "leg_damping": 4e4})
+    free, _ = structural_modes(soft, np.array(at["position"]), np.array(at["orientation"]))
+    assert [mode.frequency for mode in there.modes] == pytest.approx([mode.frequency for mode in free])
+    assert there.modes[0].frequency < 0.98 * found.structure.modes[0].frequency
+
+
 def test_margins_tell_the_modes_and_the_gain_of_the_loop_there(found: LoopMargins) -> None:
     """Expected: σ_max of C (z − A)⁻¹ B + D at the mode; in the report and the file the same numbers."""
     structure = found.structure

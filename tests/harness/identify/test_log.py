@@ -1,5 +1,6 @@
 """Logs from files: what columns may be called, what units they may have, and what is refused."""
 
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.identify.log import read_log
+from gough_stewart.harness.identify.log import Log, read_log
 
 LENGTHS = 0.31 + 0.017 * np.sin(np.outer(np.arange(8), [1.0, 1.3, 1.7, 2.1, 2.3, 2.9]))
 FORCES = 40.0 + 13.0 * np.cos(np.outer(np.arange(8), [0.7, 1.1, 1.9, 2.2, 2.6, 3.1]))
@@ -25,6 +26,20 @@ def six(name: str, values: np.ndarray, unit: str = "") -> dict[str, object]:
 
 def table(**changes: object) -> dict[str, object]:
     return {"time": 0.002 * np.arange(8)} | six("leg_length", LENGTHS) | six("actuator_force", FORCES) | changes
+
+
+def test_some_rows_of_a_log_are_those_of_all_its_readings() -> None:
+    """Expected: the rows of every array; what is not an array stays."""
+    arrays = {
+        each.name: np.random.default_rng(k).normal(size=(9,) if each.name == "time" else (9, 3))
+        for k, each in enumerate(fields(Log))
+        if "float64" in str(each.type)
+    }
+    assert len(arrays) == 6
+    some = Log(**arrays, holds_force=True, where="here", side="motor").rows(slice(2, 8, 3))
+    for name, values in arrays.items():
+        np.testing.assert_array_equal(getattr(some, name), values[[2, 5]])
+    assert (some.holds_force, some.where, some.side) == (True, "here", "motor")
 
 
 def test_units_in_the_header_become_si(tmp_path: Path) -> None:

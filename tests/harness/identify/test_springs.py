@@ -61,6 +61,10 @@ def test_both_sides_of_a_log_show_the_springs() -> None:
     assert (np.abs(found.values - truth) < 4 * found.standard_errors).all()
     assert found.standard_errors[4] < 0.005 * K
     assert found.platform(rigid).leg_stiffness == found["leg_stiffness"][0]
+    # the force on a spring is in proportion to the mass, which is not known either: the variances of both add up
+    alone = identify(elastic_log("both"), found.platform(rigid), ["leg_stiffness", "leg_damping"])
+    shares, of_alone = found.standard_errors / found.values, alone.standard_errors / alone.values
+    assert shares[4:] ** 2 - of_alone**2 == pytest.approx(shares[0] ** 2, rel=0.05)
 
 
 def test_intervals_of_the_springs_hold() -> None:

@@ -1,15 +1,22 @@
 """Friction that sticks from logs: forces of a Lagrangian, bristles of the published law, legs that differ."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.not_shown import not_shown
+from gough_stewart.harness.identify.rows.regression import cutoff_of, cutoff_within_noise
+from gough_stewart.harness.identify.smoothing import smoothed
 from gough_stewart.model.errors import PlatformError
 from tests.support.machine_logs import MACHINE, Swing
-from tests.support.sticking_logs import LEGS, Law, sticking_log
+from tests.support.sticking_logs import LEGS, RATE, Law, sticking_log
 
 # What is known: the machine but for its friction, of which the legs' proportions are.
 NOMINAL = replace(MACHINE, leg_coulomb_friction=0.0).with_parameters(
@@ -41,6 +48,24 @@ def test_a_slow_log_shows_how_legs_stick() -> None:
     assert shares[4] < 0.05
     assert shares[5] < 0.15
     assert found.platform(NOMINAL).leg_bristle_stiffness == found["leg_bristle_stiffness"][0]
+    quiet, usual = cutoff_within_noise(sticking_log(), MACHINE), cutoff_of(sticking_log().leg_length, 1 / RATE)
+    assert quiet < 0.9 * usual
+    assert any(f"rows of {quiet:.3g} Hz fitted" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("sigma", [2e-6, 1e-5])
+def test_noise_of_the_lengths_makes_a_force_of_three_thousandths_of_the_forces_changes(sigma: float) -> None:
+    """Expected: the noise through the filter, differentiated twice, times the mass that a leg moves."""
+    time = np.arange(6000) / 1000
+    motion = np.sin(2 * np.pi * 0.4 * time)[:, None] * np.ones(6)
+    noise = sigma * np.random.default_rng(3).standard_normal(motion.shape)
+    cutoff = cutoff_within_noise(Log(3 + 0.02 * motion + noise, time, 4000 + 300 * motion), MACHINE)
+    moved = MACHINE.platform_mass / 6 + MACHINE.leg_upper_mass + MACHINE.leg_armature
+    force = moved * smoothed(noise, 1e-3, cutoff, 1, 2).std()
+    assert force == pytest.approx(0.003 * 300 * motion.std(), rel=0.2)
+    # without noise the motion decides
+    still = Log(3 + 0.02 * motion, time, 4000 + 300 * motion)
+    assert cutoff_within_noise(still, MACHINE) == cutoff_of(still.leg_length, 1e-3)
 
 
 def test_a_fast_log_shows_no_number_that_it_does_not_support() -> None:
@@ -80,6 +105,19 @@ def test_each_leg_has_its_own_coulomb_friction() -> None:
         found.platform(equal).leg_coulomb_friction_factor,
         found["leg_coulomb_friction"] / found["leg_coulomb_friction"].mean(),
     )
+
+
+@pytest.mark.parametrize(("static", "is_shown"), [(103.9, False), (104.1, True)])
+@pytest.mark.parametrize("spread", [1.0, 0.1])
+def test_static_friction_shows_from_four_standard_errors_above_coulomb_friction(
+    static: float, is_shown: bool, spread: float
+) -> None:
+    """Expected: 4 standard errors of the difference, whose two halves are not correlated; without it no velocity."""
+    names = ("leg_coulomb_friction", "leg_static_friction", "leg_stribeck_velocity")
+    values = np.array([100.0, 100.0 + (static - 100.0) * spread, 2e-3])
+    errors = np.array([0.6 * spread, 0.8 * spread, 1e-5])
+    fit = SimpleNamespace(names=names, values=values, standard_errors=errors, covariance=np.diag(errors**2))
+    assert not_shown(cast(Estimate, fit)) == (() if is_shown else names[1:])
 
 
 def test_smooth_friction_has_no_parameters_of_sticking() -> None:
