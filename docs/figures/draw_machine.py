@@ -11,8 +11,7 @@ from scipy.integrate import solve_ivp
 import gough_stewart as gs
 from gough_stewart.harness.control.linear import linear_matrices
 from gough_stewart.harness.control.state_space import StateSpace
-from gough_stewart.harness.output.colours import COLOURS
-from gough_stewart.harness.output.plotting import pictures
+from gough_stewart.harness.output.plotting import COLOURS, pictures
 from gough_stewart.model.friction import Bristles, bristle_force, bristle_rate
 from gough_stewart.model.machine_dynamics import law_of_bristles
 from gough_stewart.model.platform import Platform

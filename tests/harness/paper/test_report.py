@@ -18,8 +18,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 import gough_stewart as gs
-from gough_stewart.harness.output.colours import COLOURS
-from gough_stewart.harness.output.plotting import DASHES
+from gough_stewart.harness.output.plotting import COLOURS, DASHES
 from gough_stewart.harness.paper import agreement, figures, readings, report, reproduce
 from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.paper.reproduce import record_of_case
