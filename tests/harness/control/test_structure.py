@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,6 +31,24 @@ def heave_step(bandwidth: float) -> StateSpace:
     platform = gs.load_preset("motion_base").with_parameters(values)
     controller = gs.PD(bandwidth=bandwidth, damping_ratio=0.8, derivative_on="measurement").controller(platform, 1e-3)
     return loop_transfer(platform, controller, 1e-3, delay=1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "bandwidth"),
+    [({}, 1.9), ({"platform.parameters.leg_damping": 8e4}, 7.3), ({"sensors.side": "motor"}, 5.3)],
+)
+def test_what_the_page_says_that_the_allowed_bandwidth_rests_on(changes: dict[str, Any], bandwidth: float) -> None:
+    """Expected: the numbers of docs/machine.md; each loop has its disk margin there, and not at 1.1 times as much."""
+    settings = {"platform.parameters.leg_stiffness": 2e7} | changes
+    structure = gs.margins("heave_step", settings).structure
+    assert structure is not None
+    assert structure.bandwidth is not None
+    assert structure.bandwidth == pytest.approx(bandwidth, abs=0.05)
+    at, beyond = (
+        gs.margins("heave_step", settings | {"controller.bandwidth": factor * structure.bandwidth}).disk.alpha
+        for factor in (1.0, 1.1)
+    )
+    assert at >= 0.4 > beyond
 
 
 @pytest.fixture(scope="module")
