@@ -1,19 +1,26 @@
 """Orientation of the platform: roll, pitch, yaw about the fixed world axes X, then Y, then Z.
 
 The paper (section IV): "rotated about the X-axis first, then about the Y-axis, and finally about the Z-axis".
-The first four functions and `angles_of` are traceable (see `gough_stewart.model.traced`); the others are NumPy only.
+The first four functions, `angles_of`, `nearest_angle` and `rotation_between` are traceable (see
+`gough_stewart.model.traced`); the others are NumPy only.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from gough_stewart.model.errors import OrientationError
-from gough_stewart.model.vectors import Array, cross, dot, skew, transpose
+from gough_stewart.model.operations import less, rounded, where
+from gough_stewart.model.vectors import Array, Scalars, cross, dot, skew, transpose
 
 # Closer to ±90° than this, double precision cannot separate roll and yaw [rad].
 PITCH_MARGIN = 1e-6
+# Series of sin x/x and cos x in x² up to |x| = π/4, and of atan x/x up to |x| = tan(π/16), to rounding.
+_SINE = [(-1) ** k / math.factorial(2 * k + 1) for k in range(8)]
+_COSINE = [(-1) ** k / math.factorial(2 * k) for k in range(9)]
+_ARCTANGENT = [(-1) ** k / (2 * k + 1) for k in range(11)]
 
 
 def matrix_from_orientation(orientation: Array) -> Array:
@@ -109,6 +116,56 @@ def angles_of(rotation: Array, arctan2: Callable[[Any, Any], Any] = np.arctan2) 
         ],
         axis=-1,
     )
+
+
+def nearest_angle(angle: Array, near: Scalars) -> Array:
+    """The same angle, counted in the turns that bring it nearest to another: a − 2π round((a − b)/2π) [rad]."""
+    return np.asarray(angle - 2 * math.pi * rounded((angle - near) * (0.5 / math.pi)))
+
+
+def rotation_between(orientation: Array, to: Array) -> Array:
+    """Rotation vector ρ (..., 3) [rad], world components, from one orientation to another: R(to) = exp(ρ̃) R.
+
+    The difference of two orientations (..., 3): it does not depend on the axes that are fixed to the platform, and has
+    at most half a turn. With halves a, b, c of the differences of roll, pitch, yaw, and means β, γ of pitch and yaw, the
+    quaternion (w, v) of the rotation is
+
+        w + v_z k = (cos a cos b − sin a sin β k)(cos c + sin c k),  (v_x, v_y) = Rz(γ) (sin a cos β, cos a sin b),
+
+    and ρ = 2 atan(|v|/w) v/|v|. Machine code has NumPy's bits, since both compute sines and arctangents by series.
+    """
+    half, mean = (to - orientation) / 2, (to + orientation) / 2
+    sine, cosine = _sine_and_cosine(np.concatenate([half, mean[..., 1:]], axis=-1))
+    sa, sb, sc, s_pitch, s_yaw = (sine[..., k] for k in range(5))
+    ca, cb, cc, c_pitch, c_yaw = (cosine[..., k] for k in range(5))
+    w, x, y, z = ca * cb, sa * c_pitch, ca * sb, -(sa * s_pitch)
+    w, z = w * cc - z * sc, z * cc + w * sc
+    v = np.stack([c_yaw * x - s_yaw * y, s_yaw * x + c_yaw * y, z], axis=-1)
+    # tan(θ/4), and from it tan(θ/8) and tan(θ/16), all divided by |v|
+    share = 1 / (1 + np.abs(w))
+    square = dot(v, v)
+    for _ in range(2):
+        share = share / (1 + np.sqrt(1 + share * share * square))
+    factor = 16 * share * _series(_ARCTANGENT, share * share * square)
+    return np.asarray(where(less(w, 0.0), -factor, factor)[..., None] * v)
+
+
+def _sine_and_cosine(angle: Array) -> tuple[Array, Array]:
+    """Sine and cosine of angles [rad], by series for a quarter of each, doubled twice."""
+    quarter = nearest_angle(angle, 0.0) / 4
+    square = quarter * quarter
+    sine, cosine = quarter * _series(_SINE, square), _series(_COSINE, square)
+    for _ in range(2):
+        sine, cosine = 2 * sine * cosine, 1 - 2 * sine * sine
+    return sine, cosine
+
+
+def _series(coefficients: Sequence[float], x: Array) -> Array:
+    """The polynomial with these coefficients, the lowest power first."""
+    total: Any = coefficients[-1]
+    for coefficient in reversed(coefficients[:-1]):
+        total = total * x + coefficient
+    return np.asarray(total)
 
 
 def matrix_from_quaternion(quaternion: Array) -> Array:

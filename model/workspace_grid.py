@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.model.errors import WorkspaceError
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, PoseQualities, evaluate_poses, limits_at
 
@@ -46,6 +46,14 @@ class Workspace:
     def shape(self) -> tuple[int, ...]:
         """Of the grid."""
         return tuple(len(values) for values in self.swept.values())
+
+    @property
+    def home(self) -> dict[str, float]:
+        """The home pose by coordinate [m or rad], with angles in the turns of the grid."""
+        middle = {**self.fixed, **{name: (values[0] + values[-1]) / 2 for name, values in self.swept.items()}}
+        home = home_of(self.platform)
+        angles = {name: float(nearest_angle(np.array(home[name]), middle[name])) for name in LARGEST_ANGLES}
+        return home | angles
 
     def __repr__(self) -> str:
         """The swept ranges and the reachable share, on one line."""
@@ -103,9 +111,9 @@ def sweep(
     usual = ("roll", "pitch") if platform.leg_length_max is None else ("x", "y")
     over = dict.fromkeys(usual) if over is None else dict(over)
     at = {} if at is None else dict(at)
-    _check(over, at)
-    count = _checked_points(points, len(over))
     home = home_of(platform)
+    _check(over, at, home)
+    count = _checked_points(points, len(over))
     fixed = {name: float(at.get(name, home[name])) for name in COORDINATES if name not in over}
     without_range = [name for name, limits in over.items() if limits is None]
     assumed = tuple(name for name in without_range if not _is_bounded(platform, name))
@@ -127,11 +135,11 @@ def default_ranges(
 ) -> dict[str, Range]:
     """Ranges [m or rad] about the reachable region with the other coordinates fixed, rounded outward.
 
-    P_i stays within `leg_length_max` of B_i, which bounds Op by a box; angles are bounded by half turns. A coarse
-    grid over this box finds the region, and two finer ones its ends. A tip thinner than a step of the coarse grid, a
-    hundredth of the box (a twentieth for three coordinates), can be missed. If no limit of the platform
-    bounds a coordinate, the range is `UNBOUNDED_LENGTH` or `UNBOUNDED_ANGLE` about home. Given ranges are not
-    changed.
+    P_i stays within `leg_length_max` of B_i, which bounds Op by a box; roll and yaw are bounded by half turns from
+    home, pitch by ±90°. A coarse grid over this box finds the region, and two finer ones its ends. A tip thinner than
+    a step of the coarse grid, a hundredth of the box (a twentieth for three coordinates), can be missed. If no limit
+    of the platform bounds a coordinate, the range is `UNBOUNDED_LENGTH` or `UNBOUNDED_ANGLE` about home. Given ranges
+    are not changed.
     """
     home = home_of(platform)
     free = [name for name, given in over.items() if given is None and _is_bounded(platform, name)]
@@ -182,7 +190,7 @@ def _outer_range(
     platform: Platform, name: str, home: float, over: Mapping[str, Range | None], fixed: Mapping[str, float]
 ) -> Range:
     if name in LARGEST_ANGLES and _is_bounded(platform, name):
-        return -LARGEST_ANGLES[name], LARGEST_ANGLES[name]
+        return (-np.pi / 2, np.pi / 2) if name == "pitch" else (home - np.pi, home + np.pi)
     longest = platform.leg_length_max
     if name in LARGEST_ANGLES or longest is None:
         size = UNBOUNDED_ANGLE if name in LARGEST_ANGLES else UNBOUNDED_LENGTH * platform.characteristic_length
@@ -220,7 +228,7 @@ def _poses(swept: Mapping[str, FloatArray], fixed: Mapping[str, float]) -> Float
     return np.stack([grid[name] if name in grid else np.full(shape, fixed[name]) for name in COORDINATES], axis=-1)
 
 
-def _check(over: Mapping[str, Range | None], at: Mapping[str, float]) -> None:
+def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapping[str, float]) -> None:
     for name in (*over, *at):
         if name not in COORDINATES:
             raise WorkspaceError(f"unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
@@ -231,19 +239,28 @@ def _check(over: Mapping[str, Range | None], at: Mapping[str, float]) -> None:
             raise WorkspaceError(f"{name} is both swept and fixed; expected one of them: leave it out of the other")
     for name, given in over.items():
         for end in given or ():
-            _check_value(name, end)
+            _check_value(name, end, home[name])
         if given is not None and not given[0] < given[1]:
             low, high = (f"{end:g} {COORDINATES[name]}" for end in given)
             raise WorkspaceError(f"{name} goes from {low} to {high}; expected a range from low to high")
+        if given is not None and name in LARGEST_ANGLES and given[1] - given[0] > 2 * np.pi * (1 + 1e-12):
+            low, high = (f"{np.degrees(end):g}°" for end in given)
+            raise WorkspaceError(
+                f"{name} goes from {low} to {high}; expected at most a turn, 360°; numbers without a unit are in rad"
+            )
     for name, value in at.items():
-        _check_value(name, value)
+        _check_value(name, value, home[name])
 
 
-def _check_value(name: str, value: float) -> None:
+def _check_value(name: str, value: float, home: float) -> None:
     if not np.isfinite(value):
         raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
-    if name in LARGEST_ANGLES and abs(value) > LARGEST_ANGLES[name] * (1 + 1e-12):
-        found, largest = np.degrees(value), np.degrees(LARGEST_ANGLES[name])
+    if name not in LARGEST_ANGLES:
+        return
+    # of a frame that is turned round at home, as many half turns as a quarter turn on either side of home needs
+    most = LARGEST_ANGLES[name] * max(1.0, np.ceil(abs(home) / np.pi + 0.5) if name != "pitch" else 1.0)
+    if abs(value) > most * (1 + 1e-12):
+        found, largest = np.degrees(value), np.degrees(most)
         raise WorkspaceError(
             f"{name} is {value:g} rad, {found:g}°; expected from −{largest:g}° to {largest:g}°; "
             "numbers without a unit are in rad"

@@ -16,6 +16,7 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model.rotations import nearest_angle
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
@@ -139,6 +140,7 @@ class LinearLaw:
         self.used = first.signals
         self._kinds = first.kinds
         self._at = as_slice(self._positions)
+        self._angles = np.flatnonzero(np.isin(self._positions, signals.positions(["orientation"])))
         self._maps = _MapsOfSamples(jacobians, n_members) if first.space == "task" else None
         self._lengths = measured.T[self._at].copy()
         self._pose = np.zeros_like(self._lengths)
@@ -185,6 +187,9 @@ class LinearLaw:
             everyone = True if due is None else due
             np.copyto(self._pose, y, where=everyone)
             np.copyto(self._lengths, lengths, where=everyone)
+        elif self._angles.size:  # in the turns of their references
+            y = y.copy()
+            y[self._angles] = nearest_angle(y[self._angles], r[self._angles])
         for place, part in zip(self._now.inputs, inputs_of(self._kinds, r, y, excess), strict=True):
             place[...] = part
 

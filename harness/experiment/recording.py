@@ -10,6 +10,7 @@ from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.varied import experiment_with
+from gough_stewart.harness.loop.folds import ERRORS, error_between
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.seeds import as_numbers
 from gough_stewart.harness.output.versions import versions
@@ -61,14 +62,18 @@ def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Re
 
 
 def _errors(results: FloatArray, reference: FloatArray) -> list[tuple[list[str], FloatArray]]:
-    """Reference minus actual."""
+    """As `error_between`."""
     actual = interface.unpack(interface.RESULTS, results)
     references, at = {}, 0
     for name, size in _REFERENCE:
         references[name.removeprefix("reference.")] = reference[:, at : at + size]
         at += size
-    names = ("position", "orientation", "leg_length")
-    return [(columns(f"error.{name}", references[name].shape[1]), references[name] - actual[name]) for name in names]
+    found = []
+    for error in ERRORS:
+        name = error.removeprefix("error.")
+        values = error_between(name, references[name][..., None], actual[name][..., None])[..., 0]
+        found.append((columns(error, values.shape[1]), values))
+    return found
 
 
 def _changed_parameters(prepared: Prepared, time: FloatArray) -> list[tuple[list[str], FloatArray]]:

@@ -34,6 +34,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_toml import load_platform, load_preset
 from gough_stewart.model.real import real_array
+from gough_stewart.model.rotations import nearest_angle
 from gough_stewart.model.state import State
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
@@ -163,12 +164,14 @@ class Stages:
             return Planned(reference, motion, legs, signals, jacobians)
 
     def start(self, choice: schema.Start, platform: Platform, planned: Planned | None) -> State:
-        """The state at time 0."""
+        """The state at time 0, with angles in the turns of the reference."""
         rest = np.zeros(3)
         state = State(platform.home_position, platform.home_orientation, rest, rest)
         if planned is not None:
             state = State(*(values[0] for values in planned.motion[:4]))
         given = {name: np.array(value) for name, value in choice.model_dump().items() if value is not None}
+        if planned is not None and "orientation" in given:
+            given["orientation"] = nearest_angle(given["orientation"], state.orientation)
         return state._replace(**given)
 
     def feedforward(

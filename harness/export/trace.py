@@ -30,6 +30,7 @@ from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.rotations import nearest_angle
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array
 
@@ -228,6 +229,9 @@ def _law(designed: Designed, law: Law, home: Home | None) -> tuple[casadi.Functi
         outputs = {"force": found[FORCE], **({"next": following} if law.n_states else {})}
         return None, symbols.function("law", inputs, outputs)
     references = _references(inputs, [f"reference_{name}" for name in law.signals], home)
+    if "orientation" in law.signals:  # in the turns of the reference
+        angles = by_name["orientation"], references["reference_orientation"]
+        by_name["orientation"] = symbols.column(nearest_angle(*map(symbols.row, angles)))
     r, y = (
         casadi.vertcat(*(values[prefix + name] for name in law.signals))
         for values, prefix in ((references, "reference_"), (by_name, ""))

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.rotations import rotation_between
 from gough_stewart.model.vectors import FloatArray
 
 FORCES, LIMITED = "actuator_force", ("flag.force_limited", "flag.rate_limited")
 AT = {name: slice(int(at[0]), int(at[-1]) + 1) for name in signals.NAMES if len(at := signals.positions([name]))}
-# Signals whose errors are reference − actual, and their places among signals and references.
+# Signals that have errors, see `error_between`, and their places among signals and references.
 ERRORS: Mapping[str, slice] = {f"error.{name}": AT[name] for name in ("position", "orientation", "leg_length")}
 
 
@@ -47,6 +48,17 @@ ROW_PARTS: Mapping[str, int] = {
 }
 
 State = dict[str, NDArray[Any]]
+
+
+def error_between(name: str, reference: FloatArray, actual: FloatArray, out: FloatArray | None = None) -> FloatArray:
+    """The error of a signal (..., size, N): reference − actual, or of orientations the rotation from actual to it."""
+    if name != "orientation":
+        return np.asarray(np.subtract(reference, actual, out=out))
+    turn = rotation_between(*(np.moveaxis(each, -2, -1) for each in (actual, reference)))
+    error: FloatArray = np.moveaxis(turn, -1, -2)
+    if out is not None:
+        np.copyto(out, error)
+    return error
 
 
 class Block:
@@ -94,18 +106,21 @@ class Block:
             np.copyto(out, values)
             return out
         assert self._reference is not None
-        actual = self._columns[name.removeprefix("error.")][1:][rows]
-        error: FloatArray = np.subtract(self._reference[rows, ERRORS[name]], actual, out=out)
-        return error
+        signal = name.removeprefix("error.")
+        return error_between(signal, self._reference[rows, ERRORS[name]], self._columns[signal][1:][rows], out)
 
     def stored(self, name: str) -> tuple[NDArray[Any], FloatArray | None]:
         """A column (rows, size, N) in memory, before which there is the row before unless it is the first row.
 
-        Of an error that is no column, the signal and the reference (rows, size, N) or (rows, size, 1).
+        Of an error that is no column, the signal and the reference (rows, size, N) or (rows, size, 1), of which it is
+        the difference; an error of orientation is computed.
         """
         if name in self._columns:
             return self._columns[name][1:], None
         assert self._reference is not None
+        if name == "error.orientation":
+            error = self[name]
+            return np.concatenate([error[:1], error])[1:], None
         return self._columns[name.removeprefix("error.")][1:], self._reference[:, ERRORS[name]]
 
     def before(self, name: str) -> NDArray[Any]:

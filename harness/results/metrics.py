@@ -53,7 +53,7 @@ def metrics(record: RecordData) -> Metrics:
       `is_growing`, `leg`, `amplitude` and `earlier` [m], `frequency` [Hz], `since` [s].
     - `rows` and `duration` [s] that the metrics below cover.
     - `tracking`: `rms` and `peak` of the errors of `position` [m], `orientation` [rad] and `leg_length` [m] by axis or
-      leg; for position and orientation also of the Euclidean `norm`.
+      leg; for position and orientation also of the Euclidean `norm`, of orientation the angle of the rotation.
     - `step_response`: for each axis whose reference goes from one value to another and stays there. The response
       (y − from)/(to − from) starts at time `at` [s]: the row of a jump, or else the last row at which the reference has
       its first value.

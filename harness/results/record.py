@@ -48,7 +48,8 @@ class Record(RecordData):
     and, with a prefix, signals from outside the plant:
 
     - `reference.` the reference pose, its rates, and the leg lengths and velocities that belong to it;
-    - `error.` reference minus actual (`position`, `orientation`, `leg_length`);
+    - `error.` reference minus actual (`position`, `leg_length`), and the rotation vector from the actual `orientation`
+      to the reference, about the world's axes;
     - `measured.` the controller's inputs at its last sample, and `controller.` its results: `force` before any limit,
       the `feedforward` part of it, `state`;
     - `flag.` booleans per leg: `force_limited`, `rate_limited`, `stroke_exceeded`.

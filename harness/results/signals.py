@@ -11,6 +11,7 @@ from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import rotation_between
 from gough_stewart.model.vectors import FloatArray
 
 AXES = ("x", "y", "z")
@@ -167,12 +168,12 @@ def _reference(name: str, records: Sequence[RecordData]) -> str | None:
 
 
 def _from_home(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
-    """The pose relative to home, and its reference."""
+    """The pose relative to home, with the rotation from home as vector about the world's axes, and its reference."""
     found = []
     for name, unit, components in (("position", "mm", AXES), ("orientation", "deg", _ANGLES)):
         for prefix in ("", "reference."):
             values = tuple(
-                factor_to(unit) * (record[prefix + name] - getattr(platform, f"home_{name}"))
+                factor_to(unit) * _change(name, getattr(platform, f"home_{name}"), record[prefix + name])
                 if prefix + name in record
                 else None
                 for record, platform in zip(records, platforms, strict=True)
@@ -182,6 +183,10 @@ def _from_home(records: Sequence[RecordData], platforms: Sequence[Platform]) -> 
             reference = None if prefix else f"reference.{name} from home"
             found.append(Signal(f"{prefix}{name} from home", title, group, unit, components, "axes", values, reference))
     return found
+
+
+def _change(name: str, home: FloatArray, to: FloatArray) -> FloatArray:
+    return np.asarray(rotation_between(home[None], to) if name == "orientation" else to - home)
 
 
 def _computed(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:

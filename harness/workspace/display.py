@@ -12,7 +12,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, PoseQualities
-from gough_stewart.model.workspace_grid import COORDINATES, Workspace, home_of
+from gough_stewart.model.workspace_grid import COORDINATES, Workspace
 
 # Smaller platforms are shown in mm [m].
 _SMALL = 0.5
@@ -134,7 +134,7 @@ def limits_met(workspace: Workspace) -> list[Limit]:
 
 def is_through_home(workspace: Workspace, others: Mapping[str, float]) -> bool:
     """Whether the coordinates that are not drawn have their values at home."""
-    home = home_of(workspace.platform)
+    home = workspace.home
     return all(abs(value - home[name]) < _SAME for name, value in others.items())
 
 

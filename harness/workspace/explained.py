@@ -6,7 +6,7 @@ from gough_stewart.harness.workspace.display import Shown, clearance, shown_coor
 from gough_stewart.model.kinematics import joint_angles, leg_geometry
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, limits_at
-from gough_stewart.model.workspace_grid import Workspace, home_of
+from gough_stewart.model.workspace_grid import Workspace
 
 _BOUNDING = ("leg_length_min", "leg_length_max", "joint_angle_max")
 _JOINTS = {Limit.BASE_JOINT: "base", Limit.PLATFORM_JOINT: "platform"}
@@ -64,7 +64,7 @@ def _cause(workspace: Workspace, pose: FloatArray) -> str:
 
 def _remedy(workspace: Workspace) -> str:
     """The change that leads back to home, which is within the limits of every platform."""
-    home, away = home_of(workspace.platform), []
+    home, away = workspace.home, []
     for name, value in workspace.fixed.items():
         if abs(value - home[name]) > _SAME:
             away.append(f"{name} at {shown_coordinate(workspace, name).text(home[name])}")

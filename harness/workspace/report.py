@@ -23,7 +23,7 @@ from gough_stewart.harness.workspace.isosurface import surface_of
 from gough_stewart.harness.workspace.tables import quantity_of, size_text, workspace_tables
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit
-from gough_stewart.model.workspace_grid import Workspace, home_of
+from gough_stewart.model.workspace_grid import Workspace
 
 # The group of the maps, and the name of their figure.
 FIGURES = ("maps",)
@@ -128,7 +128,7 @@ def _maps(workspace: Workspace) -> list[Chart]:
     slices = axes[2] if len(axes) == 3 else None
     first = 0 if slices is None else _level(workspace, names[2])
     others = workspace.fixed if slices is None else {**workspace.fixed, names[2]: float(slices.values[first])}
-    home = home_of(workspace.platform)
+    home = workspace.home
     point = tuple(home[name] for name in names[:2]) if is_through_home(workspace, others) else ()
     inside = _by_rows(clearance(workspace))
     whole = Map(inside, slices=slices, first=first, point=point, point_name="home" if point else "")
@@ -154,7 +154,7 @@ def _by_rows(values: FloatArray) -> FloatArray:
 
 def _level(workspace: Workspace, name: str) -> int:
     """The slice nearest to home."""
-    return int(np.abs(workspace.swept[name] - home_of(workspace.platform)[name]).argmin())
+    return int(np.abs(workspace.swept[name] - workspace.home[name]).argmin())
 
 
 def _surface(workspace: Workspace) -> Surface | None:

@@ -207,6 +207,8 @@ static void feed(vector *v, int64_t sample, mask due)
     for (int64_t i = 0; i < w->size; i++) {
         lanes r = in_task_space ? now[i] + ahead[i] : at(v, &w->reference, sample * w->every, w->used[i]);
         lanes y = in_task_space ? now[i] : remembered(v, w->measured, w->used[i]);
+        if (!w->law && w->used[i] >= FIRST_ANGLE && w->used[i] < N_POSE)
+            component_nearest_angle(&y, &r, &y);
         remember(v, w->memory, w->n_states + i, w->kinds == 1 ? r - y : r);
         if (w->kinds > 1)
             remember(v, w->memory, w->n_states + w->size + i, y);
@@ -388,6 +390,12 @@ static void take_row(vector *v, int64_t row, const lanes is_behind[])
     for (int i = 0; i < ROW_FLAGS - ROW_ERRORS; i++) {
         int of = i < N_POSE ? i : FIRST_LENGTH + i - N_POSE;
         into[ROW_ERRORS + i] = w->reference.at ? at(v, &w->reference, row, of) - into[of] : (lanes)NAN;
+    }
+    if (w->reference.at) {
+        lanes wanted[N_POSE - FIRST_ANGLE];
+        for (int i = FIRST_ANGLE; i < N_POSE; i++)
+            wanted[i - FIRST_ANGLE] = at(v, &w->reference, row, i);
+        component_rotation_between(into + FIRST_ANGLE, wanted, into + ROW_ERRORS + FIRST_ANGLE);
     }
     for (int i = 0; i < N_LEGS; i++) {
         into[ROW_FLAGS + i] = remembered(v, w->limited, i);

@@ -11,7 +11,7 @@ from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.operations import arctan2, less, where
 from gough_stewart.model.real import real_array
-from gough_stewart.model.rotations import angles_of, matrix_from_orientation, orientation_from_matrix
+from gough_stewart.model.rotations import angles_of, matrix_from_orientation, nearest_angle, orientation_from_matrix
 from gough_stewart.model.vectors import Array, FloatArray, cross, dot, skew
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ class GeometricPath:
     """A path exactly through a list of poses, from s = 0 to 1.
 
     The pose at s is p(s) and R(s) = exp(ρ̃(s)) R₀, with R₀ the orientation of the first pose; p and ρ are splines of s.
+    Roll, pitch and yaw are counted in the turns of the first pose.
     At both ends their second derivatives are zero, for degree 5 also the fourth.
     From pose to pose s grows with the distance √(|Δp|² + ℓ² |Δρ|²).
 
@@ -107,7 +108,8 @@ class GeometricPath:
         rho, rate, acceleration = (part[:, 3:] for part in (value, first, second))
         turning, turning_rate = turning_of(rho, rate, acceleration)
         rotation = rotation_of(rho) @ self._first
-        orientation = angles_of(rotation, arctan2) if rotation.dtype == object else orientation_from_matrix(rotation)
+        angles = angles_of(rotation, arctan2) if rotation.dtype == object else orientation_from_matrix(rotation)
+        orientation = nearest_angle(angles, self.orientation[0])
         return PathPoint(value[:, :3], orientation, first[:, :3], turning, second[:, :3], turning_rate)
 
     @property

@@ -17,7 +17,7 @@ from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.quantities import Share, Time, positive_or_word, vector
 from gough_stewart.harness.section import FileName
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.rotations import matrix_from_orientation, orientation_from_matrix
+from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle, orientation_from_matrix
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -91,7 +91,7 @@ class ViaPath(ReferenceChoice):
         if self.relative_to == "home":
             position = position + platform.home_position
             turned = matrix_from_orientation(orientation) @ matrix_from_orientation(platform.home_orientation)
-            orientation = orientation_from_matrix(turned)
+            orientation = nearest_angle(orientation_from_matrix(turned), platform.home_orientation)
         path = GeometricPath(position, orientation, platform.characteristic_length, DEGREES[self.interpolation])
         _check_poses(platform, position, orientation)
         law = Stretched(self._law(platform, path), self.time_scale)

@@ -15,8 +15,13 @@ from gough_stewart.harness.motion.recorded.table import FromTable, check_increas
 from gough_stewart.harness.table_file import numbers_of, read_table, times_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
-from gough_stewart.model.rotations import matrix_from_orientation, matrix_from_quaternion, orientation_from_matrix
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.rotations import (
+    matrix_from_orientation,
+    matrix_from_quaternion,
+    nearest_angle,
+    orientation_from_matrix,
+)
+from gough_stewart.model.vectors import FloatArray, Scalars
 
 if TYPE_CHECKING:
     import polars
@@ -118,14 +123,14 @@ def _check_gaps(time: FloatArray, first: float, largest: float | None) -> None:
         )
 
 
-def continuous(orientation: FloatArray) -> FloatArray:
-    """Roll, pitch, yaw (n, 3) [rad], unwrapped, with the first row within (−π, π]."""
+def continuous(orientation: FloatArray, near: Scalars = 0.0) -> FloatArray:
+    """Roll, pitch, yaw (n, 3) [rad], unwrapped, with the first row in the turns of some angles, by default (−π, π]."""
     turned = np.unwrap(orientation, axis=0)
-    return np.asarray(turned - 2 * np.pi * np.round(turned[:1] / (2 * np.pi)))
+    return np.asarray(turned + (nearest_angle(turned[:1], near) - turned[:1]))
 
 
-def orientation_of(rotation: FloatArray) -> FloatArray:
-    """Continuous roll, pitch, yaw (n, 3) [rad] of rotation matrices (n, 3, 3).
+def orientation_of(rotation: FloatArray, near: Scalars = 0.0) -> FloatArray:
+    """`continuous` roll, pitch, yaw (n, 3) [rad] of rotation matrices (n, 3, 3).
 
     Raises
     ------
@@ -135,7 +140,7 @@ def orientation_of(rotation: FloatArray) -> FloatArray:
     steep = np.flatnonzero(~(np.abs(rotation[:, 2, 0]) < np.sin(LARGEST_PITCH)))
     if steep.size:
         raise MotionError(f"in row {steep[0] + 1} the pitch is ±90°; expected a pitch between these limits")
-    return continuous(orientation_from_matrix(rotation))
+    return continuous(orientation_from_matrix(rotation), near)
 
 
 def of_quaternions(quaternion: FloatArray) -> FloatArray:
@@ -202,7 +207,7 @@ def moved_home(table: FromTable, platform: Platform, pose: AtHome, start: float)
     return FromTable(
         table.time,
         platform.home_position + (table.position - position) @ turn.T,
-        orientation_of(turn @ matrix_from_orientation(table.orientation)),
+        orientation_of(turn @ matrix_from_orientation(table.orientation), platform.home_orientation),
     )
 
 
