@@ -9,7 +9,12 @@ from gough_stewart.model.errors import InterfaceError, NoPoseError
 from gough_stewart.model.kinematics import conditioning, handedness_of_legs, leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import SINGULAR_CONDITION_NUMBER
-from gough_stewart.model.rotations import matrix_from_orientation, matrix_from_quaternion, orientation_from_matrix
+from gough_stewart.model.rotations import (
+    matrix_from_orientation,
+    matrix_from_quaternion,
+    nearest_angle,
+    orientation_from_matrix,
+)
 from gough_stewart.model.vectors import FloatArray
 
 # Bound of a Newton step: translation as a fraction of the platform's size, rotation in rad.
@@ -82,8 +87,9 @@ def forward_kinematics(
     t = platform.home_position if position is None else position
     o = platform.home_orientation if orientation is None else orientation
     t = interface.checked_value(interface.BY_NAME["position"], t)
-    R = matrix_from_orientation(interface.checked_value(interface.BY_NAME["orientation"], o))
-    o = orientation_from_matrix(R)
+    o = interface.checked_value(interface.BY_NAME["orientation"], o)
+    R = matrix_from_orientation(o)
+    o = nearest_angle(orientation_from_matrix(R), o)
     legs = leg_geometry(platform, t, o)
     side, error = handedness_of_legs(legs), target - legs.length
     history = [float(np.abs(error).max())]
@@ -101,7 +107,7 @@ def forward_kinematics(
         while share > SMALLEST_SHARE:
             t_next = t + share * step[:3]
             R_next = _turn(share * step[3:]) @ R
-            o_next = orientation_from_matrix(R_next)
+            o_next = nearest_angle(orientation_from_matrix(R_next), o)
             legs = leg_geometry(platform, t_next, o_next)
             error_next = target - legs.length
             improves = np.linalg.norm(error_next) < (1 - 1e-4 * share) * np.linalg.norm(error)

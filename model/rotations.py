@@ -126,9 +126,8 @@ def nearest_angle(angle: Array, near: Scalars) -> Array:
 def rotation_between(orientation: Array, to: Array) -> Array:
     """Rotation vector ρ (..., 3) [rad], world components, from one orientation to another: R(to) = exp(ρ̃) R.
 
-    The difference of two orientations (..., 3): it does not depend on the axes that are fixed to the platform, and has
-    at most half a turn. With halves a, b, c of the differences of roll, pitch, yaw, and means β, γ of pitch and yaw, the
-    quaternion (w, v) of the rotation is
+    The difference of two orientations (..., 3): whatever axes are fixed to the platform, and at most half a turn. With
+    halves a, b, c of the differences of roll, pitch and yaw, and means β, γ of pitch and yaw, its quaternion (w, v) is
 
         w + v_z k = (cos a cos b − sin a sin β k)(cos c + sin c k),  (v_x, v_y) = Rz(γ) (sin a cos β, cos a sin b),
 

@@ -3,7 +3,6 @@
 It is built once from the equations that NumPy's loop executes, and kept; a loop made of these components is data.
 """
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -20,7 +19,7 @@ from gough_stewart.harness.loop.folds import AT, ROW_PARTS
 from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.platform import LARGEST_NUMBER
-from gough_stewart.model.rotations import nearest_angle, rotation_between
+from gough_stewart.model.rotations import rotation_between
 from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 
@@ -81,10 +80,7 @@ def components_header() -> str:
         "N_ACCELERATIONS": 6,
         "MOST_ELEMENTS": 6,
     }
-    texts = [
-        _traced_function("nearest_angle", nearest_angle, angle=1, near=1),
-        _traced_function("rotation_between", rotation_between, orientation=3, to=3),
-    ]
+    texts = [_traced_rotation()]
     for name, component, channels in _COMPONENTS:
         text, n_coefficients, n_states = traced(component, name, channels)
         texts.append(text)
@@ -93,16 +89,16 @@ def components_header() -> str:
     return f"{GENERATED}\n{defines(sizes)}\n{''.join(texts)}"
 
 
-def _traced_function(name: str, function: Callable[..., Any], **sizes: int) -> str:
-    """The C of a function of vectors, `component_NAME(inputs ..., result)`."""
+def _traced_rotation() -> str:
+    """The C of `component_rotation_between(orientation, to, rotation)`."""
     import casadi  # needed once, to build
 
     from gough_stewart.fmu_build.lanes import in_lanes
 
-    symbols = {key: casadi.SX.sym(key, size) for key, size in sizes.items()}
-    result = function(*(np.array([casadi.vertsplit(each)], dtype=object) for each in symbols.values()))
-    traced = casadi.Function(name, [*symbols.values()], [casadi.vertcat(*np.ravel(result))], [*symbols], ["result"])
-    return in_lanes(traced, "static void component_", exact=True)
+    pair = [casadi.SX.sym(name, 3) for name in ("orientation", "to")]
+    rotation = rotation_between(*(np.array([casadi.vertsplit(each)], dtype=object) for each in pair))
+    function = casadi.Function("rotation_between", pair, [casadi.vertcat(*rotation[0])])
+    return in_lanes(function, "static void component_", exact=True)
 
 
 def traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int, int]:

@@ -207,8 +207,6 @@ static void feed(vector *v, int64_t sample, mask due)
     for (int64_t i = 0; i < w->size; i++) {
         lanes r = in_task_space ? now[i] + ahead[i] : at(v, &w->reference, sample * w->every, w->used[i]);
         lanes y = in_task_space ? now[i] : remembered(v, w->measured, w->used[i]);
-        if (!w->law && w->used[i] >= FIRST_ANGLE && w->used[i] < N_POSE)
-            component_nearest_angle(&y, &r, &y);
         remember(v, w->memory, w->n_states + i, w->kinds == 1 ? r - y : r);
         if (w->kinds > 1)
             remember(v, w->memory, w->n_states + w->size + i, y);
