@@ -284,6 +284,7 @@ _RECIPROCALS = (
     (r"=1/(\w+);", r"=reciprocal(\1);"),
     (r"=\((\w+)/(\w+)\);", r"=(\1*reciprocal(\2));"),
 )
+_ROOTS = ((r"\bsqrt\(", "rounded_square_root("),)
 # What vectors cannot do by operators is done by functions there.
 _ON_VECTORS = (
     (r"=\((\w+)!=0\?(\w+):0\);", r"=if_so(\1,\2);"),
@@ -308,7 +309,7 @@ def in_lanes(function: Any, declarator: str = _KERNEL, *, exact: bool = False, c
     declarator
         The text before its name.
     exact
-        Whether divisions are rounded as NumPy's; without it divisors must be finite.
+        Whether divisions and roots are rounded as NumPy's; without it divisors must be finite.
     call
         How a function of the C library is called, from its name.
 
@@ -320,7 +321,7 @@ def in_lanes(function: Any, declarator: str = _KERNEL, *, exact: bool = False, c
     from gough_stewart.fmu_build.codegen import Types, function_source
 
     text = function_source(function, declarator, Types("lanes", call=call), conditions=True, reciprocals=not exact)
-    for scalar, vector in (*(() if exact else _RECIPROCALS), *_ON_VECTORS):
+    for scalar, vector in (*(_ROOTS if exact else _RECIPROCALS), *_ON_VECTORS):
         text = re.sub(scalar, vector, text)
     if left := re.search(r".*(\?|[<>!=]=|[<>]|&&|\|\|).*", text):
         raise RuntimeError(f"{function.name()}: unknown construct '{left[0].strip()}' in the generated code")

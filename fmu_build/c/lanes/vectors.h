@@ -68,6 +68,11 @@ static inline lanes square_root(lanes x)
     return sqrt(x);
 }
 
+static inline lanes rounded_square_root(lanes x)
+{
+    return sqrt(x);
+}
+
 /* of two the even one; larger numbers are whole, and NaN stays */
 static inline lanes nearest(lanes x)
 {
@@ -167,6 +172,12 @@ static inline lanes square_root(lanes x)
     return __builtin_elementwise_sqrt(x);
 }
 #endif
+
+/* as IEEE rounds it, at the price of a division */
+static inline lanes rounded_square_root(lanes x)
+{
+    return __builtin_elementwise_sqrt(x);
+}
 
 /* of two the even one */
 static inline lanes nearest(lanes x)
