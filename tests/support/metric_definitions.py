@@ -11,6 +11,8 @@ from typing import Any
 
 import polars
 
+from tests.support.orientations import rotation_vectors
+
 AXES = {
     "x": "position[1]",
     "y": "position[2]",
@@ -94,8 +96,13 @@ def _rms(values: Sequence[float]) -> float:
 
 
 def _errors(rows: Sequence[Mapping[str, Any]], name: str, size: int) -> dict[str, Any]:
-    """Of reference minus actual, which are columns of their own."""
-    gaps = [[row[f"reference.{name}[{k}]"] - row[f"{name}[{k}]"] for k in range(1, size + 1)] for row in rows]
+    """Of reference minus actual, which are columns of their own; of orientations the rotation from actual to it."""
+    wanted, actual = (
+        [[row[f"{prefix}{name}[{k}]"] for k in range(1, size + 1)] for row in rows] for prefix in ("reference.", "")
+    )
+    gaps = [[a - b for a, b in zip(*each, strict=True)] for each in zip(wanted, actual, strict=True)]
+    if name == "orientation":
+        gaps = rotation_vectors(actual, wanted).tolist()
     found: dict[str, Any] = {
         "rms": [_rms([gap[k] for gap in gaps]) for k in range(size)],
         "peak": [_largest([gap[k] for gap in gaps]) for k in range(size)],

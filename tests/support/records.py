@@ -10,6 +10,7 @@ from gough_stewart.harness.results.record import Record, columns, plain
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
+from tests.support.orientations import rotation_vectors
 
 
 def waving_record(
@@ -39,7 +40,7 @@ def waving_record(
         "reference.orientation": wanted[1],
         "reference.leg_length": wanted_lengths,
         "error.position": wanted[0] - actual[0],
-        "error.orientation": wanted[1] - actual[1],
+        "error.orientation": rotation_vectors(actual[1], wanted[1]),
         "error.leg_length": wanted_lengths - lengths,
         "flag.force_limited": np.abs(force) > 99,
         "flag.stroke_exceeded": np.zeros((rows, 6), dtype=bool),

@@ -17,6 +17,7 @@ from gough_stewart.harness.results.bands import (
     samples_frame,
 )
 from gough_stewart.model.vectors import FloatArray
+from tests.support.orientations import rotation_vectors
 from tests.support.rows import pass_rows
 
 N, STEPS = 37, 50
@@ -65,6 +66,8 @@ def wanted_of(name: str) -> dict[str, FloatArray]:
     start, size = PLACES[name.removeprefix("error.").removesuffix(".norm")]
     part = slice(start, start + size)
     values = WANTED[..., part] - SIGNALS[..., part] if name.startswith("error.") else SIGNALS[..., part]
+    if name.startswith("error.orientation"):
+        values = rotation_vectors(SIGNALS[..., part], WANTED[..., part])
     if name.endswith(".norm"):
         return {name: np.sqrt((values**2).sum(axis=-1))}
     return {f"{name}[{k + 1}]": values[..., k] for k in range(size)}

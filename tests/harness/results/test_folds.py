@@ -22,6 +22,7 @@ from gough_stewart.harness.results.fold_library import metric_kernels
 from gough_stewart.harness.results.metric_folds import METRICS, columns_of, folds_of_loop
 from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.results.record import Record, columns
+from gough_stewart.model.rotations import rotation_between
 from gough_stewart.model.vectors import FloatArray
 from tests.support.metric_definitions import as_one_number, defined_metrics
 from tests.support.rows import pass_rows
@@ -182,7 +183,7 @@ def noise(
         "reference.orientation": wanted[:, 3:6],
         "reference.leg_length": wanted[:, 12:18],
         "error.position": wanted[:, :3] - everything[:, :3],
-        "error.orientation": wanted[:, 3:6] - everything[:, 3:6],
+        "error.orientation": rotation_between(everything[:, 3:6], wanted[:, 3:6]),
         "error.leg_length": wanted[:, 12:18] - everything[:, 12:18],
         "flag.force_limited": flags[0],
         "flag.rate_limited": flags[1],

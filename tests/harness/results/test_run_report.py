@@ -15,6 +15,7 @@ from gough_stewart.harness.report.table import Table, Value
 from gough_stewart.harness.results.record import Record, columns
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.model.platform_toml import load_preset
+from tests.support.orientations import rotation_vectors
 from tests.support.records import oscillating, waving_record
 
 PLATFORM = load_preset("motion_base")
@@ -204,7 +205,8 @@ def test_charts_hold_every_row_in_si_units() -> None:
     assert [mark.value for mark in legs.marks] == [PLATFORM.leg_length_min, PLATFORM.leg_length_max]
     turned = charts["orientation from home"].series[0]
     assert turned.quantity.unit == "deg"
-    np.testing.assert_allclose(turned.values, record["orientation"][:, 0], rtol=1e-12, atol=1e-15)
+    expected = rotation_vectors(PLATFORM.home_orientation, record["orientation"])[:, 0]
+    np.testing.assert_allclose(turned.values, expected, rtol=1e-12, atol=1e-14)
     shown = [chart.title for chart in report.charts if not chart.detail]
     assert shown[:2] == ["position error", "orientation error"]
     assert len(shown) == 6

@@ -9,6 +9,7 @@ from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.signals import GROUPS, SHOWN, Signal, signals_of
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.vectors import FloatArray
+from tests.support.orientations import rotation_vectors
 from tests.support.uneven_records import LEGS, MACHINE, OTHER, RUN
 
 XYZ, ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
@@ -69,7 +70,8 @@ def expected_values(record: Record, name: str) -> FloatArray:
     column, _, axis = name.removesuffix(" from home").partition(" ")
     values = np.asarray(record[column], dtype=float).reshape(record.table.height, -1)
     if name.endswith("from home"):
-        values = values - home[column.removeprefix("reference.")]
+        at_home = home[column.removeprefix("reference.")]
+        values = values - at_home if "position" in column else rotation_vectors(at_home, values)
     if axis in XYZ:
         parts = [record.table[f"{column}[{leg},{XYZ.index(axis) + 1}]"].to_numpy() for leg in range(1, 7)]
         values = np.stack(parts, axis=1)

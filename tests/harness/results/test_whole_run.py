@@ -23,6 +23,7 @@ import gough_stewart as gs
 from tests.support.commands import invoke
 from tests.support.drawn_figures import drawn
 from tests.support.metric_definitions import defined_metrics
+from tests.support.orientations import rotation_vectors
 from tests.support.uneven import UNEVEN
 
 MACHINE = replace(
@@ -355,10 +356,11 @@ def test_figures_show_the_columns_of_the_record_with_their_limits(record: gs.Rec
             assert np.allclose(line.get_ydata(), scale * record[f"error.{name}"][:, k])
     home = (MACHINE.home_position, MACHINE.home_orientation)
     for k, axes in enumerate(figures["pose"]):
-        name, scale, zero = (POSE[0], 1e3, home[0][k % 3]) if k < 3 else (POSE[1], degrees(1), home[1][k % 3])
+        name, scale = (POSE[0], 1e3) if k < 3 else (POSE[1], degrees(1))
         assert axes.get_title().endswith("[mm]" if k < 3 else "[deg]")
         for line, column in zip(axes.lines, (name, f"reference.{name}"), strict=True):
-            assert np.allclose(line.get_ydata(), scale * (record[column][:, k % 3] - zero), atol=1e-9)
+            change = record[column] - home[0] if k < 3 else rotation_vectors(home[1], record[column])
+            assert np.allclose(line.get_ydata(), scale * change[:, k % 3], atol=1e-9)
     (forces,) = figures["actuators"]
     lines, limits = forces.lines[:-2], [float(line.get_ydata()[0]) for line in forces.lines[-2:]]
     assert sorted(limits) == [-88, 88]
