@@ -19,7 +19,6 @@ from gough_stewart.harness.results.outcome import is_sound, outcome_text
 from gough_stewart.harness.results.record import Record, platform_of
 from gough_stewart.harness.results.run_charts import Shown, run_charts, scenes
 from gough_stewart.harness.results.tables import metrics_tables
-from gough_stewart.model.rotations import nearest_angle
 from gough_stewart.model.vectors import FloatArray
 
 _BEST = "★ "
@@ -181,7 +180,7 @@ def _flat(value: Any, path: str = "") -> list[tuple[str, Any]]:
 
 
 def differences(section: Section, names: Sequence[str]) -> list[Chart]:
-    """The charts of a section with every other run minus the first, component by component; angles modulo a turn."""
+    """The charts of a section with every other run minus the first, component by component."""
     found = []
     for chart in section.parts:
         if not isinstance(chart, Chart):
@@ -194,7 +193,6 @@ def differences(section: Section, names: Sequence[str]) -> list[Chart]:
                 continue
             times = (chart.x_of(first), chart.x_of(each))
             common, values = difference(times, (first.values, each.values), chart.kind == "step")
-            values = nearest_angle(values, 0.0) if each.quantity.si == "rad" else values
             if len(common):
                 name = f"{names[each.run]}: {each.component}"
                 series.append(replace(each, name=name, values=values, x=common, role="error"))
