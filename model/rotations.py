@@ -6,7 +6,7 @@ The first four functions, `angles_of`, `nearest_angle` and `rotation_between` ar
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,10 @@ from gough_stewart.model.vectors import Array, Scalars, cross, dot, skew, transp
 
 # Closer to ±90° than this, double precision cannot separate roll and yaw [rad].
 PITCH_MARGIN = 1e-6
-# Series of sin x/x and cos x in x² up to |x| = π/4, and of atan x/x up to |x| = tan(π/16), to rounding.
-_SINE = [(-1) ** k / math.factorial(2 * k + 1) for k in range(8)]
-_COSINE = [(-1) ** k / math.factorial(2 * k) for k in range(9)]
-_ARCTANGENT = [(-1) ** k / (2 * k + 1) for k in range(11)]
+# Series of sin x/x and cos x in x² up to |x| = π/4, and of atan x/x up to |x| = tan(π/16), highest power first.
+_SINE = [(-1) ** k / math.factorial(2 * k + 1) for k in reversed(range(8))]
+_COSINE = [(-1) ** k / math.factorial(2 * k) for k in reversed(range(9))]
+_ARCTANGENT = [(-1) ** k / (2 * k + 1) for k in reversed(range(11))]
 
 
 def matrix_from_orientation(orientation: Array) -> Array:
@@ -145,7 +145,7 @@ def rotation_between(orientation: Array, to: Array) -> Array:
     square = dot(v, v)
     for _ in range(2):
         share = share / (1 + np.sqrt(1 + share * share * square))
-    factor = 16 * share * _series(_ARCTANGENT, share * share * square)
+    factor = 16 * share * np.polyval(_ARCTANGENT, share * share * square)
     return np.asarray(where(less(w, 0.0), -factor, factor)[..., None] * v)
 
 
@@ -153,18 +153,10 @@ def _sine_and_cosine(angle: Array) -> tuple[Array, Array]:
     """Sine and cosine of angles [rad], by series for a quarter of each, doubled twice."""
     quarter = nearest_angle(angle, 0.0) / 4
     square = quarter * quarter
-    sine, cosine = quarter * _series(_SINE, square), _series(_COSINE, square)
+    sine, cosine = quarter * np.polyval(_SINE, square), np.polyval(_COSINE, square)
     for _ in range(2):
         sine, cosine = 2 * sine * cosine, 1 - 2 * sine * sine
     return sine, cosine
-
-
-def _series(coefficients: Sequence[float], x: Array) -> Array:
-    """The polynomial with these coefficients, the lowest power first."""
-    total: Any = coefficients[-1]
-    for coefficient in reversed(coefficients[:-1]):
-        total = total * x + coefficient
-    return np.asarray(total)
 
 
 def matrix_from_quaternion(quaternion: Array) -> Array:

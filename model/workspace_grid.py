@@ -50,10 +50,9 @@ class Workspace:
     @property
     def home(self) -> dict[str, float]:
         """The home pose by coordinate [m or rad], with angles in the turns of the grid."""
-        middle = {**self.fixed, **{name: (values[0] + values[-1]) / 2 for name, values in self.swept.items()}}
+        middle = {**self.fixed, **{name: values.mean() for name, values in self.swept.items()}}
         home = home_of(self.platform)
-        angles = {name: float(nearest_angle(np.array(home[name]), middle[name])) for name in LARGEST_ANGLES}
-        return home | angles
+        return home | {name: float(nearest_angle(np.array(home[name]), middle[name])) for name in LARGEST_ANGLES}
 
     def __repr__(self) -> str:
         """The swept ranges and the reachable share, on one line."""
@@ -243,11 +242,6 @@ def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapp
         if given is not None and not given[0] < given[1]:
             low, high = (f"{end:g} {COORDINATES[name]}" for end in given)
             raise WorkspaceError(f"{name} goes from {low} to {high}; expected a range from low to high")
-        if given is not None and name in LARGEST_ANGLES and given[1] - given[0] > 2 * np.pi * (1 + 1e-12):
-            low, high = (f"{np.degrees(end):g}°" for end in given)
-            raise WorkspaceError(
-                f"{name} goes from {low} to {high}; expected at most a turn, 360°; numbers without a unit are in rad"
-            )
     for name, value in at.items():
         _check_value(name, value, home[name])
 

@@ -68,12 +68,11 @@ def _errors(results: FloatArray, reference: FloatArray) -> list[tuple[list[str],
     for name, size in _REFERENCE:
         references[name.removeprefix("reference.")] = reference[:, at : at + size]
         at += size
-    found = []
-    for error in ERRORS:
-        name = error.removeprefix("error.")
-        values = error_between(name, references[name][..., None], actual[name][..., None])[..., 0]
-        found.append((columns(error, values.shape[1]), values))
-    return found
+    return [
+        (columns(error, actual[name].shape[1]), error_between(name, references[name].T, actual[name].T).T)
+        for error in ERRORS
+        for name in [error.removeprefix("error.")]
+    ]
 
 
 def _changed_parameters(prepared: Prepared, time: FloatArray) -> list[tuple[list[str], FloatArray]]:

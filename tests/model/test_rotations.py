@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import rotations
 from gough_stewart.model.errors import OrientationError
+from tests.support.orientations import rotation_vectors
 
 angle = st.floats(-np.pi + 1e-6, np.pi - 1e-6)
 pitch = st.floats(-np.pi / 2 + 1e-3, np.pi / 2 - 1e-3)
@@ -193,3 +194,24 @@ def test_a_quaternion_s_rate_is_half_its_product_with_the_angular_velocity() -> 
     q, omega = np.array([1.0, 2.0, -1.0, 2.0]), np.array([1.0, 2.0, 3.0])
     # (ω, 0)(v, w) = (w ω + ω × v, −ω·v), ω × v = (−8, 4, 0)
     assert rotations.quaternion_rate(q, omega).tolist() == [-3.0, 4.0, 3.0, -1.0]
+
+
+def test_a_rotation_between_orientations_is_that_of_scipy() -> None:
+    """Expected: SciPy's rotation vectors, of any angles, also beyond a turn, half a turn apart, nearly equal."""
+    rng = np.random.default_rng(2)
+    first, second = rng.uniform(-7, 7, (2, 500, 3)) * [1, 0.1, 1]
+    changes = (second, rng.normal(size=(500, 3)) * 1e-3, np.array([0, 0, 3.14]), np.array([2 * np.pi, 0, 0]))
+    for change in changes:
+        to = first + change
+        found = rotations.rotation_between(first, to)
+        np.testing.assert_allclose(found, rotation_vectors(first, to), atol=2e-12)
+
+
+def test_an_angle_is_counted_in_the_turns_of_another() -> None:
+    """Expected: by hand; an angle within half a turn of the other keeps its bits."""
+    angles = np.array([0.3, -np.pi, 3.2, -9.0, 0.3])
+    near = np.array([0.0, np.pi + 0.1, -3.0, 0.2, 7.0])
+    expected = [0.3, np.pi, 3.2 - 2 * np.pi, -9 + 2 * np.pi, 0.3 + 2 * np.pi]
+    found = rotations.nearest_angle(angles, near)
+    assert found == pytest.approx(expected, abs=1e-14)
+    assert found[0] == angles[0]
