@@ -249,10 +249,9 @@ def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapp
 def _check_value(name: str, value: float, home: float) -> None:
     if not np.isfinite(value):
         raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
-    if name not in LARGEST_ANGLES:
-        return
     # of a frame that is turned round at home, as many half turns as a quarter turn on either side of home needs
-    most = LARGEST_ANGLES[name] * max(1.0, np.ceil(abs(home) / np.pi + 0.5) if name != "pitch" else 1.0)
+    turns = max(1.0, np.ceil(abs(home) / np.pi + 0.5)) if name != "pitch" else 1.0
+    most = LARGEST_ANGLES.get(name, np.inf) * turns
     if abs(value) > most * (1 + 1e-12):
         found, largest = np.degrees(value), np.degrees(most)
         raise WorkspaceError(

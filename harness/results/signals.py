@@ -6,12 +6,12 @@ from typing import Literal
 
 import numpy as np
 
+from gough_stewart.harness.loop.folds import error_between
 from gough_stewart.harness.output.display_resolution import factor_to
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.rotations import rotation_between
 from gough_stewart.model.vectors import FloatArray
 
 AXES = ("x", "y", "z")
@@ -173,7 +173,8 @@ def _from_home(records: Sequence[RecordData], platforms: Sequence[Platform]) -> 
     for name, unit, components in (("position", "mm", AXES), ("orientation", "deg", _ANGLES)):
         for prefix in ("", "reference."):
             values = tuple(
-                factor_to(unit) * _change(name, getattr(platform, f"home_{name}"), record[prefix + name])
+                factor_to(unit)
+                * error_between(name, record[prefix + name].T, getattr(platform, f"home_{name}")[:, None]).T
                 if prefix + name in record
                 else None
                 for record, platform in zip(records, platforms, strict=True)
@@ -183,10 +184,6 @@ def _from_home(records: Sequence[RecordData], platforms: Sequence[Platform]) -> 
             reference = None if prefix else f"reference.{name} from home"
             found.append(Signal(f"{prefix}{name} from home", title, group, unit, components, "axes", values, reference))
     return found
-
-
-def _change(name: str, home: FloatArray, to: FloatArray) -> FloatArray:
-    return np.asarray(rotation_between(home[None], to) if name == "orientation" else to - home)
 
 
 def _computed(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 import gough_stewart as gs
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.view.page import view_report
 from gough_stewart.harness.workspace.report import workspace_report
@@ -134,8 +135,8 @@ def test_checks_runs_metrics_and_pages_are_those_of_the_unturned_machine(
         worst = gaps(found(frame), expected)
         curves = {of: gap for of, gap in worst.items() if ", " in of}
         numbers = {of: gap for of, gap in worst.items() if of not in curves}
-        assert max(numbers.values()) < (1e-7 if is_other_spline else 1e-9), (frame, max(numbers, key=numbers.get))
-        assert max(curves.values()) < (2e-6 if is_other_spline else 1e-8), (frame, max(curves, key=curves.get))
+        assert max(numbers.values()) < (1e-7 if is_other_spline else 1e-9), (frame, numbers)
+        assert max(curves.values()) < (2e-6 if is_other_spline else 1e-8), (frame, curves)
 
 
 def test_an_open_loop_is_that_of_the_unturned_machine() -> None:
@@ -147,14 +148,6 @@ def test_an_open_loop_is_that_of_the_unturned_machine() -> None:
         changes = {f"platform.parameters.{key}": value.tolist() for key, value in parameters.items()}
         record = gs.run("paper_open_loop", changes | {"start.orientation": start.as_euler("xyz").tolist()})
         assert max(gaps(dict(shown(record.report())), dict(shown(shipped_record.report()))).values()) < 1e-8
-
-
-def test_margins_are_those_of_the_unturned_machine() -> None:
-    """Expected: the margins as shipped, in leg and in task space."""
-    for name in ("heave_step", "pitch_sine"):
-        expected = dict(shown(gs.margins(name).report()))
-        for frame in FRAMES:
-            assert max(gaps(dict(shown(gs.margins(name, machine(name, frame)).report())), expected).values()) < 1e-8
 
 
 # Frame, what is swept of the turned machine, and of that as shipped.
@@ -210,7 +203,7 @@ def test_angles_that_differ_by_a_turn_are_the_same_in_starts_errors_and_comparis
         assert np.abs(records[-1]["error.orientation"]).max() < 1e-6
         assert np.abs(records[-1]["controller.force"] - records[-1]["controller.feedforward"]).max() < 1e-3
     (section,) = (each for each in view_report(records, ["a", "b"]).sections if each.title == "Differences from a")
-    charts = {chart.title: chart.series for chart in section.parts}
+    charts = {chart.title: chart.series for chart in section.parts if isinstance(chart, Chart)}
     for title in ("orientation error, difference", "orientation from home, difference"):
         assert max(np.abs(series.values).max() for series in charts[title]) < 1e-9
 
