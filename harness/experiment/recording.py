@@ -8,6 +8,7 @@ import polars
 
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.batch import Batch, Prepared
+from gough_stewart.harness.experiment.preparation import with_hints
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.varied import experiment_with
 from gough_stewart.harness.loop.run import Run, simulate
@@ -118,7 +119,7 @@ def member_of(plan: "Plan", member: int) -> tuple[Experiment, Prepared]:
         No member of that number, or one that is impossible.
     """
     (own,), batch = _members_of(plan, [member])
-    return own, batch.member(0)
+    return own, with_hints(own, batch.member(0))
 
 
 def _members_of(plan: "Plan", numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
@@ -156,7 +157,7 @@ def records_of(plan: "Plan", members: Sequence[int | None], progress: TimeProgre
     return [
         record_of(
             run.of_member(k),
-            batch.member(k),
+            with_hints(own, batch.member(k)),
             {
                 "title": own.title,
                 "plant": "lanes",
