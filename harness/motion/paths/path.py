@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 # spline; that of degree 5 has zero third and fourth derivatives instead, and does not exist through two poses.
 _DERIVATIVES_ZERO_AT_ENDS = {5: (2, 4), 3: (2,)}
 DEGREES = {"quintic": 5, "cubic": 3}
-# Share of the largest coordinate below which two poses are the same: rounding, 1e-16 of it, leaves the direction between
-# poses that are farther apart certain to 1e-6 rad.
+# Share of the largest coordinate below which two poses are the same: rounding, 1e-16 of it, leaves the direction
+# between poses that are farther apart certain to 1e-6 rad.
 _SAME = 1e-9
 # Angles [rad] below which the coefficients of the exponential are computed by series.
 _SMALL_ANGLE = 1e-2
@@ -62,8 +62,8 @@ class GeometricPath:
     Raises
     ------
     MotionError
-        Fewer than two poses, a pose that is not finite, two neighbours that are equal up to rounding, or a pose rotated by half a turn or more
-        from the first.
+        Fewer than two poses, a pose that is not finite, two neighbours that are equal up to rounding, or a pose rotated
+        by half a turn or more from the first.
     """
 
     position: FloatArray  # of the via poses (n, 3) [m]
