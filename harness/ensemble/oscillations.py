@@ -98,7 +98,7 @@ def _candidates(batch: Batch, members: Sequence[int], kept: LegErrors, threads: 
 
     Those that share what acts on the loop are looked at together.
     """
-    alike = dict[tuple[Any, ...], list[int]]()
+    alike = dict[tuple[int | None, ...], list[int]]()
     for k in members:
         if batch.planned[k] is not None and batch.controller[k] is not None:
             alike.setdefault(_inputs(batch, k), []).append(k)
@@ -126,13 +126,8 @@ def _one(values: Any) -> dict[str, float]:
     return {name: float(value) for name, value in values.items()}
 
 
-def _inputs(batch: Batch, k: int) -> tuple[Any, ...]:
+def _inputs(batch: Batch, k: int) -> tuple[int | None, ...]:
     """What determines from where a member is without input: equal where that is equal."""
-    machine, changes = batch.machine[k], batch.changes[k]
-    values = [(getattr(machine, name), value) for each in changes for name, value in each.parameters.items()]
     has_jitter = batch.injection[k] is not None and batch.jitter[k]
-    return (
-        *(int(each.of[k]) for each in (batch.planned, batch.changes, batch.injection)),
-        *(np.array_equal(old, new) for old, new in values),
-        *((k,) if has_jitter else ()),
-    )
+    # changes are each machine's own
+    return (*(int(each.of[k]) for each in (batch.planned, batch.changes, batch.injection)), k if has_jitter else None)
