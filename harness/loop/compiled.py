@@ -21,7 +21,7 @@ from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.law_library import CompiledLaw
-from gough_stewart.harness.loop.loop import Loop
+from gough_stewart.harness.loop.loop import Loop, failure_of_forces
 from gough_stewart.harness.loop.loop_library import coefficients_of
 from gough_stewart.harness.loop.rows import AllRows, Rows
 from gough_stewart.harness.loop.sensors import Noise, noise_of
@@ -228,8 +228,9 @@ class CompiledLoop:
             if failure in (Failure.STROKE, Failure.AWAY):
                 watch.end_beyond(k, row, self._signals[:, k], stroke=failure == Failure.STROKE)
             elif failure == Failure.COMMAND:
-                command = self._command[:, k].tolist()
-                watch.outcomes.end_after(k, row + 1, "diverged", f"the controller's forces are {command} N")
+                given = self._measured[:, k], self._command[:, k]
+                cause = failure_of_forces(self._loop, k, row // self._c.every, *given)
+                watch.outcomes.end_after(k, row + 1, "diverged", cause)
             elif failure == Failure.NOT_STARTED:
                 watch.outcomes.end_after(k, row + 1, "diverged", str(self._failures[k]))
             else:
@@ -240,7 +241,7 @@ class CompiledLoop:
     def _set_controller(self, law: LinearLaw | CompiledLaw | None, reading: FloatArray) -> None:
         c = self._c
         c.kinds = c.size = c.n_states = c.entries = 0
-        measured = self._memory("measured", signals.SIZE)
+        measured = self._measured = self._memory("measured", signals.SIZE)
         self._command = self._memory("command", N_LEGS)
         self._memory("excess", N_LEGS)
         self._memory("limited", N_LEGS)

@@ -24,6 +24,7 @@ from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.alone import Alone, seen_of, signals_of
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants.signals import AT_MOTORS, NAMES
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError, StepError
 from gough_stewart.model.process.progress import TimeProgress
@@ -173,11 +174,15 @@ def _run_rows(
     for k, time in enumerate(timing.times.tolist()):
         if k:
             changed(k)
-        now = read_signals()
+        # what ends and is recorded is where the platform is
+        now = seen = read_signals()
+        watch.end_broken(now, NAMES)
+        if read_seen is not None:
+            seen = read_seen()
+            watch.end_broken(seen, (*NAMES[:4], *AT_MOTORS.values()))
         rate_limited = drives.none
-        if k < n:
-            # what ends and is recorded is where the platform is
-            sampler.at_row(k, now if read_seen is None else read_seen())
+        if k < n and outcomes.going.any():
+            sampler.at_row(k, seen)
             if not outcomes.all_go and not (outcomes.counting > k).any():
                 # all controllers have failed: this row does not count
                 if is_alone and not k:

@@ -1,12 +1,15 @@
 """The limits of a run, watched row by row; rows that have been checked go on to the observer."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from gough_stewart.harness.loop.loop import LENGTHS, Limits, Loop
+from gough_stewart.harness.loop.loop import LENGTHS, Limits, Loop, first_broken, is_broken
 from gough_stewart.harness.loop.outcomes import Outcomes
 from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -31,6 +34,13 @@ class Watch:
             self.check()
             if self.rows.count + self.every > self.rows.most:
                 self.pass_on()
+
+    def end_broken(self, given: FloatArray, names: Sequence[str]) -> None:
+        """End members of whose plant these signals (N, size) are no numbers, or too large, at the next row."""
+        if not members.all_below(given.T, LARGEST_NUMBER):
+            broken = [is_broken(each) for each in given]
+            what = "the plant gave"
+            self.outcomes.end(broken, "diverged", lambda k: f"{what} {first_broken(names, given[k])}", at_next=True)
 
     def finish(self) -> None:
         """Check all rows, and pass them on."""
