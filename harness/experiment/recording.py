@@ -75,7 +75,7 @@ def _errors(results: FloatArray, reference: FloatArray) -> list[tuple[list[str],
     return [(columns(f"error.{name}", references[name].shape[1]), references[name] - actual[name]) for name in names]
 
 
-def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[tuple[list[str], FloatArray]]:
+def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[tuple[list[str], NDArray[Any]]]:
     """All that acts on a loop from outside, over its first rows: scalar names and columns (n, k).
 
     Leg lengths of the reference, injection, external wrench, parameters that change, and faults.
@@ -94,7 +94,7 @@ def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[
                 values[loop.timing.row(change.time, "a change") :] = np.ravel(np.asarray(value))
         return values
 
-    parts: list[tuple[list[str], FloatArray]] = []
+    parts: list[tuple[list[str], NDArray[Any]]] = []
     if loop.reference is not None:
         parts.append((columns("reference.leg_length", 6), loop.reference[:n, LENGTHS]))
     if loop.injection is not None:

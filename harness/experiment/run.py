@@ -100,8 +100,9 @@ def run(
 
         plan = plan_of(chosen, controller)
         own, prepared = member_of(plan, member)
-    for text in () if warn is None else prepared.warnings:
-        warn(text)
+    if warn is not None:
+        for text in prepared.warnings:
+            warn(text)
     if member is not None and plant is None and fmu is None:
         record = records_of(plan, [member], progress)[0]
     else:

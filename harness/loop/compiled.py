@@ -75,7 +75,7 @@ MEMORY = (
     ),
     *("delayed", "target", "driven", "acting", "cut", "frozen", "held", "at_row", "ended"),
 )
-_ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_force_limited", "row_rate_limited")
+_ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_motors", "row_force_limited", "row_rate_limited")
 _SAMPLES_OUT = ("sample_measured", "sample_state", "sample_command", "sample_limited")
 
 
@@ -375,6 +375,8 @@ class CompiledLoop:
         else:
             c.row_signals, c.row_forces = self._out(rows.signals[at:]), self._out(rows.forces[at:])
             c.row_force_limited = self._out(rows.force_limited[at:])
+            if rows.motors is not None:
+                c.row_motors = self._out(rows.motors[at:])
         c.row_rate_limited = self._out(rows.rate_limited[at:])
 
     @property

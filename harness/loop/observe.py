@@ -24,7 +24,7 @@ from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.alone import Alone, seen_of, signals_of
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.signals import AT_MOTORS, NAMES
+from gough_stewart.harness.plants.signals import AT_MOTORS, MOTORS, NAMES
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError, StepError
 from gough_stewart.model.process.progress import TimeProgress
@@ -170,19 +170,19 @@ def _run_rows(
     drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
     sampler = Sampler(loop, law_from, drives, outcomes, watch.rows, failing)
     read_signals = signals_of(plant)
-    read_seen = None if loop.sensors.side == "leg" else seen_of(plant, loop.sensors.side)
+    read_at_motors = seen_of(plant, "motor")
     for k, time in enumerate(timing.times.tolist()):
         if k:
             changed(k)
         # what ends and is recorded is where the platform is
-        now = seen = read_signals()
+        now = at_motors = read_signals()
         watch.end_broken(now, NAMES)
-        if read_seen is not None:
-            seen = read_seen()
-            watch.end_broken(seen, (*NAMES[:4], *AT_MOTORS.values()))
+        if MOTORS in plant.columns:
+            at_motors = read_at_motors()
+            watch.end_broken(at_motors, (*NAMES[:4], *AT_MOTORS.values()))
         rate_limited = drives.none
         if k < n and outcomes.going.any():
-            sampler.at_row(k, seen)
+            sampler.at_row(k, at_motors if loop.sensors.side == "motor" else now)
             if not outcomes.all_go and not (outcomes.counting > k).any():
                 # all controllers have failed: this row does not count
                 if is_alone and not k:
@@ -198,7 +198,7 @@ def _run_rows(
             _, (left,) = Cut.step(NoCoefficients(), (), (forces, failing[..., CUT]))
             np.copyto(forces, left, where=outcomes.going[..., None])
         plant.set_inputs(acting)
-        watch.row(now, acting, sampler.force_limited, rate_limited)
+        watch.row(now, acting, sampler.force_limited, rate_limited, at_motors)
         if not k and plant.may_overrun and sampler.may_overrun:
             watch.every = CHECKED
         if progress is not None and k % _ROWS_A_REPORT == 0:

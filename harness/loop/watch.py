@@ -26,9 +26,16 @@ class Watch:
         self._checked = 0  # rows of the run
         self.every = 1
 
-    def row(self, now: FloatArray, acting: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
+    def row(
+        self,
+        now: FloatArray,
+        acting: FloatArray,
+        force_limited: BoolArray,
+        rate_limited: BoolArray,
+        at_motors: FloatArray,
+    ) -> None:
         """Add a row; see `Rows.add`."""
-        self.rows.add(now, acting, force_limited, rate_limited)
+        self.rows.add(now, acting, force_limited, rate_limited, at_motors)
         self.outcomes.rows += 1
         if self.outcomes.rows % self.every == 0:
             self.check()
@@ -38,7 +45,7 @@ class Watch:
     def end_broken(self, given: FloatArray, names: Sequence[str]) -> None:
         """End members of whose plant these signals (N, size) are no numbers, or too large, at the next row."""
         if not members.all_below(given.T, LARGEST_NUMBER):
-            broken = [is_broken(each) for each in given]
+            broken = np.array([is_broken(each) for each in given])
             what = "the plant gave"
             self.outcomes.end(broken, "diverged", lambda k: f"{what} {first_broken(names, given[k])}", at_next=True)
 

@@ -125,7 +125,7 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
         **_peak("base_joint_angle", "rad", base_angle, time, velocity=v),
         **_peak("platform_joint_angle", "rad", platform_angle, time, velocity=v),
     }
-    return Needs(found, tuple(_notes(platform, time, length, v)))
+    return Needs(found, tuple(_notes(platform, time, length, v, F)))
 
 
 def _lengths(time: FloatArray, length: FloatArray) -> dict[str, Need]:
@@ -175,7 +175,9 @@ def _integral_of_positive(time: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray((h * np.where(crosses, triangle, both)).sum(axis=0))
 
 
-def _notes(platform: Platform, time: FloatArray, length: FloatArray, velocity: FloatArray) -> list[str]:
+def _notes(
+    platform: Platform, time: FloatArray, length: FloatArray, velocity: FloatArray, force: FloatArray
+) -> list[str]:
     """What the figures leave out, as far as it can be seen."""
     notes = ["nominal model, without load and without reserve for the controller"]
     missing = {
@@ -185,6 +187,12 @@ def _notes(platform: Platform, time: FloatArray, length: FloatArray, velocity: F
     absent = " and no ".join(name for name, is_missing in missing.items() if is_missing)
     if absent:
         notes.append(f"the platform states no {absent}, so forces and powers have none")
+    if platform.leg_stiffness > 0 and len(time) > 1 and np.isfinite(force).all():
+        stretching = np.abs(np.diff(force, axis=0) / np.diff(time)[:, None]).max() / platform.leg_stiffness
+        notes.append(
+            f"speeds and powers are those of rigid legs; springs let the motors move up to {stretching:.2g} m/s faster "
+            "or slower, and ring: a run has the speeds and powers of motors"
+        )
     steps = np.diff(length, axis=0)
     by_velocity = np.diff(time)[:, None] * (velocity[1:] + velocity[:-1]) / 2
     unexplained = np.abs(steps - by_velocity).max(axis=1, initial=0.0)

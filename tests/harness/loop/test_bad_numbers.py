@@ -54,7 +54,7 @@ class Broken(ModelPlant):
     """The machine of `heave_step`, of which one result is wrong from 0.1 s on."""
 
     def __init__(self, name: str, value: float, **parameters: float) -> None:
-        machine = replace(gs.load_preset("motion_base"), **parameters)
+        machine = gs.load_preset("motion_base").with_parameters(parameters)
         still = np.zeros(3)
         super().__init__(machine, State(machine.home_position, machine.home_orientation, still, still))
         self._at, self._value, self._now = self.columns.index(name), value, 0.0
