@@ -10,7 +10,7 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
-from gough_stewart.harness.experiment.batch import Batch, Prepared
+from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.recording import acting_columns
 from gough_stewart.harness.loop.folds import KeptRows, State
 from gough_stewart.harness.loop.loop import LENGTHS
@@ -63,8 +63,12 @@ def oscillations(
     """
     completed = [k for k, outcome in enumerate(outcomes) if outcome.status == "completed"]
     found: list[Oscillation | None] = [None] * len(batch)
-    for k, begins in _candidates(batch, completed, kept, threads):
-        found[k] = _self_excited(batch.member(k), kept.time, kept.errors[:, :, k].copy(), kept.every, begins)
+    for k, reference, begins in _candidates(batch, completed, kept, threads):
+        prepared, error = batch.member(k), kept.errors[:, :, k].copy()
+        sensors, length = prepared.loop.sensors, float(np.mean(reference - error))
+        explained = _one(sensors.noise), _one(sensors.quantisation)
+        least = least_amplitude(length, prepared.platform.platform_points, *explained)
+        found[k] = self_excited(LegRows(kept.time, error, reference, begins, least))
     return found if kept.every == 1 else [each and each._replace(frequency=None) for each in found]
 
 
@@ -81,27 +85,20 @@ def oscillation_columns(found: Sequence[Oscillation | None]) -> dict[str, polars
     }
 
 
-def _self_excited(
-    prepared: Prepared, time: FloatArray, error: FloatArray, every: int, begins: int
-) -> Oscillation | None:
-    loop = prepared.loop
-    assert loop.reference is not None  # a candidate has one
-    reference = loop.reference[::every, LENGTHS]
-    length = float(np.mean(reference - error))
-    sensors = loop.sensors
-    least = least_amplitude(length, prepared.platform.platform_points, _one(sensors.noise), _one(sensors.quantisation))
-    return self_excited(LegRows(time, error, reference, begins, least))
-
-
-def _candidates(batch: Batch, members: Sequence[int], kept: LegErrors, threads: int) -> Iterator[tuple[int, int]]:
-    """Members that may oscillate or grow, and the kept row from which they are without input.
+def _candidates(
+    batch: Batch, members: Sequence[int], kept: LegErrors, threads: int
+) -> Iterator[tuple[int, FloatArray, int]]:
+    """Members that may oscillate or grow, the reference of their legs, and the kept row from which nothing acts.
 
     Those that share what acts on the loop are looked at together.
     """
     alike = dict[tuple[int | None, ...], list[int]]()
     for k in members:
         if batch.planned[k] is not None and batch.controller[k] is not None:
-            alike.setdefault(_inputs(batch, k), []).append(k)
+            # changes are each machine's own, and with jitter the rows of an injection each member's
+            own = k if batch.injection[k] is not None and batch.jitter[k] else None
+            key = (*(int(each.of[k]) for each in (batch.planned, batch.changes, batch.injection)), own)
+            alike.setdefault(key, []).append(k)
     for group in alike.values():
         prepared = batch.member(group[0])
         reference = prepared.loop.reference
@@ -119,15 +116,8 @@ def _candidates(batch: Batch, members: Sequence[int], kept: LegErrors, threads: 
         parts = [group[k : k + _TOGETHER] for k in range(0, len(group), _TOGETHER)]
         with ThreadPoolExecutor(threads) as pool:
             for part, found in zip(parts, pool.map(may, parts), strict=True):
-                yield from ((k, begins) for k, is_one in zip(part, found.tolist(), strict=True) if is_one)
+                yield from ((k, reference, begins) for k, is_one in zip(part, found.tolist(), strict=True) if is_one)
 
 
 def _one(values: Any) -> dict[str, float]:
     return {name: float(value) for name, value in values.items()}
-
-
-def _inputs(batch: Batch, k: int) -> tuple[int | None, ...]:
-    """What determines from where a member is without input: equal where that is equal."""
-    has_jitter = batch.injection[k] is not None and batch.jitter[k]
-    # changes are each machine's own
-    return (*(int(each.of[k]) for each in (batch.planned, batch.changes, batch.injection)), k if has_jitter else None)

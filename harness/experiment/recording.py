@@ -76,15 +76,7 @@ def _errors(results: FloatArray, reference: FloatArray) -> list[tuple[list[str],
 
 
 def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[tuple[list[str], NDArray[Any]]]:
-    """All that acts on a loop from outside, over its first rows: scalar names and columns (n, k).
-
-    Leg lengths of the reference, injection, external wrench, parameters that change, and faults.
-
-    Parameters
-    ----------
-    sample_of_row
-        The last sample at or before each row (n,).
-    """
+    """All that acts on a loop from outside, over the rows of these samples (n,): scalar names and columns (n, k)."""
     loop, n = prepared.loop, len(sample_of_row)
 
     def over_time(start: object, changed: Iterable[object]) -> FloatArray:

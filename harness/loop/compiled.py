@@ -228,8 +228,7 @@ class CompiledLoop:
             if failure in (Failure.STROKE, Failure.AWAY):
                 watch.end_beyond(k, row, self._signals[:, k], stroke=failure == Failure.STROKE)
             elif failure == Failure.COMMAND:
-                given = self._measured[:, k], self._command[:, k]
-                cause = failure_of_forces(self._loop, k, row // self._c.every, *given)
+                cause = failure_of_forces(self._loop, k, row // self._c.every, self._command[:, k])
                 watch.outcomes.end_after(k, row + 1, "diverged", cause)
             elif failure == Failure.NOT_STARTED:
                 watch.outcomes.end_after(k, row + 1, "diverged", str(self._failures[k]))
@@ -241,7 +240,7 @@ class CompiledLoop:
     def _set_controller(self, law: LinearLaw | CompiledLaw | None, reading: FloatArray) -> None:
         c = self._c
         c.kinds = c.size = c.n_states = c.entries = 0
-        measured = self._measured = self._memory("measured", signals.SIZE)
+        measured = self._memory("measured", signals.SIZE)
         self._command = self._memory("command", N_LEGS)
         self._memory("excess", N_LEGS)
         self._memory("limited", N_LEGS)
@@ -375,7 +374,7 @@ class CompiledLoop:
         else:
             c.row_signals, c.row_forces = self._out(rows.signals[at:]), self._out(rows.forces[at:])
             c.row_force_limited = self._out(rows.force_limited[at:])
-            if rows.motors is not None:
+            if rows.motors.size:
                 c.row_motors = self._out(rows.motors[at:])
         c.row_rate_limited = self._out(rows.rate_limited[at:])
 

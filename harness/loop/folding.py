@@ -167,10 +167,14 @@ class FoldsOfRows(Observer):
             LIMITED[0]: rows.force_limited[: n + 1],
             LIMITED[1]: rows.rate_limited[: n + 1],
         }
-        whole = [rows.signals[1 : n + 1], rows.forces[1 : n + 1], *([] if reference is None else [reference])]
-        motors = rows.signals[:, LEGS] if rows.motors is None else rows.motors
+        whole = [
+            rows.signals[1 : n + 1],
+            rows.forces[1 : n + 1],
+            *([] if reference is None else [reference]),
+            rows.motors[1 : n + 1],
+        ]
+        motors = rows.motors if rows.motors.size else rows.signals[:, LEGS]
         columns |= {name: motors[: n + 1, k * N_LEGS : (k + 1) * N_LEGS] for k, name in enumerate(MOTORS)}
-        whole += [] if rows.motors is None else [motors[1 : n + 1]]
         block = Block(first, n, columns, self._folding.running, reference, whole)
         self._folding.add(block, rows.counting)
 

@@ -3,7 +3,7 @@
 The same serves a run of one member and of many in parallel: where members differ, arrays have a member axis.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -12,10 +12,8 @@ import numpy as np
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.harness.plants.plant import BoolArray
-from gough_stewart.model.interface import BY_NAME
 from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 
@@ -89,27 +87,14 @@ class Loop:
         return self.reference[..., None] if self.reference.ndim == 2 else np.moveaxis(self.reference, 1, 2)
 
 
-def failure_of_forces(loop: Loop, member: int, sample: int, reading: FloatArray, command: FloatArray) -> str:
-    """Who made a command (6,) [N] no number, or too large: what was planned, the reading (24,), or the controller."""
+def failure_of_forces(loop: Loop, member: int, sample: int, command: FloatArray) -> str:
+    """Who made a command (6,) [N] no number, or too large: what was planned, or the controller."""
     for name, planned in (("feedforward", loop.feedforward), ("injection", loop.injection)):
-        forces = None if planned is None else planned[sample] if planned.ndim == 2 else planned[sample, member]
-        if forces is not None and is_broken(forces):
-            return f"the {name}'s forces are {forces.tolist()} N"
-    if is_broken(reading):
-        return f"the sensors read {first_broken(signals.NAMES, reading)}"
+        if planned is not None:
+            forces = planned[sample] if planned.ndim == 2 else planned[sample, member]
+            if not (np.abs(forces) <= LARGEST_NUMBER).all():
+                return f"the {name}'s forces are {forces.tolist()} N"
     return f"the controller's forces are {command.tolist()} N"
-
-
-def is_broken(values: FloatArray) -> bool:
-    """Whether a value is not finite, or larger than any that is meant."""
-    return not (np.abs(values) <= LARGEST_NUMBER).all()
-
-
-def first_broken(names: Iterable[str], values: FloatArray) -> str:
-    """Name, value and unit of the first of these signals that `is_broken`."""
-    k = int((~(np.abs(values) <= LARGEST_NUMBER)).argmax())
-    column = signals.column_names(names)[k]
-    return f"{column} = {values[k]:g} {BY_NAME[column.partition('[')[0]].unit}"
 
 
 def changes_of_members(each: Sequence[Sequence[Change]], timing: Timing) -> tuple[Change, ...]:

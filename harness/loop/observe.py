@@ -24,7 +24,7 @@ from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.alone import Alone, seen_of, signals_of
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.signals import AT_MOTORS, MOTORS, NAMES
+from gough_stewart.harness.plants.signals import MOTORS
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError, StepError
 from gough_stewart.model.process.progress import TimeProgress
@@ -175,11 +175,9 @@ def _run_rows(
         if k:
             changed(k)
         # what ends and is recorded is where the platform is
-        now = at_motors = read_signals()
-        watch.end_broken(now, NAMES)
-        if MOTORS in plant.columns:
-            at_motors = read_at_motors()
-            watch.end_broken(at_motors, (*NAMES[:4], *AT_MOTORS.values()))
+        now = read_signals()
+        at_motors = read_at_motors() if MOTORS in plant.columns else now
+        watch.plant_at(now, at_motors)
         rate_limited = drives.none
         if k < n and outcomes.going.any():
             sampler.at_row(k, at_motors if loop.sensors.side == "motor" else now)
@@ -198,7 +196,7 @@ def _run_rows(
             _, (left,) = Cut.step(NoCoefficients(), (), (forces, failing[..., CUT]))
             np.copyto(forces, left, where=outcomes.going[..., None])
         plant.set_inputs(acting)
-        watch.row(now, acting, sampler.force_limited, rate_limited, at_motors)
+        watch.row(now, acting, sampler.force_limited, rate_limited)
         if not k and plant.may_overrun and sampler.may_overrun:
             watch.every = CHECKED
         if progress is not None and k % _ROWS_A_REPORT == 0:

@@ -33,48 +33,37 @@ class Rows:
     signals, forces, force_limited, rate_limited
         Sizes 24, 6, 6, 6; the forces act from the row on.
     motors
-        Positions and velocities of the motors of legs that give, size 12; None of rigid ones.
+        Positions and velocities of the motors of legs that give, size 12; 0 of rigid ones.
     """
 
     host = "Python"
 
-    def __init__(
-        self, most: int, members: int, signals_: FloatArray, forces: FloatArray, motors: FloatArray | None = None
-    ) -> None:
-        self.most, self.first, self.count, self.motors = most, 0, 0, motors
+    def __init__(self, most: int, members: int, signals_: FloatArray, forces: FloatArray, motors: int = 0) -> None:
+        self.most, self.first, self.count = most, 0, 0
         self.counting = np.zeros(members, dtype=np.intp)
         self.signals, self.forces = signals_, forces
         self.force_limited, self.rate_limited = np.zeros((2, most + 1, 6, members), dtype=bool)
+        self.motors = np.zeros((most + 1, motors, members))
 
     @classmethod
-    def of(cls, timing: Timing, members: int, has_motors: bool = False) -> "Rows":
+    def of(cls, timing: Timing, members: int, motors: int = 0) -> "Rows":
         """Blocks that fit into the processor's cache."""
         most = min(max(CHECKED, _SIZE // members), timing.steps + 1)
-        sizes = (signals.SIZE, 6, *((12,) if has_motors else ()))
-        return Rows(most, members, *(np.zeros((most + 1, size, members)) for size in sizes))
+        now, forces = (np.zeros((most + 1, size, members)) for size in (signals.SIZE, 6))
+        return Rows(most, members, now, forces, motors)
 
-    def add(
-        self,
-        now: FloatArray,
-        acting: FloatArray,
-        force_limited: BoolArray,
-        rate_limited: BoolArray,
-        at_motors: FloatArray,
-    ) -> None:
-        """Add a row: signals (N, 24), inputs (N, 12), flags (N, 6), signals at the motors' side of legs (N, 24)."""
+    def add(self, now: FloatArray, acting: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
+        """Add a row: signals (N, 24), inputs (N, 12), flags (N, 6)."""
         self.count += 1
         k = self.count
         self.signals[k] = now.T
         self.forces[k] = acting.T[:6]
         self.force_limited[k], self.rate_limited[k] = force_limited.T, rate_limited.T
-        if self.motors is not None:
-            self.motors[k] = at_motors.T[signals.LEGS]
 
     def clear(self) -> None:
         """Begin the next block."""
         for each in (self.signals, self.forces, self.force_limited, self.rate_limited, self.motors):
-            if each is not None:
-                each[0] = each[self.count]
+            each[0] = each[self.count]
         self.first, self.count = self.first + self.count, 0
 
 
@@ -105,14 +94,7 @@ class AllRows(Rows):
         self.state = np.zeros((m, 0, members))
         self.used: tuple[str, ...] = ()
 
-    def add(
-        self,
-        _now: FloatArray,
-        acting: FloatArray,
-        _force_limited: BoolArray,
-        rate_limited: BoolArray,
-        _at_motors: FloatArray,
-    ) -> None:
+    def add(self, _now: FloatArray, acting: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row, evaluated again: accelerations and joint forces under the forces that act from now on."""
         k = self.count + 1
         self.results[k] = self._plant.results().T
@@ -159,7 +141,7 @@ class Observer(Protocol):
 
     def start(self, timing: Timing, plant: Plant, members: int) -> Rows:
         """The rows to be filled."""
-        return Rows.of(timing, members, signals.MOTORS in plant.columns)
+        return Rows.of(timing, members, 12 if signals.MOTORS in plant.columns else 0)
 
     def block(self, rows: Rows) -> None:
         """Called with each block; views, valid during the call only."""

@@ -84,7 +84,7 @@ class Sampler:
                 self.failures = law.failures
                 due = self._without_failures(due)
             command = command + force
-        self._command(j, command, reading, due, law)
+        self._command(j, command, due, law)
         if self._kept is not None:
             used = () if law is None else law.used
             self._kept.sample(j, due, reading, state, self.command, self.force_limited, used)
@@ -100,9 +100,7 @@ class Sampler:
         self._outcomes.end(failed, "stopped", lambda k: str(self.failures[k]))
         return self._outcomes.going & (True if due is None else due)
 
-    def _command(
-        self, j: int, command: FloatArray, reading: FloatArray, due: BoolArray | None, law: Law | None
-    ) -> None:
+    def _command(self, j: int, command: FloatArray, due: BoolArray | None, law: Law | None) -> None:
         going = self._outcomes.going
         if due is not None:
             # a member's command stays until its next sample; that of an ended member is cleared
@@ -113,7 +111,7 @@ class Sampler:
             self._outcomes.end(
                 beyond,
                 "diverged",
-                lambda member: failure_of_forces(self._loop, member, j, reading[member], self.command[member]),
+                lambda member: failure_of_forces(self._loop, member, j, self.command[member]),
                 at_next=True,
             )
             due = going & (True if due is None else due)

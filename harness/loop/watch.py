@@ -1,14 +1,13 @@
 """The limits of a run, watched row by row; rows that have been checked go on to the observer."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from gough_stewart.harness.loop.loop import LENGTHS, Limits, Loop, first_broken, is_broken
+from gough_stewart.harness.loop.loop import LENGTHS, Limits, Loop
 from gough_stewart.harness.loop.outcomes import Outcomes
 from gough_stewart.harness.loop.rows import Observer, Rows
-from gough_stewart.harness.plants import members
+from gough_stewart.harness.plants import members, signals
 from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.interface import BY_NAME
 from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 
@@ -26,28 +25,34 @@ class Watch:
         self._checked = 0  # rows of the run
         self.every = 1
 
-    def row(
-        self,
-        now: FloatArray,
-        acting: FloatArray,
-        force_limited: BoolArray,
-        rate_limited: BoolArray,
-        at_motors: FloatArray,
-    ) -> None:
+    def row(self, now: FloatArray, acting: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row; see `Rows.add`."""
-        self.rows.add(now, acting, force_limited, rate_limited, at_motors)
+        self.rows.add(now, acting, force_limited, rate_limited)
         self.outcomes.rows += 1
         if self.outcomes.rows % self.every == 0:
             self.check()
             if self.rows.count + self.every > self.rows.most:
                 self.pass_on()
 
-    def end_broken(self, given: FloatArray, names: Sequence[str]) -> None:
-        """End members of whose plant these signals (N, size) are no numbers, or too large, at the next row."""
-        if not members.all_below(given.T, LARGEST_NUMBER):
-            broken = np.array([is_broken(each) for each in given])
-            what = "the plant gave"
-            self.outcomes.end(broken, "diverged", lambda k: f"{what} {first_broken(names, given[k])}", at_next=True)
+    def plant_at(self, now: FloatArray, at_motors: FloatArray) -> None:
+        """Keep the motors of the next row, and end members there whose plant gives no numbers, or too large ones.
+
+        Signals (N, 24), and the same with the legs' at the motors' side.
+        """
+        given = np.concatenate([now, at_motors[:, signals.LEGS]], axis=1)
+        if self.rows.motors.size:
+            self.rows.motors[self.rows.count + 1] = given.T[signals.SIZE :]
+        if members.all_below(given.T, LARGEST_NUMBER):
+            return
+        broken = ~(np.abs(given) <= LARGEST_NUMBER)
+        names = [*signals.NAMES, *signals.AT_MOTORS.values()]
+
+        def cause(k: int) -> str:
+            at = int(broken[k].argmax())
+            column = signals.column_names(names)[at]
+            return f"the plant gave {column} = {given[k, at]:g} {BY_NAME[column.partition('[')[0]].unit}"
+
+        self.outcomes.end(broken.any(axis=1), "diverged", cause, at_next=True)
 
     def finish(self) -> None:
         """Check all rows, and pass them on."""

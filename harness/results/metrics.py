@@ -100,11 +100,8 @@ def metrics(record: RecordData) -> Metrics:
 
 def _parts(record: RecordData) -> dict[str, Any]:
     """Metrics of a record of at least one row, nested by the parts of their paths."""
-
-    def knows(name: str) -> bool:
-        return column_of_drives(record, name) in record
-
-    folds = metric_folds(record["time"], _reference(record), record.metadata["platform"], knows)
+    limits, knows = record.metadata["platform"], lambda name: column_of_drives(record, name) in record
+    folds = metric_folds(record["time"], _reference(record), limits, knows)
     results = _folded(record, folds)
     found = dict[str, Any]()
     for metric in METRICS:

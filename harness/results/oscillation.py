@@ -210,24 +210,15 @@ def last_change(values: FloatArray) -> int:
 
 
 def rest_begins(acting: Iterable[NDArray[Any]]) -> int:
-    """The row from which a loop is without input: after the last at which a column (n, k) that acts on it changes.
-
-    Never while something fails: flags are of faults.
-    """
-    return max(
-        (len(each) if each.dtype == bool and each[-1].any() else last_change(each) for each in acting), default=0
-    )
+    """The row from which a loop is without input: no column (n, k) that acts on it changes, no flag is set."""
+    last = (len(values) if values.dtype == bool and values[-1].any() else last_change(values) for values in acting)
+    return max(last, default=0)
 
 
 def _acting(record: RecordData) -> list[NDArray[Any]]:
     """What acts on the loop of a record: its names are those of `acting_columns`."""
-    parameters = record.metadata.get("machine", {})
-    names = dict.fromkeys(column.partition("[")[0] for column in record.table.columns)
-    return [
-        record[name].reshape(record.table.height, -1).astype(bool if name in FAULTS else float)
-        for name in names
-        if name in (*_INPUTS, *FAULTS, *parameters)
-    ]
+    names = (*_INPUTS, *FAULTS, *record.metadata.get("machine", {}))
+    return [record[name].reshape(record.table.height, -1) for name in names if name in record]
 
 
 def _step(legs: FloatArray, row: int) -> float:

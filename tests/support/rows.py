@@ -24,8 +24,7 @@ def pass_rows(
         block.clear()
 
     for row in rows:
-        signals, acting, force_limited, rate_limited = row
-        block.add(signals, acting, force_limited, rate_limited, signals)
+        block.add(*row)
         if block.count == block.most:
             pass_on()
     pass_on()

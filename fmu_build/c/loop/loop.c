@@ -164,8 +164,7 @@ static void read_sensors(const vector *v, int64_t reading, int64_t n, const int6
             keep(v, w->held + element * v->of->stride, 1, &found, whose);
             now = found;
         }
-        /* the last reading of a member that ends says whether its sensors failed */
-        keep(v, w->measured + element * v->of->stride, 1, &now, v->plant.running);
+        remember(v, w->measured, element, now);
     }
 }
 

@@ -4,7 +4,7 @@ Speeds, forces and powers are peaks, with the speed and force at the same time, 
 Forces are those of inverse dynamics without load, so all figures are without reserve.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,11 +22,8 @@ from gough_stewart.model.kinematics import (
     rates_of_legs,
     scaled_jacobian_of_legs,
 )
-from gough_stewart.model.machine_dynamics import platform_side
-from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray, first_of_largest
 
 
@@ -34,7 +31,7 @@ from gough_stewart.model.vectors import FloatArray, first_of_largest
 class LegLoads:
     """What a motion asks of the legs at n times, each (n, 6), evaluated when it is needed."""
 
-    platform: Parameters
+    platform: Platform
     motion: Motion
     legs: LegGeometry
     # rows (n,) in which the legs can hold the pose; all rows by default
@@ -128,7 +125,7 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
         **_peak("base_joint_angle", "rad", base_angle, time, velocity=v),
         **_peak("platform_joint_angle", "rad", platform_angle, time, velocity=v),
     }
-    return Needs(found, (*_notes(platform, time, length, v), *_notes_of_springs(platform, time, loads)))
+    return Needs(found, tuple(_notes(platform, time, length, v)))
 
 
 def _lengths(time: FloatArray, length: FloatArray) -> dict[str, Need]:
@@ -188,6 +185,8 @@ def _notes(platform: Platform, time: FloatArray, length: FloatArray, velocity: F
     absent = " and no ".join(name for name, is_missing in missing.items() if is_missing)
     if absent:
         notes.append(f"the platform states no {absent}, so forces and powers have none")
+    if platform.leg_stiffness:
+        notes.append("speeds and powers are those of rigid legs; springs let the motors move otherwise, as a run shows")
     steps = np.diff(length, axis=0)
     by_velocity = np.diff(time)[:, None] * (velocity[1:] + velocity[:-1]) / 2
     unexplained = np.abs(steps - by_velocity).max(axis=1, initial=0.0)
@@ -198,15 +197,3 @@ def _notes(platform: Platform, time: FloatArray, length: FloatArray, velocity: F
             "in these figures"
         )
     return notes
-
-
-def _notes_of_springs(platform: Platform, time: FloatArray, loads: LegLoads) -> list[str]:
-    """How much faster motors move than legs that give: Ḟ/k, F the force on the platform's side of the springs."""
-    if not platform.leg_stiffness > 0 or len(time) < 2:
-        return []
-    springs = replace(loads, platform=platform_side(Variant.of(platform), platform)).force
-    stretching = np.abs(np.diff(springs, axis=0) / np.diff(time)[:, None]).max() / platform.leg_stiffness
-    return [
-        f"speeds and powers are those of rigid legs; springs let the motors move up to {stretching:.2g} m/s faster or "
-        "slower, and ring: a run has the speeds and powers of motors"
-    ]

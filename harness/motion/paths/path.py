@@ -92,9 +92,8 @@ class GeometricPath:
         near = distance <= _SAME * max(np.abs(self.position).max(), self.length)
         if near.any():
             k = int(near.argmax())
-            raise MotionError(
-                f"poses {k + 1} and {k + 2} of the path are the same, or {distance[k]:.2g} m apart; remove one"
-            )
+            apart = f"or {distance[k]:.2g} m apart"
+            raise MotionError(f"poses {k + 1} and {k + 2} of the path are the same, {apart}; remove one")
         at = np.concatenate([[0.0], np.cumsum(distance)])
         at /= at[-1]
         ends: Any = [(k, np.zeros(6)) for k in _DERIVATIVES_ZERO_AT_ENDS[self.degree]]
