@@ -10,17 +10,19 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
-from gough_stewart.harness.experiment.batch import Batch, Prepared
+from gough_stewart.harness.experiment.batch import Batch
+from gough_stewart.harness.experiment.recording import acting_columns
 from gough_stewart.harness.loop.folds import KeptRows, State
-from gough_stewart.harness.loop.loop import LENGTHS, Loop
+from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.loop.outcomes import Outcome
+from gough_stewart.harness.loop.run import samples_of_rows
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.results.oscillation import (
     LegRows,
     Oscillation,
-    last_change,
     least_amplitude,
     may_move,
+    rest_begins,
     self_excited,
 )
 from gough_stewart.model.vectors import FloatArray
@@ -61,8 +63,12 @@ def oscillations(
     """
     completed = [k for k, outcome in enumerate(outcomes) if outcome.status == "completed"]
     found: list[Oscillation | None] = [None] * len(batch)
-    for k in _candidates(batch, completed, kept, threads):
-        found[k] = _self_excited(batch.member(k), kept.time, kept.errors[:, :, k].copy(), kept.every)
+    for k, reference, begins in _candidates(batch, completed, kept, threads):
+        prepared, error = batch.member(k), kept.errors[:, :, k].copy()
+        sensors, length = prepared.loop.sensors, float(np.mean(reference - error))
+        explained = _one(sensors.noise), _one(sensors.quantisation)
+        least = least_amplitude(length, prepared.platform.platform_points, *explained)
+        found[k] = self_excited(LegRows(kept.time, error, reference, begins, least))
     return found if kept.every == 1 else [each and each._replace(frequency=None) for each in found]
 
 
@@ -79,29 +85,28 @@ def oscillation_columns(found: Sequence[Oscillation | None]) -> dict[str, polars
     }
 
 
-def _self_excited(prepared: Prepared, time: FloatArray, error: FloatArray, every: int) -> Oscillation | None:
-    loop = prepared.loop
-    assert loop.reference is not None  # a candidate has one
-    reference = loop.reference[::every, LENGTHS]
-    length = float(np.mean(reference - error))
-    sensors = loop.sensors
-    least = least_amplitude(length, prepared.platform.platform_points, _one(sensors.noise), _one(sensors.quantisation))
-    return self_excited(LegRows(time, error, reference, _rest_begins(loop, last_change(reference), every), least))
+def _candidates(
+    batch: Batch, members: Sequence[int], kept: LegErrors, threads: int
+) -> Iterator[tuple[int, FloatArray, int]]:
+    """Members that may oscillate or grow, the reference of their legs, and the kept row from which nothing acts.
 
-
-def _candidates(batch: Batch, members: Sequence[int], kept: LegErrors, threads: int) -> Iterator[int]:
-    """Members that may oscillate or grow; those that share what acts on the loop are looked at together."""
-    alike = dict[tuple[int, ...], list[int]]()
+    Those that share what acts on the loop are looked at together.
+    """
+    alike = dict[tuple[int | None, ...], list[int]]()
     for k in members:
         if batch.planned[k] is not None and batch.controller[k] is not None:
-            alike.setdefault(
-                tuple(int(each.of[k]) for each in (batch.planned, batch.changes, batch.injection)), []
-            ).append(k)
+            # changes are each machine's own, and with jitter the rows of an injection each member's
+            own = k if batch.injection[k] is not None and batch.jitter[k] else None
+            key = (*(int(each.of[k]) for each in (batch.planned, batch.changes, batch.injection)), own)
+            alike.setdefault(key, []).append(k)
     for group in alike.values():
-        loop = batch.member(group[0]).loop
-        assert loop.reference is not None
-        reference = loop.reference[:: kept.every, LENGTHS]
-        begins = _rest_begins(loop, last_change(reference), kept.every)
+        prepared = batch.member(group[0])
+        reference = prepared.loop.reference
+        assert reference is not None
+        reference = reference[:: kept.every, LENGTHS]
+        acting = acting_columns(prepared, samples_of_rows(prepared.loop.timing))
+        # up to the first kept row at or after it
+        begins = ceil(rest_begins(values for _, values in acting) / kept.every)
 
         def may(part: list[int], reference: FloatArray = reference, begins: int = begins) -> NDArray[np.bool_]:
             # those of consecutive members without a copy
@@ -111,20 +116,8 @@ def _candidates(batch: Batch, members: Sequence[int], kept: LegErrors, threads: 
         parts = [group[k : k + _TOGETHER] for k in range(0, len(group), _TOGETHER)]
         with ThreadPoolExecutor(threads) as pool:
             for part, found in zip(parts, pool.map(may, parts), strict=True):
-                yield from (k for k, is_one in zip(part, found.tolist(), strict=True) if is_one)
+                yield from ((k, reference, begins) for k, is_one in zip(part, found.tolist(), strict=True) if is_one)
 
 
 def _one(values: Any) -> dict[str, float]:
     return {name: float(value) for name, value in values.items()}
-
-
-def _rest_begins(loop: Loop, reference: int, every: int) -> int:
-    """The kept row after the last at which something that acts on the loop changes, the reference at this one."""
-    # the first row at or after each, up to rounding
-    rows = [
-        int(np.searchsorted(loop.timing.times, change.time - loop.timing.plant_step / 2)) for change in loop.changes
-    ]
-    if loop.injection is not None:
-        rows.append(last_change(loop.injection) * loop.timing.steps_a_sample)
-    known = [ceil(row / every) for row in rows if row <= loop.timing.steps]
-    return max([reference, *known])

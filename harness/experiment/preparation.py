@@ -62,7 +62,11 @@ def prepare(experiment: Experiment, controller: Any = None, injection: Injection
     found = Preparation(experiment, controller).members([{}], injection=injection)
     for error in found.errors.values():
         raise error
-    prepared = found.batch.member(0)
+    return with_hints(experiment, found.batch.member(0))
+
+
+def with_hints(experiment: Experiment, prepared: Prepared) -> Prepared:
+    """With warnings of what is possible in its experiment but hardly meant."""
     hints = (*hints_of(experiment, prepared.platform), *unread(experiment, prepared.controller))
     return replace(prepared, warnings=(*prepared.warnings, *hints))
 

@@ -1,20 +1,25 @@
 """The records of runs: columns by name, and metadata; of single members bit for bit as in their ensemble."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
+from numpy.typing import NDArray
 
+from gough_stewart.harness.control.faults import CUT, FROZEN, N_FAULTS
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.batch import Batch, Prepared
+from gough_stewart.harness.experiment.preparation import with_hints
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.varied import experiment_with
 from gough_stewart.harness.loop.folds import ERRORS, error_between
+from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.seeds import as_numbers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.plants import signals
+from gough_stewart.harness.results.oscillation import FAULTS
 from gough_stewart.harness.results.record import Record, columns, plain
 from gough_stewart.model import interface
 from gough_stewart.model.process.progress import TimeProgress
@@ -50,10 +55,9 @@ def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Re
         parts.append((names, run.measured[at][:, signals.positions(run.used)]))
     parts.append((columns("controller.force", 6), run.command[at]))
     parts.append((columns("controller.feedforward", 6), prepared.loop.feedforward[at]))
-    if prepared.loop.injection is not None:
-        parts.append((columns("controller.injection", 6), prepared.loop.injection[at]))
     parts.append((columns("controller.state", run.controller_state.shape[1]), run.controller_state[at]))
-    parts += _changed_parameters(prepared, run.time)
+    known = {name for names, _ in parts for name in names}
+    parts += [(names, values) for names, values in acting_columns(prepared, at) if known.isdisjoint(names)]
     parts.append((columns("flag.force_limited", 6), run.force_limited[at]))
     parts.append((columns("flag.rate_limited", 6), run.rate_limited))
     parts.append((columns("flag.stroke_exceeded", 6), run.stroke_exceeded))
@@ -75,21 +79,33 @@ def _errors(results: FloatArray, reference: FloatArray) -> list[tuple[list[str],
     ]
 
 
-def _changed_parameters(prepared: Prepared, time: FloatArray) -> list[tuple[list[str], FloatArray]]:
-    """Parameters that changed during the run, over time; the others are in the metadata."""
-    changes = [change for change in prepared.loop.changes if change.parameters]
-    parts = []
-    for variable in interface.VARIABLES:
-        if not any(variable.name in change.parameters for change in changes):
-            continue
-        values = np.tile(np.ravel(getattr(prepared.machine, variable.name)), (len(time), 1))
-        for change in changes:
-            if variable.name in change.parameters:
-                # rows are multiples of the plant step up to rounding
-                values[time > change.time - prepared.loop.timing.plant_step / 2] = np.ravel(
-                    np.asarray(change.parameters[variable.name])
-                )
-        parts.append((list(variable.scalar_names), values))
+def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[tuple[list[str], NDArray[Any]]]:
+    """All that acts on a loop from outside, over the rows of these samples (n,): scalar names and columns (n, k)."""
+    loop, n = prepared.loop, len(sample_of_row)
+
+    def over_time(start: object, changed: Iterable[object]) -> FloatArray:
+        values = np.tile(np.ravel(np.asarray(start, dtype=float)), (n, 1))
+        for change, value in zip(loop.changes, changed, strict=True):
+            if value is not None:
+                values[loop.timing.row(change.time, "a change") :] = np.ravel(np.asarray(value))
+        return values
+
+    parts: list[tuple[list[str], NDArray[Any]]] = []
+    if loop.reference is not None:
+        parts.append((columns("reference.leg_length", 6), loop.reference[:n, LENGTHS]))
+    if loop.injection is not None:
+        parts.append((columns("controller.injection", 6), loop.injection[sample_of_row]))
+    parts.append((_INPUT_COLUMNS[6:], over_time(np.zeros(6), (change.external_wrench for change in loop.changes))))
+    for variable in Variant.of(prepared.machine).tunable:
+        changed = [change.parameters.get(variable.name) for change in loop.changes]
+        if any(value is not None for value in changed):
+            values = over_time(getattr(prepared.machine, variable.name), changed)
+            parts.append((list(variable.scalar_names), values))
+    faults = over_time(np.zeros(N_FAULTS), (change.faults for change in loop.changes))
+    frozen = (FROZEN.start + signals.positions([name]) for name in signals.NAMES)
+    for name, at in zip(FAULTS, (np.arange(N_FAULTS)[CUT], *frozen), strict=True):
+        if faults[:, at].any():
+            parts.append((columns(name, len(at)), faults[:, at] > 0))
     return parts
 
 
@@ -122,7 +138,7 @@ def member_of(plan: "Plan", member: int) -> tuple[Experiment, Prepared]:
         No member of that number, or one that is impossible.
     """
     (own,), batch = _members_of(plan, [member])
-    return own, batch.member(0)
+    return own, with_hints(own, batch.member(0))
 
 
 def _members_of(plan: "Plan", numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
@@ -160,7 +176,7 @@ def records_of(plan: "Plan", members: Sequence[int | None], progress: TimeProgre
     return [
         record_of(
             run.of_member(k),
-            batch.member(k),
+            with_hints(own, batch.member(k)),
             {
                 "title": own.title,
                 "plant": "lanes",

@@ -89,24 +89,24 @@ def run(
     >>> record["position"][-1], record["error.leg_length"].shape
     """
     chosen = experiment_of(experiment, settings)
-    if member is not None:
-        if injection is not None:
-            raise ExperimentError(chosen.where, "member", "has the experiment's injection; remove injection")
+    replaced = [name for name, given in (("controller", controller), ("injection", injection)) if given is not None]
+    watch = Watch(controller) if isinstance(controller, FunctionType) else None
+    if member is None:
+        own, prepared = chosen, prepare(chosen, controller, injection)
+    elif injection is not None:
+        raise ExperimentError(chosen.where, "member", "has the experiment's injection; remove injection")
+    else:
         from gough_stewart.harness.experiment.plan import plan_of
 
         plan = plan_of(chosen, controller)
-        if plant is None and fmu is None:
-            return records_of(plan, [member], progress)[0]
         own, prepared = member_of(plan, member)
-        replaced = [] if controller is None else ["controller"]
-        return run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
-    prepared = prepare(chosen, controller, injection)
     if warn is not None:
         for text in prepared.warnings:
             warn(text)
-    replaced = [name for name, given in (("controller", controller), ("injection", injection)) if given is not None]
-    watch = Watch(controller) if isinstance(controller, FunctionType) else None
-    record = run_prepared(chosen, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
+    if member is not None and plant is None and fmu is None:
+        record = records_of(plan, [member], progress)[0]
+    else:
+        record = run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
     if watch is not None and (changed := watch.changed()):
         text = (
             f"the function {name_of(controller)} keeps memory: the run has changed {changed}, and another run goes on "

@@ -21,7 +21,7 @@ from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.law_library import CompiledLaw
-from gough_stewart.harness.loop.loop import Loop
+from gough_stewart.harness.loop.loop import Loop, failure_of_forces
 from gough_stewart.harness.loop.loop_library import coefficients_of
 from gough_stewart.harness.loop.rows import AllRows, Rows
 from gough_stewart.harness.loop.sensors import Noise, noise_of
@@ -75,7 +75,7 @@ MEMORY = (
     ),
     *("delayed", "target", "driven", "acting", "cut", "frozen", "held", "at_row", "ended"),
 )
-_ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_force_limited", "row_rate_limited")
+_ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_motors", "row_force_limited", "row_rate_limited")
 _SAMPLES_OUT = ("sample_measured", "sample_state", "sample_command", "sample_limited")
 
 
@@ -228,8 +228,8 @@ class CompiledLoop:
             if failure in (Failure.STROKE, Failure.AWAY):
                 watch.end_beyond(k, row, self._signals[:, k], stroke=failure == Failure.STROKE)
             elif failure == Failure.COMMAND:
-                command = self._command[:, k].tolist()
-                watch.outcomes.end_after(k, row + 1, "diverged", f"the controller's forces are {command} N")
+                cause = failure_of_forces(self._loop, k, row // self._c.every, self._command[:, k])
+                watch.outcomes.end_after(k, row + 1, "diverged", cause)
             elif failure == Failure.NOT_STARTED:
                 watch.outcomes.end_after(k, row + 1, "diverged", str(self._failures[k]))
             else:
@@ -374,6 +374,8 @@ class CompiledLoop:
         else:
             c.row_signals, c.row_forces = self._out(rows.signals[at:]), self._out(rows.forces[at:])
             c.row_force_limited = self._out(rows.force_limited[at:])
+            if rows.motors.size:
+                c.row_motors = self._out(rows.motors[at:])
         c.row_rate_limited = self._out(rows.rate_limited[at:])
 
     @property

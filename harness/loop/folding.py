@@ -7,13 +7,14 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.lanes import WIDTH
 from gough_stewart.harness.loop.fold_kernels import CompiledFolds, FoldKernels
-from gough_stewart.harness.loop.folds import AT, FORCES, LIMITED, ROW, Block, Fold, KeptRows, State
+from gough_stewart.harness.loop.folds import AT, FORCES, LIMITED, MOTORS, ROW, Block, Fold, KeptRows, State
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.taking import RowTaker
 from gough_stewart.harness.loop.term_folds import TermFold
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.harness.plants.signals import LEGS, N_LEGS
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -166,7 +167,14 @@ class FoldsOfRows(Observer):
             LIMITED[0]: rows.force_limited[: n + 1],
             LIMITED[1]: rows.rate_limited[: n + 1],
         }
-        whole = [rows.signals[1 : n + 1], rows.forces[1 : n + 1], *([] if reference is None else [reference])]
+        whole = [
+            rows.signals[1 : n + 1],
+            rows.forces[1 : n + 1],
+            *([] if reference is None else [reference]),
+            rows.motors[1 : n + 1],
+        ]
+        motors = rows.motors if rows.motors.size else rows.signals[:, LEGS]
+        columns |= {name: motors[: n + 1, k * N_LEGS : (k + 1) * N_LEGS] for k, name in enumerate(MOTORS)}
         block = Block(first, n, columns, self._folding.running, reference, whole)
         self._folding.add(block, rows.counting)
 

@@ -21,6 +21,8 @@ from gough_stewart.model.rotations import rotation_between
 from gough_stewart.model.vectors import FloatArray
 
 FORCES, LIMITED = "actuator_force", ("flag.force_limited", "flag.rate_limited")
+# What the drives move; of rigid legs their lengths and velocities.
+MOTORS = tuple(signals.AT_MOTORS.values())
 AT = {name: slice(int(at[0]), int(at[-1]) + 1) for name in signals.NAMES if len(at := signals.positions([name]))}
 # Signals that have errors, see `error_between`, and their places among signals and references.
 ERRORS: Mapping[str, slice] = {f"error.{name}": AT[name] for name in ("position", "orientation", "leg_length")}
@@ -29,22 +31,23 @@ ERRORS: Mapping[str, slice] = {f"error.{name}": AT[name] for name in ("position"
 def _row() -> dict[str, slice]:
     sizes = {
         **{name: at.stop - at.start for name, at in {**AT, **ERRORS}.items()},
-        **dict.fromkeys((FORCES, *LIMITED), 6),
+        **dict.fromkeys((FORCES, *LIMITED, *MOTORS), 6),
     }
     found, end = dict[str, slice](), 0
-    for name in (*AT, FORCES, *ERRORS, *LIMITED):
+    for name in (*AT, FORCES, *ERRORS, *LIMITED, *MOTORS):
         found[name] = slice(end, end + sizes[name])
         end += sizes[name]
     return found
 
 
-# Places of columns in a row of machine code: signals, forces, errors, flags; and where these parts begin.
+# Places of columns in a row of machine code: signals, forces, errors, flags, motors; and where these parts begin.
 ROW: Mapping[str, slice] = _row()
 ROW_PARTS: Mapping[str, int] = {
     "FORCES": ROW[FORCES].start,
     "ERRORS": ROW[next(iter(ERRORS))].start,
     "FLAGS": ROW[LIMITED[0]].start,
-    "ELEMENTS": ROW[LIMITED[1]].stop,
+    "MOTORS": ROW[MOTORS[0]].start,
+    "ELEMENTS": ROW[MOTORS[-1]].stop,
 }
 
 State = dict[str, NDArray[Any]]

@@ -14,6 +14,7 @@ from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 
 OnStroke = Literal["ignore", "warn", "stop"]
@@ -84,6 +85,16 @@ class Loop:
         if self.reference is None:
             return None
         return self.reference[..., None] if self.reference.ndim == 2 else np.moveaxis(self.reference, 1, 2)
+
+
+def failure_of_forces(loop: Loop, member: int, sample: int, command: FloatArray) -> str:
+    """Who made a command (6,) [N] no number, or too large: what was planned, or the controller."""
+    for name, planned in (("feedforward", loop.feedforward), ("injection", loop.injection)):
+        if planned is not None:
+            forces = planned[sample] if planned.ndim == 2 else planned[sample, member]
+            if not (np.abs(forces) <= LARGEST_NUMBER).all():
+                return f"the {name}'s forces are {forces.tolist()} N"
+    return f"the controller's forces are {command.tolist()} N"
 
 
 def changes_of_members(each: Sequence[Sequence[Change]], timing: Timing) -> tuple[Change, ...]:

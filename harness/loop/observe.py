@@ -24,6 +24,7 @@ from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.alone import Alone, seen_of, signals_of
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants.signals import MOTORS
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError, StepError
 from gough_stewart.model.process.progress import TimeProgress
@@ -169,15 +170,17 @@ def _run_rows(
     drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
     sampler = Sampler(loop, law_from, drives, outcomes, watch.rows, failing)
     read_signals = signals_of(plant)
-    read_seen = None if loop.sensors.side == "leg" else seen_of(plant, loop.sensors.side)
+    read_at_motors = seen_of(plant, "motor")
     for k, time in enumerate(timing.times.tolist()):
         if k:
             changed(k)
+        # what ends and is recorded is where the platform is
         now = read_signals()
+        at_motors = read_at_motors() if MOTORS in plant.columns else now
+        watch.plant_at(now, at_motors)
         rate_limited = drives.none
-        if k < n:
-            # what ends and is recorded is where the platform is
-            sampler.at_row(k, now if read_seen is None else read_seen())
+        if k < n and outcomes.going.any():
+            sampler.at_row(k, at_motors if loop.sensors.side == "motor" else now)
             if not outcomes.all_go and not (outcomes.counting > k).any():
                 # all controllers have failed: this row does not count
                 if is_alone and not k:

@@ -32,21 +32,25 @@ class Rows:
         How many of these rows count for each member (N,): up to the row of its outcome.
     signals, forces, force_limited, rate_limited
         Sizes 24, 6, 6, 6; the forces act from the row on.
+    motors
+        Positions and velocities of the motors of legs that give, size 12; 0 of rigid ones.
     """
 
     host = "Python"
 
-    def __init__(self, most: int, members: int, signals_: FloatArray, forces: FloatArray) -> None:
+    def __init__(self, most: int, members: int, signals_: FloatArray, forces: FloatArray, motors: int = 0) -> None:
         self.most, self.first, self.count = most, 0, 0
         self.counting = np.zeros(members, dtype=np.intp)
         self.signals, self.forces = signals_, forces
         self.force_limited, self.rate_limited = np.zeros((2, most + 1, 6, members), dtype=bool)
+        self.motors = np.zeros((most + 1, motors, members))
 
     @classmethod
-    def of(cls, timing: Timing, members: int) -> "Rows":
+    def of(cls, timing: Timing, members: int, motors: int = 0) -> "Rows":
         """Blocks that fit into the processor's cache."""
         most = min(max(CHECKED, _SIZE // members), timing.steps + 1)
-        return Rows(most, members, np.zeros((most + 1, signals.SIZE, members)), np.zeros((most + 1, 6, members)))
+        now, forces = (np.zeros((most + 1, size, members)) for size in (signals.SIZE, 6))
+        return Rows(most, members, now, forces, motors)
 
     def add(self, now: FloatArray, acting: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row: signals (N, 24), inputs (N, 12), flags (N, 6)."""
@@ -58,7 +62,7 @@ class Rows:
 
     def clear(self) -> None:
         """Begin the next block."""
-        for each in (self.signals, self.forces, self.force_limited, self.rate_limited):
+        for each in (self.signals, self.forces, self.force_limited, self.rate_limited, self.motors):
             each[0] = each[self.count]
         self.first, self.count = self.first + self.count, 0
 
@@ -135,9 +139,9 @@ class Observer(Protocol):
         """Asked for once, before the first row."""
         return None
 
-    def start(self, timing: Timing, plant: Plant, members: int) -> Rows:  # noqa: ARG002
+    def start(self, timing: Timing, plant: Plant, members: int) -> Rows:
         """The rows to be filled."""
-        return Rows.of(timing, members)
+        return Rows.of(timing, members, 12 if signals.MOTORS in plant.columns else 0)
 
     def block(self, rows: Rows) -> None:
         """Called with each block; views, valid during the call only."""

@@ -80,7 +80,7 @@ def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeP
         _of_members(rows.inputs[k]),
         _of_members(rows.rate_limited[k]),
         loop.limits.beyond_stroke(results[..., LENGTHS]),
-        _samples_of_rows(timing)[: history.count],
+        samples_of_rows(timing)[: history.count],
         _of_members(rows.measured),
         _of_members(rows.command),
         _of_members(rows.state),
@@ -111,7 +111,7 @@ class _History(Observer):
         self.count = int(rows.counting.max())
 
 
-def _samples_of_rows(timing: Timing) -> NDArray[np.intp]:
+def samples_of_rows(timing: Timing) -> NDArray[np.intp]:
     """The last sample at or before each row (n,), or (n, N) where members differ."""
     rows, all_rows = timing.rows_of_samples, np.arange(timing.steps + 1)
     if rows.ndim == 1:

@@ -8,7 +8,7 @@ from gough_stewart.harness.control.faults import FROZEN
 from gough_stewart.harness.control.laws_of_members import Law, LawFrom
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.actuators import Drives
-from gough_stewart.harness.loop.loop import Loop
+from gough_stewart.harness.loop.loop import Loop, failure_of_forces
 from gough_stewart.harness.loop.outcomes import Outcomes
 from gough_stewart.harness.loop.rows import AllRows, Rows
 from gough_stewart.harness.loop.sensors import Encoders
@@ -111,7 +111,7 @@ class Sampler:
             self._outcomes.end(
                 beyond,
                 "diverged",
-                lambda member: f"the controller's forces are {self.command[member].tolist()} N",
+                lambda member: failure_of_forces(self._loop, member, j, self.command[member]),
                 at_next=True,
             )
             due = going & (True if due is None else due)

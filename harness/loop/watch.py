@@ -5,8 +5,10 @@ import numpy as np
 from gough_stewart.harness.loop.loop import LENGTHS, Limits, Loop
 from gough_stewart.harness.loop.outcomes import Outcomes
 from gough_stewart.harness.loop.rows import Observer, Rows
-from gough_stewart.harness.plants import members
+from gough_stewart.harness.plants import members, signals
 from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.interface import BY_NAME
+from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -31,6 +33,26 @@ class Watch:
             self.check()
             if self.rows.count + self.every > self.rows.most:
                 self.pass_on()
+
+    def plant_at(self, now: FloatArray, at_motors: FloatArray) -> None:
+        """Keep the motors of the next row, and end members there whose plant gives no numbers, or too large ones.
+
+        Signals (N, 24), and the same with the legs' at the motors' side.
+        """
+        given = np.concatenate([now, at_motors[:, signals.LEGS]], axis=1)
+        if self.rows.motors.size:
+            self.rows.motors[self.rows.count + 1] = given.T[signals.SIZE :]
+        if members.all_below(given.T, LARGEST_NUMBER):
+            return
+        broken = ~(np.abs(given) <= LARGEST_NUMBER)
+        names = [*signals.NAMES, *signals.AT_MOTORS.values()]
+
+        def cause(k: int) -> str:
+            at = int(broken[k].argmax())
+            column = signals.column_names(names)[at]
+            return f"the plant gave {column} = {given[k, at]:g} {BY_NAME[column.partition('[')[0]].unit}"
+
+        self.outcomes.end(broken.any(axis=1), "diverged", cause, at_next=True)
 
     def finish(self) -> None:
         """Check all rows, and pass them on."""

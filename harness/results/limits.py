@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gough_stewart.harness.plants.signals import AT_MOTORS
 from gough_stewart.harness.report.quantities import FORCE, POWER, VELOCITY, Quantity
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
@@ -27,14 +28,14 @@ DRIVE_LIMITS = (
 
 
 def limited_quantities(velocity: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What the platform limits, by row (n, ...): |L̇|, |F|, and |F L̇|, the larger of the values at both ends of the row.
+    """What the platform limits, by row (n, ...): |ṡ|, |F|, and |F ṡ|, the larger of the values at both ends of the row.
 
-    The force is held over its row, so L̇ at its end is that of the next row; the last row has none.
+    The force is held over its row, so ṡ at its end is that of the next row; the last row has none.
 
     Parameters
     ----------
     velocity, force
-        |L̇| and |F| (n, ...).
+        |ṡ| and |F| (n, ...).
     """
     power = np.empty_like(velocity)
     np.maximum(velocity[:-1], velocity[1:], out=power[:-1])
@@ -43,9 +44,17 @@ def limited_quantities(velocity: FloatArray, force: FloatArray) -> tuple[FloatAr
     return velocity, force, power
 
 
+def column_of_drives(record: RecordData, name: str) -> str:
+    """The column with what the drives move, by the motors' name: `leg_length`, `leg_velocity` if legs are rigid."""
+    legs = {motor: leg for leg, motor in AT_MOTORS.items()}
+    return name if name in record else legs.get(name, name)
+
+
 def shares_of_limits(record: RecordData, platform: Mapping[str, Any]) -> dict[str, FloatArray]:
     """Share of each stated limit that each leg uses (n, 6) [1], by the limit's name; 1 is at the limit."""
-    used = limited_quantities(np.abs(record["leg_velocity"]), np.abs(record["actuator_force"]))
+    used = limited_quantities(
+        np.abs(record[column_of_drives(record, "motor_velocity")]), np.abs(record["actuator_force"])
+    )
     return {
         limit.name: each / platform[limit.name]
         for limit, each in zip(DRIVE_LIMITS, used, strict=True)

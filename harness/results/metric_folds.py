@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.loop.folds import FORCES, Fold, State
+from gough_stewart.harness.loop.folds import FORCES, MOTORS, Fold, State
 from gough_stewart.harness.loop.loop import Loop, stroke_of
 from gough_stewart.harness.loop.term_folds import First, Given, Largest, Reduction, Smallest, Sum, SumButLast, TermFold
 from gough_stewart.harness.report.quantities import (
@@ -112,25 +112,27 @@ def _of_limit(limit: DriveLimit) -> tuple[Metric, ...]:
 
 
 class Drives(TermFold):
-    """Forces F, power F·L̇ and work F ΔL of the legs, and how much of the platform's limits they use.
+    """Forces F, power F·ṡ and work F Δs of the drives, and how much of the platform's limits they use.
+
+    Drives move the motors' side s of legs that give; of rigid legs that is their length.
 
     A force is held over its row. So the power is the larger of those at both ends of the row, with the velocity of the
     next row at its end; and the last row, which lasts for no time, does not count in the RMS and does no work.
     """
 
-    needs = (FORCES, "leg_velocity", "leg_length")
+    needs = (FORCES, *reversed(MOTORS))
     without_limits = (
         Metric("force.peak", "peak force", FORCE, "largest |F|, by leg", "smaller"),
         Metric("force.rms", "RMS force", FORCE, "RMS of F, by leg", "smaller"),
-        Metric("power.peak", "peak power", POWER, "largest |F·L̇|, L̇ at both ends of each row, by leg", "smaller"),
+        Metric("power.peak", "peak power", POWER, "largest |F·ṡ|, ṡ at both ends of each row, by leg", "smaller"),
         Metric("power.mean", "mean power", POWER, "`energy.net` over the duration, by leg"),
-        Metric("energy.net", "work of a leg, net", ENERGY, "∑ F_k (L_{k+1} − L_k) = ∫ F·L̇ dt, by leg", None, False),
-        Metric("energy.absolute", "work of a leg, absolute", ENERGY, "∑ |F_k (L_{k+1} − L_k)|, by leg", None, False),
+        Metric("energy.net", "work of a leg, net", ENERGY, "∑ F_k (s_{k+1} − s_k) = ∫ F·ṡ dt, by leg", None, False),
+        Metric("energy.absolute", "work of a leg, absolute", ENERGY, "∑ |F_k (s_{k+1} − s_k)|, by leg", None, False),
         Metric("energy.absolute_total", "work, absolute", ENERGY, "`energy.absolute` of all legs", "smaller"),
         Metric("energy.net_total", "work, net", ENERGY, "`energy.net` of all legs"),
     )
 
-    kernel, sizes = "drives", {"force": 6, "velocity": 6, "length": 6}
+    kernel, sizes = "drives", {"force": 6, "velocity": 6, "position": 6}
     term_sizes: Mapping[str, int] = dict.fromkeys(
         ("velocity", "force", "power", "power at the end", "work", "size of work"), 6
     )
@@ -159,7 +161,7 @@ class Drives(TermFold):
         }
 
     def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
-        """Squares of L̇, F and F L̇, with the force of the row and the one that ends at it, and the latter's work."""
+        """Squares of ṡ, F and F ṡ, with the force of the row and the one that ends at it, and the latter's work."""
         held, velocity = row.before("force"), row["velocity"] * row["velocity"]
         yield "velocity", velocity
         yield "power at the end", velocity * (held * held)
@@ -168,7 +170,7 @@ class Drives(TermFold):
         force = force * velocity
         yield "power", force
         del velocity, force
-        work = (row["length"] - row.before("length")) * held
+        work = (row["position"] - row.before("position")) * held
         yield "work", work
         yield "size of work", np.abs(work)
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.folding import Folding
 from gough_stewart.harness.loop.folds import ERRORS, Block, Fold
+from gough_stewart.harness.results.limits import column_of_drives
 from gough_stewart.harness.results.metric_folds import METRICS, STROKE_EXCEEDED, Rows, metric_folds, metric_of
 from gough_stewart.harness.results.outcome import outcome_of
 from gough_stewart.harness.results.record_data import RecordData
@@ -59,10 +60,10 @@ def metrics(record: RecordData) -> Metrics:
       its first value.
       `overshoot_percent`, `rise_time` from 10 to 90 % [s], `settling_time` to 2 % [s], `final_error` [m, rad];
       None if it did not rise or settle within the record. Times are those of rows, not interpolated.
-    - `force`: `peak` and `rms` of F by leg [N]. `power`: `peak` of |F·L̇| by leg, with L̇ at both ends of each row,
-      and `mean` [W].
-    - `energy`, by leg and in total: `net` = ∑ F_k (L_{k+1} − L_k), which is ∫ F·L̇ dt, and `absolute` =
-      ∑ |F_k (L_{k+1} − L_k)|, which is ∫ |F·L̇| dt unless a leg reverses within a row [J].
+    - `force`: `peak` and `rms` of F by leg [N]. `power`: `peak` of |F·ṡ| by leg, with ṡ at both ends of each row,
+      and `mean` [W]; s is the leg's length, of legs that give `motor_position`.
+    - `energy`, by leg and in total: `net` = ∑ F_k (s_{k+1} − s_k), which is ∫ F·ṡ dt, and `absolute` =
+      ∑ |F_k (s_{k+1} − s_k)|, which is ∫ |F·ṡ| dt unless a leg reverses within a row [J].
     - `saturation`: shares of the rows with `force_limited` and `rate_limited`, by leg and for `any` leg. The last row
       does not count here or in the RMS of the force: its force acts for no time.
     - `stroke`, by leg: the `shortest` and `longest` length [m]; the `margin` to the nearest limit of the platform [m],
@@ -99,7 +100,8 @@ def metrics(record: RecordData) -> Metrics:
 
 def _parts(record: RecordData) -> dict[str, Any]:
     """Metrics of a record of at least one row, nested by the parts of their paths."""
-    folds = metric_folds(record["time"], _reference(record), record.metadata["platform"], record.__contains__)
+    limits, knows = record.metadata["platform"], lambda name: column_of_drives(record, name) in record
+    folds = metric_folds(record["time"], _reference(record), limits, knows)
     results = _folded(record, folds)
     found = dict[str, Any]()
     for metric in METRICS:
@@ -117,7 +119,8 @@ def _parts(record: RecordData) -> dict[str, Any]:
 def _folded(record: RecordData, folds: Sequence[Fold]) -> dict[str, FloatArray]:
     """Results of folds over the rows of a record, as over those of a run."""
     names = dict.fromkeys([*(name for fold in folds for name in fold.needs), STROKE_EXCEEDED])
-    columns = {name: _column(record, name) for name in names if name in record}
+    own = {name: column_of_drives(record, name) for name in names}
+    columns = {name: _column(record, column) for name, column in own.items() if column in record}
     folding, n = Folding(folds, 1), record.table.height
     for first in range(0, n, _ROWS):
         last = min(first + _ROWS, n)

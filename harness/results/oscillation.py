@@ -1,8 +1,8 @@
 """Loops that grow or oscillate by themselves, found in the rows of a run that completed.
 
 A loop is judged where its own behaviour can be told from what acts on it: at the end of the run, after the last row at
-which reference, external wrench, injection or parameters change; there a sound loop comes to rest. If the reference
-moves to the end, only frequencies far above its own are judged, where it can have no part.
+which reference, external wrench, injection or parameters change, or something fails; there a sound loop comes to rest.
+If something acts to the end, only frequencies far above the reference's own are judged, where it can have no part.
 """
 
 import math
@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.plants.signals import NAMES
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
 
@@ -26,6 +27,9 @@ _LINE = 0.8
 _LASTS, _STEADY, _GROWS = 0.9, 1.3, 2.0
 _BLOCKS = 6
 _USED = ("error.leg_length", "reference.leg_length", "leg_length")
+_INPUTS = ("reference.leg_length", "controller.injection", "external_force", "external_torque")
+# What fails, by leg or element of a signal, as the flags of `control/faults.py`.
+FAULTS = ("flag.force_cut", *(f"flag.frozen_{name}" for name in NAMES))
 # Cycles in the window: without and with a moving reference.
 _CYCLES, _CYCLES_MOVING = 3, 8
 # A reference has no part in what is so many times above 99.9 % of the power of its accelerations.
@@ -66,7 +70,7 @@ class LegRows:
     time: FloatArray  # (n,) [s]
     error: FloatArray  # of the leg lengths (n, 6) [m]
     reference: FloatArray  # leg lengths (n, 6) [m]
-    rest_begins: int  # the row after the last at which reference, wrench, injection or parameters change
+    rest_begins: int  # see `rest_begins`
     least: Callable[[float], float]  # the amplitude [m] that sensors do not explain, by frequency [Hz]
 
 
@@ -75,7 +79,8 @@ def oscillation(record: RecordData) -> Oscillation | None:
     if not all(name in record for name in _USED) or record.metadata["outcome"]["status"] != "completed":
         return None
     choice = record.metadata.get("experiment", {})
-    if record.table.height < _ROWS or choice.get("controller", {}).get("type") == "open_loop":
+    is_open = choice.get("controller", {}).get("type") == "open_loop"
+    if record.table.height < _ROWS or (is_open and "controller" not in record.metadata.get("replaced", ())):
         return None
     sensors = choice.get("sensors") or {}
     # a record from elsewhere may have no platform
@@ -84,7 +89,7 @@ def oscillation(record: RecordData) -> Oscillation | None:
         float(record["leg_length"].mean()), points, sensors.get("noise") or {}, sensors.get("quantisation") or {}
     )
     error, reference = record["error.leg_length"], record["reference.leg_length"]
-    return self_excited(LegRows(record["time"], error, reference, _rest_begins(record), least))
+    return self_excited(LegRows(record["time"], error, reference, rest_begins(_acting(record)), least))
 
 
 def self_excited(rows: LegRows) -> Oscillation | None:
@@ -204,13 +209,16 @@ def last_change(values: FloatArray) -> int:
     return int(changes[-1]) + 1 if changes.size else 0
 
 
-def _rest_begins(record: RecordData) -> int:
-    """The row after the last at which something that acts on the loop changes."""
-    parameters = record.metadata.get("machine", {})
-    inputs = ("reference.leg_length[", "controller.injection[", "external_force[", "external_torque[")
-    names = record.table.columns
-    acting = record.table.select([n for n in names if n.startswith(inputs) or n.partition("[")[0] in parameters])
-    return last_change(np.asarray(acting.to_numpy(), dtype=float))
+def rest_begins(acting: Iterable[NDArray[Any]]) -> int:
+    """The row from which a loop is without input: no column (n, k) that acts on it changes, no flag is set."""
+    last = (len(values) if values.dtype == bool and values[-1].any() else last_change(values) for values in acting)
+    return max(last, default=0)
+
+
+def _acting(record: RecordData) -> list[NDArray[Any]]:
+    """What acts on the loop of a record: its names are those of `acting_columns`."""
+    names = (*_INPUTS, *FAULTS, *record.metadata.get("machine", {}))
+    return [record[name].reshape(record.table.height, -1) for name in names if name in record]
 
 
 def _step(legs: FloatArray, row: int) -> float:

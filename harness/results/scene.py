@@ -79,7 +79,7 @@ def nearness_to_limits(record: RecordData, platform: Platform) -> dict[str, Floa
 
     - `stroke`: |L − middle| over half the stroke;
     - `force`: |F| over the limit of the actuators in the loop;
-    - `velocity`, `power`: |L̇| and |F L̇| over the platform's limits;
+    - `velocity`, `power`: |ṡ| and |F ṡ| of the drives over the platform's limits;
     - `joint angle`: the larger angle of the leg's two joints from home over the largest allowed.
     """
     found: dict[str, FloatArray] = {}

@@ -8,6 +8,7 @@ import numpy as np
 
 from gough_stewart.harness.loop.folds import error_between
 from gough_stewart.harness.output.display_resolution import factor_to
+from gough_stewart.harness.results.limits import column_of_drives
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import conditioning
@@ -51,7 +52,8 @@ _GROUP_OF_VARIABLE = {
     **dict.fromkeys(("leg_length", "leg_velocity", "joint_force"), "legs"),
     **dict.fromkeys(("external_force", "external_torque"), "disturbance"),
     **dict.fromkeys(("kinetic_energy", "potential_energy"), "energy"),
-    "actuator_force": "actuators",
+    **dict.fromkeys(("actuator_force", "motor_position", "motor_velocity"), "actuators"),
+    **dict.fromkeys(("leg_force", "leg_bristle"), "legs"),
 }
 _GROUP_OF_PREFIX = {
     "error": "errors",
@@ -188,7 +190,7 @@ def _from_home(records: Sequence[RecordData], platforms: Sequence[Platform]) -> 
 
 def _computed(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
     """Power of the actuators, and condition number of the leg Jacobian."""
-    powers = tuple(r["actuator_force"] * r["leg_velocity"] for r in records)
+    powers = tuple(r["actuator_force"] * r[column_of_drives(r, "motor_velocity")] for r in records)
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         condition = tuple(
             conditioning(p, r["position"], r["orientation"]).condition_number[:, None]
@@ -221,9 +223,10 @@ def _with_limits(
     def both(limit: Callable[[RecordData, Platform], float | None]) -> tuple[float, ...]:
         return tuple(sign * size for size in common(limit) for sign in (1, -1))
 
+    velocity = "motor_velocity" if any("motor_velocity" in record for record in records) else "leg_velocity"
     limits = {
         "leg_length": common(lambda _, p: p.leg_length_min) + common(lambda _, p: p.leg_length_max),
-        "leg_velocity": both(lambda _, p: p.leg_velocity_max),
+        velocity: both(lambda _, p: p.leg_velocity_max),
         "actuator_force": both(lambda r, _: r.metadata.get("force_limit")),
         "actuator power": both(lambda _, p: p.actuator_power_max),
     }

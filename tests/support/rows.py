@@ -8,6 +8,7 @@ import numpy as np
 from gough_stewart.harness.loop.rows import Observer
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.model.vectors import FloatArray
+from tests.support.fake_plants import Masses
 
 
 def pass_rows(
@@ -15,7 +16,7 @@ def pass_rows(
 ) -> None:
     """Rows of signals (N, 24), inputs (N, 12) and two flags (N, 6), of which the first `ends` (N,) count."""
     counting = np.asarray(ends)
-    block = observer.start(timing, None, len(counting))  # type: ignore[arg-type]
+    block = observer.start(timing, Masses(), len(counting))
 
     def pass_on() -> None:
         block.counting = np.clip(counting - block.first, 0, block.count)

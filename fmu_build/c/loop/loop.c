@@ -373,6 +373,10 @@ static void keep_row(vector *v, int64_t row, const lanes is_behind[])
             write_numbers(v, &w->row_forces, row, i, remembered(v, w->acting, i));
         for (int i = 0; i < N_LEGS; i++)
             write_flags(v, &w->row_force_limited, row, i, remembered(v, w->limited, i), everyone);
+#if HAS_SPRINGS
+        for (int i = 0; w->row_motors.at && i < 2 * N_LEGS; i++)
+            write_numbers(v, &w->row_motors, row, i, v->plant.x[X_MOTOR_POSITION + i]);
+#endif
     }
     for (int i = 0; i < N_LEGS; i++)
         write_flags(v, &w->row_rate_limited, row, i, is_behind[i], everyone);
@@ -399,6 +403,12 @@ static void take_row(vector *v, int64_t row, const lanes is_behind[])
         into[ROW_FLAGS + i] = remembered(v, w->limited, i);
         into[ROW_FLAGS + N_LEGS + i] = is_behind[i];
     }
+    for (int i = 0; i < 2 * N_LEGS; i++)
+#if HAS_SPRINGS
+        into[ROW_MOTORS + i] = v->plant.x[X_MOTOR_POSITION + i];
+#else
+        into[ROW_MOTORS + i] = into[FIRST_LENGTH + i]; /* rigid legs have one side */
+#endif
     for (const kept_rows *k = w->takes->kept; k < w->takes->kept + w->takes->n_kept; k++)
         for (int64_t i = 0; k->place[row] >= 0 && i < k->size; i++)
             write_numbers(v, &k->to, k->place[row], i, into[k->elements[i]]);

@@ -115,7 +115,7 @@ typedef struct {
 
     /* what is kept: by row since `first_row`, and by sample */
     int64_t first_row;
-    rows_of_numbers row_signals, row_results, row_forces;
+    rows_of_numbers row_signals, row_results, row_forces, row_motors; /* the last of legs that give */
     rows_of_flags row_force_limited, row_rate_limited;
     rows_of_numbers sample_measured, sample_state, sample_command;
     rows_of_flags sample_limited;

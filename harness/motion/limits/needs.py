@@ -185,6 +185,8 @@ def _notes(platform: Platform, time: FloatArray, length: FloatArray, velocity: F
     absent = " and no ".join(name for name, is_missing in missing.items() if is_missing)
     if absent:
         notes.append(f"the platform states no {absent}, so forces and powers have none")
+    if platform.leg_stiffness:
+        notes.append("speeds and powers are those of rigid legs; springs let the motors move otherwise, as a run shows")
     steps = np.diff(length, axis=0)
     by_velocity = np.diff(time)[:, None] * (velocity[1:] + velocity[:-1]) / 2
     unexplained = np.abs(steps - by_velocity).max(axis=1, initial=0.0)

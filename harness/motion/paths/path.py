@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 # spline; that of degree 5 has zero third and fourth derivatives instead, and does not exist through two poses.
 _DERIVATIVES_ZERO_AT_ENDS = {5: (2, 4), 3: (2,)}
 DEGREES = {"quintic": 5, "cubic": 3}
+# Share of the largest coordinate below which two poses are the same: rounding, 1e-16 of it, leaves the direction
+# between poses that are farther apart certain to 1e-6 rad.
+_SAME = 1e-9
 # Angles [rad] below which the coefficients of the exponential are computed by series.
 _SMALL_ANGLE = 1e-2
 
@@ -60,8 +63,8 @@ class GeometricPath:
     Raises
     ------
     MotionError
-        Fewer than two poses, a pose that is not finite, two equal neighbours, or a pose rotated by half a turn or more
-        from the first.
+        Fewer than two poses, a pose that is not finite, two neighbours that are equal up to rounding, or a pose rotated
+        by half a turn or more from the first.
     """
 
     position: FloatArray  # of the via poses (n, 3) [m]
@@ -87,9 +90,11 @@ class GeometricPath:
         rho = _rotation_vectors(rotation @ rotation[0].T)
         steps = np.diff(np.hstack([self.position, self.length * rho]), axis=0)
         distance = np.sqrt((steps**2).sum(axis=1))
-        if not distance.all():
-            k = int((distance == 0).argmax())
-            raise MotionError(f"poses {k + 1} and {k + 2} of the path are the same; remove one")
+        near = distance <= _SAME * max(np.abs(self.position).max(), self.length)
+        if near.any():
+            k = int(near.argmax())
+            apart = f"or {distance[k]:.2g} m apart"
+            raise MotionError(f"poses {k + 1} and {k + 2} of the path are the same, {apart}; remove one")
         at = np.concatenate([[0.0], np.cumsum(distance)])
         at /= at[-1]
         ends: Any = [(k, np.zeros(6)) for k in _DERIVATIVES_ZERO_AT_ENDS[self.degree]]

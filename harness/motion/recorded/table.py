@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 _SPLINE_DEGREE = 5
+# Share of the mean step below which two times are the same: a spline between them would have any slope.
+_SAME = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,14 +109,14 @@ class FromTable(Piecewise):
 
 
 def check_increasing(time: FloatArray, first: float = 0.0) -> None:
-    """Refuse times (n,) [s] that do not increase; `first` is added to the times in the message.
+    """Refuse times (n,) [s] that do not increase, or by next to nothing; `first` is added to the times in the message.
 
     Raises
     ------
     MotionError
         Names the times and the row, counted from 1.
     """
-    back = np.flatnonzero(~(np.diff(time) > 0))
+    back = np.flatnonzero(~(np.diff(time) > _SAME * np.ptp(time) / len(time)))
     if back.size:
         k = int(back[0])
         raise MotionError(

@@ -45,6 +45,70 @@ def test_every_member_is_judged_as_its_own_run_is() -> None:
     assert "oscillation.amplitude" not in found.metrics
 
 
+# The loop oscillates; each acts for the last time at 0.62 s.
+HUNTING = {
+    "loop.duration": 1.6,
+    "controller.bandwidth": 4.0,
+    "loop.delay": 35,
+    "ensemble": {"members": 2, "platform_mass": {"uniform": [1400, 1500]}},
+}
+STICKING = {"plant.parameters": {"leg_friction_model": "lugre", "leg_coulomb_friction": 1.0}}
+ACTING: dict[str, dict[str, Any]] = {
+    "a leg that is cut": {"fault": [{"at": 0.6, "cut": [1], "duration": 0.02}]},
+    "a sensor that freezes": {"fault": [{"at": 0.6, "freeze": {"leg_velocity": [1]}, "duration": 0.02}]},
+    "static friction": {**STICKING, "change": [{"at": 0.62, "parameters": {"leg_static_friction": 1.5}}]},
+    "mass": {"change": [{"at": 0.62, "factors": {"platform_mass": 1.0001}}]},
+    "a disturbance": {"disturbance": [{"at": 0.6, "duration": 0.02, "force": [0, 0, 1.0]}]},
+    "the reference": {"reference.at": 0.62},
+}
+
+
+@pytest.mark.parametrize("acting", ACTING.values(), ids=ACTING)
+def test_a_loop_is_without_input_from_the_last_that_acts_on_it(acting: dict[str, Any]) -> None:
+    """Expected: from 0.62 s, by the settings; so a member of the ensemble is said to do what its own run does."""
+    members = gs.ensemble("heave_step", HUNTING | acting, workers=1).members
+    for k in range(2):
+        own = gs.metrics(gs.run("heave_step", HUNTING | acting, member=k))["outcome"]["oscillation"]
+        assert own["since"] == pytest.approx(0.62)
+        assert members["oscillation"][k] == ("growing" if own["is_growing"] else "oscillating")
+        assert members["oscillation.amplitude"][k] == pytest.approx(own["amplitude"], rel=1e-9)
+
+
+def test_a_change_to_what_a_machine_has_already_does_not_act() -> None:
+    """Expected: from 0.6 s for the machine that gets heavier there, from the step at 0.2 s for the one that is."""
+    varied = {"ensemble": {"members": 2, "platform_mass": {"grid": [1400, 1450]}}}
+    settings = {**HUNTING, **varied, "change": [{"at": 0.6, "parameters": {"platform_mass": 1450}}]}
+    members = gs.ensemble("heave_step", settings, workers=1).members
+    for k, mass in enumerate(members["varied.platform_mass"]):
+        own = gs.metrics(gs.run("heave_step", settings, member=k))["outcome"]["oscillation"]
+        assert own["since"] == pytest.approx(0.6 if mass < 1425 else 0.2)
+        assert members["oscillation.amplitude"][k] == pytest.approx(own["amplitude"], rel=1e-9)
+
+
+def test_a_controller_that_closes_an_open_loop_is_judged() -> None:
+    """Expected: 35 samples of delay are too many for its gains: the run says so, and the ensemble of it."""
+
+    def law(sample: Any) -> Any:
+        error = sample.reference["leg_length"] - sample.measured["leg_length"]
+        return 1e6 * error - 2e4 * sample.measured["leg_velocity"]
+
+    loop = {"loop.duration": 1.6, "loop.delay": 35, "controller": {"type": "open_loop", "feedforward": "gravity"}}
+    settings = {**loop, "ensemble": {"members": 1, "platform_mass": {"normal": "1 kg"}}}
+    assert gs.metrics(gs.run("heave_step", settings, controller=law))["outcome"]["oscillation"]["is_growing"]
+    assert gs.ensemble("heave_step", settings, controller=law, workers=1).members["oscillation"].item() == "growing"
+
+
+def test_what_a_fault_does_the_loop_does_not_do_by_itself() -> None:
+    """Expected: nothing said of a sound loop, with a leg without force up to the end and until shortly before it."""
+    for fault in ({"at": 1.5, "cut": [1]}, {"at": 1.6, "cut": [1], "duration": 0.35}):
+        settings = {"fault": [fault], "ensemble": {"members": 1, "platform_mass": {"normal": 1e-6}}}
+        record = gs.run("heave_step", settings)
+        assert np.abs(record["error.leg_length"][-1]).max() > 0.05
+        assert record["flag.force_cut"].sum(axis=0).tolist() == [501 if "duration" not in fault else 350, 0, 0, 0, 0, 0]
+        assert gs.metrics(record)["outcome"]["oscillation"] is None
+        assert gs.ensemble("heave_step", settings, workers=1).members["oscillation"].to_list() == [None]
+
+
 def test_members_that_an_injection_keeps_moving_do_not_oscillate_by_themselves() -> None:
     """Expected: nothing said of errors at the end of a run, of 0.1 mm and more, while a sweep still causes them."""
     injection = {"type": "chirp", "leg": 4, "amplitude": 2000.0, "band": [5.0, 9.0]}

@@ -198,3 +198,36 @@ def test_a_function_that_keeps_memory_is_said_once_and_in_the_record(is_told: bo
     assert lines == ([late, keeps] if is_told else [])
     without = gs.run("heave_step", settings, controller=lambda _: np.full(6, 4000.0))
     assert without.metadata["warnings"] == [late]
+
+
+@pytest.mark.parametrize("plant", [None, "model"])
+def test_a_run_of_a_member_warns_as_a_plain_run_does(plant: Any) -> None:
+    """Expected: the limit that its reference exceeds with permission, and the hint at its sensors, as of the plain run.
+
+    A function that keeps memory is a plain run's only: members do not share one.
+    """
+    settings = {
+        "platform.parameters": {"leg_velocity_max": 0.05},
+        "limits.reference": "warn",
+        "sensors.quantisation.leg_length": 0.6,
+        "loop.duration": 0.3,
+    }
+    plain, of_member = list[str](), list[str]()
+    gs.run("heave_tolerances", settings, warn=plain.append)
+    record = gs.run("heave_tolerances", settings, member=3, plant=plant, warn=of_member.append)
+    assert [text.split(" ")[0] for text in plain] == ["the", "sensors.quantisation.leg_length"]
+    assert of_member == plain == record.metadata["warnings"]
+
+
+def test_a_function_that_keeps_memory_is_told_of_in_the_run_of_a_member() -> None:
+    """Expected: the variable that the run has changed; the member has a plant of its own, so nobody shares it."""
+    told, kept = list[str](), list[float]()
+
+    def law(sample: gs.Sample) -> Any:
+        kept.append(sample.time)
+        return np.zeros(6)
+
+    gs.run("heave_tolerances", {"loop.duration": 0.12}, controller=law, member=3, plant="model", warn=told.append)
+    assert len(told) == 1
+    assert "has changed" in told[0]
+    assert "'kept'" in told[0]

@@ -11,8 +11,11 @@ from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
+from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.results.fold_library import metric_kernels
 from gough_stewart.harness.results.metric_folds import folds_of_loop
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import FloatArray
 from tests.harness.loop.test_compiled_loop import VARIED, batch_of
 
 LOOPS: dict[str, Any] = {"compiled": LanesPlant.loop_run, "NumPy": property(lambda _: None)}
@@ -45,6 +48,62 @@ def test_a_noise_that_makes_forces_infinite_ends_its_members_at_their_first_samp
             assert metrics["rows"][k] == (1 if k % 3 == 1 else 121)
         assert "the controller's forces are [" in str(outcomes[1].cause)
     assert [each.cause for each in found[0][0]] == [each.cause for each in found[1][0]]
+
+
+class Broken(ModelPlant):
+    """The machine of `heave_step`, of which one result is wrong from 0.1 s on."""
+
+    def __init__(self, name: str, value: float, **parameters: float) -> None:
+        machine = gs.load_preset("motion_base").with_parameters(parameters)
+        still = np.zeros(3)
+        super().__init__(machine, State(machine.home_position, machine.home_orientation, still, still))
+        self._at, self._value, self._now = self.columns.index(name), value, 0.0
+
+    def do_step(self, time: float, step: float) -> None:
+        super().do_step(time, step)
+        self._now = time + step
+
+    def results(self) -> FloatArray:
+        found = np.array(super().results())
+        found[self._at] = self._value if self._now > 0.0995 else found[self._at]
+        return found
+
+
+ELASTIC = {"leg_stiffness": 1e7, "leg_armature": 100.0}
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, -1e300])
+@pytest.mark.parametrize(
+    ("name", "unit", "parameters"),
+    [
+        ("position[2]", "m", {}),
+        ("leg_length[3]", "m", {}),
+        ("angular_velocity[1]", "rad/s", {}),  # which nobody reads
+        ("motor_position[6]", "m", ELASTIC),
+        ("motor_velocity[1]", "m/s", ELASTIC),
+    ],
+)
+def test_what_a_plant_breaks_is_said_of_the_plant(
+    name: str, unit: str, parameters: dict[str, float], value: float
+) -> None:
+    """Expected: its result by name, value and unit, at the row that has it; not what the controller makes of it."""
+    settings = {"loop.duration": 0.2, "plant.parameters": parameters, "sensors.side": "motor"}
+    record = gs.run("heave_step", settings, plant=Broken(name, value, **parameters))
+    outcome = record.metadata["outcome"]
+    assert (outcome["status"], outcome["cause"]) == ("diverged", f"the plant gave {name} = {value:g} {unit}")
+    assert outcome["time"] == pytest.approx(0.1)
+    assert record.table.height == 101
+
+
+def test_forces_that_are_no_numbers_are_said_of_who_made_them() -> None:
+    """Expected: the injection if it is too large, and the controller if its own forces are none."""
+    forces = [0.0, 1e300, 0.0, 0.0, 0.0, 0.0]
+    for given, cause in (
+        ({"injection": lambda _time: forces}, f"the injection's forces are {forces} N"),
+        ({"controller": lambda _sample: np.full(6, np.nan)}, f"the controller's forces are {[np.nan] * 6} N"),
+    ):
+        outcome = gs.run("heave_step", {"loop.duration": 0.1}, **given).metadata["outcome"]
+        assert (outcome["status"], outcome["time"], outcome["cause"]) == ("diverged", 0.0, cause)
 
 
 def test_a_member_that_diverges_in_the_first_step_ends_there_alone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -82,6 +82,16 @@ def test_two_poses_are_joined_by_a_straight_line_and_one_axis() -> None:
     [
         (POSITION[:1], ORIENTATION[:1], "a path of 1 poses; expected at least 2"),
         (POSITION[[0, 1, 1]], ORIENTATION[[0, 1, 1]], "poses 2 and 3 of the path are the same"),
+        (
+            POSITION[[0, 1, 1]] + [[0, 0, 0], [0, 0, 0], [0, 1e-12, 0]],
+            ORIENTATION[[0, 1, 1]],
+            "poses 2 and 3 of the path are the same, or 1e-12 m apart; remove one",
+        ),
+        (
+            POSITION[[0, 1, 1, 2]],
+            ORIENTATION[[0, 1, 1, 2]] + [[0, 0, 0], [0, 0, 0], [0, 0, 1e-9], [0, 0, 0]],
+            "poses 2 and 3 of the path are the same, or 1e-09 m apart; remove one",
+        ),
         (POSITION * np.nan, ORIENTATION, "position of the poses"),
         (
             POSITION,
@@ -93,6 +103,20 @@ def test_two_poses_are_joined_by_a_straight_line_and_one_axis() -> None:
 def test_what_is_no_path_is_refused(position: FloatArray, orientation: FloatArray, complaint: str) -> None:
     with pytest.raises(MotionError, match=complaint):
         GeometricPath(position, orientation, 1.0)
+
+
+@pytest.mark.parametrize("degree", [3, 5])
+def test_poses_close_together_do_not_turn_a_path_out_of_their_plane(degree: int) -> None:
+    """Expected: all points in the plane of the poses, as every spline of points of a plane is, to 1e-7 m.
+
+    Two poses are as near as is allowed, 1e-8 m; of 1e-12 m their rounding would choose a direction.
+    """
+    normal = np.array([2.0, -3.0, 6.0]) / 7
+    across, along = np.array([3.0, 2.0, 0.0]) / np.sqrt(13), np.cross(normal, np.array([3.0, 2.0, 0.0]) / np.sqrt(13))
+    plane = np.array([[0.0, 0.0], [0.2, 0.1], [0.2, 0.1 + 1e-8], [0.5, -0.1]])
+    position = np.array([0.1, -0.2, 2.9]) + plane @ np.stack([across, along])
+    at = GeometricPath(position, np.zeros((4, 3)), 0.8, degree)(np.linspace(0, 1, 501))
+    assert np.abs((at.position - position[0]) @ normal).max() < 1e-7
 
 
 def test_arrays_of_users_stay_theirs() -> None:

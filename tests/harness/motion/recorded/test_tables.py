@@ -112,6 +112,7 @@ def test_a_time_outside_by_rounding_is_the_end_of_the_table() -> None:
     [
         (5, {}, "a table of 5 rows; expected at least 6"),
         (7, {"time": [0, 1, 2, 2, 3, 4, 5]}, "time goes from 2 to 2 s in row 4; expected increasing times"),
+        (7, {"time": [0, 1, 2, 2 + 1e-9, 3, 4, 5]}, "time goes from 2 to 2 s in row 4; expected increasing times"),
         (7, {"time": [0, 1, 2, 3, 4, 5, 4.5]}, "time goes from 5 to 4.5 s in row 7"),
         (7, {"time": [0, 1, 2, 3, 4, 5, np.inf]}, "time is .*expected finite"),
         (7, {"position": np.zeros((6, 3))}, r"position has shape \(6, 3\); expected numbers of shape \(7, 3\)"),

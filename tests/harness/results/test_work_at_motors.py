@@ -1,0 +1,85 @@
+"""What drives do on legs that give, against sums over the motors' columns and the balance of energy, on every host."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.results.circumstances import limits_table
+from gough_stewart.harness.results.record import Record, machine_of, platform_of
+from gough_stewart.harness.results.scene import nearness_to_limits
+from gough_stewart.harness.results.signals import signals_of
+
+# Soft springs and a loop that is too fast for them, so that the two sides of a leg differ much.
+SPEED, POWER = 0.6, 500.0
+SOFT: dict[str, Any] = {
+    "plant.parameters": {"leg_stiffness": 2e6, "leg_armature": 100.0},
+    "platform.parameters": {"leg_velocity_max": SPEED, "actuator_power_max": POWER},
+    "loop.duration": 0.6,
+}
+
+
+def law(sample: gs.Sample) -> Any:
+    return 4e4 * (sample.reference["leg_length"] - sample.measured["leg_length"])
+
+
+def of_motors(record: Record) -> dict[str, float]:
+    """Work [J], power [W] and shares of the limits, leg by leg and row by row."""
+    force, s, ds = (record[name] for name in ("actuator_force", "motor_position", "motor_velocity"))
+    n = len(s)
+    work = [force[k, i] * (s[k + 1, i] - s[k, i]) for k in range(n - 1) for i in range(6)]
+    power = [abs(force[k, i] * ds[at, i]) for k in range(n) for at in (k, k + 1) if at < n for i in range(6)]
+    return {
+        "energy.net_total": sum(work),
+        "energy.absolute_total": sum(map(abs, work)),
+        "power.peak": max(power),
+        "limits.leg_velocity_max.used": np.abs(ds).max() / SPEED,
+        "limits.actuator_power_max.used": max(power) / POWER,
+    }
+
+
+@pytest.mark.parametrize("controller", [None, law], ids=["linear", "Python"])
+@pytest.mark.parametrize("plant", [None, "model"])
+def test_drives_of_a_run_are_taken_at_the_motors(controller: Any, plant: Any) -> None:
+    """Expected: of metrics, charts and nearness; at least the work that is stored, since springs only lose."""
+    record = gs.run("heave_step", SOFT, controller=controller, plant=plant)
+    found, expected = gs.metrics(record), of_motors(record)
+    for path, value in expected.items():
+        first, *others = path.split(".")
+        part = found[first]
+        for name in others:
+            part = part[name]
+        assert np.max(part) == pytest.approx(value, rel=1e-9), path
+    stored = np.ptp(np.add(record["kinetic_energy"], record["potential_energy"])[[0, -1]])
+    assert found["energy"]["net_total"] > stored
+    (power,) = (each for each in signals_of([record], [platform_of(record)]) if each.name == "actuator power")
+    assert power.values[0] == pytest.approx(record["actuator_force"] * record["motor_velocity"], abs=0)
+    nearness = nearness_to_limits(record, platform_of(record))
+    assert nearness["velocity"].max() == pytest.approx(expected["limits.leg_velocity_max.used"])
+    assert nearness["power"].max() == pytest.approx(expected["limits.actuator_power_max.used"])
+    assert limits_table(record, machine_of(record)) is not None
+
+
+@pytest.mark.parametrize("kernels", [True, False])
+@pytest.mark.parametrize("host", ["C", "NumPy"])
+def test_members_do_the_work_of_their_own_runs(host: str, kernels: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: sums over the motors' columns of each member's record; with folds in C, in its loop, and in NumPy."""
+    settings = {**SOFT, "ensemble": {"members": 3, "platform_mass": {"uniform": [1200, 1500]}}}
+    records = [gs.run("heave_step", settings, member=k) for k in range(3)]
+    if host == "NumPy":
+        monkeypatch.setattr(LanesPlant, "loop_run", None)
+    if not kernels:
+        monkeypatch.setattr("gough_stewart.harness.ensemble.chunk.metric_kernels", lambda: None)
+    members = gs.ensemble("heave_step", settings, workers=1).members
+    for k, record in enumerate(records):
+        for path, value in of_motors(record).items():
+            assert members[path][k] == pytest.approx(value, rel=1e-6), (path, k)
+
+
+def test_a_check_says_that_it_plans_with_rigid_legs() -> None:
+    """Expected: a note, if the legs of the nominal model give."""
+    for stiffness, number in ((2e6, 1), (0.0, 0)):
+        found = gs.check("heave_step", {"platform.parameters": {"leg_stiffness": stiffness}})
+        assert sum("those of rigid legs" in text for text in found.needs.notes) == number
