@@ -41,8 +41,8 @@ class Comparison:
 
     `differences` has a row for each metric that members have in both: `metric`, `pairs`, `mean_a`, `mean_b`,
     the `mean` of the differences with `mean_low` and `mean_high` (Student's t), their `median` with `median_low` and
-    `median_high` (between order statistics), and `less_b`, the share of members in which B has the smaller value. Each confidence
-    interval is 95 % by itself.
+    `median_high` (between order statistics; None if there are too few), and `less_b`, the share of members in which B
+    has the smaller value. Each confidence interval is 95 % by itself.
     """
 
     a: Ensemble
@@ -154,7 +154,7 @@ def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) ->
         return {"pairs": 0}
     mean, median = float(gap.mean()), float(np.median(gap))
     row: dict[str, float | int | None] = {"pairs": pairs, "mean_a": float(x.mean()), "mean_b": float(y.mean())}
-    low, high = _median_interval(gap) if a.block == 1 else quantile_interval(gap, 0.5, CONFIDENCE, a.independent(known))
+    low, high = quantile_interval(gap, 0.5, CONFIDENCE, a.independent(known))
     row |= {"mean": mean, "mean_low": None, "mean_high": None}
     of_block = np.flatnonzero(known) // a.block
     n = len(set(of_block.tolist()))

@@ -360,8 +360,8 @@ def _notes(found: EnsembleData) -> tuple[Note, ...]:
     notes, n = [Note(text, "warning") for text in warnings if text], found.members.height
     combinations = found.metadata.get("combinations", 1)
     if n % combinations:
-        text = f"{count(n, 'member')} of grids with {combinations:,} combinations weigh the first ones more than the others"
-        notes.append(Note(f"{text}, in shares, quantiles and intervals: expected a multiple", "warning"))
+        what = f"{count(n, 'member')} of grids with {combinations:,} combinations have the first ones more often"
+        notes.append(Note(f"{what}: choose a multiple for shares and quantiles of the whole grids", "warning"))
     text = _CONFIDENCE.get(found.metadata.get("sampling", "random"), "")
     if text:
         text = text.format(points=f"{n // found.block:,}", members=f"{n:,}", block=found.block)

@@ -15,6 +15,8 @@ from gough_stewart.model.vectors import FloatArray
 Method = Literal["sobol", "regression"]
 _CONFIDENCE = 0.95
 _SCORE = NormalDist().inv_cdf((1 + _CONFIDENCE) / 2)
+# That one input matters more than another is said with 99 % confidence.
+_BEYOND_DOUBT = NormalDist().inv_cdf(0.995)
 _RESAMPLES = 100
 # Members are resampled in at most this many groups of equal size, by their sums of products.
 _GROUPS = 2000
@@ -140,7 +142,7 @@ def _alike(size: FloatArray, again: FloatArray) -> tuple[int, ...]:
     order = np.argsort(-size, kind="stable")
     first = order[0]
     gap, spread = size[first] - size, np.std(again[:, [first]] - again, axis=0, ddof=1)
-    return tuple(int(k) for k in order[1:] if not gap[k] > _SCORE * spread[k])
+    return tuple(int(k) for k in order[1:] if not gap[k] > _BEYOND_DOUBT * spread[k])
 
 
 def _indices(points: FloatArray) -> FloatArray:
