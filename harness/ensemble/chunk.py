@@ -78,14 +78,14 @@ def chunk(plan: Plan, first: int, last: int, threads: int = 1) -> Chunk:
             INTERNAL_STEPS: running.plant.internal_steps[: len(batch)],
         }
         features = running.plant.features
-    columns: dict[str, Any] = {
-        name: values[: len(batch)] for name, values in columns_of(rows_in_blocks.results()).items()
-    }
+    columns = {name: values[: len(batch)] for name, values in columns_of(rows_in_blocks.results()).items()}
     columns |= steps
+    ended = list(outcomes[: len(batch)])
     if members.choice.margins:
-        columns |= margins_of([batch.member(k) for k in range(len(batch))])
-    causes = columns.pop(CAUSE, [None] * len(batch))
-    ended = [each._replace(cause=each.cause or cause) for each, cause in zip(outcomes, causes, strict=False)]
+        judged = margins_of([batch.member(k) for k in range(len(batch))])
+        for k, cause in enumerate(judged.pop(CAUSE)):
+            ended[k] = ended[k]._replace(cause=ended[k].cause or cause)
+        columns |= judged
     own = oscillations(batch, ended, errors, threads)
     return Chunk(_rows(first, draws.columns, found, ended, own, columns), bands.samples(), features)
 

@@ -43,8 +43,7 @@ class EnsembleData:
     def independent(self, rows: NDArray[np.bool_]) -> float:
         """How many independent members these rows (N,) are worth: (Σ m)²/Σ m² with m of them in each block.
 
-        The number of blocks if as many are in each: N over Kish's design effect if members of a block are all alike, as
-        in `proportions`.
+        The number of blocks if as many are in each: their number over Kish's design effect, as in `proportions`.
         """
         sizes = np.bincount(np.flatnonzero(rows) // self.block)
         return float(sizes.sum() ** 2 / (sizes @ sizes))

@@ -34,7 +34,7 @@ from gough_stewart.harness.ensemble.statistics import (
 )
 from gough_stewart.harness.ensemble.tables import quantity_of_input, usual_metrics
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
-from gough_stewart.harness.report.proportions import METHOD, METHOD_OF_BLOCKS, quantile_interval, share_interval
+from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
 from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, listed, percent, sentence
@@ -138,9 +138,8 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     of = count(n, "machine")
     interval = f"95 % confidence: {_interval(low, high)}"
     parts: list[str | None] = [f"{sound:,} of {of} {how} ({interval})"]
-    how_sure = METHOD if found.block == 1 else METHOD_OF_BLOCKS
-    share = replace(SHARE, digits=4)
-    carried = [Number("", "machines that complete", sound / n, share, low, high, explanation=how_sure)]
+    share, method = replace(SHARE, digits=4), METHOD.format("members" if found.block == 1 else "points of the design")
+    carried = [Number("", "machines that complete", sound / n, share, low, high, explanation=method)]
     values = counted(members, by)
     if len(values) > 1:
         metric = metric_of(by)
@@ -194,16 +193,14 @@ def _cause(known: Sensitivity) -> str | None:
     effect = known.main if known.total is None else known.total
     half = known.main_confidence if known.total_confidence is None else known.total_confidence
     first = known.order[0]
-    if not known.size[first] > half[first]:
+    sure = [k for k in (first, *known.alike) if known.size[k] > half[k]]
+    if first not in sure or (known.alike and len(sure) == 1):
         return None
-    if not known.alike:
-        return f"{known.inputs[first]} matters most"
-    sure = [first, *(k for k in known.alike if known.size[k] > half[k])]
-    if len(sure) == 1:
-        return None
-    told = [f"{effect[k]:.2f} [{effect[k] - half[k]:.2f}, {effect[k] + half[k]:.2f}]" for k in sure[:_MOST_NAMED]]
     names = [known.inputs[k] for k in sure[:_MOST_NAMED]]
-    others = [count(len(sure) - len(names), "other")] if len(sure) > len(names) else []
+    if len(sure) == 1:
+        return f"{names[0]} matters most"
+    others = [count(len(sure) - _MOST_NAMED, "other")] if len(sure) > _MOST_NAMED else []
+    told = [f"{effect[k]:.2f} [{effect[k] - half[k]:.2f}, {effect[k] + half[k]:.2f}]" for k in sure[:_MOST_NAMED]]
     return f"{listed([*names, *others])} matter alike ({listed(told)})"
 
 
@@ -222,10 +219,7 @@ def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
 
 
 def number_of_members(name: str, members: FloatArray, block: int = 1) -> Number:
-    """A metric with its value for each member (N,), and the value that 95 % of those with one do not exceed.
-
-    Of members in blocks that share their numbers, how many are in a `block`.
-    """
+    """A metric with its value for each member (N,), and the value that 95 % of those with one do not exceed."""
     metric, known = metric_of(name), finite(members)
     level = 1 - SHARE_TOLD if metric.better == "larger" else SHARE_TOLD
     value = float(np.quantile(known, level)) if len(known) else None

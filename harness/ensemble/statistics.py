@@ -137,10 +137,8 @@ def judgement_warning(members: polars.DataFrame) -> str:
     without = members.filter((polars.col(OUTCOME) == "completed") & polars.col(CAUSE).is_not_null())
     if not without.height:
         return ""
-    return (
-        f"{without.height} of {members.height} members completed but could not be judged; the first is member "
-        f"{without[MEMBER][0]}, {without[CAUSE][0]}"
-    )
+    how_many = f"{without.height} of {members.height} members completed but could not be judged"
+    return f"{how_many}; the first is member {without[MEMBER][0]}, {without[CAUSE][0]}"
 
 
 def works(members: polars.DataFrame) -> NDArray[np.bool_]:

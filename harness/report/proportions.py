@@ -3,10 +3,9 @@
 Both intervals are exact for members that are drawn independently, whatever their distribution. Members of a Sobol
 sequence or a Latin hypercube cover their ranges more evenly; for them the intervals are as a rule too wide.
 
-Members may also come in independent blocks of b that share their numbers, as in Saltelli's design. Then n is the number
-of blocks, and k members count as x = k/b blocks, which need not be whole. The share of a block that holds is between 0
-and 1 and has a variance of at most p (1 − p), that of blocks whose members are all alike: the design effect
-1 + (b − 1) ρ of Kish, Survey Sampling (1965), with ρ = 1. So what holds for n independent members holds for n blocks.
+Members may also come in n independent blocks of b that share their numbers, as in Saltelli's design. Then k members
+count as x = k/b blocks, which need not be whole. The share of a block that holds has a variance of at most p (1 − p),
+that of blocks whose members are alike: the design effect 1 + (b − 1) ρ of Kish, Survey Sampling (1965), for ρ = 1.
 """
 
 from typing import NamedTuple
@@ -16,8 +15,7 @@ import numpy as np
 from gough_stewart.model.vectors import FloatArray
 
 CONFIDENCE = 0.95
-METHOD = "Clopper–Pearson interval of independent members"
-METHOD_OF_BLOCKS = "Clopper–Pearson interval of independent blocks of members"
+METHOD = "Clopper–Pearson interval, as if {} were drawn independently"
 
 
 class Interval(NamedTuple):
