@@ -87,6 +87,7 @@ def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) ->
         "members": plan.members,
         "seed": plan.seed,
         "sampling": prepared.choice.sampling,
+        "combinations": prepared.combinations,
         "groups": [[name for k in group for name in prepared.inputs[k].columns] for group in prepared.groups],
         "outcomes": dict(zip(counts[OUTCOME], counts["len"], strict=True)),
         "oscillations": dict(zip(own[OSCILLATION], own["len"], strict=True)),

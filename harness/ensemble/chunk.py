@@ -80,9 +80,12 @@ def chunk(plan: Plan, first: int, last: int, threads: int = 1) -> Chunk:
         features = running.plant.features
     columns = {name: values[: len(batch)] for name, values in columns_of(rows_in_blocks.results()).items()}
     columns |= steps
+    ended = list(outcomes[: len(batch)])
     if members.choice.margins:
-        columns |= margins_of([batch.member(k) for k in range(len(batch))])
-    ended = outcomes[: len(batch)]
+        judged = margins_of([batch.member(k) for k in range(len(batch))])
+        for k, cause in enumerate(judged.pop(CAUSE)):
+            ended[k] = ended[k]._replace(cause=ended[k].cause or cause)
+        columns |= judged
     own = oscillations(batch, ended, errors, threads)
     return Chunk(_rows(first, draws.columns, found, ended, own, columns), bands.samples(), features)
 
@@ -98,12 +101,16 @@ def limits_of_members(batch: Batch, size: int) -> dict[str, Any]:
     return {name: filled.numbers(attrgetter(name)) for name in stated}
 
 
-def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
-    """For each member's machine with its controller: whether the linear loop is stable, and its disk margin."""
+def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
+    """For each member's machine with its controller: whether the linear loop is stable, and its disk margin.
+
+    Also the causes (n,) of members whose margins cannot be computed, None of the others.
+    """
     from gough_stewart.harness.control.margins import loop_margins
     from gough_stewart.harness.experiment.analysis import transfer_of
 
     stable, disk = np.full(len(prepared), np.nan), np.full(len(prepared), np.nan)
+    causes: list[str | None] = [None] * len(prepared)
     for k, each in enumerate(prepared):
         try:
             controller = linear_of(each.controller)
@@ -115,7 +122,9 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
             stable[k], disk[k] = 1.0, loop_margins(transfer_of(each, each.machine, controller)).disk.alpha
         except UnstableLoopError:
             stable[k] = 0.0
-    return {f"{MARGINS}stable": stable, f"{MARGINS}disk": disk}
+        except (GoughStewartError, np.linalg.LinAlgError) as error:
+            causes[k] = f"no margins: {error}"
+    return {f"{MARGINS}stable": stable, f"{MARGINS}disk": disk, CAUSE: causes}
 
 
 def check_names(plan: Plan) -> None:

@@ -1,8 +1,8 @@
 """Compare two ensembles of the same members: differences and their confidence."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.polars_paths import write_to
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
+from gough_stewart.harness.report.proportions import quantile_interval
 from gough_stewart.harness.report.quantities import SHARE
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import counted as count
@@ -30,10 +31,8 @@ from gough_stewart.harness.report.words import percent, sentence
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of
 from gough_stewart.harness.view.comparison import differ_in, differing
 from gough_stewart.model.process.files import write_files
-from gough_stewart.model.vectors import FloatArray
 
 CONFIDENCE = 0.95
-_RESAMPLES = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +41,8 @@ class Comparison:
 
     `differences` has a row for each metric that members have in both: `metric`, `pairs`, `mean_a`, `mean_b`,
     the `mean` of the differences with `mean_low` and `mean_high` (Student's t), their `median` with `median_low` and
-    `median_high` (bootstrap), and `less_b`, the share of members in which B has the smaller value. Each confidence
-    interval is 95 % by itself.
+    `median_high` (between order statistics; None if there are too few), and `less_b`, the share of members in which B
+    has the smaller value. Each confidence interval is 95 % by itself.
     """
 
     a: Ensemble
@@ -67,11 +66,7 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
     _check_same(a, b)
     completed_a, completed_b = ((each.members[OUTCOME] == "completed").to_numpy() for each in (a, b))
     both = completed_a & completed_b
-    rows = [
-        {"metric": name, **_difference(a.values(name)[both], b.values(name)[both])}
-        for name in a.metrics
-        if name in b.metrics
-    ]
+    rows = [{"metric": name, **_difference(a, b, name, both)} for name in a.metrics if name in b.metrics]
     rows = [row for row in rows if row["pairs"]]
     return Comparison(
         a,
@@ -145,42 +140,30 @@ def _check_same(a: Ensemble, b: Ensemble) -> None:
                 )
 
 
-def _difference(x: FloatArray, y: FloatArray) -> dict[str, float | int | None]:
-    known = np.isfinite(x) & np.isfinite(y)
+def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) -> dict[str, float | int | None]:
+    """The differences of members that completed in both (N,).
+
+    The mean is the ratio of the sums of n independent blocks, D of differences and m of members, with the variance
+    n/(n − 1) Σ (D − m mean)²/(Σ m)²: Cochran, Sampling Techniques (1977), section 6.3. Blocks of one member give s²/n.
+    """
+    x, y = a.values(name), b.values(name)
+    known = both & np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
-    gap = y - x
-    n = len(gap)
-    if not n:
+    gap, pairs = y - x, len(x)
+    if not pairs:
         return {"pairs": 0}
     mean, median = float(gap.mean()), float(np.median(gap))
-    row: dict[str, float | int | None] = {"pairs": n, "mean_a": float(x.mean()), "mean_b": float(y.mean())}
-    low, high = _median_interval(gap)
+    row: dict[str, float | int | None] = {"pairs": pairs, "mean_a": float(x.mean()), "mean_b": float(y.mean())}
+    low, high = quantile_interval(gap, 0.5, CONFIDENCE, a.independent(known))
     row |= {"mean": mean, "mean_low": None, "mean_high": None}
+    of_block = np.flatnonzero(known) // a.block
+    n = len(set(of_block.tolist()))
     if n > 1:
-        half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2) * gap.std(ddof=1) / np.sqrt(n))
+        residuals = np.bincount(of_block, gap - mean)
+        error = math.sqrt(n / (n - 1) * float(residuals @ residuals)) / pairs
+        half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2)) * error
         row |= {"mean_low": mean - half, "mean_high": mean + half}
     return row | {"median": median, "median_low": low, "median_high": high, "less_b": float((gap < 0).mean())}
-
-
-def _median_interval(gap: FloatArray) -> tuple[float, float]:
-    """By bootstrap with a fixed seed: quantiles of the medians of resampled members."""
-    low, high = _middle_ranks(len(gap))
-    ordered = np.sort(gap)
-    medians = (ordered[low] + ordered[high]) / 2
-    ends = np.quantile(medians, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
-    return float(ends[0]), float(ends[1])
-
-
-@lru_cache(4)
-def _middle_ranks(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Ranks of the two middle ones of n members resampled from n ordered ones: the median is between them."""
-    rng = np.random.default_rng(1)
-    low, high = np.zeros(_RESAMPLES, dtype=np.intp), np.zeros(_RESAMPLES, dtype=np.intp)
-    for k in range(_RESAMPLES):
-        # how often each is drawn; the cumulative sum gives the ranks
-        at_most = np.cumsum(np.bincount(rng.integers(0, n, n), minlength=n))
-        low[k], high[k] = np.searchsorted(at_most, ((n - 1) // 2, n // 2), side="right")
-    return low, high
 
 
 def comparison_report(found: Comparison, *, charts: bool = True) -> Report:

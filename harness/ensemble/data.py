@@ -7,7 +7,9 @@ contain at least `title`, `seed`, `sampling`, and `groups`: the varied columns, 
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import polars
+from numpy.typing import NDArray
 
 from gough_stewart.harness.ensemble.columns import VARIED, metric_name, metric_names, numbers
 from gough_stewart.model.vectors import FloatArray
@@ -32,6 +34,19 @@ class EnsembleData:
     def varied(self) -> tuple[str, ...]:
         """Names of the varied inputs, without prefix."""
         return tuple(name.removeprefix(VARIED) for name in self.members.columns if name.startswith(VARIED))
+
+    @property
+    def block(self) -> int:
+        """How many members, one after the other, share their numbers: those of a point of Saltelli's design, or 1."""
+        return len(self.metadata["groups"]) + 2 if self.metadata.get("sampling") == "saltelli" else 1
+
+    def independent(self, rows: NDArray[np.bool_]) -> float:
+        """How many independent members these rows (N,) are worth: (Σ m)²/Σ m² with m of them in each block.
+
+        The number of blocks if as many are in each: their number over Kish's design effect, as in `proportions`.
+        """
+        sizes = np.bincount(np.flatnonzero(rows) // self.block)
+        return float(sizes.sum() ** 2 / (sizes @ sizes))
 
     @property
     def title(self) -> str:

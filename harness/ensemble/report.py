@@ -20,10 +20,12 @@ from gough_stewart.harness.ensemble.columns import (
 from gough_stewart.harness.ensemble.data import EnsembleData
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.ensemble.statistics import (
+    are_counted,
     counted,
     failures,
     finite,
     integration_warning,
+    judgement_warning,
     kinds_of_oscillation,
     left_out,
     oscillation_warning,
@@ -35,7 +37,7 @@ from gough_stewart.harness.report.document import Note, Number, Report, Section,
 from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
 from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import about, at_least, at_most, percent, sentence
+from gough_stewart.harness.report.words import about, at_least, at_most, listed, percent, sentence
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
 from gough_stewart.harness.results.metric_folds import metric_of
@@ -52,7 +54,18 @@ _DRAWN = {
     "latin_hypercube": "of a Latin hypercube",
     "saltelli": "of Saltelli's design",
 }
+# What confidence intervals are of, in designs whose members are not independent.
+_EVENLY = "cover the ranges more evenly, so they are as a rule too wide"
+_PAIRS = "of a metric that depends on the product of two of many inputs they may be too narrow: try sampling = 'random'"
+_CONFIDENCE = {
+    "sobol": f"as if members were drawn independently; the members of a Sobol sequence {_EVENLY}. But {_PAIRS}.",
+    "latin_hypercube": f"as if members were drawn independently; the members of a Latin hypercube {_EVENLY}.",
+    "saltelli": "of {points} points, not of {members} members: the {block} members of a point of Saltelli's design "
+    f"share their numbers. The points, of a Sobol sequence, {_EVENLY}. But {_PAIRS}.",
+}
 _MOST_INPUTS = 8
+# Inputs that matter alike, by name.
+_MOST_NAMED = 3
 # Inputs that a table of members has as columns.
 _MOST_COLUMNS = 5
 _THREE = Quantity("", "", digits=3)
@@ -119,20 +132,21 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     """How many machines complete their runs, how well most of them do, and what makes them differ."""
     members, n = found.members, found.members.height
     sound = int(np.count_nonzero(works(members)))
-    low, high = share_interval(sound, n)
+    low, high = share_interval(sound / found.block, n / found.block)
     grows = bool(kinds_of_oscillation(members)[GROWING])
     how = "complete their runs without a growing loop" if grows else "complete their runs"
     of = count(n, "machine")
     interval = f"95 % confidence: {_interval(low, high)}"
     parts: list[str | None] = [f"{sound:,} of {of} {how} ({interval})"]
-    carried = [Number("", "machines that complete", sound / n, replace(SHARE, digits=4), low, high, explanation=METHOD)]
+    share, method = replace(SHARE, digits=4), METHOD.format("members" if found.block == 1 else "points of the design")
+    carried = [Number("", "machines that complete", sound / n, share, low, high, explanation=method)]
     values = counted(members, by)
     if len(values) > 1:
         metric = metric_of(by)
         is_lower = metric.better == "larger"
         level = 1 - SHARE_TOLD if is_lower else SHARE_TOLD
         value = float(np.quantile(values, level))
-        ends = quantile_interval(values, level)
+        ends = quantile_interval(values, level, independent=found.independent(are_counted(members, by)))
         told = f"{percent(SHARE_TOLD)} of them"
         size = at_least(metric.quantity, value) if is_lower else at_most(metric.quantity, value)
         words = f"have a {metric.text} of at least {size}" if is_lower else _within(by, size)
@@ -175,13 +189,19 @@ def _within(by: str, size: str) -> str:
 
 
 def _cause(known: Sensitivity) -> str | None:
-    """The input with the largest effect, if that is beyond doubt."""
-    first = known.order[0]
-    size = known.main if known.total is None else known.total
+    """The input with the largest effect, or those that may have it, as far as they have one beyond doubt."""
+    effect = known.main if known.total is None else known.total
     half = known.main_confidence if known.total_confidence is None else known.total_confidence
-    if not abs(size[first]) > half[first]:
+    first = known.order[0]
+    sure = [k for k in (first, *known.alike) if known.size[k] > half[k]]
+    if first not in sure or (known.alike and len(sure) == 1):
         return None
-    return f"{known.inputs[first]} matters most"
+    names = [known.inputs[k] for k in sure[:_MOST_NAMED]]
+    if len(sure) == 1:
+        return f"{names[0]} matters most"
+    others = [count(len(sure) - _MOST_NAMED, "other")] if len(sure) > _MOST_NAMED else []
+    told = [f"{effect[k]:.2f} [{effect[k] - half[k]:.2f}, {effect[k] + half[k]:.2f}]" for k in sure[:_MOST_NAMED]]
+    return f"{listed([*names, *others])} matter alike ({listed(told)})"
 
 
 def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
@@ -194,11 +214,11 @@ def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
     for name in found.metrics:
         values = found.values(name)
         own = values if name.startswith(MARGINS) else np.where(completed, values, np.nan)
-        made.append(number_of_members(name, own))
+        made.append(number_of_members(name, own, found.block))
     return tuple(made)
 
 
-def number_of_members(name: str, members: FloatArray) -> Number:
+def number_of_members(name: str, members: FloatArray, block: int = 1) -> Number:
     """A metric with its value for each member (N,), and the value that 95 % of those with one do not exceed."""
     metric, known = metric_of(name), finite(members)
     level = 1 - SHARE_TOLD if metric.better == "larger" else SHARE_TOLD
@@ -211,6 +231,7 @@ def number_of_members(name: str, members: FloatArray) -> Number:
         explanation=metric.sentence,
         members=members,
         small_is_worse=metric.better == "larger",
+        block=block,
     )
 
 
@@ -327,16 +348,16 @@ def worst_table(
 
 
 def _notes(found: EnsembleData) -> tuple[Note, ...]:
-    warnings = [oscillation_warning(found.members)]
+    warnings = [oscillation_warning(found.members), judgement_warning(found.members)]
     if found.metadata.get("substeps") is not None and "tolerance" in found.metadata:
         warnings.append(integration_warning(found.members, float(found.metadata["tolerance"])))
-    notes = [Note(text, "warning") for text in warnings if text]
-    sampling = found.metadata.get("sampling", "random")
-    if sampling != "random":
-        notes.append(
-            Note(
-                "Confidence intervals are as if members were drawn independently; the members "
-                f"{_DRAWN[sampling]} cover the ranges more evenly, so they are as a rule too wide."
-            )
-        )
+    notes, n = [Note(text, "warning") for text in warnings if text], found.members.height
+    combinations = found.metadata.get("combinations", 1)
+    if n % combinations:
+        what = f"{count(n, 'member')} of grids with {combinations:,} combinations have the first ones more often"
+        notes.append(Note(f"{what}: choose a multiple for shares and quantiles of the whole grids", "warning"))
+    text = _CONFIDENCE.get(found.metadata.get("sampling", "random"), "")
+    if text:
+        text = text.format(points=f"{n // found.block:,}", members=f"{n:,}", block=found.block)
+        notes.append(Note(f"Confidence intervals are {text}"))
     return tuple(notes)

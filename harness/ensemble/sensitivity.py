@@ -14,6 +14,9 @@ from gough_stewart.model.vectors import FloatArray
 
 Method = Literal["sobol", "regression"]
 _CONFIDENCE = 0.95
+_SCORE = NormalDist().inv_cdf((1 + _CONFIDENCE) / 2)
+# That one input matters more than another is said with 99 % confidence.
+_BEYOND_DOUBT = NormalDist().inv_cdf(0.995)
 _RESAMPLES = 100
 # Members are resampled in at most this many groups of equal size, by their sums of products.
 _GROUPS = 2000
@@ -43,12 +46,17 @@ class Sensitivity:
     used: int  # number of members used
     left_out: int  # number of members that did not complete or have no value, in Sobol' indices with their points
     without: tuple[str, ...] = ()  # inputs that are not numbers, or the same for all members used
+    alike: tuple[int, ...] = ()  # inputs that may matter as much as the first, of those after it
+
+    @property
+    def size(self) -> FloatArray:
+        """By which inputs are ranked: the total share, or the coefficient's size (p,)."""
+        return np.abs(self.main) if self.total is None else self.total
 
     @property
     def order(self) -> list[int]:
         """Inputs, most influential first."""
-        size = np.abs(self.main) if self.total is None else self.total
-        return [int(k) for k in np.argsort(-size, kind="stable")]
+        return [int(k) for k in np.argsort(-self.size, kind="stable")]
 
     @property
     def remark(self) -> str:
@@ -61,6 +69,8 @@ class Sensitivity:
                 why += ", or at a point of the design with such a member"
             parts.append(f"left out: {self.left_out} {why}")
         parts.append("± and whiskers are 95 % confidence")
+        if self.alike:
+            parts.append(f"which of the first {len(self.alike) + 1} matters more cannot be told")
         if self.without:
             parts.append(f"not numbers, or the same for all of these members: {', '.join(self.without)}")
         if self.r2 is not None and self.r2 < _SMALLEST_R2:
@@ -81,7 +91,7 @@ def sensitivity(ensemble: EnsembleData, metric: str) -> Sensitivity:
     """
     metric_name(ensemble.members, metric)
     merit = np.where((ensemble.members[OUTCOME] == "completed").to_numpy(), ensemble.values(metric), np.nan)
-    if ensemble.metadata.get("sampling") == "saltelli":
+    if ensemble.block > 1:
         return _sobol(metric, merit, ensemble.metadata["groups"])
     return _regression(ensemble, metric, merit)
 
@@ -116,10 +126,23 @@ def _sobol(metric: str, merit: FloatArray, groups: Sequence[Sequence[str]]) -> S
     points = (points - points.mean()) / points.std()
     S1, ST = _indices(points)
     resamples = np.random.default_rng(1).integers(len(points), size=(len(points), _RESAMPLES))
-    spread = np.std([_indices(points[rows]) for rows in resamples.T], axis=0, ddof=1)
-    S1_conf, ST_conf = NormalDist().inv_cdf((1 + _CONFIDENCE) / 2) * spread
-    left_out = len(merit) - points.size
-    return Sensitivity(metric, "sobol", tuple(names), S1, S1_conf, ST, ST_conf, None, points.size, left_out)
+    again = np.array([_indices(points[rows]) for rows in resamples.T])
+    S1_conf, ST_conf = _SCORE * np.std(again, axis=0, ddof=1)
+    used, left_out = points.size, len(merit) - points.size
+    alike = _alike(ST, again[:, 1])
+    return Sensitivity(metric, "sobol", tuple(names), S1, S1_conf, ST, ST_conf, None, used, left_out, alike=alike)
+
+
+def _alike(size: FloatArray, again: FloatArray) -> tuple[int, ...]:
+    """The inputs whose effect may be as large as the largest, by size (p,) and its resamples (r, p), largest first.
+
+    The difference to the largest is d; it is beyond doubt if d > z s, with s its standard deviation over the resamples,
+    in each of which both effects are of the same members, so that what they share cancels.
+    """
+    order = np.argsort(-size, kind="stable")
+    first = order[0]
+    gap, spread = size[first] - size, np.std(again[:, [first]] - again, axis=0, ddof=1)
+    return tuple(int(k) for k in order[1:] if not gap[k] > _BEYOND_DOUBT * spread[k])
 
 
 def _indices(points: FloatArray) -> FloatArray:
@@ -155,10 +178,12 @@ def _regression(ensemble: EnsembleData, metric: str, merit: FloatArray) -> Sensi
     again = _resampled(z, w)
     levels = ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2)
     known = again[np.isfinite(again).all(axis=1)]
+    alike = _alike(np.abs(beta), np.abs(known))
     low, high = np.quantile(known, levels, axis=0) if len(known) else np.full((len(levels), again.shape[1]), np.nan)
     names = tuple(list(columns)[k] for k in kept)
     left_out = len(merit) - n
-    return Sensitivity(metric, "regression", names, beta, (high - low) / 2, None, None, r2, n, left_out, without)
+    half = (high - low) / 2
+    return Sensitivity(metric, "regression", names, beta, half, None, None, r2, n, left_out, without, alike)
 
 
 def _standard(values: FloatArray) -> FloatArray:

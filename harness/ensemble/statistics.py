@@ -48,14 +48,19 @@ def finite(values: FloatArray) -> FloatArray:
     return np.asarray(values[np.isfinite(values)])
 
 
-def counted(members: polars.DataFrame, name: str) -> FloatArray:
-    """The defined values (n,) of a metric that statistics are of: those of the members that completed their runs.
+def are_counted(members: polars.DataFrame, name: str) -> NDArray[np.bool_]:
+    """Which members (N,) statistics of a metric are of: those that completed their runs and have a value.
 
     Numbers of a run that ended early are of a shorter time, often without the step or the peak. A margin is not a
     number of the run, and counts for all.
     """
-    values = numbers(members, name)
-    return finite(values if name.startswith(MARGINS) else values[_are_completed(members)])
+    has = np.isfinite(numbers(members, name))
+    return np.asarray(has if name.startswith(MARGINS) else has & _are_completed(members))
+
+
+def counted(members: polars.DataFrame, name: str) -> FloatArray:
+    """The values (n,) of a metric that statistics are of, of the members that `are_counted`."""
+    return np.asarray(numbers(members, name)[are_counted(members, name)])
 
 
 def left_out(members: polars.DataFrame) -> int:
@@ -125,6 +130,15 @@ def oscillation_warning(members: polars.DataFrame) -> str:
                 f"the largest amplitude, {1e3 * worst[AMPLITUDE]:.3g} mm{rate}"
             )
     return f"{'; '.join(parts)}. `run --member K` shows one" if parts else ""
+
+
+def judgement_warning(members: polars.DataFrame) -> str:
+    """A warning if margins of members that completed cannot be computed, with the first cause; "" if not."""
+    without = members.filter((polars.col(OUTCOME) == "completed") & polars.col(CAUSE).is_not_null())
+    if not without.height:
+        return ""
+    how_many = f"{without.height} of {members.height} members completed but could not be judged"
+    return f"{how_many}; the first is member {without[MEMBER][0]}, {without[CAUSE][0]}"
 
 
 def works(members: polars.DataFrame) -> NDArray[np.bool_]:

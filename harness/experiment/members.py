@@ -97,6 +97,8 @@ class Members:
         self._matrices = [(t, self._at(t), t.values) for t in (*choice.correlation, *choice.covariance)]
         self._check_matrices()
         grids = prod(i.spread.levels or 1 for i in self.inputs)
+        # of grids that are run through in the order of members
+        self.combinations = 1 if choice.sampling == "saltelli" else grids
         only_grids = bool(self.inputs) and all(i.spread.levels for i in self.inputs)
         self.count = choice.members or (grids if only_grids else -(-MEMBERS // grids) * grids)
         _ = self.design
@@ -147,8 +149,9 @@ class Members:
         """The points of members in the unit cube, with the combinations of grids, and correlated (last − first, k)."""
         # a Latin hypercube is correlated as a whole, so that each layer keeps its member
         u = self._hypercube[first:last] if self._is_whole else self.design.points(first, last)
-        levels = [level for i in self.inputs for level in (i.spread.levels, *[None] * (i.spread.size - 1))]
-        u = in_turn(u, levels, first)
+        if self.combinations > 1:
+            levels = [level for i in self.inputs for level in (i.spread.levels, *[None] * (i.spread.size - 1))]
+            u = in_turn(u, levels, first)
         if not self._is_whole:
             for columns, R in self._correlations():
                 u[:, columns] = correlated(u[:, columns], R)

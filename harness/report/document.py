@@ -37,6 +37,7 @@ class Number:
     # One per member of an ensemble (N,), NaN where it is not defined.
     members: FloatArray | None = None
     small_is_worse: bool = False
+    block: int = 1  # so many members share their numbers; only blocks are independent
 
     def __post_init__(self) -> None:
         for name in ("value", "low", "high", "limit", "margin"):

@@ -2,7 +2,7 @@
 
 Of an ensemble, a requirement without a share is one on each of its members. One with a share is on all machines from
 which the members are drawn: it is met or missed if the interval of Clopper & Pearson excludes the other, and open if
-there are too few members to tell.
+there are too few independent members or blocks of members to tell.
 """
 
 import math
@@ -210,15 +210,16 @@ def _judge_members(wanted: Required, number: Number, members: FloatArray, bound:
         value = _of_share(wanted, members, 1.0)
         note = f"{holding:,} of {total:,} members hold it{lost}"
         return _result(wanted, number, "met" if holding == total else "missed", value, bound, note)
-    found = share_interval(holding, total, wanted.confidence)
+    found = share_interval(holding / number.block, total / number.block, wanted.confidence)
     low, high = found.low or 0.0, 1.0 if found.high is None else found.high
+    blocks = f", {total / number.block:g} independent blocks of {number.block}" if number.block > 1 else ""
     note = (
         f"{holding:,} of {total:,} members hold it{lost}; of all, {100 * low:.3g} to {100 * high:.3g} % with "
-        f"{100 * wanted.confidence:g} % confidence (Clopper–Pearson)"
+        f"{100 * wanted.confidence:g} % confidence (Clopper–Pearson{blocks})"
     )
     status: Verdicts = "met" if low >= wanted.share else "missed" if high < wanted.share else "open"
     if status == "open":
-        needed = members_to_tell(holding, total, wanted.share, wanted.confidence)
+        needed = members_to_tell(holding, total, wanted.share, wanted.confidence, number.block)
         so_many = "all" if holding == total else f"{100 * holding / total:.3g} %"
         near = "the share is too near to the wanted one for any number of members to tell"
         note = f"{note}; {near if needed is None else f'{needed:,} members would tell, if {so_many} of them hold it'}"
@@ -233,28 +234,30 @@ def _of_share(wanted: Required, members: FloatArray, share: float) -> float | No
     return None if math.isinf(value) else value if wanted.is_upper else -value
 
 
-def members_to_tell(holding: int, total: int, wanted: float, confidence: float = CONFIDENCE) -> int | None:
+def members_to_tell(
+    holding: int, total: int, wanted: float, confidence: float = CONFIDENCE, block: int = 1
+) -> int | None:
     """How many members would tell whether this share holds it, if as many of them do as of the present ones.
 
-    None if the share is so near to the wanted one that ten millions would not do.
+    Whole blocks of them; None if the share is so near to the wanted one that ten millions would not do.
     """
     share = holding / total
     towards = math.floor if share > wanted else math.ceil
 
-    def tells(members: int) -> bool:
-        found = share_interval(towards(round(share * members, 6)), members, confidence)
+    def tells(blocks: int) -> bool:
+        found = share_interval(towards(round(share * blocks * block, 6)) / block, blocks, confidence)
         low, high = found.low or 0.0, 1.0 if found.high is None else found.high
         return low >= wanted or high < wanted
 
-    low = high = total
+    low = high = math.ceil(total / block)
     while not tells(high):
         low, high = high, 2 * high
-        if high > _MOST:
+        if high * block > _MOST:
             return None
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if tells(middle) else (middle, high)
-    return high
+    return high * block
 
 
 def _result(

@@ -13,7 +13,7 @@ from gough_stewart.harness.report.quantities import LENGTH, Quantity
 # Significant digits of a number in a sentence; tables have more.
 DIGITS = 2
 METRES = Quantity("m", "m")
-_NEGATIVE = re.compile(r"(?<![^\s(±])-(?=\.?\d|∞)")
+_NEGATIVE = re.compile(r"(?<![^\s(±\[])-(?=\.?\d|∞)")
 
 
 def about(quantity: Quantity, value: float | None, digits: int = DIGITS) -> str:

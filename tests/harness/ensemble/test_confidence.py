@@ -1,18 +1,23 @@
-"""Confidence intervals, resample by resample: the same members are drawn, and each is evaluated by its definition."""
+"""Confidence intervals: resample by resample, by SciPy, and by how often they cover the truth in each design."""
 
 import math
+import re
 
 import numpy as np
 import polars
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 
+import gough_stewart as gs
 from gough_stewart.harness.ensemble.compare import compare
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
+from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.report.proportions import quantile_interval
-from gough_stewart.harness.sampling.design import Design
+from gough_stewart.harness.sampling.design import Design, Sampling
 from gough_stewart.model.vectors import FloatArray
+from tests.support.coverage import RESPONSES, SHARES, coverage, drawn
 from tests.support.ensembles import INPUTS, ensemble_of
 
 PEAK = "tracking.position.norm_peak"
@@ -93,16 +98,132 @@ def test_whiskers_of_indices_are_those_of_their_hundred_resamples() -> None:
     assert found.order == np.argsort(-np.array(total)).tolist()
 
 
-@pytest.mark.parametrize("n", [8, 9])
-def test_the_interval_of_a_median_is_that_of_a_thousand_resamples(n: int) -> None:
-    """Expected: quantiles of NumPy's medians of the members drawn, for even and odd numbers."""
+@pytest.mark.parametrize("n", [5, 6, 9, 30])
+def test_the_interval_of_a_median_is_between_order_statistics(n: int) -> None:
+    """Expected: SciPy's interval of a quantile test; none of five members, since 2⁻⁵ is more than 2.5 %."""
     x = np.random.default_rng(3).normal(size=(n, 4))
     a, gap = ensemble_of(x), np.random.default_rng(4).normal(size=n)
     b = Ensemble(a.members.with_columns(polars.Series(PEAK, a.values(PEAK) + gap)), a.bands, a.metadata)
     row = compare(a, b).differences.row(by_predicate=polars.col("metric") == PEAK, named=True)
-    rng = np.random.default_rng(1)
-    medians = [np.median(np.sort(gap)[rng.integers(0, n, n)]) for _ in range(1000)]
-    assert (row["median_low"], row["median_high"]) == pytest.approx(np.quantile(medians, [0.025, 0.975]), abs=1e-12)
+    ends = tuple(stats.quantile_test(gap, q=0.0, p=0.5).confidence_interval(0.95))
+    if n == 5:
+        assert (row["median_low"], row["median_high"]) == (None, None)
+        return
+    assert (row["median_low"], row["median_high"]) == pytest.approx(ends, abs=1e-12)
+
+
+def test_differences_in_blocks_are_as_sure_as_one_member_of_each() -> None:
+    """Expected: of blocks whose members differ alike, Student's interval and order statistics of one of each.
+
+    Of the first block two members are left out: 12 blocks are then worth (11·6 + 4)²/(11·36 + 16) = 11.893. What is
+    left has no closed form but the ratio's variance, summed term by term.
+    """
+    rng = np.random.default_rng(4)
+    a = ensemble_of(rng.normal(size=(72, 4)), sampling="saltelli")
+    gap = 1e-3 * rng.normal(size=12)
+
+    def row_of(outcome: list[str]) -> dict[str, float]:
+        values = a.members.with_columns(
+            polars.Series(PEAK, a.values(PEAK) + np.repeat(gap, 6)), outcome=np.array(outcome)
+        )
+        found = compare(a, Ensemble(values, a.bands, a.metadata))
+        return found.differences.row(by_predicate=polars.col("metric") == PEAK, named=True)
+
+    row = row_of(["completed"] * 72)
+    assert row["pairs"] == 72
+    mean = stats.t.interval(0.95, 11, gap.mean(), stats.sem(gap))
+    assert (row["mean_low"], row["mean_high"]) == pytest.approx(mean, rel=1e-9)
+    median = tuple(stats.quantile_test(gap, q=0.0, p=0.5).confidence_interval(0.95))
+    assert (row["median_low"], row["median_high"]) == pytest.approx(median, abs=1e-12)
+    row = row_of(["stopped"] * 2 + ["completed"] * 70)
+    sizes = np.array([4] + [6] * 11)
+    middle = float(sizes @ gap / 70)
+    error = np.sqrt(12 / 11 * sum((m * (d - middle)) ** 2 for m, d in zip(sizes, gap, strict=True))) / 70
+    assert row["mean"] == pytest.approx(middle, rel=1e-9)
+    assert row["mean_high"] - row["mean"] == pytest.approx(stats.t.ppf(0.975, 11) * error, rel=1e-9)
+    assert a.independent(np.arange(72) > 1) == pytest.approx(70**2 / (11 * 36 + 16))
+
+
+# Of one input out of ten, nine of twelve members of a point of Saltelli's design are copies of its first one.
+@pytest.mark.parametrize("sampling", ["random", "latin_hypercube", "sobol", "saltelli"])
+def test_intervals_cover_the_truth_in_every_design(sampling: Sampling) -> None:
+    """Expected: at least 93 % of 100 seeds by the closed form, and no wider than as many blocks; see the evidence."""
+    response = RESPONSES["one input"]
+    numbers = drawn(sampling, 10, 120 if sampling == "saltelli" else 10, response, range(100))
+    bounds = {share: response.quantile(share, 10) for share in SHARES}
+    for share, (covered, widest) in coverage(numbers, 10, bounds).items():
+        assert covered >= 0.93, share
+        assert widest <= 1.3, share
+
+
+def test_a_saltelli_ensemble_is_as_sure_as_its_points() -> None:
+    """Expected: quantiles of χ₃ for the distance of the start; of 16 points, 7 other inputs copy 9 of 10 members.
+
+    As if its 160 members were independent, the interval of the share of 50 % covers it in some half of the seeds.
+    """
+    home = gs.load_preset("motion_base").home_position.tolist()
+    others = ("platform_mass", "leg_lower_mass", "leg_upper_mass", "leg_viscous_friction", "platform_inertia",
+              "leg_lower_com", "leg_upper_com")  # fmt: skip
+    experiment = experiment_from({
+        "title": "small", "platform": {"preset": "motion_base"},
+        "reference": {"type": "hold"},
+        "start": {"position": home},
+        "controller": {"type": "pd", "bandwidth": "2 Hz", "feedforward": "gravity"},
+        "loop": {"duration": 0.002, "sample_time": 0.002},
+        "ensemble": {
+            "members": 160, "sampling": "saltelli", "start": {"position": {"normal": "1 mm"}},
+            **{name: {"factor": {"uniform": [0.99, 1.01]}} for name in others},
+        },
+    })  # fmt: skip
+    reports = [gs.ensemble(experiment, seed=seed, workers=1).report(charts=False) for seed in range(20)]
+    bounds = {share: 1e-3 * float(stats.chi(3).ppf(share)) for share in SHARES}
+    for share, (covered, widest) in coverage((r.number(PEAK) for r in reports), 16, bounds).items():
+        assert covered >= 0.93, share
+        assert widest <= 1.3, share
+    ends = [(r.verdict.numbers[0], r.verdict.numbers[1]) for r in reports]
+    q = 1e-3 * stats.chi(3).ppf(0.95)
+    for complete, peak in ends:
+        assert [complete.low, complete.high] == pytest.approx([0.025 ** (1 / 16), 1.0])
+        # 0.95^16 = 44 %: the largest of 16 says no upper end
+        assert peak.high is None
+        assert peak.low is not None
+    assert sum(peak.low <= q for _, peak in ends if peak.low is not None) >= 19
+    (note,) = (note.text for note in reports[0].notes)
+    assert "16 points, not of 160 members: the 10 members of a point" in note
+
+
+@pytest.mark.parametrize("sampling", ["random", "saltelli"])
+def test_what_matters_most_is_said_only_if_it_matters_more(sampling: str) -> None:
+    """Expected: of two forces at the same time and place neither; both by name with their intervals. Of 3 to 1 one."""
+
+    def said(seed: int, spread: float) -> str:
+        push = {"at": 0.0, "duration": 0.02, "force": [0.0, 0.0, 500.0]}
+        varied = {
+            "1": {"force": {"factor": {"normal": [1.0, spread]}}},
+            "2": {"force": {"factor": {"normal": [1.0, 0.1]}}},
+        }
+        experiment = experiment_from({
+            "title": "small", "platform": {"preset": "motion_base"},
+            "reference": {"type": "hold"},
+            "controller": {"type": "pd", "bandwidth": "4 Hz", "feedforward": "gravity"},
+            "loop": {"duration": 0.01, "sample_time": 0.002},
+            "disturbance": [push, push],
+            "ensemble": {"members": 128, "sampling": sampling, "disturbance": varied},
+        })  # fmt: skip
+        found = gs.ensemble(experiment, seed=seed, workers=1)
+        text = found.report(charts=False).verdict.text
+        assert text in " ".join(repr(found).split())
+        return text
+
+    for seed in range(6):
+        alike = re.search(r"; (\S+) and (\S+) matter alike \((\S+) \[(\S+), (\S+)\] and (\S+) \[", said(seed, 0.1))
+        assert alike is not None
+        assert {alike[1], alike[2]} == {"disturbance.1.force.factor", "disturbance.2.force.factor"}
+        # β² or the share of each is a half
+        expected = 0.5 if sampling == "saltelli" else np.sqrt(0.5)
+        assert float(alike[3]) == pytest.approx(expected, abs=0.2)
+        assert float(alike[4]) < float(alike[3]) < float(alike[5])
+    assert said(0, 0.3).endswith("; disturbance.1.force.factor matters most")
 
 
 def test_design_points_that_vary_in_nothing_have_no_share() -> None:

@@ -222,7 +222,8 @@ def check_draws(row: dict[str, Any], members: polars.DataFrame) -> None:
     block = groups + 2
     for name, distribution in kinds.items():
         drawn = members[f"varied.{name}"].to_numpy()
-        if row["coulomb"] == "grid" and name == "leg_coulomb_friction":
+        # in Saltelli's design, members have the values of their points
+        if row["coulomb"] == "grid" and name == "leg_coulomb_friction" and row["sampling"] != "saltelli":
             assert drawn.tolist() == [(1.0, 1.7, 2.9)[k % 3] for k in range(n)]
             continue
         if distribution is None:

@@ -21,6 +21,7 @@ from gough_stewart.harness.ensemble.local import Range, chunks_here
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.plants.isolated import Isolated
+from gough_stewart.harness.report.requirements import with_requirements
 from gough_stewart.model.errors import OutputError
 from tests.support.small_ensemble import small
 
@@ -293,6 +294,29 @@ def test_margins_are_those_of_each_members_machine() -> None:
     by_hand = {**still, "platform.parameters.platform_mass": found["varied.platform_mass"][0], "controller": controller}
     assert found["margins.disk"][0] == pytest.approx(gs.margins("heave_step", by_hand).disk.alpha, rel=1e-6)
     assert found["margins.stable"][0] == 1.0
+
+
+def test_a_member_without_margins_is_a_row_with_its_cause() -> None:
+    """Expected: 60 samples of delay are 360 states and 18 more, above 300; the other members have their margins.
+
+    Its run is what it was; a requirement on the margin counts it as one that does not hold it.
+    """
+    settings = {"loop.duration": 0.2, "ensemble": {"members": 4, "margins": True, "loop": {"delay": {"grid": [1, 60]}}}}
+    found = gs.ensemble("heave_step", settings, workers=1)
+    members = found.members
+    assert members["outcome"].to_list() == ["completed"] * 4
+    assert members["margins.disk"].is_null().to_list() == [False, True, False, True]
+    assert members["margins.stable"].to_list() == [1.0, None, 1.0, None]
+    assert members["cause"].is_null().to_list() == [True, False, True, False]
+    cause = members["cause"][1]
+    assert cause.startswith("no margins: a delay of 60 samples")
+    assert "378 states" in cause
+    report = found.report(charts=False)
+    told = f"2 of 4 members completed but could not be judged; the first is member 1, {cause}"
+    assert [note.text for note in report.notes if note.kind == "warning"] == [told]
+    (judged,) = with_requirements(report, ["margins.disk >= 0.1"]).requirements
+    assert (judged.status, judged.value) == ("missed", None)
+    assert "2 of 4 members hold it; 2 of them without this number" in judged.note
 
 
 def test_the_number_of_cores_is_that_of_this_process(monkeypatch: pytest.MonkeyPatch) -> None:

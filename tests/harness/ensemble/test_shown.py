@@ -164,6 +164,39 @@ def test_a_page_without_seed_and_of_another_design_says_so() -> None:
     assert "the members of a Latin hypercube cover the ranges more evenly" in said
 
 
+@pytest.mark.parametrize(
+    ("sampling", "told"),
+    [
+        ("random", None),
+        (
+            "sobol",
+            "as if members were drawn independently; the members of a Sobol sequence cover the ranges more evenly",
+        ),
+        (
+            "saltelli",
+            "of 5 points, not of 30 members: the 6 members of a point of Saltelli's design share their numbers",
+        ),
+    ],
+)
+def test_the_note_on_confidence_is_that_of_the_design(sampling: str, told: str | None) -> None:
+    """Expected: nothing of independent members; of Sobol points what may make the intervals too narrow."""
+    notes = [note.text for note in ensemble_report(ensemble_of(normal(30), sampling=sampling), PEAK).notes]
+    assert len(notes) == (told is not None)
+    if told is not None:
+        assert told in notes[0]
+        assert "product of two of many inputs they may be too narrow" in notes[0]
+
+
+@pytest.mark.parametrize(("members", "are_even"), [(6, True), (12, True), (14, False), (4, False)])
+def test_members_that_do_not_fill_the_grids_evenly_are_told(members: int, are_even: bool) -> None:
+    """Expected: of 2 × 3 combinations, multiples of six have no note."""
+    grids = {"loop": {"delay": {"grid": [0, 1]}}, "platform_mass": {"grid": ["1 t", "1.1 t", "1.2 t"]}}
+    settings = {"loop.duration": 0.01, "ensemble": {"members": members, **grids}}
+    notes = [note.text for note in gs.ensemble("heave_step", settings, workers=1).report(charts=False).notes]
+    told = [text for text in notes if "grids with 6 combinations have the first ones more often" in text]
+    assert bool(told) == (not are_even)
+
+
 def test_the_worst_members_are_found_by_their_numbers() -> None:
     """Expected: of members 100 to 139 in reverse, each row has the numbers of its own member."""
     found = ensemble_of(normal(40), ["completed"] * 39 + ["diverged"])

@@ -158,6 +158,19 @@ def test_grids_give_the_number_of_members() -> None:
     assert Members(gs.load_experiment("heave_step", {"ensemble": {**table, "gravity": {"normal": 0.1}}})).count == 1002
 
 
+def test_a_grid_in_saltellis_design_has_the_values_of_its_points() -> None:
+    """Expected: of A, A with one input of B each, and B, a value of the grid differs from A's in two at most."""
+    table = {"loop": {"delay": {"grid": [0, 1, 2]}}, "platform_mass": {"uniform": ["1 t", "2 t"]}}
+    members = Members(gs.load_experiment("heave_step", {"ensemble": {**table, "sampling": "saltelli", "members": 400}}))
+    drawn = members.draws(0, 400).columns
+    delay, mass = (np.asarray(drawn[name]).reshape(100, 4) for name in ("loop.delay", "platform_mass"))
+    assert (delay[:, 2] == delay[:, 0]).all()
+    assert (delay[:, 1] == delay[:, 3]).all()
+    assert (mass[:, 1] == mass[:, 0]).all()
+    assert set(delay.ravel().tolist()) == {0, 1, 2}
+    assert 0.5 < (delay[:, 0] != delay[:, 3]).mean() < 0.8  # two thirds
+
+
 def test_a_covariance_gives_draws_of_that_covariance() -> None:
     """Expected: mean and covariance of the draws, within five standard errors."""
     C = np.array([[400.0, -30.0, 0.0, 0.0], [-30.0, 4.0, 0.0, 0.0], [0, 0, 1e-4, 5e-5], [0, 0, 5e-5, 1e-4]])

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.stats import binomtest
+from scipy.stats import beta, binomtest
 
 from gough_stewart.harness.errors import RequirementError, UsageError
 from gough_stewart.harness.report.document import Number, Report, Requirement, Verdict
@@ -208,6 +208,20 @@ def test_too_few_members_say_how_many_would_tell() -> None:
     assert few.note.endswith("members would tell, if 98 % of them hold it")
     never = _came_out("<= 1 mm for 95 % of members", 1e-3, members=_members(19, 20))
     assert never.note.endswith("the share is too near to the wanted one for any number of members to tell")
+
+
+@pytest.mark.parametrize(("holding", "block"), [(70, 7), (63, 7), (117, 12), (120, 12)])
+def test_members_in_blocks_are_as_sure_as_their_blocks(holding: int, block: int) -> None:
+    """Expected: SciPy's beta quantiles of ten blocks, of which one seventh may hold; whole blocks that would tell."""
+    number = Number(_PATH, "peak", 1e-3, LENGTH, members=_members(holding, 10 * block), block=block)
+    found = judge(required(f"{_PATH} <= 1 mm for 90 % of members"), number)
+    x = holding / block
+    ends = beta.ppf(0.025, x, 11 - x), beta.ppf(0.975, x + 1, 10 - x) if x < 10 else 1.0
+    assert found.status == "open"
+    assert f"; of all, {100 * ends[0]:.3g} to {100 * ends[1]:.3g} % with 95 %" in found.note
+    assert f"(Clopper–Pearson, 10 independent blocks of {block})" in found.note
+    if x == 10:  # ln 0.025/ln 0.9 = 35.01
+        assert found.note.endswith(f"{36 * block} members would tell, if all of them hold it")
 
 
 @given(
