@@ -6,7 +6,7 @@ and gets them as one `Showing`, which presents the report of its result.
 
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -95,12 +95,15 @@ class Showing:
         paths = {each.path for each in numbers}
         kinds = {path.partition(".")[0] for path in paths}
         others = (_numbers_of_loops() if of_file else set()) - paths
+        renamed = _renamed() if of_file else {}
         found = list(self.required)
         for each in map(required, of_file):
             if each.path in others or each.path.partition(".")[0] not in kinds:
                 errors.say((f"not judged by this command: {each.text}", "dim"))
             else:
                 found.append(each)
+                if each.path in renamed:
+                    errors.say((f"{each.text}: {each.path} is {renamed[each.path]}", "dim"))
         check_known(found, numbers)
         return found
 
@@ -237,6 +240,13 @@ def _numbers_of_loops() -> set[str]:
     from gough_stewart.harness.results.metric_folds import METRICS
 
     return {*OF_CHECKS, *OF_MARGINS, *(each.path for each in METRICS)}
+
+
+def _renamed() -> Mapping[str, str]:
+    """What some numbers are of, which requirements of an older file may mean otherwise."""
+    from gough_stewart.harness.experiment.margins_report import RENAMED
+
+    return RENAMED
 
 
 def shows(function: Callable[..., None]) -> Callable[..., None]:

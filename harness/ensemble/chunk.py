@@ -100,8 +100,7 @@ def limits_of_members(batch: Batch, size: int) -> dict[str, Any]:
 
 def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
     """For each member's machine with its controller: whether the linear loop is stable, and its disk margin."""
-    from gough_stewart.harness.control.margins import loop_margins
-    from gough_stewart.harness.experiment.analysis import transfer_of
+    from gough_stewart.harness.experiment.analysis import judged
 
     stable, disk = np.full(len(prepared), np.nan), np.full(len(prepared), np.nan)
     for k, each in enumerate(prepared):
@@ -112,7 +111,9 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, FloatArray]:
         if controller is None:
             continue
         try:
-            stable[k], disk[k] = 1.0, loop_margins(transfer_of(each, each.machine, controller)).disk.alpha
+            found = judged(each, each.machine, controller)
+            if not found.doubt:  # a number that cannot be told is none
+                stable[k], disk[k] = 1.0, found.margins.disk.alpha
         except UnstableLoopError:
             stable[k] = 0.0
     return {f"{MARGINS}stable": stable, f"{MARGINS}disk": disk}

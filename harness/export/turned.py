@@ -146,7 +146,7 @@ def _linear_loop(prepared: Prepared, linear: Any) -> dict[str, Any]:
     assert motion is not None  # a controller has a reference
     pose = motion.position[0], motion.orientation[0]
     plant = held_plant(
-        prepared.platform, linear, timing.sample_time, float(actuators.lag), *pose, side=loop.sensors.side
+        prepared.machine, linear, timing.sample_time, float(actuators.lag), *pose, side=loop.sensors.side
     )
     (_, readings), to_force = space_of(prepared.platform, linear, *pose)
     n, signals, states = plant.nstates, plant.noutputs, linear.system.nstates

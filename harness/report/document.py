@@ -37,6 +37,7 @@ class Number:
     # One per member of an ensemble (N,), NaN where it is not defined.
     members: FloatArray | None = None
     small_is_worse: bool = False
+    doubt: str = ""  # why a requirement on it cannot be told, if so
 
     def __post_init__(self) -> None:
         for name in ("value", "low", "high", "limit", "margin"):
@@ -59,7 +60,7 @@ class Number:
             parts.append(f"limit {quantity.text(self.limit)}")
         if self.margin is not None:
             parts.append(margin_text(quantity, self.margin))
-        return ", ".join(parts)
+        return ", ".join([*parts, *([self.doubt] if self.doubt else [])])
 
 
 @dataclass(frozen=True)
