@@ -6,7 +6,7 @@ and gets them as one `Showing`, which presents the report of its result.
 
 import inspect
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -89,21 +89,21 @@ class Showing:
         """
         if not self.required and not of_file:
             return []
+        from gough_stewart.harness.experiment.margins_report import RENAMED
         from gough_stewart.harness.report.requirements import check_known, required
 
         numbers = list(known)
         paths = {each.path for each in numbers}
         kinds = {path.partition(".")[0] for path in paths}
         others = (_numbers_of_loops() if of_file else set()) - paths
-        renamed = _renamed() if of_file else {}
         found = list(self.required)
         for each in map(required, of_file):
             if each.path in others or each.path.partition(".")[0] not in kinds:
                 errors.say((f"not judged by this command: {each.text}", "dim"))
             else:
                 found.append(each)
-                if each.path in renamed:
-                    errors.say((f"{each.text}: {each.path} is {renamed[each.path]}", "dim"))
+                if each.path in RENAMED:  # a file may be older
+                    errors.say((f"{each.text}: {each.path} is {RENAMED[each.path]}", "dim"))
         check_known(found, numbers)
         return found
 
@@ -240,13 +240,6 @@ def _numbers_of_loops() -> set[str]:
     from gough_stewart.harness.results.metric_folds import METRICS
 
     return {*OF_CHECKS, *OF_MARGINS, *(each.path for each in METRICS)}
-
-
-def _renamed() -> Mapping[str, str]:
-    """What some numbers are of, which requirements of an older file may mean otherwise."""
-    from gough_stewart.harness.experiment.margins_report import RENAMED
-
-    return RENAMED
 
 
 def shows(function: Callable[..., None]) -> Callable[..., None]:
