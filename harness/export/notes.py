@@ -156,7 +156,7 @@ def _stability(found: StabilityReport, carried: Carried) -> list[str]:
         + (
             "The lag of the drives was part of it, quantisation was not."
             if carried.drives
-            else "Of what is left out, only a lag that is named here was part of it."
+            else "Of what is left out, only a lag, a sensors' clock and jitter that are named here were part of it."
         ),
     ]
 
