@@ -104,7 +104,8 @@ def turned_of(experiment: Experiment, prepared: Prepared) -> Turned:
     }
     if variant is not None and isinstance(choice, SixChannels) and gains is not None:
         fields |= _of_gains(choice, gains, prepared)
-    if linear is not None and prepared.motion is not None:
+    # the linear loop in C knows neither the sensors' own clock nor jitter
+    if linear is not None and prepared.motion is not None and not loop.worst_delay:
         fields |= _linear_loop(prepared, linear)
     return Turned(fields, loop)
 

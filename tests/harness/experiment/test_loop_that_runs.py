@@ -128,14 +128,19 @@ def test_the_slow_growth_of_an_elastic_loop_is_remarked_upon() -> None:
     """Expected: a remark at 1.02 times the gain margin, where errors are below a micrometre; none at 0.98 times."""
     elastic = LINEAR | {"platform.parameters.leg_stiffness": 2e7}
     known = gs.margins("heave_step", elastic)
+    gains: Any = known.gains
     for share, count in ((0.98, 0), (1.02, 1)):
         said: list[str] = []
-        both = [
-            float(share * known.common.gain_up * gain[0]) for gain in (known.gains.proportional, known.gains.derivative)
-        ]  # type: ignore[union-attr]
-        more = {"controller": {"type": "pd", "space": "leg", "proportional_gain": both[0], "derivative_gain": both[1],
-                               "derivative_filter": known.gains.filter_time, "feedforward": "gravity"}}  # type: ignore[union-attr]  # fmt: skip
-        record = gs.run("heave_step", elastic | more, warn=said.append)
+        factor = share * known.common.gain_up
+        controller = {
+            "type": "pd",
+            "space": "leg",
+            "proportional_gain": float(factor * gains.proportional[0]),
+            "derivative_gain": float(factor * gains.derivative[0]),
+            "derivative_filter": gains.filter_time,
+            "feedforward": "gravity",
+        }
+        record = gs.run("heave_step", elastic | {"controller": controller}, warn=said.append)
         assert len(said) == count
         assert np.abs(record["error.leg_length"][1000:]).max() < 2e-6
 

@@ -146,5 +146,6 @@ def test_a_machine_that_sticks_and_gives_is_tuned_as_it_is() -> None:
     assert found.seen.value == pytest.approx(gs.metrics(alone)["tracking"]["position"]["norm_rms"], rel=1e-4)
     assert len({round(each.value, 9) for each in found.search.tried}) > 1
     margins = gs.margins(found.experiment)
+    assert margins.believed is not None
     assert found.report(charts=False).number("margins.disk").value == pytest.approx(margins.disk.alpha)
     assert 0.5 < margins.disk.alpha < 0.9 * margins.believed.disk.alpha
