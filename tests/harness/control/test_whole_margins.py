@@ -111,9 +111,10 @@ def test_margins_of_the_same_change_of_all_legs_are_the_edge_of_the_closed_recur
         gap = np.eye(6) + np.exp(-1j * angle) * case.loop.response(np.array([omega]))[0]
         return float(np.linalg.svd(gap, compute_uv=False)[-1])
 
-    exactly: Any = {"xatol": 1e-9, "fatol": 1e-12}
-    start = np.array([2 * np.pi * common.crossover])
-    critical = minimize(lambda w: edge(w[0], w[0] * common.delay), start, method="Nelder-Mead", options=exactly)
+    def late(omega: FloatArray) -> float:
+        return edge(omega[0], omega[0] * common.delay)
+
+    critical = minimize(late, np.array([2 * np.pi * common.crossover]), method="Nelder-Mead", tol=1e-10)
     assert critical.fun < 1e-5
     lags = np.linspace(0, 0.98 * common.delay, 40)
     assert min(edge(w, w * lag) for w in case.omega[2000::40] for lag in lags) > 1e-3

@@ -71,7 +71,7 @@ def test_a_loop_decays_within_its_margin_and_grows_beyond(gains: Any, leg: int |
 def test_readings_and_jitter_are_their_worst_delay() -> None:
     """Expected: 9 samples of delay for readings every 10; 2 steps of 0.25 ms for readings every 3, and for jitter.
 
-    Which is one sample in all; a half of one is a factor e^(−iω 0.5 ms) far below half the rate.
+    Which is one sample in all; a quarter of one is a factor e^(−iω 0.25 ms) far below half the rate.
     """
     of_readings = gs.margins("heave_step", {"sensors.sample_time": 0.010})
     assert of_readings.late == pytest.approx(0.009)
@@ -80,13 +80,14 @@ def test_readings_and_jitter_are_their_worst_delay() -> None:
     with_jitter = gs.margins("heave_step", clocks | {"loop.jitter": 0.0006})
     assert with_jitter.late == pytest.approx(0.001)
     assert with_jitter.disk.alpha == pytest.approx(gs.margins("heave_step", {"loop.delay": 2}).disk.alpha, rel=1e-9)
-    half, none = (gs.margins("heave_step", each) for each in (clocks, {}))
+    quarter = {"loop.plant_step": 0.00025, "loop.jitter": 0.0003}
+    part, none = (gs.margins("heave_step", each) for each in (quarter, {}))
     z = np.exp(2j * np.pi * 5 * T)
-    ratio = half.loop(z) @ np.linalg.inv(none.loop(z))
-    np.testing.assert_allclose(ratio, np.eye(6) * np.exp(-2j * np.pi * 5 * 0.0005), atol=1e-3)
-    assert none.common.delay - half.common.delay == pytest.approx(0.0005, rel=2e-2)
+    ratio = part.loop(z) @ np.linalg.inv(none.loop(z))
+    np.testing.assert_allclose(ratio, np.eye(6) * np.exp(-2j * np.pi * 5 * 0.00025), atol=1e-3)
+    assert none.common.delay - part.common.delay == pytest.approx(0.00025, rel=2e-2)
     assert "the sensors' own clock and jitter are modelled as their worst delay" in " ".join(
-        note.text.lower() for note in half.report(charts=False).notes
+        note.text.lower() for note in part.report(charts=False).notes
     )
 
 
