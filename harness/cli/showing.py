@@ -89,6 +89,7 @@ class Showing:
         """
         if not self.required and not of_file:
             return []
+        from gough_stewart.harness.experiment.margins_report import RENAMED
         from gough_stewart.harness.report.requirements import check_known, required
 
         numbers = list(known)
@@ -101,6 +102,8 @@ class Showing:
                 errors.say((f"not judged by this command: {each.text}", "dim"))
             else:
                 found.append(each)
+                if each.path in RENAMED:  # a file may be older
+                    errors.say((f"{each.text}: {each.path} is {RENAMED[each.path]}", "dim"))
         check_known(found, numbers)
         return found
 

@@ -1,5 +1,7 @@
 """The loop of an experiment as a linear system: the transfer from the actuators around the loop and back."""
 
+import math
+
 import numpy as np
 
 from gough_stewart.harness.control.drive import Drive
@@ -17,6 +19,8 @@ from gough_stewart.model.vectors import Array, FloatArray
 
 # Doubling the number multiplies the time for eigenvalues by ten, to half a minute.
 MOST_STATES = 300
+# Relative tolerance within which a time is a whole number of samples.
+_ROUNDING = 1e-6
 
 
 def loop_transfer(
@@ -26,6 +30,7 @@ def loop_transfer(
     *,
     delay: int = 0,
     lag: float = 0.0,
+    late: float = 0.0,
     position: Array | None = None,
     orientation: Array | None = None,
     coulomb_friction: bool = False,
@@ -34,7 +39,7 @@ def loop_transfer(
 ) -> StateSpace:
     """Loop transfer L(z) (6×6) at the actuators, u = −L u, of the sampled loop at a pose (default: home).
 
-    L = C(z) · z⁻ᵈ · ZOH{P(s) / (τ s + 1)}: the linear plant with the actuators' lag between hold and sampler, the
+    L = C(z) · z⁻ᵈ · ZOH{P(s) e⁻ˢᶿ / (τ s + 1)}: the linear plant with the actuators' lag between hold and sampler, the
     computational delay, and the controller from measurement to force with inverted sign.
 
     Parameters
@@ -45,6 +50,8 @@ def loop_transfer(
         [samples]
     lag
         τ [s]
+    late
+        θ, a further delay between force and reading, of any length [s]
     coulomb_friction
         Keep the slope of Coulomb friction at rest; see `linearise`.
     side
@@ -57,17 +64,23 @@ def loop_transfer(
     ControllerError
         The controller has another sample time, or the delay needs more states than `MOST_STATES`.
     """
+    controller.check_sample_time(sample_time)
     drive = Drive.linear({"lag": lag}, sample_time)
+    samples = math.floor(late / sample_time + _ROUNDING)
+    rest = late - samples * sample_time
+    rest, delay = rest if rest > _ROUNDING * sample_time else 0.0, delay + samples
     # those of legs that give, or of an ideal platform; sliding legs have no bristles
     variant = Variant.of(platform if coulomb_friction else platform.with_parameters(SLIDING))
-    states = size_of(variant.states) + 6 * drive.nstates + 6 * delay + controller.system.nstates
+    under_way = delay + (1 if rest else 0)
+    states = size_of(variant.states) + 6 * drive.nstates + 6 * under_way + controller.system.nstates
     if states > MOST_STATES:
         raise ControllerError(
-            f"a delay of {delay} samples of {sample_time:g} s gives a linear loop of {states} states; expected at most "
-            f"{MOST_STATES}: a delay of fewer, longer samples"
+            f"a delay of {under_way} samples of {sample_time:g} s gives a linear loop of {states} states; expected at "
+            f"most {MOST_STATES}: a delay of fewer, longer samples"
         )
+    where = position, orientation
     plant = held_plant(
-        platform, controller, sample_time, lag, position, orientation, coulomb_friction=coulomb_friction, side=side
+        platform, controller, sample_time, lag, *where, late=rest, coulomb_friction=coulomb_friction, side=side
     )
     none, one = np.zeros((6, 6)), np.eye(6)
     for _ in range(delay):
@@ -83,11 +96,11 @@ def held_plant(
     position: Array | None = None,
     orientation: Array | None = None,
     *,
+    late: float = 0.0,
     coulomb_friction: bool = False,
     side: signals.Side = "leg",
 ) -> StateSpace:
-    """ZOH{P(s) / (τ s + 1)}: from commanded forces to the controller's signals, at its sample time."""
-    controller.check_sample_time(sample_time)
+    """ZOH{P(s) e⁻ˢᶿ / (τ s + 1)}: from commanded forces to the controller's signals; `late` θ is less than a sample."""
     drive = Drive.linear({"lag": lag}, sample_time)
     at_motor = side == "motor" and platform.leg_stiffness > 0
     outputs = [signals.AT_MOTORS.get(name, name) for name in controller.signals] if at_motor else controller.signals
@@ -95,7 +108,40 @@ def held_plant(
     plant = StateSpace(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
     if drive.nstates:
         plant = series(beside(drive, 6), plant)
-    return discretised(plant, sample_time, "zoh")
+    if not late:
+        return discretised(plant, sample_time, "zoh")
+    # within a sample the last force acts for θ, and the new one for the rest
+    last, new = (discretised(plant, time, "zoh") for time in (late, sample_time - late))
+    none = np.zeros((6, plant.nstates))
+    return StateSpace(
+        np.block([[new.A @ last.A, new.A @ last.B], [none, np.zeros((6, 6))]]),
+        np.concatenate([new.B, np.eye(6)]),
+        np.concatenate([plant.C, plant.D], axis=1),
+        np.zeros_like(plant.D),
+        sample_time,
+    )
+
+
+def radius_with_readings(
+    plant: StateSpace, feedback: StateSpace, steps_a_reading: int, steps_a_sample: int, delay: int
+) -> float:
+    """The largest |z| of a sample of the loop whose readings have their own clock: exactly, lifted to a period of both.
+
+    x⁺ = M x over the least common multiple of both clocks, from `plant` at a step that divides them, and the `feedback`
+    of `feedback_part`; the root of M's largest |eigenvalue| for as many samples as there are.
+    """
+    sizes = plant.nstates, plant.noutputs, feedback.nstates, *[6] * (delay + 1)
+    x, reading, memory, *forces = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+    period = math.lcm(steps_a_reading, steps_a_sample)
+    for k in range(period):
+        if k % steps_a_reading == 0:
+            reading = plant.C @ x
+        if k % steps_a_sample == 0:
+            forces = [*forces[1:], -(feedback.C @ memory + feedback.D @ reading)]
+            memory = feedback.A @ memory + feedback.B @ reading
+        x = plant.A @ x + plant.B @ forces[0]
+    M = np.concatenate([x, reading, memory, *forces])
+    return float(np.abs(np.linalg.eigvals(M)).max()) ** (steps_a_sample / period) if np.isfinite(M).all() else math.inf
 
 
 def feedback_part(

@@ -1,4 +1,4 @@
-"""Stability margins of a loop: per leg, and for all legs at once.
+"""Stability margins of a loop: of one leg, of the same change of all legs, and of independent changes of all.
 
 L is the 6×6 loop transfer cut at the actuators, u = −L u; S = (1 + L)⁻¹, T = L S. Seiler, Packard & Gahinet (2020),
 "An introduction to disk margins", IEEE Control Systems 40(5), 78–95.
@@ -6,9 +6,10 @@ L is the 6×6 loop transfer cut at the actuators, u = −L u; S = (1 + L)⁻¹, 
 
 import cmath
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -29,17 +30,20 @@ _GAINS = tuple(2.0**k for n in range(1, 5) for k in (-n, n))
 _FLAT = 0.02  # relative change of a response that has reached its limit, and its distance from the real axis
 _BOUNDLESS = 1e6  # a gain margin beyond this factor counts as infinite
 
+# A complex function of frequency: its values on the grid, and itself.
+Locus = tuple[ComplexArray, Callable[[FloatArray], ComplexArray]]
+
 
 @dataclass(frozen=True)
-class LegMargins:
-    """Margins with the loop open at one leg and closed at the others; infinite where there is no limit."""
+class ClassicalMargins:
+    """Exact margins of one change, of a leg or the same of all legs; infinite where there is no limit."""
 
     gain_up: float
-    """Largest factor on the leg's gain."""
+    """Largest factor on the gain."""
     gain_down: float
-    """Smallest factor on the leg's gain."""
+    """Smallest factor on the gain."""
     phase: float
-    """Largest phase lag or lead of the leg [rad]."""
+    """Largest phase lag or lead [rad]."""
     delay: float
     """The phase margin as time, at the critical crossover [s]."""
     crossover: float
@@ -70,10 +74,12 @@ class DiskMargin:
 class Margins:
     """All margins of a loop."""
 
-    legs: tuple[LegMargins, ...]
+    legs: tuple[ClassicalMargins, ...]
     """With the loop open at each leg and closed at the others."""
+    common: ClassicalMargins
+    """Of the same factor, phase or delay on all legs, from the eigenvalues of L."""
     disk: DiskMargin
-    """For all legs at once."""
+    """For all legs at once, independently of each other."""
     sensitivity_peak: float
     """max σ(S)"""
     complementary_peak: float
@@ -101,8 +107,13 @@ def loop_margins(L: Any) -> Margins:
     coarse, fine = _frequencies(L, _GRID), _frequencies(L, _FINE_GRID)
     on_grid = sensitivities(L, coarse)
     everything = response(L, fine)
+
+    def leg(k: int) -> Locus:
+        return one_leg_open(everything, k), lambda omega: one_leg_open(response(L, omega), k)
+
     return Margins(
-        tuple(_leg_margins(L, k, fine, one_leg_open(everything, k)) for k in range(L.noutputs)),
+        tuple(_classical_margins(L, fine, [leg(k)]) for k in range(L.noutputs)),
+        _classical_margins(L, fine, _eigenvalue_loci(L, fine, everything)),
         _disk_margin(L, coarse, on_grid),
         _peak(lambda S, _T: np.linalg.norm(S, 2, axis=(1, 2)), L, coarse, on_grid)[0],
         _peak(lambda _S, T: np.linalg.norm(T, 2, axis=(1, 2)), L, coarse, on_grid)[0],
@@ -262,27 +273,54 @@ def sensitivities(L: Any, omega: FloatArray) -> tuple[ComplexArray, ComplexArray
     return S, np.asarray(one - S)
 
 
-def _leg_margins(L: Any, k: int, omega: FloatArray, loop: ComplexArray) -> LegMargins:
+def _eigenvalue_loci(L: StateSpace, omega: FloatArray, on_grid: ComplexArray) -> list[Locus]:
+    """The eigenvalues λ of L over frequency: det(1 + c L) = 0 for a common factor c where 1 + c λ = 0.
+
+    Each goes on, from one frequency of the grid to the next, as the set of eigenvalues that is nearest.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    values = np.linalg.eigvals(on_grid)
+    for before, after in pairwise(values):
+        after[:] = after[linear_sum_assignment(np.abs(before[:, None] - after))[1]]
+
+    def locus(k: int) -> Locus:
+        def at(frequencies: FloatArray) -> ComplexArray:
+            between = np.interp(frequencies, omega, values[:, k])
+            eigenvalues = np.linalg.eigvals(response(L, frequencies))
+            nearest = np.abs(eigenvalues - between[:, None]).argmin(axis=1)
+            return np.asarray(eigenvalues[np.arange(len(nearest)), nearest])
+
+        return np.asarray(values[:, k]), at
+
+    return [locus(k) for k in range(L.noutputs)]
+
+
+def _classical_margins(L: StateSpace, omega: FloatArray, loci: Sequence[Locus]) -> ClassicalMargins:
+    """Where the factors c of 1 + c λ = 0 are real, or of magnitude 1, for the nearest of some loci λ."""
     # from the frequency response, since polynomials of this order have no correct digits
-
-    def at(frequencies: FloatArray) -> ComplexArray:
-        return one_leg_open(response(L, frequencies), k)
-
-    turns = _crossings(lambda w: at(w).imag, omega, loop.imag)
-    real = at(turns)
-    is_real = np.abs(real.imag) < _FLAT * np.abs(real.real)
-    ends, end_values = _limits(at, L, omega)
-    turns, real = np.concatenate([turns[is_real], ends]), np.concatenate([real[is_real], end_values])
+    real_at, real, crossed_at, crossed = [], [], [], []
+    for values, at in loci:
+        turns = _crossings(at, np.imag, omega, values)
+        on_axis = at(turns)
+        is_real = np.abs(on_axis.imag) < _FLAT * np.abs(on_axis.real)
+        ends, end_values = _limits(at, L, omega)
+        crossing = _crossings(at, lambda value: np.log(np.abs(value)), omega, values)
+        real_at += [turns[is_real], ends]
+        real += [on_axis[is_real].real, end_values.real]
+        crossed_at.append(crossing)
+        crossed.append(at(crossing))
+    turns, crossings = np.concatenate(real_at), np.concatenate(crossed_at)
+    on_axis = np.concatenate(real)
     with np.errstate(divide="ignore"):
-        gains = np.where(real.real < 0, 1 / np.abs(real), 1.0)
+        gains = np.where(on_axis < 0, 1 / np.abs(on_axis), 1.0)
     gains[(gains <= 1 / _BOUNDLESS) | (gains >= _BOUNDLESS)] = 1.0
     above, below = np.where(gains > 1, gains, math.inf), np.where(gains < 1, gains, 0.0)
-    crossings = _crossings(lambda w: np.log(np.abs(at(w))), omega, np.log(np.abs(loop)))
     # delay only adds lag: a lead of φ is a lag of 2π − φ
-    lags = np.mod(np.angle(-at(crossings)), 2 * math.pi)
+    lags = np.mod(np.angle(-np.concatenate(crossed)), 2 * math.pi)
     phases = np.minimum(lags, 2 * math.pi - lags)
     up, down = float(above.min(initial=math.inf)), float(below.max(initial=0.0))
-    return LegMargins(
+    return ClassicalMargins(
         up,
         down,
         float(phases.min(initial=math.inf)),
@@ -308,12 +346,17 @@ def _limits(at: Callable[[FloatArray], ComplexArray], L: Any, omega: FloatArray)
     return np.array([low, high])[kept], near[kept]
 
 
-def _crossings(of: Callable[[FloatArray], FloatArray], omega: FloatArray, values: FloatArray) -> FloatArray:
-    """Frequencies [rad/s] at which a function, with these values on the grid, changes its sign."""
+def _crossings(
+    at: Callable[[FloatArray], ComplexArray],
+    part: Callable[[ComplexArray], FloatArray],
+    omega: FloatArray,
+    values: ComplexArray,
+) -> FloatArray:
+    """Frequencies [rad/s] at which a part of a function, with these values on the grid, changes its sign."""
     from scipy.optimize import brentq
 
-    after = np.nonzero(np.diff(np.sign(values)))[0]
-    return np.array([brentq(lambda w: float(of(np.array([w]))[0]), omega[i], omega[i + 1]) for i in after])
+    after = np.nonzero(np.diff(np.sign(part(values))))[0]
+    return np.array([brentq(lambda w: float(part(at(np.array([w])))[0]), omega[i], omega[i + 1]) for i in after])
 
 
 def _poles(L: StateSpace) -> ComplexArray:

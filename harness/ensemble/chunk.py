@@ -106,8 +106,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
 
     Also the causes (n,) of members whose margins cannot be computed, None of the others.
     """
-    from gough_stewart.harness.control.margins import loop_margins
-    from gough_stewart.harness.experiment.analysis import transfer_of
+    from gough_stewart.harness.experiment.analysis import judged
 
     stable, disk = np.full(len(prepared), np.nan), np.full(len(prepared), np.nan)
     causes: list[str | None] = [None] * len(prepared)
@@ -119,7 +118,11 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
         if controller is None:
             continue
         try:
-            stable[k], disk[k] = 1.0, loop_margins(transfer_of(each, each.machine, controller)).disk.alpha
+            found = judged(each, each.machine, controller)
+            if found.doubt:  # a number that cannot be told is none
+                causes[k] = f"no margins: {found.doubt}"
+            else:
+                stable[k], disk[k] = 1.0, found.margins.disk.alpha
         except UnstableLoopError:
             stable[k] = 0.0
         except (GoughStewartError, np.linalg.LinAlgError) as error:

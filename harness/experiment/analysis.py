@@ -5,14 +5,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
 from gough_stewart.harness.control.laws import LinearController, linear_of
 from gough_stewart.harness.control.linear import Mode, modes
-from gough_stewart.harness.control.loop_transfer import loop_transfer
+from gough_stewart.harness.control.loop_transfer import (
+    feedback_part,
+    held_plant,
+    loop_transfer,
+    radius_with_readings,
+)
 from gough_stewart.harness.control.margins import Margins, closed_loop, is_stable, loop_margins
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.state_space import StateSpace, control_system
@@ -27,17 +32,24 @@ from gough_stewart.harness.experiment.step_answers import step_answers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.results.run_report import Robustness
+from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.variant import RIGID
+
+# Of an eigenvalue, and the largest exponent of a growth that is told.
+_ROUNDING, _MOST = 1e-7, 300.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopMargins(Margins):
     """Stability margins of an experiment's loop, from `margins`.
 
+    Of the loop that runs: the machine with the controller that is designed on the believed platform.
+
     `legs` has for each leg, with the others closed, `gain_up` and `gain_down` (factors), `phase` [rad], `delay` [s] and
-    `crossover` [Hz]; `disk` has for all at once `alpha`, `gain`, `phase` [rad] and `frequency` [Hz];
-    `sensitivity_peak` and `complementary_peak` are the largest σ(S) and σ(T).
+    `crossover` [Hz]; `common` has the same of one change of all legs. `disk` has what all legs may have independently
+    of each other: `alpha`, `gain`, `phase` [rad] and `frequency` [Hz]. `sensitivity_peak` and `complementary_peak` are
+    the largest σ(S) and σ(T).
     """
 
     title: str
@@ -57,10 +69,16 @@ class LoopMargins(Margins):
     changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """What was set of the experiment's file, as `Experiment.changed`."""
     structure: Structure | None = None
-    """Of legs that give: the structural modes, each with `frequency`, `damping_ratio`, `held_frequency` and `gain`, and
-    the largest `bandwidth` [Hz] of the controller with a disk margin of at least `disk`."""
+    """Of a machine whose legs give: the structural modes, each with `frequency`, `damping_ratio`, `held_frequency` and
+    `gain`, and the largest `bandwidth` [Hz] of the controller with a disk margin of at least `disk`."""
+    late: float = 0.0
+    """What the sensors' own clock and jitter add to the delay at worst, as modelled in these margins [s]."""
+    doubt: str = ""
+    """What these margins leave out, so that a requirement on them cannot be told."""
+    believed: Margins | None = None
+    """Of the loop with the believed platform as machine, where that differs and is stable."""
     warnings: tuple[str, ...] = ()
-    """What the machine has that these margins do not know, one sentence each."""
+    """What else is to be known of these margins, one sentence each."""
 
     @property
     def loop(self) -> Any:
@@ -69,7 +87,7 @@ class LoopMargins(Margins):
 
     def __repr__(self) -> str:
         """The margins of all legs at once, the smallest of one leg, and the slowest mode, one line each."""
-        disk, slowest = self.disk, self.modes[0]
+        disk, all_legs, slowest = self.disk, self.common, self.modes[0]
         phase, delay = min(leg.phase for leg in self.legs), min(leg.delay for leg in self.legs)
         up, down = min(leg.gain_up for leg in self.legs), max(leg.gain_down for leg in self.legs)
         return "\n".join(
@@ -77,6 +95,8 @@ class LoopMargins(Margins):
                 f"Margins: {self.title}",
                 f"  all legs at once   disk margin {disk.alpha:.3g} at {disk.frequency:.3g} Hz: gains × "
                 f"{disk.gain[0]:.3g} to {disk.gain[1]:.3g}, phases ± {np.degrees(disk.phase):.3g}°",
+                f"  all legs alike     gain × {all_legs.gain_down:.3g} to {all_legs.gain_up:.3g}, phase "
+                f"{np.degrees(all_legs.phase):.3g}°, delay {1000 * all_legs.delay:.3g} ms",
                 f"  one leg at a time  gain × {down:.3g} to {up:.3g}, phase {np.degrees(phase):.3g}°, delay "
                 f"{1000 * delay:.3g} ms",
                 f"  slowest mode       {slowest.frequency:.3g} Hz, damping ratio {slowest.damping_ratio:.3g}",
@@ -105,6 +125,7 @@ class LoopMargins(Margins):
             "sample_time": self.sample_time,
             "delay": self.delay,
             "lag": self.lag,
+            "late": self.late,
             "gains": None if self.gains is None else _plain_gains(self.gains),
             "modes": [
                 {
@@ -115,6 +136,7 @@ class LoopMargins(Margins):
                 for mode in self.modes
             ],
             "margins": Margins(*(getattr(self, each.name) for each in fields(Margins))).as_dict(),
+            **({} if self.believed is None else {"believed": self.believed.as_dict()}),
             **({} if self.structure is None else {"structure": _plain_structure(self.structure)}),
         }
 
@@ -122,8 +144,10 @@ class LoopMargins(Margins):
 def margins(experiment: Experiment | Path | str, settings: Settings = (), *, controller: Any = None) -> LoopMargins:
     """Gains, closed-loop modes and stability margins of an experiment's loop, on the linear model.
 
-    Linearised at the first pose of the reference; sampled, delayed and lagged as in the experiment. For each leg with
-    the others closed: gain, phase [rad] and delay [s]; for all legs at once the disk margin.
+    The loop that runs: the machine under the controller that is designed on the believed platform, linearised at the
+    first pose of the reference; sampled, delayed and lagged as in the experiment, with the sensors' own clock and
+    jitter as their worst delay. For each leg with the others closed, and for one change of all legs: gain, phase [rad]
+    and delay [s]; for independent changes of all legs the disk margin.
 
     Parameters
     ----------
@@ -161,68 +185,143 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     if linear is None:
         what = "an open loop has no margins" if prepared.controller is None else "a function has no transfer function"
         raise ControllerError(f"{chosen.where}: controller: {what}; choose an experiment with a linear controller")
-    actuators, sample_time = prepared.loop.actuators, prepared.loop.timing.sample_time
-    L = transfer_of(prepared, prepared.platform, linear)
+    actuators, machine, believed = prepared.loop.actuators, prepared.machine, prepared.platform
+    choice = chosen.controller if controller is None else None
+    other, warnings = None, tuple[str, ...]()
+    if machine != believed:
+        try:
+            other = judged(prepared, believed, linear).margins
+        except UnstableLoopError:
+            warnings = ("with the believed platform as machine the loop would be unstable",)
     try:
-        found = loop_margins(L)
+        L, found, doubt, warning = judged(prepared, machine, linear)
     except UnstableLoopError as error:
-        own = chosen.controller if controller is None else None
-        moved = "; ".join([str(error), *_what_moved_it(prepared, linear, own)])
-        raise UnstableLoopError(moved, error.eigenvalue) from None
+        moved = _what_moved_it(prepared, linear, choice)
+        if other is not None:
+            moved.append(
+                f"it is stable with the believed platform as machine, with a disk margin of {other.disk.alpha:.3g}"
+            )
+        raise UnstableLoopError("; ".join([str(error), *moved]), error.eigenvalue) from None
     return LoopMargins(
         **vars(found),
         title=chosen.title,
-        sample_time=sample_time,
+        sample_time=prepared.loop.timing.sample_time,
         delay=actuators.delay,
         lag=actuators.lag,
-        gains=chosen.controller.gains(prepared.platform) if controller is None else None,
+        gains=chosen.controller.gains(believed) if controller is None else None,
         modes=tuple(modes(closed_loop(L))),
         transfer=L,
         changed=chosen.changed,
-        structure=_structure(prepared, L, chosen.controller if controller is None else None),
-        warnings=_legs_that_only_the_machine_has(prepared, linear),
+        structure=_structure(prepared, L, choice),
+        late=0.0 if doubt else prepared.loop.worst_delay,
+        doubt=doubt,
+        believed=other,
+        warnings=(*warnings, *([warning] if doubt else [])),
+    )
+
+
+class Judged(NamedTuple):
+    """A stable loop."""
+
+    transfer: StateSpace
+    margins: Margins
+    doubt: str = ""  # what the margins leave out, so that a requirement on them cannot be told
+    warning: str = ""  # that, and why
+
+
+def judged(prepared: Prepared, plant: Platform, controller: LinearController) -> Judged:
+    """The margins of an experiment's loop around a plant, which is its machine or another.
+
+    With the worst delay of the sensors' own clock and of jitter, by which the loop is never later. If it is unstable
+    with that, although it is not by its eigenvalues over a period of both clocks, margins are of the loop without.
+
+    Raises
+    ------
+    ControllerError
+        Too many states.
+    UnstableLoopError
+        The loop is unstable.
+    """
+    late = prepared.loop.worst_delay
+    try:
+        L = transfer_of(prepared, plant, controller)
+        return Judged(L, loop_margins(L))
+    except (UnstableLoopError, ControllerError) as error:
+        if not late:
+            raise
+        why = "the loop is unstable" if isinstance(error, UnstableLoopError) else str(error)
+    radius = radius_of(prepared, plant, controller)
+    if radius >= 1:
+        raise UnstableLoopError(
+            f"the closed loop is unstable (|z| = {radius:.6g} at a sample, expected below 1)", radius
+        )
+    L = transfer_of(prepared, plant, controller, late=0.0)
+    left_out = f"without up to {1e3 * late:.4g} ms of delay by the sensors' clock and jitter"
+    return Judged(L, loop_margins(L), left_out, f"the margins are {left_out}: with it, {why}")
+
+
+def radius_of(prepared: Prepared, plant: Platform, controller: LinearController) -> float:
+    """The largest |z| of a sample of an experiment's loop, with the sensors' own clock, exactly, and without jitter.
+
+    Raises
+    ------
+    ControllerError
+        Too many states.
+    """
+    loop, motion, own = prepared.loop, prepared.motion, prepared.loop.sensors.sample_time
+    timing, actuators = loop.timing, loop.actuators
+    assert motion is not None  # as in `transfer_of`
+    a_sample, where = timing.steps_a_sample, (motion.position[0], motion.orientation[0])
+    a_reading = a_sample if own is None else timing.steps_in(own, "the sensors' sample_time")
+    step = math.gcd(a_sample, a_reading)
+    held = held_plant(plant, controller, step * timing.plant_step, actuators.lag, *where, side=loop.sensors.side)
+    feedback = feedback_part(prepared.platform, controller, *where)
+    return radius_with_readings(held, feedback, a_reading // step, a_sample // step, actuators.delay)
+
+
+def growing_of(prepared: Prepared) -> tuple[str, ...]:
+    """One sentence if the loop of a run is unstable in the linear model, however slowly it grows."""
+    try:
+        controller = linear_of(prepared.controller)
+        if controller is None:
+            return ()
+        radius = radius_of(prepared, prepared.machine, controller)
+    except GoughStewartError:  # no linear loop
+        return ()
+    if radius < 1 + _ROUNDING:
+        return ()
+    timing = prepared.loop.timing
+    times = math.exp(min(math.log(radius) * timing.duration / timing.sample_time, _MOST))
+    return (
+        f"the linear loop, without Coulomb friction and limits, is unstable: errors grow to {times:.3g} times their "
+        f"size in {timing.duration:g} s; `gough-stewart margins` shows what the loop allows",
     )
 
 
 def _structure(prepared: Prepared, L: StateSpace, choice: ControllerChoice | None) -> Structure | None:
-    """The structural modes of the design's platform, and the bandwidth that keeps a usual disk margin."""
-    platform, sample_time, motion = prepared.platform, prepared.loop.timing.sample_time, prepared.motion
+    """The structural modes of the machine, and the bandwidth that keeps a usual disk margin."""
+    machine, sample_time, motion = prepared.machine, prepared.loop.timing.sample_time, prepared.motion
     assert motion is not None  # as in `transfer_of`
     family = None
     if isinstance(choice, PD | PID) and choice.bandwidth is not None:
 
         def with_bandwidth(bandwidth: float, choice: PD | PID = choice) -> StateSpace:
-            other = choice.model_copy(update={"bandwidth": bandwidth}).controller(platform, sample_time)
-            return transfer_of(prepared, platform, other)
+            other = choice.model_copy(update={"bandwidth": bandwidth}).controller(prepared.platform, sample_time)
+            return transfer_of(prepared, machine, other)
 
         family = choice.bandwidth, with_bandwidth
-    return structure_of(platform, L, family, FRAIL, motion.position[0], motion.orientation[0])
-
-
-def _legs_that_only_the_machine_has(prepared: Prepared, controller: LinearController) -> tuple[str, ...]:
-    """One sentence if the machine's legs give and the design's are rigid, with the margin of that machine."""
-    machine = prepared.machine
-    if not machine.leg_stiffness > 0 or prepared.platform.leg_stiffness > 0:
-        return ()
-    try:
-        says = f"has a disk margin of {loop_margins(transfer_of(prepared, machine, controller)).disk.alpha:.3g}"
-    except UnstableLoopError:
-        says = "is unstable"
-    return (
-        f"the machine's legs give, leg_stiffness = {machine.leg_stiffness:g} N/m in [plant], and these margins are of "
-        f"rigid legs: on that machine the loop {says}; set platform.parameters.leg_stiffness to design with it",
-    )
+    return structure_of(machine, L, family, FRAIL, motion.position[0], motion.orientation[0])
 
 
 def robustness_of(experiment: Experiment) -> Robustness | None:
     """The disk margin of an experiment's loop as `margins` has it: 0 of an unstable loop, None if it has none."""
     try:
-        disk = margins(experiment).disk
+        found = margins(experiment)
     except UnstableLoopError:
         return Robustness(0.0, math.nan, (1.0, 1.0))
     except ControllerError:
         return None
-    return Robustness(disk.alpha, disk.frequency, disk.gain)
+    return Robustness(found.disk.alpha, found.disk.frequency, found.disk.gain, found.doubt)
 
 
 def transfer_of(prepared: Prepared, plant: Platform, controller: LinearController, **other: Any) -> StateSpace:
@@ -236,6 +335,7 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
         "sample_time": loop.timing.sample_time,
         "delay": loop.actuators.delay,
         "lag": loop.actuators.lag,
+        "late": loop.worst_delay,
         "position": motion.position[0],
         "orientation": motion.orientation[0],
     }
@@ -244,29 +344,32 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
 
 def _what_moved_it(prepared: Prepared, controller: LinearController, choice: ControllerChoice | None) -> list[str]:
     """Other changes that would stabilise a loop, each alone: rigid legs, no delay, no lag, a shorter sample time."""
-    platform, sample_time = prepared.platform, prepared.loop.timing.sample_time
-    delay, lag = prepared.loop.actuators.delay, prepared.loop.actuators.lag
+    machine, sample_time = prepared.machine, prepared.loop.timing.sample_time
+    delay, lag, late = prepared.loop.actuators.delay, prepared.loop.actuators.lag, prepared.loop.worst_delay
+
+    def is_stable_with(plant: Platform = machine, law: LinearController = controller, **other: Any) -> bool:
+        try:
+            return is_stable(transfer_of(prepared, plant, law, **other))
+        except ControllerError:  # too many states
+            return False
+
     found = []
-    if platform.leg_stiffness > 0:
-        rigid = platform.with_parameters(RIGID)
-        if is_stable(transfer_of(prepared, rigid, controller)):
-            assert prepared.motion is not None  # as in `transfer_of`
-            free, _ = structural_modes(platform, prepared.motion.position[0], prepared.motion.orientation[0])
-            first = f", whose first structural mode is at {free[0].frequency:.3g} Hz" if free else ""
-            found.append(
-                f"it is stable on rigid legs: those of {platform.leg_stiffness:g} N/m{first}, limit the bandwidth"
-            )
-    if delay and is_stable(transfer_of(prepared, platform, controller, delay=0)):
+    if machine.leg_stiffness > 0 and is_stable_with(machine.with_parameters(RIGID)):
+        assert prepared.motion is not None  # as in `transfer_of`
+        free, _ = structural_modes(machine, prepared.motion.position[0], prepared.motion.orientation[0])
+        first = f", whose first structural mode is at {free[0].frequency:.3g} Hz" if free else ""
+        found.append(f"it is stable on rigid legs: those of {machine.leg_stiffness:g} N/m{first}, limit the bandwidth")
+    if delay and is_stable_with(delay=0):
         found.append(f"it is stable without the delay of {delay} samples")
-    if lag and is_stable(transfer_of(prepared, platform, controller, lag=0.0)):
+    if lag and is_stable_with(lag=0.0):
         found.append(f"it is stable without the actuators' lag of {lag:g} s")
+    if late and is_stable_with(late=0.0):
+        found.append(f"it is stable without the delay of up to {1e3 * late:.4g} ms by the sensors' clock and jitter")
     for part in (2, 4, 8, 16):
         # a controller from a file is made for its own sample time
         shorter = sample_time / part
-        faster = choice.controller(platform, shorter) if isinstance(choice, PD | PID) else None
-        if isinstance(faster, LinearController) and is_stable(
-            transfer_of(prepared, platform, faster, sample_time=shorter)
-        ):
+        faster = choice.controller(prepared.platform, shorter) if isinstance(choice, PD | PID) else None
+        if isinstance(faster, LinearController) and is_stable_with(law=faster, sample_time=shorter):
             found.append(f"it is stable at a sample_time of {shorter:g} s")
             break
     return found

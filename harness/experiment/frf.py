@@ -21,7 +21,7 @@ from gough_stewart.harness.experiment.frf_report import frf_report
 from gough_stewart.harness.experiment.named_files import digests
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.document import Report
-from gough_stewart.harness.results.record import Record, platform_of, read_record
+from gough_stewart.harness.results.record import Record, machine_of, platform_of, read_record
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.vectors import FloatArray
@@ -250,9 +250,10 @@ def _linear_loop(record: Record, experiment: Experiment, controller: Any) -> Any
         raise ControllerError("the controller is not linear, or there is none")
     position, orientation = _pose(record)
     return loop_transfer(
-        platform,
+        machine_of(record),
         made,
         sample_time,
+        believed=platform,
         delay=experiment.loop.delay,
         lag=experiment.actuators.lag,
         position=position,
@@ -268,8 +269,11 @@ def _notes(record: Record) -> list[str]:
         notes.append(f"forces were limited for {limited:.0%} of the time, so the loop is not linear; inject less")
     if record.metadata["outcome"]["status"] != "completed":
         notes.append(f"the run ended early: {record.metadata['outcome']['cause']}")
-    if record.metadata["experiment"]["loop"]["jitter"]:
+    choice = record.metadata["experiment"]
+    if choice["loop"]["jitter"]:
         notes.append("jitter delayed the samples, which the linear model does not include")
+    if choice["sensors"].get("sample_time"):
+        notes.append("readings had a clock of their own, which the linear model does not include")
     return notes
 
 

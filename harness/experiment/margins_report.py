@@ -9,8 +9,9 @@ import numpy as np
 
 from gough_stewart.harness.control.linear import Mode
 from gough_stewart.harness.control.margins import (
+    ClassicalMargins,
     DiskMargin,
-    LegMargins,
+    Margins,
     frequency_range,
     one_leg_open,
     response,
@@ -24,7 +25,7 @@ from gough_stewart.harness.report.document import Note, Number, Report, Section,
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import about, at_least, counted, sentence
+from gough_stewart.harness.report.words import about, at_least, counted, listed, sentence
 
 _SHOWN_MODES = 8
 _POINTS = 500
@@ -39,16 +40,31 @@ _FACTOR = Quantity("", "", digits=3, name="factor on the gain")
 _GAIN = Quantity("1", "1", name="gain")
 _LINEAR = (
     "Linear model at the first pose of the reference: without Coulomb friction, limits and quantisation, and of the "
-    "nominal platform. `run` has these; `ensemble` has machines that differ."
+    "nominal machine. `run` has these; `ensemble` has machines that differ."
+)
+_WORST = (
+    "The sensors' own clock and jitter are modelled as their worst delay, a constant one: the loop is never later, and "
+    "mostly earlier."
 )
 
+_OF_MARGINS = (
+    *("disk", "disk_gain", "disk_phase"),
+    *("gain", "gain_up", "gain_down", "phase", "delay"),
+    *("leg.gain", "leg.gain_up", "leg.gain_down", "leg.phase", "leg.delay"),
+    *("crossover", "sensitivity_peak", "complementary_peak"),
+)
 # All numbers of an analysis.
 PATHS = (
-    *("margins.disk", "margins.gain", "margins.phase", "margins.delay", "margins.leg.phase", "margins.leg.gain_up"),
-    *("margins.leg.gain_down", "margins.crossover", "margins.sensitivity_peak", "margins.complementary_peak"),
+    *(f"{loop}.{name}" for loop in ("margins", "margins.believed") for name in _OF_MARGINS),
     *("modes.slowest", "modes.damping_ratio"),
     *("structure.first_mode", "structure.damping_ratio", "structure.gain", "structure.bandwidth"),
 )
+# Numbers that once were of something else, in requirements that may be as old, and what they are of.
+RENAMED = {
+    "margins.gain": "the same gain of all legs; the disk's guarantee for independent changes is margins.disk_gain",
+    "margins.phase": "the same phase of all legs; the disk's guarantee for independent changes is margins.disk_phase",
+    "margins.delay": "the same delay of all legs; that of one leg alone is margins.leg.delay",
+}
 
 
 class Analysed(Protocol):
@@ -69,7 +85,9 @@ class Analysed(Protocol):
     @property
     def modes(self) -> tuple[Mode, ...]: ...
     @property
-    def legs(self) -> tuple[LegMargins, ...]: ...
+    def legs(self) -> tuple[ClassicalMargins, ...]: ...
+    @property
+    def common(self) -> ClassicalMargins: ...
     @property
     def disk(self) -> DiskMargin: ...
     @property
@@ -78,6 +96,12 @@ class Analysed(Protocol):
     def complementary_peak(self) -> float: ...
     @property
     def transfer(self) -> StateSpace: ...
+    @property
+    def late(self) -> float: ...
+    @property
+    def doubt(self) -> str: ...
+    @property
+    def believed(self) -> Margins | None: ...
     @property
     def structure(self) -> Structure | None: ...
     @property
@@ -96,76 +120,50 @@ def margins_report(found: Analysed, step: tuple[np.ndarray, np.ndarray] | None =
     if step is not None:
         sections.append(Section("Responses", (*_responses(found), _step(*step))))
     lag = f", lag of the drives {about(TIME, found.lag)}" if found.lag else ""
+    late = f" and up to {about(_DELAY, found.late)} by the sensors' clock and jitter" if found.late else ""
+    delay = f"delay of {counted(found.delay, 'sample')}{late}"
     return Report(
         found.title,
         margins_verdict(found),
         tuple(sections),
         study="margins",
-        lead=f"sampled every {about(_DELAY, found.sample_time, 4)}, delay of {counted(found.delay, 'sample')}{lag}",
+        lead=f"sampled every {about(_DELAY, found.sample_time, 4)}, {delay}{lag}",
         settings=settings_of(found.changed),
         numbers=_numbers(found),
-        notes=(*(Note(text, "warning") for text in found.warnings), Note(_LINEAR)),
+        notes=(
+            *(Note(text, "warning") for text in found.warnings),
+            Note(_LINEAR),
+            *([Note(_WORST)] if found.late else []),
+        ),
     )
 
 
 def margins_verdict(found: Analysed) -> Verdict:
     """How much gain, phase and delay the loop bears."""
-    disk = found.disk
-    size = decibels(disk.gain[1])
-    gains = f"{at_least(DECIBEL, size)}" if math.isfinite(size) else "any factor"
-    delays = [leg.delay for leg in found.legs]
-    delay = min(delays)
-    # legs that are alike up to rounding
-    which = "any leg" if max(delays) - delay < _ALIKE * delay else f"leg {delays.index(delay) + 1}"
-    bears = f"{which} alone bears {at_least(_DELAY, delay)} of further delay" if math.isfinite(delay) else None
+    disk, common = found.disk, found.common
     numbers = {number.path: number for number in _numbers(found)}
-    carried = tuple(numbers[path] for path in ("margins.disk", "margins.gain", "margins.phase", "margins.delay"))
+    gain, guaranteed = (numbers[path].value for path in ("margins.gain", "margins.disk_gain"))
+    each = "any factor" if guaranteed is None else at_least(DECIBEL, guaranteed)
+    bears = [
+        "any gain" if gain is None else f"{at_least(DECIBEL, gain)} of gain",
+        f"{at_least(ANGLE, common.phase)} of phase" if math.isfinite(common.phase) else "any phase",
+        f"{at_least(_DELAY, common.delay)} of further delay" if math.isfinite(common.delay) else "any delay",
+    ]
     text = sentence(
         [
-            f"stable: the gains of all legs may rise or fall by {gains}, or their phases by "
-            f"{at_least(ANGLE, disk.phase)}, each by itself",
+            f"stable: with the same change of all legs it bears {listed(bears, 'or')}",
+            f"each leg by itself may change by {each} or {at_least(ANGLE, disk.phase)}",
             f"disk margin {disk.alpha:.2g} at {about(FREQUENCY, disk.frequency)}",
-            bears,
+            found.doubt,
         ]
     )
-    return Verdict(text, "marginal" if disk.alpha < FRAIL else "good", carried)
+    carried = tuple(numbers[f"margins.{name}"] for name in ("disk", "gain", "phase", "delay"))
+    return Verdict(text, "marginal" if disk.alpha < FRAIL or found.doubt else "good", carried)
 
 
 def _numbers(found: Analysed) -> tuple[Number, ...]:
-    disk, legs = found.disk, found.legs
-    each = "with the loop open at this leg and closed at the others; the least of the legs"
-    at_once = "which all legs may have at once, independently of each other"
-    return (
-        Number("margins.disk", "disk margin", disk.alpha, NUMBER, explanation=f"size of the changes {at_once}"),
-        Number(
-            "margins.gain", "gain of all legs", decibels(disk.gain[1]), DECIBEL, explanation=f"up or down {at_once}"
-        ),
-        Number("margins.phase", "phase of all legs", disk.phase, ANGLE, explanation=f"lag or lead, {at_once}"),
-        Number("margins.delay", "further delay of one leg", min(leg.delay for leg in legs), _DELAY, explanation=each),
-        Number("margins.leg.phase", "phase of one leg", min(leg.phase for leg in legs), ANGLE, explanation=each),
-        Number(
-            "margins.leg.gain_up",
-            "gain of one leg, up",
-            min(decibels(leg.gain_up) for leg in legs),
-            DECIBEL,
-            explanation=each,
-        ),
-        Number(
-            "margins.leg.gain_down",
-            "gain of one leg, down",
-            min(decibels(1 / leg.gain_down) if leg.gain_down > 0 else math.inf for leg in legs),
-            DECIBEL,
-            explanation=each,
-        ),
-        Number(
-            "margins.crossover",
-            "highest crossover",
-            max((leg.crossover for leg in legs if math.isfinite(leg.crossover)), default=None),
-            FREQUENCY,
-            explanation="where the gain of a leg's loop falls below 1",
-        ),
-        Number("margins.sensitivity_peak", "peak of σ(S)", found.sensitivity_peak, explanation="largest amplification"),
-        Number("margins.complementary_peak", "peak of σ(T)", found.complementary_peak, explanation="resonance"),
+    believed = () if found.believed is None else _numbers_of_margins(found.believed, "believed ", found.doubt)
+    modes = (
         Number("modes.slowest", "slowest mode", found.modes[0].frequency, FREQUENCY, explanation="of the closed loop"),
         Number(
             "modes.damping_ratio",
@@ -173,7 +171,44 @@ def _numbers(found: Analysed) -> tuple[Number, ...]:
             min(mode.damping_ratio for mode in found.modes),
             explanation="of all modes of the closed loop",
         ),
-        *_numbers_of(found.structure),
+    )
+    of_machine = (*_numbers_of_margins(found, "", found.doubt), *(replace(each, doubt=found.doubt) for each in modes))
+    return (*of_machine, *believed, *_numbers_of(found.structure))
+
+
+def _numbers_of_margins(margins: Margins | Analysed, whose: str, doubt: str) -> tuple[Number, ...]:
+    """The numbers of the loop that runs, or of the "believed " one."""
+    disk = margins.disk
+    at_once = "which all legs may have at once, independently of each other"
+    rows: dict[str, tuple[str, float | None, Quantity, str]] = {
+        "disk": ("disk margin", disk.alpha, NUMBER, f"size of the changes {at_once}"),
+        "disk_gain": ("gain of each leg", decibels(disk.gain[1]), DECIBEL, f"up or down, {at_once}"),
+        "disk_phase": ("phase of each leg", disk.phase, ANGLE, f"lag or lead, {at_once}"),
+    }
+    alone = "with the loop open at this leg and closed at the others; the least of the legs"
+    for where, legs, those, which in (
+        ("", (margins.common,), "all legs", "the same for all legs"),
+        ("leg.", margins.legs, "one leg", alone),
+    ):
+        up = min(decibels(leg.gain_up) for leg in legs)
+        down = min(decibels(1 / leg.gain_down) if leg.gain_down > 0 else math.inf for leg in legs)
+        rows |= {
+            f"{where}gain": (f"gain of {those}", min(up, down), DECIBEL, f"up or down, {which}"),
+            f"{where}gain_up": (f"gain of {those}, up", up, DECIBEL, which),
+            f"{where}gain_down": (f"gain of {those}, down", down, DECIBEL, which),
+            f"{where}phase": (f"phase of {those}", min(leg.phase for leg in legs), ANGLE, f"lag or lead, {which}"),
+            f"{where}delay": (f"further delay of {those}", min(leg.delay for leg in legs), _DELAY, which),
+        }
+    crossover = max((leg.crossover for leg in margins.legs if math.isfinite(leg.crossover)), default=None)
+    rows |= {
+        "crossover": ("highest crossover", crossover, FREQUENCY, "where the gain of a leg's loop falls below 1"),
+        "sensitivity_peak": ("peak of σ(S)", margins.sensitivity_peak, NUMBER, "largest amplification"),
+        "complementary_peak": ("peak of σ(T)", margins.complementary_peak, NUMBER, "resonance"),
+    }
+    loop = "margins.believed" if whose else "margins"
+    return tuple(
+        Number(f"{loop}.{path}", f"{whose}{name}", value, quantity, explanation=explanation, doubt=doubt)
+        for path, (name, value, quantity, explanation) in rows.items()
     )
 
 
@@ -237,17 +272,17 @@ def _allowed(structure: Structure) -> tuple[Note, ...]:
 def _legs(found: Analysed) -> Table:
     columns = (
         Column("leg"),
-        Column("gain", _FACTOR, "smallest factor on this leg's gain at which the loop is stable"),
+        Column("gain", _FACTOR, "smallest factor on the gain at which the loop is stable"),
         Column("to", _FACTOR, "largest factor"),
-        Column("phase", _PHASE, "largest lag or lead of this leg"),
+        Column("phase", _PHASE, "largest lag or lead"),
         Column("delay", _DELAY, "the phase margin as time"),
         Column("crossover", replace(FREQUENCY, digits=3), "highest frequency at which the gain is 1"),
     )
     rows = tuple(
-        (str(k + 1), leg.gain_down, leg.gain_up, leg.phase, leg.delay, leg.crossover)
-        for k, leg in enumerate(found.legs)
+        (which, leg.gain_down, leg.gain_up, leg.phase, leg.delay, leg.crossover)
+        for which, leg in (*((str(k), leg) for k, leg in enumerate(found.legs, 1)), ("all alike", found.common))
     )
-    return Table("Margins, one leg at a time", columns, rows)
+    return Table("Margins, one leg at a time, and the same change of all", columns, rows)
 
 
 def _together(found: Analysed) -> Table:
@@ -260,7 +295,7 @@ def _together(found: Analysed) -> Table:
         ("peak of σ(S)", Value(found.sensitivity_peak, three)),
         ("peak of σ(T)", Value(found.complementary_peak, three)),
     )
-    return Table("Margins, all legs at once", (Column("measure"), Column("value")), rows)
+    return Table("Margins, independent changes of all legs at once", (Column("measure"), Column("value")), rows)
 
 
 def _gains(found: Analysed) -> tuple[Table, ...]:
@@ -359,7 +394,7 @@ def _at(frequency: float) -> str:
     return about(FREQUENCY, frequency, 3)
 
 
-def _of_legs(legs: Sequence[LegMargins], one: LegMargins) -> str:
+def _of_legs(legs: Sequence[ClassicalMargins], one: ClassicalMargins) -> str:
     """Which leg; legs that are alike up to rounding are told as any."""
     alike = max(leg.phase for leg in legs) - min(leg.phase for leg in legs) < _ALIKE * one.phase
     return "any leg" if alike else f"leg {legs.index(one) + 1}"

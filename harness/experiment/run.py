@@ -9,6 +9,7 @@ from typing import Any
 from gough_stewart.harness.control.python.makers import name_of
 from gough_stewart.harness.control.python.shared_memory import Watch
 from gough_stewart.harness.errors import ExperimentError, PlantError
+from gough_stewart.harness.experiment.analysis import growing_of
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.named_files import digests
@@ -66,9 +67,10 @@ def run(
     status
         Called with the present action before the run, for example while an FMU is built.
     warn
-        Called before the run for every limit that the reference exceeds with `limits.reference = "warn"`, and after it
-        if a function that is the controller keeps memory, with which another run would go on; the record's metadata
-        have the same as `warnings`.
+        Called before the run for every limit that the reference exceeds with `limits.reference = "warn"`, and with a
+        loop that is unstable in the linear model, which may grow too slowly for the run to show; and after it if a
+        function that is the controller keeps memory, with which another run would go on; the record's metadata have the
+        same as `warnings`.
 
     Returns
     -------
@@ -100,13 +102,16 @@ def run(
 
         plan = plan_of(chosen, controller)
         own, prepared = member_of(plan, member)
+    growing = growing_of(prepared)
     if warn is not None:
-        for text in prepared.warnings:
+        for text in (*prepared.warnings, *growing):
             warn(text)
     if member is not None and plant is None and fmu is None:
         record = records_of(plan, [member], progress)[0]
     else:
         record = run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
+    if growing:
+        record.metadata.setdefault("warnings", []).extend(growing)
     if watch is not None and (changed := watch.changed()):
         text = (
             f"the function {name_of(controller)} keeps memory: the run has changed {changed}, and another run goes on "

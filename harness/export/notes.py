@@ -39,7 +39,7 @@ def notes_of(experiment: Experiment, host: Host, found: StabilityReport, carried
     missing = [] if host == "run" else left_out(experiment, host, carried.parts)
     without = f"without {', '.join(missing)}: {_holds(host, carried)}" if missing else ""
     title = f"the {NAMES[host]} is"
-    stability = _stability(experiment, host, found, carried)
+    stability = _stability(found, carried)
     unstable = [f"{'run' if host == 'run' else 'exported'} anyway: {text}" for text in map(complaint, found.unstable)]
     not_judged = f"the stability of the loop of the {NAMES[host]} is not judged: {found.reason}"
     inside = [
@@ -52,7 +52,6 @@ def notes_of(experiment: Experiment, host: Host, found: StabilityReport, carried
         *([f"{title} {without}"] if without else []),
         *([f"{title} {changed}"] if changed else []),
         *([not_judged] if found.reason and found.reason != NO_FEEDBACK else []),
-        *_slower(experiment, host, carried),
         *unstable,
     ]
     return Notes(tuple(inside), tuple(warnings), tuple(map(in_short, found.loops)))
@@ -147,7 +146,7 @@ def _changed_delay(experiment: Experiment, host: Host) -> str:
     return "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
 
 
-def _stability(experiment: Experiment, host: Host, found: StabilityReport, carried: Carried) -> list[str]:
+def _stability(found: StabilityReport, carried: Carried) -> list[str]:
     if not found.loops:
         return [f"Stability: not judged, since {found.reason}."]
     return [
@@ -157,22 +156,9 @@ def _stability(experiment: Experiment, host: Host, found: StabilityReport, carri
         + (
             "The lag of the drives was part of it, quantisation was not."
             if carried.drives
-            else "Of what is left out, only a lag that is named here was part of it."
+            else "Of what is left out, only a lag, a sensors' clock and jitter that are named here were part of it."
         ),
-        *(f"But {text}." for text in _slower(experiment, host, carried)),
     ]
-
-
-def _slower(experiment: Experiment, host: Host, carried: Carried) -> list[str]:
-    """What makes the machine's loop later than the judged one."""
-    times = {"sensors.sample_time": experiment.sensors.sample_time, "loop.jitter": experiment.loop.jitter}
-    late = [name for name, value in times.items() if value]
-    if host == "ssp":
-        late = late[:1] if carried.steps_a_reading is not None else []
-        return [f"with {late[0]} the loop in the SSP is later than was judged"] if late else []
-    if not late:
-        return []
-    return [f"with {' and '.join(late)} the machine's loop around the {NAMES[host]} is later than was judged"]
 
 
 def _verdict(loop: LoopStability) -> str:
@@ -217,8 +203,9 @@ def in_short(loop: LoopStability) -> str:
 
 
 def _circumstances(case: Case) -> str:
+    late = f", up to {1000 * case.late:.4g} ms by the sensors' clock and jitter" if case.late else ""
     lag = f" and a lag of {1000 * case.lag:.3g} ms" if case.lag else ""
-    return f" with {_delay_of(case.delay)}{lag}"
+    return f" with {_delay_of(case.delay)}{late}{lag}"
 
 
 def _delay_of(number: int) -> str:

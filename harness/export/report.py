@@ -88,6 +88,6 @@ def _numbers(loops: Sequence[LoopStability]) -> list[Number]:
         Number("stability.largest_eigenvalue", "largest |z|", max(loop.worst_of_all.size for loop in loops),
                explanation=f"largest magnitude of an eigenvalue {each}; stable below 1"),
         Number("margins.disk", "disk margin", alpha, explanation=f"the least {each}"),
-        Number("margins.gain", "gain of all legs", gain, DECIBEL, explanation=f"the least {each}"),
-        Number("margins.phase", "phase of all legs", phase, ANGLE, explanation=f"the least {each}"),
+        Number("margins.disk_gain", "gain of each leg", gain, DECIBEL, explanation=f"the least {each}"),
+        Number("margins.disk_phase", "phase of each leg", phase, ANGLE, explanation=f"the least {each}"),
     ]  # fmt: skip

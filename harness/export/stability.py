@@ -1,8 +1,9 @@
 """Stability of the loop that an exported controller will run in: eigenvalues and margins with the delay of its form.
 
-The linear model is that of `loop_transfer`: at rest in a pose, without Coulomb friction, and without what an export
-leaves out. Judged are the machine of the experiment in the first pose of its reference and along its motion, the
-machine after each change of its parameters, and all members of `[ensemble]` in the first pose.
+The linear model is that of `margins`: at rest in a pose, without Coulomb friction, and without what an export
+leaves out; the sensors' own clock and jitter are their worst delay. Judged are the machine of the experiment in the
+first pose of its reference and along its motion, the machine after each change of its parameters, and all members of
+`[ensemble]` in the first pose.
 """
 
 import math
@@ -30,6 +31,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.stages import platforms_of
 from gough_stewart.harness.experiment.varied import experiment_with
 from gough_stewart.harness.export.carried import Part
+from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -46,7 +48,7 @@ _AT_THE_SAMPLE: dict[Host, str] = {"c": "in C", "clocked": "with the clocked FMU
 _AT_ONCE = 256  # members drawn at a time
 _FREQUENCIES = 16  # at which members are compared
 # Keys of `[ensemble]` that change the linear loop around an exported controller.
-_SEEN = (("plant",), ("platform",), ("loop", "delay"), ("actuators", "lag"))
+_SEEN = (("plant",), ("platform",), ("loop", "delay"), ("loop", "jitter"), ("actuators", "lag"))
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ class LoopAround:
     fixed: int | None  # if it does not depend on the experiment
     has_drives: bool  # whether the machine is that of the experiment, with its lag and its changes
     own_lag: float | None = None  # of the drives that the controller carries, if it does [s]
+    carries_sensors: bool = False  # with their clock, which otherwise is the machine's
 
     def delay(self, experiment: Experiment) -> int:
         """From measurement to force [samples]."""
@@ -68,6 +71,25 @@ class LoopAround:
         if self.own_lag is not None:
             return self.own_lag
         return experiment.actuators.lag if self.has_drives else 0.0
+
+    def late(self, experiment: Experiment, loop: Loop) -> float:
+        """Worst delay by the sensors' clock, and by the jitter of the experiment's machine [s]."""
+        if not (self.has_drives or self.carries_sensors):
+            return 0.0
+        jitter = experiment.loop.jitter if self.has_drives else 0.0
+        return replace(loop, timing=replace(loop.timing, jitter=jitter)).worst_delay
+
+    def delays(self, experiment: Experiment, loop: Loop) -> "Delays":
+        """All of them."""
+        return Delays(self.delay(experiment), self.lag(experiment), self.late(experiment, loop))
+
+
+class Delays(NamedTuple):
+    """What makes a loop late."""
+
+    delay: int  # [samples]
+    lag: float  # [s]
+    late: float  # worst delay by the sensors' clock and jitter [s]
 
 
 def has_delay(host: Host) -> bool:
@@ -86,8 +108,13 @@ def loops_around(host: Host, experiment: Experiment, parts: Iterable[Part] = ())
     One that carries the drives has their delay too, and there is no other loop for it.
     """
     lag = experiment.actuators.lag if "drives" in parts else None
+    has_sensors = "sensors" in parts
     if host == "ssp":
-        return (LoopAround("in the SSP", 1, output_delay_of(experiment), has_drives=False, own_lag=lag),)
+        return (
+            LoopAround(
+                "in the SSP", 1, output_delay_of(experiment), has_drives=False, own_lag=lag, carries_sensors=has_sensors
+            ),
+        )
     if host in _AT_THE_SAMPLE:
         return (LoopAround(_AT_THE_SAMPLE[host], 0, None, has_drives=True, own_lag=lag),)
     if host == "run":
@@ -96,9 +123,10 @@ def loops_around(host: Host, experiment: Experiment, parts: Iterable[Part] = ())
         return (LoopAround("with the FMU", 1, output_delay_of(experiment), has_drives=True, own_lag=lag),)
     found = (
         LoopAround("with the FMU", 1, None, has_drives=True),
-        LoopAround("with the FMU directly at a plant", 1, 1, has_drives=False),
+        LoopAround("with the FMU directly at a plant", 1, 1, has_drives=False, carries_sensors=has_sensors),
     )
-    loops = {(each.delay(experiment), each.lag(experiment)) for each in found}
+    clocks = bool(experiment.loop.jitter or (experiment.sensors.sample_time and not has_sensors))
+    loops = {(each.delay(experiment), each.lag(experiment), clocks and each.has_drives) for each in found}
     return found if len(loops) > 1 else found[:1]
 
 
@@ -110,11 +138,12 @@ class Case(NamedTuple):
     lag: float  # [s]
     eigenvalue: complex  # z with the largest |z|
     frequency: float  # its frequency [Hz]
+    late: float = 0.0  # worst delay by the sensors' clock and jitter [s]
 
     @property
-    def loop(self) -> tuple[int, float]:
-        """Its delay and lag."""
-        return self.delay, self.lag
+    def loop(self) -> Delays:
+        """What makes it late."""
+        return Delays(self.delay, self.lag, self.late)
 
     @property
     def size(self) -> float:
@@ -206,13 +235,13 @@ def stability_of(
     members = {s: _MemberCases() for s in own}
     for done, of_all, member, each in _members_of(experiment):
         # what surroundings have in common is judged once
-        cases: dict[tuple[int, float], _Member | None] = {}
+        cases: dict[Delays, _Member | None] = {}
         for s, found in members.items():
             if each is None:
                 found.add(None)
                 continue
             machine, of_member = each
-            at = (s.delay(of_member), s.lag(of_member))
+            at = s.delays(of_member, prepared.loop)
             if at not in cases:
                 cases[at] = _member_of(loops, member, machine, at)
             found.add(cases[at])
@@ -238,7 +267,7 @@ def _stability_of_loop(
         impossible=members.impossible,
         unstable=members.unstable,
         worst=members.largest,
-        margins=loops.margins(loops.machine, *at) if margins else None,
+        margins=loops.margins(loops.machine, at) if margins else None,
         margins_of_worst=members.margins(loops) if margins else None,
         remedy="" if nominal.first.size < 1 else nominal.remedy,
     )
@@ -248,7 +277,7 @@ class _Loops:
     """Linear loops around the controller of an experiment."""
 
     def __init__(self, prepared: Prepared, controller: LinearController) -> None:
-        self._prepared, self._controller = prepared, controller
+        self._prepared, self._controller, self.loop = prepared, controller, prepared.loop
         self.machine, self.sample_time = prepared.machine, prepared.loop.timing.sample_time
         motion = prepared.motion
         assert motion is not None
@@ -256,38 +285,38 @@ class _Loops:
         poses = np.concatenate([motion.position[rows], motion.orientation[rows]], axis=1)
         _, first = np.unique(poses, axis=0, return_index=True)
         self.poses = [(float(prepared.loop.timing.times[rows[k]]), poses[k]) for k in sorted(first)]
-        self._margins: dict[tuple[Platform, int, float], Margins | None] = {}
+        self._margins: dict[tuple[Platform, Delays], Margins | None] = {}
 
-    def transfer(self, machine: Platform, delay: int, lag: float, pose: FloatArray | None = None) -> Any:
+    def transfer(self, machine: Platform, at: Delays, pose: FloatArray | None = None) -> Any:
         """L(z) of a machine, by default in the first pose of the reference."""
         p = self.poses[0][1] if pose is None else pose
         place = {"position": p[:3], "orientation": p[3:]}
-        return transfer_of(self._prepared, machine, self._controller, delay=delay, lag=lag, **place)
+        return transfer_of(self._prepared, machine, self._controller, **at._asdict(), **place)
 
-    def case(self, what: str, machine: Platform, delay: int, lag: float, pose: FloatArray | None = None) -> Case:
+    def case(self, what: str, machine: Platform, at: Delays, pose: FloatArray | None = None) -> Case:
         """The eigenvalues of a loop."""
-        return self._case(what, delay, lag, closed_loop(self.transfer(machine, delay, lag, pose)).poles())
+        return self._case(what, at, closed_loop(self.transfer(machine, at, pose)).poles())
 
-    def member(self, number: int, machine: Platform, delay: int, lag: float) -> "_Member":
+    def member(self, number: int, machine: Platform, at: Delays) -> "_Member":
         """The loop of a member, with signs of little robustness that take as little time."""
-        L = self.transfer(machine, delay, lag)
+        L = self.transfer(machine, at)
         z = closed_loop(L).poles()
         s = np.log(z[np.abs(z) > 1e-9])
         S, T = sensitivities(L, np.geomspace(1 / 300, 0.99, _FREQUENCIES) * math.pi / self.sample_time)
         return _Member(
-            self._case(f"member {number}", delay, lag, z),
+            self._case(f"member {number}", at, z),
             machine,
             float(np.min(-s.real / np.abs(s), initial=1.0)),
             float(np.linalg.norm(S - T, 2, axis=(1, 2)).max()),
         )
 
-    def _case(self, what: str, delay: int, lag: float, z: Any) -> Case:
+    def _case(self, what: str, at: Delays, z: Any) -> Case:
         worst = complex(z[np.abs(z).argmax()])
-        return Case(what, delay, lag, worst, frequency_of(worst, self.sample_time))
+        return Case(what, at.delay, at.lag, worst, frequency_of(worst, self.sample_time), at.late)
 
-    def margins(self, machine: Platform, delay: int, lag: float) -> Margins | None:
+    def margins(self, machine: Platform, at: Delays) -> Margins | None:
         """Its margins; None if it is unstable."""
-        key = (machine, delay, lag)
+        key = (machine, at)
         if key not in self._margins:
             try:
                 self._margins[key] = loop_margins(self.transfer(*key))
@@ -308,17 +337,17 @@ class _NominalCases:
     """The cases of the experiment's own machine."""
 
     def __init__(self, loops: _Loops, experiment: Experiment, around: LoopAround) -> None:
-        self.at = delay, lag = around.delay(experiment), around.lag(experiment)
+        self.at = around.delays(experiment, loops.loop)
         self._loops, self._delay_of_experiment = loops, experiment.loop.delay
         machine = loops.machine
-        self.first = loops.case("the nominal machine in its first pose", machine, delay, lag)
+        self.first = loops.case("the nominal machine in its first pose", machine, self.at)
         others = [
-            loops.case(f"the nominal machine in its pose at {time:.3g} s", machine, delay, lag, pose)
+            loops.case(f"the nominal machine in its pose at {time:.3g} s", machine, self.at, pose)
             for time, pose in loops.poses[1:]
         ]
         self.on_the_way = max([self.first, *others], key=lambda case: case.size)
         self.changed = tuple(
-            loops.case(f"the machine after its change at {time:g} s", other, delay, lag)
+            loops.case(f"the machine after its change at {time:g} s", other, self.at)
             for time, other in (loops.after_changes() if around.has_drives else ())
         )
 
@@ -326,9 +355,8 @@ class _NominalCases:
     def remedy(self) -> str:
         """What would make an unstable loop stable."""
         loops, own = self._loops, self._delay_of_experiment
-        delay, lag = self.at
-        gains = remedy_of(loops.transfer(loops.machine, delay, lag))
-        if delay == own or loops.case("", loops.machine, own, lag).size >= 1:
+        gains = remedy_of(loops.transfer(loops.machine, self.at))
+        if self.at.delay == own or loops.case("", loops.machine, self.at._replace(delay=own)).size >= 1:
             return gains
         return f"it is stable {f'with the delay of {own} samples' if own else 'without delay'}; {gains}"
 
@@ -372,14 +400,14 @@ class _MemberCases:
         """The smallest margins of those with the largest |z|, least damping, largest peak; None if one is unstable."""
         if self.unstable:
             return None
-        found = [(each.case, loops.margins(each.machine, *each.case.loop)) for each in self._kept]
+        found = [(each.case, loops.margins(each.machine, each.case.loop)) for each in self._kept]
         known = [(case, margins) for case, margins in found if margins is not None]
         return min(known, key=lambda each: each[1].disk.alpha, default=None)
 
 
-def _member_of(loops: _Loops, number: int, machine: Platform, at: tuple[int, float]) -> _Member | None:
+def _member_of(loops: _Loops, number: int, machine: Platform, at: Delays) -> _Member | None:
     try:
-        return loops.member(number, machine, *at)
+        return loops.member(number, machine, at)
     except GoughStewartError:
         return None
 

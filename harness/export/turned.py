@@ -104,7 +104,8 @@ def turned_of(experiment: Experiment, prepared: Prepared) -> Turned:
     }
     if variant is not None and isinstance(choice, SixChannels) and gains is not None:
         fields |= _of_gains(choice, gains, prepared)
-    if linear is not None and prepared.motion is not None:
+    # the linear loop in C knows neither the sensors' own clock nor jitter
+    if linear is not None and prepared.motion is not None and not loop.worst_delay:
         fields |= _linear_loop(prepared, linear)
     return Turned(fields, loop)
 
@@ -146,7 +147,7 @@ def _linear_loop(prepared: Prepared, linear: Any) -> dict[str, Any]:
     assert motion is not None  # a controller has a reference
     pose = motion.position[0], motion.orientation[0]
     plant = held_plant(
-        prepared.platform, linear, timing.sample_time, float(actuators.lag), *pose, side=loop.sensors.side
+        prepared.machine, linear, timing.sample_time, float(actuators.lag), *pose, side=loop.sensors.side
     )
     (_, readings), to_force = space_of(prepared.platform, linear, *pose)
     n, signals, states = plant.nstates, plant.noutputs, linear.system.nstates

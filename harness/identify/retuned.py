@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.control.laws import linear_of
-from gough_stewart.harness.control.loop_transfer import loop_transfer
-from gough_stewart.harness.control.margins import loop_margins
 from gough_stewart.harness.errors import UnstableLoopError
+from gough_stewart.harness.experiment.analysis import judged
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
@@ -30,8 +29,8 @@ _MICROMETRE = Quantity("m", "µm", 1e6)
 # Margins of the loop with the machine, and their units.
 _MARGINS = {
     "disk margin α": replace(NUMBER, digits=3),
-    "gain of all legs, up or down": DECIBEL,
-    "phase of all legs, either way": ANGLE,
+    "gain of each leg, up or down": DECIBEL,
+    "phase of each leg, either way": ANGLE,
     "crossover": FREQUENCY,
 }
 
@@ -125,16 +124,13 @@ def _margins(experiment: Experiment) -> dict[str, float] | str:
     controller = linear_of(prepared.controller)
     if controller is None:
         return NOTHING
-    actuators, motion = prepared.loop.actuators, prepared.motion
-    place = {} if motion is None else {"position": motion.position[0], "orientation": motion.orientation[0]}
-    sample_time, side = prepared.loop.timing.sample_time, prepared.loop.sensors.side
-    L = loop_transfer(
-        prepared.machine, controller, sample_time, delay=actuators.delay, lag=actuators.lag, side=side, **place
-    )
     try:
-        found = loop_margins(L)
+        loop = judged(prepared, prepared.machine, controller)
     except UnstableLoopError:
         return "unstable"
+    if loop.doubt:
+        return "not known"
+    found = loop.margins
     disk, crossover = found.disk, max(leg.crossover for leg in found.legs)
     # the two gains of a disk margin are inverse to each other
     numbers = (disk.alpha, float(20 * np.log10(disk.gain[1])), float(disk.phase), crossover)

@@ -3,6 +3,7 @@
 The same serves a run of one member and of many in parallel: where members differ, arrays have a member axis.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -78,6 +79,17 @@ class Loop:
     def has_faults(self) -> bool:
         """Whether something may fail in it."""
         return any(change.faults is not None for change in self.changes)
+
+    @property
+    def worst_delay(self) -> float:
+        """What the sensors' own clock and jitter add at most to the delay of the loop [s].
+
+        With readings every m plant steps and samples every n, that of a sample is up to m − gcd(m, n) steps old.
+        """
+        timing, own = self.timing, self.sensors.sample_time
+        n = timing.steps_a_sample
+        m = n if own is None else timing.steps_in(own, "the sensors' sample_time")
+        return (m - math.gcd(m, n) + timing.most_steps_late) * timing.plant_step
 
     @property
     def reference_rows(self) -> FloatArray | None:

@@ -75,6 +75,11 @@ class Timing:
         return round(self.sample_time / self.plant_step)
 
     @property
+    def most_steps_late(self) -> int:
+        """The longest delay of a sample by jitter, of any member: ⌊jitter / plant step⌋ plant steps."""
+        return int(np.max(np.floor(np.asarray(self.jitter) / self.plant_step + _ROUNDING)))
+
+    @property
     def times(self) -> FloatArray:
         """Times of the rows (steps + 1,) [s]."""
         return np.arange(self.steps + 1, dtype=float) * self.plant_step

@@ -38,6 +38,7 @@ class Number:
     members: FloatArray | None = None
     small_is_worse: bool = False
     block: int = 1  # so many members share their numbers; only blocks are independent
+    doubt: str = ""  # why a requirement on it cannot be told, if so
 
     def __post_init__(self) -> None:
         for name in ("value", "low", "high", "limit", "margin"):
@@ -60,7 +61,7 @@ class Number:
             parts.append(f"limit {quantity.text(self.limit)}")
         if self.margin is not None:
             parts.append(margin_text(quantity, self.margin))
-        return ", ".join(parts)
+        return ", ".join([*parts, *([self.doubt] if self.doubt else [])])
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,14 @@ GLOSSARY: dict[str, str] = {
     "constraint drift": "How far integration lets the parts of a mechanism move apart that should stay connected.",
     "crossover": "The frequency at which the gain of the open loop is 1.",
     "damping ratio": "How fast an oscillation decays: not at all at 0, without overshoot from 1 on.",
-    "disk margin": "How far gain and phase of the loop may change at once, at any frequency, before it is unstable.",
+    "disk margin": "How far gain and phase of all legs may change at once, each by itself, before it is unstable.",
     "eigenvalue": (
         "A number of a linear system that says how one of its modes decays or grows, and how fast it oscillates."
     ),
     "feedforward": "Actuator forces computed from the reference, before any error has occurred.",
     "FMU": "A model in a file that simulation tools import, as the standard FMI defines it.",
     "fresh member": "A member that a search did not use, drawn anew to test its result.",
-    "gain margin": "The factor by which the loop's gain may change before it is unstable.",
+    "gain margin": "The factor by which the gain of the loop, of all legs or of one, may change before it is unstable.",
     "growing loop": (
         "A loop whose error rises without a cause from outside: it is unstable, though limits may bound it."
     ),
@@ -45,7 +45,7 @@ GLOSSARY: dict[str, str] = {
     "Model Exchange": "The kind of FMU that the importing tool integrates.",
     "nominal": "The machine as the design assumes it, before anything is varied.",
     "overshoot": "How far a response goes beyond its final value, as a share of the step.",
-    "phase margin": "The phase that the loop may lose at its crossover before it is unstable.",
+    "phase margin": "The phase that the loop, all legs or one, may lose at its crossover before it is unstable.",
     "quantile": "The value that a stated share of the members stays below.",
     "quantisation": "The rounding of a measurement to the steps of its sensor.",
     "reference": "The pose that the platform is asked to follow.",

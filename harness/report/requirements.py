@@ -194,8 +194,8 @@ def judge(wanted: Required, number: Number) -> Requirement:
             f"the requirement '{wanted.text}' is on a share of members, and this study has none; leave out 'for … of "
             "members', or use `gough-stewart ensemble`"
         )
-    if number.value is None:
-        return _result(wanted, number, "open", None, bound, "not defined in this study")
+    if number.value is None or number.doubt:
+        return _result(wanted, number, "open", number.value, bound, number.doubt or "not defined in this study")
     status: Verdicts = "met" if bool(wanted.holds(np.array(number.value), bound)) else "missed"
     return _result(wanted, number, status, number.value, bound, "")
 

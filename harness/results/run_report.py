@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,6 +39,7 @@ class Robustness(NamedTuple):
     alpha: float
     frequency: float  # [Hz]
     gain: tuple[float, float]  # factors
+    doubt: str = ""  # what it leaves out, so that a requirement on it cannot be told
 
     @property
     def decibels(self) -> float:
@@ -86,7 +88,8 @@ def run_numbers(measured: Mapping[str, Any], robustness: Robustness | None = Non
         found.append(Number(path, metric.text, value, metric.quantity, explanation=metric.sentence))
     if robustness is not None:
         metric = metric_of("margins.disk")
-        found.append(Number("margins.disk", metric.text, robustness.alpha, NUMBER, explanation=metric.sentence))
+        disk = Number("margins.disk", metric.text, robustness.alpha, explanation=metric.sentence)
+        found.append(replace(disk, doubt=robustness.doubt))
     return tuple(found)
 
 

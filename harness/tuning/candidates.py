@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -157,14 +157,13 @@ class Candidates:
         )
 
     def _margins(self, axes: Sequence[Axis], points: Sequence[Point], name: str) -> list[float]:
-        """Margins of the linear loop of the nominal model; not of every member, since each takes a second."""
+        """Margins of the linear loop of the nominal machine; not of every member, since each takes a second."""
         found = []
         for point in points:
             values = {axis.place.path: value for axis, value in zip(axes, point, strict=True)}
             batch = self.members.prepared_with([values], [None]).batch
             try:
-                # the machine as it is believed
-                margins = margins_of([replace(batch, machine=batch.platform).member(k) for k in range(len(batch))])
+                margins = margins_of([batch.member(k) for k in range(len(batch))])
                 found.append(float(margins[name][0]) if len(batch) else np.nan)
             except GoughStewartError:
                 found.append(np.nan)

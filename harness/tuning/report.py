@@ -49,8 +49,6 @@ class Found(Protocol):
     def members(self) -> int: ...
     @property
     def fresh_members(self) -> int: ...
-    @property
-    def warnings(self) -> tuple[str, ...]: ...
 
 
 def tuning_report(found: Found, statement: str, *, charts: bool = True) -> Report:
@@ -66,7 +64,7 @@ def tuning_report(found: Found, statement: str, *, charts: bool = True) -> Repor
         lead=f"{counted(len(found.search.tried), 'candidate')} tried",
         settings=settings_of(found.changed),
         numbers=_numbers(found),
-        notes=(*(Note(text, "warning") for text in found.warnings), Note(statement)),
+        notes=(Note(statement),),
     )
 
 

@@ -40,8 +40,6 @@ class Tuning:
     """Number of impossible members that were left out."""
     integration_error: float
     """The largest error estimate of a plant step."""
-    warnings: tuple[str, ...] = ()
-    """What the margins do not say of the result."""
 
     def report(self, *, charts: bool = True) -> Report:
         """From what to what the metric went, with which values, and whether that holds on fresh members.

@@ -6,7 +6,6 @@ from typing import Any
 
 from gough_stewart.harness.ensemble.columns import DISK
 from gough_stewart.harness.errors import NoCandidateError, TuningError
-from gough_stewart.harness.experiment.analysis import margins
 from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.hints import too_late
 from gough_stewart.harness.experiment.schema import Experiment
@@ -16,7 +15,6 @@ from gough_stewart.harness.tuning.conditions import check_metric, condition_of
 from gough_stewart.harness.tuning.result import Tuning
 from gough_stewart.harness.tuning.search import Search, point_of_experiment, search
 from gough_stewart.harness.tuning.space import Axis, axes_of
-from gough_stewart.model.errors import GoughStewartError
 
 # Members that evaluate a candidate, if the experiment has more, and fresh members that the search does not use.
 MEMBERS, FRESH = 64, 500
@@ -140,19 +138,7 @@ def tune(
         judges[-1].count if judges[1:] else 0,
         left_out,
         max(each.integration_error for each in judges),
-        _of_margins(here, tuned, controller),
     )
-
-
-def _of_margins(candidates: Candidates, tuned: Experiment, controller: Any) -> tuple[str, ...]:
-    """What margins do not say of the result: those of a design with rigid legs for a machine whose legs give."""
-    batch = candidates.members.prepared_with([{}], [None]).batch
-    if not len(batch) or not batch.machine[0].leg_stiffness > 0:
-        return ()
-    try:
-        return margins(tuned, controller=controller).warnings
-    except GoughStewartError:
-        return ()  # the controller has no linear loop
 
 
 def _judged(

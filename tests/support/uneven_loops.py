@@ -30,7 +30,7 @@ LOOPS: dict[str, dict[str, Any]] = {
             "lag": 4e-3, "sample_time": 4e-3},
 }  # fmt: skip
 # The machine is another one, which a designer does not know.
-_MACHINE = {"platform_mass": 14.5, "platform_com": [-0.02, 0.05, 0.3], "leg_viscous_friction": 19.0}
+MACHINE: dict[str, Any] = {"platform_mass": 14.5, "platform_com": [-0.02, 0.05, 0.3], "leg_viscous_friction": 19.0}
 
 
 def experiment_of(name: str, **tables: Any) -> gs.Experiment:
@@ -51,7 +51,7 @@ def experiment_of(name: str, **tables: Any) -> gs.Experiment:
         {
             "title": f"uneven {name}",
             "platform": {"preset": "liu2000", "parameters": parameters},
-            "plant": {"parameters": _MACHINE},
+            "plant": {"parameters": MACHINE},
             "reference": {"type": "hold", "position": POSE[:3].tolist(), "orientation": POSE[3:].tolist()},
             "controller": controller,
             "loop": {"duration": 1.0, "sample_time": options["sample_time"], "delay": options["delay"]},

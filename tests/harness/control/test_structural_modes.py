@@ -114,15 +114,17 @@ def test_encoders_at_the_motors_do_not_see_the_stretch_of_their_legs() -> None:
     assert rigid[0] == rigid[1]
 
 
-def test_margins_tell_legs_that_only_the_machine_has() -> None:
-    """Expected: one warning, with the margin that a design with these legs has; none where the design knows."""
-    (told,) = gs.margins("heave_step", {"plant.parameters.leg_stiffness": 2e7}).warnings
+def test_margins_are_those_of_legs_that_only_the_machine_has() -> None:
+    """Expected: the disk margin that a design with these legs has; the believed beside it; or instability."""
+    found = gs.margins("heave_step", {"plant.parameters.leg_stiffness": 2e7})
     known = gs.margins(
         "heave_step", {"platform.parameters.leg_stiffness": 2e7, "platform.parameters.leg_coulomb_friction": 0}
     )
-    assert "leg_stiffness = 2e+07 N/m in [plant]" in told
-    assert f"has a disk margin of {known.disk.alpha:.3g}" in told
-    assert known.warnings == () == gs.margins("heave_step").warnings
-    soft = gs.margins("heave_step", {"plant.parameters.leg_stiffness": 5e6})
-    assert "the loop is unstable" in soft.warnings[0]
-    assert [note.text for note in soft.report(charts=False).notes if note.kind == "warning"] == [*soft.warnings]
+    assert found.disk.alpha == pytest.approx(known.disk.alpha, rel=1e-6)
+    assert found.structure is not None
+    assert found.believed is not None
+    assert found.believed.disk.alpha == gs.margins("heave_step").disk.alpha
+    with pytest.raises(
+        UnstableLoopError, match=r"it is stable with the believed platform as machine, with a disk margin"
+    ):
+        gs.margins("heave_step", {"plant.parameters.leg_stiffness": 5e6})

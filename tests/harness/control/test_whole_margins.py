@@ -4,6 +4,7 @@ Its matrices are differences of a Lagrangian's accelerations and written-out rec
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,16 @@ import gough_stewart as gs
 from gough_stewart.model.vectors import FloatArray
 from tests.support.documented_loop import DocumentedLoop, linear
 from tests.support.uneven import UNEVEN
-from tests.support.uneven_loops import LOOPS, POSE, experiment_of
+from tests.support.uneven_loops import LOOPS, MACHINE, POSE, experiment_of
 
 
 class Case:
     """A loop, what `margins` says of it, and its response on a fine grid of frequencies."""
 
     def __init__(self, name: str) -> None:
-        self.options = LOOPS[name]
+        self.name, self.options = name, LOOPS[name]
         self.found = gs.margins(experiment_of(name))
-        self.loop = linear(self.options, UNEVEN, POSE)
+        self.loop = linear(self.options, replace(UNEVEN, **MACHINE), POSE)
         self.omega = np.geomspace(1e-3, np.pi / self.options["sample_time"] * (1 - 1e-9), 6000)
         self.S = _sensitivity(self.loop, self.omega)
 
@@ -89,6 +90,52 @@ def test_gain_margins_of_every_leg_are_where_the_closed_recursion_loses_its_stab
             assert largest(k, leg.gain_down * (1 + 1e-4)) < 1 < largest(k, leg.gain_down * (1 - 1e-4))
         between = np.geomspace(max(leg.gain_down, 1e-6) * 1.01, leg.gain_up / 1.01, 12)
         assert max(largest(k, factor) for factor in between) < 1
+
+
+def test_margins_of_the_same_change_of_all_legs_are_the_edge_of_the_closed_recursion(case: Case) -> None:
+    """Expected: by eigenvalues for factors on all six forces; for phase and delay, 1 + e^(−iφ) L is singular there.
+
+    And for no smaller lag. One leg alone bears more, and what all bear independently is less.
+    """
+    common = case.found.common
+
+    def largest(factor: float) -> float:
+        return float(np.abs(case.loop.poles(np.full(6, factor))).max())
+
+    assert largest(common.gain_up * (1 - 1e-4)) < 1 < largest(common.gain_up * (1 + 1e-4))
+    assert common.gain_down == 0 or largest(common.gain_down * (1 + 1e-4)) < 1 < largest(common.gain_down * (1 - 1e-4))
+    between = np.geomspace(max(common.gain_down, 1e-6) * 1.01, common.gain_up / 1.01, 12)
+    assert max(map(largest, between)) < 1
+
+    def edge(omega: float, angle: float) -> float:
+        gap = np.eye(6) + np.exp(-1j * angle) * case.loop.response(np.array([omega]))[0]
+        return float(np.linalg.svd(gap, compute_uv=False)[-1])
+
+    def late(omega: FloatArray) -> float:
+        return edge(omega[0], omega[0] * common.delay)
+
+    critical = minimize(late, np.array([2 * np.pi * common.crossover]), method="Nelder-Mead", tol=1e-10)
+    assert critical.fun < 1e-5
+    lags = np.linspace(0, 0.98 * common.delay, 40)
+    assert min(edge(w, w * lag) for w in case.omega[2000::40] for lag in lags) > 1e-3
+    at = 2 * np.pi * common.phase_at
+    assert min(edge(at, common.phase), edge(at, -common.phase)) < 1e-5
+    assert common.delay < min(leg.delay for leg in case.found.legs)
+    assert common.gain_up < min(leg.gain_up for leg in case.found.legs)
+    assert common.phase > case.found.disk.phase
+
+
+def test_margins_are_of_the_machine_and_the_believed_ones_stand_beside_them(case: Case) -> None:
+    """Expected: those of an experiment whose machine is the believed platform, which has nothing to add."""
+    alone = gs.margins(experiment_of(case.name, plant={}))
+    assert alone.believed is None
+    assert case.found.believed is not None
+    assert case.found.believed.as_dict() == alone.as_dict()["margins"]
+    report = case.found.report(charts=False)
+    for name in ("disk", "gain", "delay", "leg.phase"):
+        believed = report.number(f"margins.believed.{name}").value
+        assert believed == alone.report(charts=False).number(f"margins.{name}").value
+        assert believed != report.number(f"margins.{name}").value
 
 
 def test_phase_delay_and_crossover_of_every_leg_are_those_of_its_own_loop(case: Case) -> None:

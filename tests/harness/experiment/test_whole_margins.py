@@ -193,20 +193,21 @@ def test_the_tables_and_the_text_have_these_numbers(said: Said) -> None:
         written = f"{real:.4g} ± {imaginary:.4g}i" if imaginary else f"{real:.4g}"
         assert row == [str(k), f"{mode['frequency']:.4g}", f"{mode['damping_ratio']:.3g}", written]
     legs = values["margins"]["legs"]
-    assert said.rows("Margins, one leg at a time") == [
+    common = values["margins"]["common"]
+    assert said.rows("Margins, one leg at a time, and the same change of all") == [
         [
-            str(k + 1),
+            which,
             *(f"{leg[name]:.3g}" for name in ("gain_down", "gain_up")),
             f"{leg['phase'] * 180 / np.pi:.3g}",
             f"{leg['delay'] * 1e3:.3g}",
             f"{leg['crossover']:.3g}",
         ]
-        for k, leg in enumerate(legs)
+        for which, leg in zip([*"123456", "all alike"], [*legs, common], strict=True)
     ]
     disk, peaks = values["margins"]["disk"], values["margins"]
     low, high = (f"{gain:.3g}" for gain in disk["gain"])
     phase = disk["phase"] * 180 / np.pi
-    assert said.rows("Margins, all legs at once") == [
+    assert said.rows("Margins, independent changes of all legs at once") == [
         ["disk margin α", f"{disk['alpha']:.3g} at {disk['frequency']:.3g} Hz"],
         ["gains of all legs, independently", f"× {low} to {high}"],
         ["phases of all legs, independently", f"± {phase:.3g} deg"],
@@ -227,6 +228,8 @@ def test_the_tables_and_the_text_have_these_numbers(said: Said) -> None:
         "Margins: an uneven loop",
         f"  all legs at once   disk margin {disk['alpha']:.3g} at {disk['frequency']:.3g} Hz: gains × {low} to {high}, "
         f"phases ± {phase:.3g}°",
+        f"  all legs alike     gain × {common['gain_down']:.3g} to {common['gain_up']:.3g}, "
+        f"phase {common['phase'] * 180 / np.pi:.3g}°, delay {common['delay'] * 1e3:.3g} ms",
         f"  one leg at a time  gain × {down:.3g} to {smallest['gain_up']:.3g}, "
         f"phase {smallest['phase'] * 180 / np.pi:.3g}°, delay {smallest['delay'] * 1e3:.3g} ms",
         f"  slowest mode       {slowest['frequency']:.3g} Hz, damping ratio {slowest['damping_ratio']:.3g}",
@@ -236,26 +239,29 @@ def test_the_tables_and_the_text_have_these_numbers(said: Said) -> None:
     assert all(f"{gain:.5g}" in page for gain in GAINS["ki"])
 
 
-def test_the_verdict_says_what_all_legs_and_the_weakest_leg_bear(said: Said) -> None:
-    """Expected: the disk's gain in dB and its phase, the leg with the shortest delay; rounded down to two digits."""
+def test_the_verdict_says_what_all_legs_bear_alike_and_independently(said: Said) -> None:
+    """Expected: gain in dB, phase and delay of the same change; the disk's; rounded down to two digits."""
     margins = said.values["margins"]
+    common = margins["common"]
     disk, delays = margins["disk"], [leg["delay"] for leg in margins["legs"]]
     text = said.output.splitlines()[0]
     numbers = [float(number) for number in re.findall(r"(?<= )[\d.]+(?= (?:dB|deg|Hz|ms))", text)]
     decibels, phase = 20 * np.log10(disk["gain"][1]), np.degrees(disk["phase"])
-    delay = 1e3 * min(delays)
-    for shown, exact in zip(numbers, (decibels, phase, disk["frequency"], delay), strict=True):
+    gain = 20 * np.log10(min(common["gain_up"], 1 / common["gain_down"]))
+    alike = gain, np.degrees(common["phase"]), 1e3 * common["delay"]
+    for shown, exact in zip(numbers, (*alike, decibels, phase, disk["frequency"]), strict=True):
         step = 10.0 ** (np.floor(np.log10(exact)) - 1)
         assert shown == pytest.approx(exact, abs=1.01 * step)
         assert exact == disk["frequency"] or shown <= exact
-    assert text.startswith("Stable: the gains of all legs may rise or fall by ")
+    assert text.startswith("Stable: with the same change of all legs it bears ")
     assert f"disk margin {disk['alpha']:.2g} at" in text
-    assert f"leg {int(np.argmin(delays)) + 1} alone bears" in text
     report = said.found.report()
     assert report.verdict.text == text
     assert report.verdict.status == ("good" if disk["alpha"] >= 0.4 else "marginal")
-    assert report.number("margins.delay").value == min(delays)
-    assert report.number("margins.gain").value == pytest.approx(decibels)
+    assert report.number("margins.delay").value == common["delay"]
+    assert report.number("margins.leg.delay").value == min(delays)
+    assert report.number("margins.gain").value == pytest.approx(gain)
+    assert report.number("margins.disk_gain").value == pytest.approx(decibels)
     assert report.number("margins.leg.phase").value == min(leg["phase"] for leg in margins["legs"])
     downs = [leg["gain_down"] for leg in margins["legs"]]
     assert report.number("margins.leg.gain_down").value == pytest.approx(-20 * np.log10(max(downs)))

@@ -386,7 +386,7 @@ def test_margins_of_an_ensembles_member_have_the_geometry_that_is_believed() -> 
 
 
 def test_what_was_not_judged_is_said() -> None:
-    """Expected: members that cannot be, by a negative mass; readings and samples that are later than the model has."""
+    """Expected: members that cannot be, by a negative mass."""
     settings = {
         "sensors.sample_time": 0.002,
         "loop.jitter": 0.0005,
@@ -396,16 +396,34 @@ def test_what_was_not_judged_is_said() -> None:
     experiment = experiment_of("heave_step", settings)
     found = stability_of(experiment, prepare(experiment), HOSTS, margins=False)
     for host in HOSTS:
-        (loop,) = found[host].loops
-        assert (loop.members, loop.impossible) == (2, 2)
+        assert all((loop.members, loop.impossible) == (2, 2) for loop in found[host].loops)
         notes = notes_of(experiment, host, found[host])
         assert "impossible members, which are not judged: 2." in " ".join(notes.inside)
-        late = "with sensors.sample_time and loop.jitter the machine's loop around the "
-        name = host.upper()
-        # an SSP has neither
-        assert [text for text in notes.warnings if "later" in text] == (
-            [] if host == "ssp" else [f"{late}{name} is later than was judged"]
+
+
+def test_the_clock_of_the_sensors_and_jitter_of_the_machine_are_judged_as_their_worst_delay() -> None:
+    """Expected: readings up to 4 − gcd(4, 2) steps old, and one step of jitter: 1.5 ms; the margins of `gs.margins`.
+
+    An SSP has neither the clock nor the jitter, but the clock if it carries the sensors.
+    """
+    clocks = {"sensors.sample_time": 0.002, "loop.jitter": 0.0005, "loop.plant_step": 0.0005, "loop.delay": 1}
+    experiment = experiment_of("heave_step", clocks)
+    prepared = prepare(experiment)
+    found = stability_of(experiment, prepared, HOSTS)
+    for host in HOSTS:
+        loop, *directly = found[host].loops
+        assert [other.nominal.late for other in directly] == ([0.0] if host == "fmu" else [])
+        assert loop.margins is not None
+        own = {"loop.plant_step": 0.0005, "loop.delay": 1} if host == "ssp" else clocks
+        expected = gs.margins("heave_step", own)
+        assert expected.late == loop.nominal.late == (0.0 if host == "ssp" else 0.0015)
+        assert loop.margins.disk.alpha == pytest.approx(expected.disk.alpha, rel=1e-9)
+        said = "up to 1.5 ms by the sensors' clock and jitter" in " ".join(
+            notes_of(experiment, host, found[host]).inside
         )
+        assert said == (host != "ssp")
+    carried = stability_of(experiment, prepared, ("ssp",), parts=("sensors",), margins=False)["ssp"].loops[0]
+    assert carried.nominal.late == pytest.approx(0.001)
 
 
 def test_a_loop_without_a_linear_form_is_said_not_to_be_judged(tmp_path: Path) -> None:

@@ -137,8 +137,8 @@ def test_an_experiment_before_and_after_has_one_machine_and_two_beliefs() -> Non
         "leg length error, RMS µm",
         "feedback's share of the force, RMS N",
         "disk margin α",
-        "gain of all legs, up or down dB",
-        "phase of all legs, either way deg",
+        "gain of each leg, up or down dB",
+        "phase of each leg, either way deg",
         "crossover Hz",
     ]
     for k, record in enumerate(expected, 1):

@@ -126,7 +126,19 @@ def whole_report() -> Report:
         detail=True,
     )
     number = _Number(
-        "tracking.position.norm_peak", "peak", 8e-4, LENGTH, 7e-4, 9e-4, 1e-3, 2e-4, "largest", [1.0, math.nan], True, 3
+        "tracking.position.norm_peak",
+        "peak",
+        8e-4,
+        LENGTH,
+        7e-4,
+        9e-4,
+        1e-3,
+        2e-4,
+        "largest",
+        [1.0, math.nan],
+        True,
+        3,
+        "without jitter",
     )
     required = Requirement("a <= 1 mm", "a", "the a", "open", None, 1e-3, LENGTH, math.inf, "needs 60 members")
     return Report(
