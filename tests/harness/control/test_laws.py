@@ -51,8 +51,11 @@ def recursion(plain: Any, inputs: Iterator[list[float]], excess: bool) -> tuple[
 
 
 def signals_at(rng: np.random.Generator, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """References (n, 30), measurements (n, 24), excess (n, 6)."""
-    return rng.normal(size=(n, 30)), rng.normal(size=(n, signals.SIZE)), 10 * rng.normal(size=(n, 6))
+    """References (n, 30), measurements (n, 24), excess (n, 6); angles within half a turn of each other."""
+    wanted, measured = rng.normal(size=(n, 30)), rng.normal(size=(n, signals.SIZE))
+    for each in (wanted, measured):
+        each[:, PLACES["orientation"]] *= 0.5
+    return wanted, measured, 10 * rng.normal(size=(n, 6))
 
 
 @pytest.mark.parametrize("names", [("leg_length",), ("leg_velocity", "position"), ("position", "orientation")])

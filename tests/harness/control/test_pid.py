@@ -187,7 +187,7 @@ def test_a_state_feedback_takes_twelve_errors() -> None:
     gain = np.arange(72.0).reshape(6, 12)
     controller = LinearController(control.ss([], [], [], gain, T), names)
     law = law_of(controller, T, np.zeros((0, 6, 6)), np.zeros(SIZE), np.zeros(SIZE))
-    wanted = np.arange(SIZE, dtype=float)
+    wanted = np.arange(SIZE) / 2  # angles within half a turn
     assert law.force(0, 0.0, wanted, np.zeros(SIZE), np.zeros(6)) == pytest.approx(gain @ wanted[:12])
 
 
