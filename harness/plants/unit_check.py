@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from ctypes import c_double
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from fmpy.fmi1 import FMICallException
@@ -149,8 +150,8 @@ def _by_integration(unit: Unit, inputs: _Columns, file: UnitFile) -> _Step:
     buffer, rows = values_of(inputs, unit.is_fmi2), np.concatenate(list(inputs.values()), axis=1)
     n = len(file.variant.scales)
     x, xdot = (c_double * n)(), (c_double * n)()
-    # bristles and springs are stiff
-    method, absolute = "DOP853" if file.variant == IDEAL else "LSODA", _TOLERANCE * np.array(file.variant.scales)
+    absolute, is_stiff = _TOLERANCE * np.array(file.variant.scales), file.variant != IDEAL
+    method: Literal["LSODA", "DOP853"] = "LSODA" if is_stiff else "DOP853"
 
     def integrate(k: int, begin: float, end: float) -> None:
         def derivatives(t: float, state: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -242,10 +243,10 @@ def test_a_platform_file_may_have_six_values_of_friction_but_not_beside_factors(
 def test_six_values_beside_factors_are_refused_wherever_a_platform_is_made(uneven: Platform, name: str) -> None:
     """Expected: as in a file; factors of 1, which contradict nothing, are not, nor are six instead of factors."""
     values: dict[str, Any] = {**uneven.as_dict(), name: SIX, f"{name}_factor": [0.5, 1.5, 0.8, 1.2, 0.9, 1.1]}
-    made = (
+    made: tuple[Callable[[], Platform], ...] = (
         lambda: Platform(**values),
         lambda: uneven.with_parameters({key: values[key] for key in (name, f"{name}_factor")}),
-        lambda: replace(uneven, **{name: SIX}),
+        lambda: replace(uneven, **{name: values[name]}),
     )
     for make in made:
         with pytest.raises(PlatformError, match=f"{name}: has six values beside {name}_factor; expected only one of "):
