@@ -218,6 +218,11 @@ def motors_at(parameters: Parameters, state: State) -> dict[str, Array]:
     }
 
 
+def states_at(platform: Parameters, state: State) -> dict[str, Array]:
+    """The states at a pose and its twist, by name: legs that give hold it; bristles, which start at 0, are left out."""
+    return state._asdict() | (motors_at(platform, state) if Variant.of(platform).springs else {})
+
+
 def friction_hints(platform: Parameters) -> tuple[str, ...]:
     """One line if LuGre friction is not passive: σ1 < σ2 F_c/(F_s − F_c) of the leg where that is most exceeded.
 

@@ -29,7 +29,8 @@ class Platform(PlatformFields):
     """A Gough–Stewart platform with six identical legs; every parameter by name, in SI units.
 
     Arrays are copied, converted to float64 and read-only. To change a parameter, make a new platform with
-    `dataclasses.replace`, which validates it again. Parameters, frames and signs: docs/notation.md.
+    `dataclasses.replace`, which validates it again, or `with_parameters`, which also replaces the factors of friction
+    by six values. Parameters, frames and signs: docs/notation.md.
 
     Raises
     ------
@@ -47,9 +48,11 @@ class Platform(PlatformFields):
         for text in TEXTS:
             if not isinstance(getattr(self, text), str):
                 raise PlatformError(text, f"is {getattr(self, text)!r}; expected a text")
-        for name in FACTOR_OF:
-            for of, value in by_leg({name: getattr(self, name)}).items():
-                object.__setattr__(self, of, value)
+        for name, factor in FACTOR_OF.items():
+            # factors of 1, the default, contradict nothing
+            keys = (name,) if np.array_equal(getattr(self, factor), np.ones(6)) else (name, factor)
+            for key, value in by_leg({key: getattr(self, key) for key in keys}).items():
+                object.__setattr__(self, key, value)
         for name, row in TABLE.items():
             value = getattr(self, name)
             if value is not None or not row.is_optional:

@@ -336,7 +336,11 @@ def by_leg(values: Mapping[str, Any]) -> dict[str, Any]:
         if name not in values or not _is_six(values[name]):
             continue
         if factor in values:
-            raise PlatformError(name, f"has six values beside {factor}; expected only one of the two")
+            raise PlatformError(
+                name,
+                f"has six values beside {factor}; expected only one of the two; `Platform.with_parameters` replaces "
+                "the factors of a platform",
+            )
         try:
             each = real_array(values[name], (6,))
         except ValueError as error:

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.kinematics import LegGeometry, conditioning_of_legs, handedness_of_legs, leg_geometry
 from gough_stewart.model.parameters import PlatformFields
@@ -18,7 +19,7 @@ SINGULAR_CONDITION_NUMBER = 1e8
 
 
 def check_pose(platform: PlatformFields, x: Array, time: float, handedness: float | None = None) -> float:
-    """Check the pose limits at a state x (12,); returns the sign of det J, which changes at singular poses.
+    """Check the pose limits at a state x (12,), or longer; returns the sign of det J, which changes at singular poses.
 
     Parameters
     ----------
@@ -31,8 +32,13 @@ def check_pose(platform: PlatformFields, x: Array, time: float, handedness: floa
     Raises
     ------
     StepError
-        The pose is beyond a limit; has the quantity and its value.
+        The pose is beyond a limit, or a state is not finite; has the quantity and its value.
     """
+    if not np.isfinite(x).all():
+        k = int(np.argmin(np.isfinite(x)))
+        names = [name for variable in interface.STATES for name in variable.scalar_names]
+        name = names[k] if k < len(names) else f"state[{k + 1}]"
+        raise StepError(name, float(x[k]), time, "the motion is not finite")
     position, orientation = x[:3], x[3:6]
     if not abs(orientation[1]) < LARGEST_PITCH:
         raise pitch_reached(float(orientation[1]), time)

@@ -3,6 +3,7 @@
 It has the same variable names, semantics and failure behaviour as the FMU.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -329,7 +330,8 @@ class SteppingModel:
 
     def _check(self, x: NDArray[np.float64], time: float, handedness: float) -> None:
         """As `check_pose`, which takes six times as long, and is only asked near a limit."""
-        if clear_of_limits(x[4], *self._kernel.margins(x, self._p)) != handedness:
+        is_finite = math.isfinite(x.sum())
+        if not is_finite or clear_of_limits(x[4], *self._kernel.margins(x, self._p)) != handedness:
             check_pose(self._platform, x, time, handedness)
 
     def _use(self, platform: Platform) -> None:

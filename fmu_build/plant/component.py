@@ -20,7 +20,7 @@ from gough_stewart.fmu_build.plant.tables import plant_header
 from gough_stewart.fmu_build.source_state import state_of_texts
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface
-from gough_stewart.model.machine_dynamics import motors_at
+from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.prebuilt import prebuilt_content
@@ -71,7 +71,7 @@ def plant_component(
     starts = interface.start_values((row.variable for row in layout.rows), platform)
     own: dict[str, Array] = {"fixed_step_size": np.array(fixed_step_size)}
     if start is not None:
-        own |= start._asdict() | (motors_at(platform, start) if variant.springs else {})
+        own |= states_at(platform, start)
     if actuator_force is not None:
         own["actuator_force"] = actuator_force
     starts |= {name: interface.checked_value(interface.BY_NAME[name], value) for name, value in own.items()}
@@ -79,8 +79,7 @@ def plant_component(
 
     def documents(fmi_version: str) -> dict[str, bytes]:
         page = {"documentation/index.html": documentation_page(platform, fmi_version, starts)}
-        # references of another scheme take seconds where bristles are stiff
-        if is_in_a_system or variant != IDEAL:
+        if is_in_a_system:
             return page
         related = related_files((case.name for case, _ in runs()), IDENTIFIER)
         return page | reference_files(runs(), IDENTIFIER, fmi_version) | related

@@ -9,16 +9,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from gough_stewart.model import interface
+from gough_stewart.model.errors import StepError
 from gough_stewart.model.extrapolation import extrapolated
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.vectors import Array, FloatArray
 
 # Ten thousand times smaller than the unit's default.
 TOLERANCE = 1e-12
+_SMOOTH, _STIFF = "extrapolated midpoint rule", "LSODA of SciPy"
 FOLDER = "extra/gough_stewart"
 
 
@@ -31,6 +35,16 @@ class ReferenceCase:
     start: State
     time: FloatArray  # (n,) [s]
     inputs: FloatArray  # (n, N_INPUTS), linear between the times
+
+    @property
+    def variant(self) -> Variant:
+        """That of the platform."""
+        return Variant.of(self.platform)
+
+    @property
+    def states(self) -> dict[str, Array]:
+        """All states at the start, by name."""
+        return interface.start_values(self.variant.states, self.platform) | states_at(self.platform, self.start)
 
 
 ReferenceRuns = tuple[tuple[ReferenceCase, FloatArray], ...]
@@ -60,15 +74,20 @@ def _varying(case: OpenLoopCase) -> FloatArray:
 
 
 def reference_results(case: ReferenceCase) -> FloatArray:
-    """Results (n, N_RESULTS) at the case's times: the kernel, integrated by another rule than the unit's.
+    """Results at the case's times, a column per scalar: the kernel, integrated by another rule than the unit's.
+
+    Bristles and springs are stiff; SciPy's LSODA changes between Adams and BDF formulas.
 
     Raises
     ------
     StepError
         The integration cannot be continued.
     """
-    kernel, p = Kernel(), parameter_vector(case.platform)
-    x = case.start.to_vector()
+    from scipy.integrate import solve_ivp
+
+    variant = case.variant
+    kernel, p = Kernel(variant), parameter_vector(case.platform, variant)
+    x = interface.pack(variant.states, case.states)
     rows = [kernel.outputs(x, case.inputs[0], p).copy()]
     for k in range(len(case.time) - 1):
         t0, t1 = case.time[k : k + 2]
@@ -78,23 +97,32 @@ def reference_results(case: ReferenceCase) -> FloatArray:
             share = (t - t0) / (t1 - t0)  # noqa: B023 - used only within this row
             return kernel.derivatives(x, u0 + share * (u1 - u0), p).copy()  # noqa: B023
 
-        x = extrapolated(derivatives, x, (t0, t1), TOLERANCE)
+        if variant == IDEAL:
+            x = extrapolated(derivatives, x, (t0, t1), TOLERANCE)
+        else:
+            scaled = TOLERANCE * np.array(variant.scales)
+            solution = solve_ivp(derivatives, (t0, t1), x, method="LSODA", rtol=TOLERANCE, atol=scaled)
+            if not solution.success:
+                raise StepError("span", t1 - t0, t0, solution.message)
+            x = solution.y[:, -1]
         rows.append(kernel.outputs(x, u1, p).copy())
     return np.array(rows)
 
 
 def reference_files(runs: ReferenceRuns, identifier: str, fmi_version: str) -> dict[str, bytes]:
     """All reference files by their path in the archive, named after the unit."""
-    files = {f"{FOLDER}/README.txt": _README.format(identifier=identifier, tolerance=TOLERANCE).encode()}
+    rule = _SMOOTH if all(case.variant == IDEAL for case, _ in runs) else _STIFF
+    readme = _README.format(identifier=identifier, rule=rule, tolerance=TOLERANCE)
+    files = {f"{FOLDER}/README.txt": readme.encode()}
     for case, values in runs:
         stem = f"{FOLDER}/{case.name}/{identifier}"
-        results = interface.unpack(interface.RESULTS, values)
+        results = interface.unpack(case.variant.results, values)
         inputs = interface.unpack(interface.INPUTS, case.inputs)
         files[f"{stem}_in.csv"] = _csv(case.time, inputs, fmi_version)
-        outputs = {v.name: results[v.name] for v in interface.OUTPUTS}
+        outputs = {v.name: results[v.name] for v in case.variant.results if v.causality == "output"}
         files[f"{stem}_ref.csv"] = _csv(case.time, outputs, fmi_version)
         files[f"{stem}_ref.opt"] = _options(case.time)
-        starts = {name: value[None] for name, value in case.start._asdict().items()}
+        starts = {name: value[None] for name, value in case.states.items()}
         files[f"{stem}_start.csv"] = _csv(case.time[:1], starts, fmi_version)
     return files
 
@@ -132,7 +160,7 @@ open_loop        the simulation of Liu, Li & Li (2000), scaled to the size of th
 varying_inputs   varying forces and a varying external wrench, from the start values in modelDescription.xml
 
 *_in.csv    inputs, linear between the rows
-*_ref.csv   results: the equations integrated by the extrapolated midpoint rule at tolerance {tolerance:g}
+*_ref.csv   results: the equations integrated by the {rule} at tolerance {tolerance:g}
 *_ref.opt   experiment
 *_start.csv start values of the states
 """

@@ -74,7 +74,8 @@ class LinearController:
             raise ControllerError(
                 f"controller has {self.system.ninputs} inputs and {self.system.noutputs} outputs; expected for the "
                 f"signals {', '.join(self.signals)} {sizes[0]} inputs (errors), {sizes[1]} (references, measurements) "
-                f"or {sizes[2]} (also what the limits cut off), and {N_LEGS} outputs (forces)"
+                f"or {sizes[2]} (also what the limits cut off), and {N_LEGS} outputs (forces); of one channel for "
+                f"{N_LEGS} legs: control.append(*[control.ss(controller)] * {N_LEGS})"
             )
         for name in "ABCD":
             if not np.isfinite(getattr(self.system, name)).all():

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 # Limit on (1 − z)² of a pole that counts as an integrator: it leaks at most 1e-6 of itself per sample.
 _INTEGRATES = 1e-12
+# Above what rounding leaves of a 0 in a projection.
+_TAKES = 1e-9
 
 
 def inputs_of(kinds: int, reference: Any, measured: Any, excess: Any) -> tuple[Any, ...]:
@@ -204,7 +206,7 @@ class LinearLaw:
         free = integrates(poles)
         x = np.where(free, 0.0, forcing / np.where(free, 1.0, 1 - poles))
         for member in np.flatnonzero((A - poles[:, None] * np.eye(n)).any(axis=(1, 2))).tolist():
-            x[member] = rest(A[member], integrating_modes(A[member]), forcing[member])
+            x[member] = rest(A[member], integrators(integrating_modes(A[member])), forcing[member])
         self._now.x[...] = x.T
 
 
@@ -257,6 +259,16 @@ def integrating_modes(A: FloatArray) -> FloatArray:
     projection = np.zeros_like(A)
     projection[:k] = np.concatenate([np.eye(k), Y], axis=1)
     return np.asarray(Q @ projection @ Q.T)
+
+
+def integrators(modes: FloatArray) -> FloatArray:
+    """Projection (n, n) on the states that integrate, from P, that on their modes, which has the states behind them.
+
+    For a start: a filter behind an integral that is 0 rests in its first output; in the mode it lags behind a ramp. P
+    takes nothing of such a state j: Σ |P_ij P_ji| = 0 over i, in whatever units the states are.
+    """
+    takes = np.abs(modes * modes.T).sum(axis=0) > _TAKES
+    return np.asarray(takes[:, None] * modes)
 
 
 def integrates(poles: FloatArray) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.harness.control.state_space import Method, StateSpace, discretised
+from gough_stewart.harness.control.state_space import Method, StateSpace, discretised, is_control_system, matrices_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface
 from gough_stewart.model.operations import greater, less, minimum, where
@@ -227,22 +227,21 @@ def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "cont
     Raises
     ------
     ControllerError
-        As `discretised`.
+        As `discretised` and `state_space_of`.
     """
     from control import ss
 
-    system = ss(system)
-    matrices = StateSpace(system.A, system.B, system.C, system.D, system.dt or 0.0)
-    discrete = discretised(matrices, sample_time, method)
+    named = system if is_control_system(system) else ss(system)
+    discrete = discretised(matrices_of(named), sample_time, method)
     return ss(
         discrete.A,
         discrete.B,
         discrete.C,
         discrete.D,
         sample_time,
-        inputs=system.input_labels,
-        outputs=system.output_labels,
-        name=system.name,
+        inputs=named.input_labels,
+        outputs=named.output_labels,
+        name=named.name,
     )
 
 

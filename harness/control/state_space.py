@@ -61,13 +61,13 @@ def is_control_system(value: Any) -> bool:
     return package is not None and isinstance(value, package.InputOutputSystem)
 
 
-def state_space_of(system: Any) -> Any:
+def state_space_of(system: Any, what: str = "controller") -> Any:
     """The state space of a linear system: itself, this project's or python-control's, or that of a transfer function.
 
     Raises
     ------
     ControllerError
-        Another kind of system, or not a system.
+        Another kind of system, or not a system, or a transfer function that is improper; names it as `what`.
     """
     if isinstance(system, StateSpace):
         return system
@@ -77,20 +77,27 @@ def state_space_of(system: Any) -> Any:
         if isinstance(system, control.StateSpace):
             return system
         if isinstance(system, control.TransferFunction):
+            _check_proper(system, what)
             return _by_elements(system)
     raise ControllerError(
-        f"controller is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
+        f"{what} is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
         "or a function of a Sample"
     )
 
 
 def matrices_of(system: Any) -> StateSpace:
-    """A linear system as plain matrices: itself, or python-control's, also a transfer function or a gain."""
+    """A linear system as plain matrices: itself, or python-control's, also a transfer function or a gain.
+
+    Raises
+    ------
+    ControllerError
+        As `state_space_of`.
+    """
     if isinstance(system, StateSpace):
         return system
     import control
 
-    own = control.ss(system)
+    own = state_space_of(system, "the system") if is_control_system(system) else control.ss(system)
     return StateSpace(own.A, own.B, own.C, own.D, float(own.dt or 0.0))
 
 
@@ -181,6 +188,18 @@ def _held(system: StateSpace, T: Any) -> StateSpace:
 def _is_zero(values: Any) -> bool:
     """Whether all values are zero; a symbol is not."""
     return all(v.is_zero() if hasattr(v, "is_zero") else v == 0 for v in np.asarray(values).reshape(-1))
+
+
+def _check_proper(matrix: Any, what: str) -> None:
+    """Refuse a transfer function whose numerator has a higher degree than its denominator."""
+    for i, j in np.ndindex(matrix.noutputs, matrix.ninputs):
+        above, below = len(matrix.num[i][j]) - 1, len(matrix.den[i][j]) - 1
+        if above > below:
+            raise ControllerError(
+                f"{what} has an improper transfer function, of degree {above} over {below}, which needs the future; "
+                "expected at most the denominator's: of a PD kp + kd s use gs.PD, or give it a filter and sample it: "
+                "gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), sample_time)"
+            )
 
 
 def _by_elements(matrix: Any) -> Any:

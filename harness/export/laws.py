@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.control.component import Link, with_links
 from gough_stewart.harness.control.laws import LinearController, Space
-from gough_stewart.harness.control.linear_law import integrating_modes, rest
+from gough_stewart.harness.control.linear_law import integrating_modes, integrators, rest
 from gough_stewart.harness.control.pid import (
     Actions,
     Channels,
@@ -142,7 +142,7 @@ class PidLaw:
             # a mode is an integrator at 1 with what it leaves in all other states: x = A x there
             one = np.diag(np.array(alone, dtype=float))
             integrating = symbols.solve(np.eye(traced.nstates) - system.A + one, one)
-            start = rest(system.A, integrating, system.B, symbols.solve)
+            start = rest(system.A, one, system.B, symbols.solve)
         function = symbols.function("coefficients_of_law", inputs, {"law": values})
         return Linear(system, system.ninputs // N_LEGS, start, integrating, c, function)
 
@@ -195,7 +195,7 @@ class MatrixLaw:
         given = self.controller.system
         A, B, C, D = (np.asarray(each, dtype=float) for each in (given.A, given.B, given.C, given.D))
         integrating = integrating_modes(A) if len(A) else A
-        start = rest(A, integrating, B) if len(A) else B
+        start = rest(A, integrators(integrating), B) if len(A) else B
         return Linear(
             StateSpace(A, B, C, D, 1.0),
             self.controller.kinds,

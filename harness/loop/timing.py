@@ -22,8 +22,8 @@ _ROUNDING = 1e-6
 class Timing:
     """Clocks of a run: plant step and recording every `plant_step`, controller every `sample_time`.
 
-    With `jitter` each sample is delayed by a uniform random time from 0 up to the jitter, in whole plant steps. For
-    many members the jitter may be an array (N,), with one seed for each.
+    With `jitter` J each sample but the first is delayed by a random number of plant steps h, uniform on 0 … ⌊J/h⌋, both
+    ends included. For many members the jitter may be an array (N,), with one seed for each.
 
     Raises
     ------
@@ -43,13 +43,6 @@ class Timing:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise ControllerError(f"{name} is {value!r}; expected a time > 0 s")
-        jitter = np.ravel(self.jitter)
-        beyond = (jitter != 0) & ~((self.plant_step <= jitter) & (jitter < self.sample_time))
-        if beyond.any():
-            raise ControllerError(
-                f"jitter is {jitter[beyond][0]:g} s; expected less than the sample_time of {self.sample_time:g} s, and "
-                f"at least the plant_step of {self.plant_step:g} s, since samples are delayed by whole plant steps"
-            )
         for whole, part in (("sample_time", "plant_step"), ("duration", "plant_step")):
             long, short = getattr(self, whole), getattr(self, part)
             if not long / short <= MOST_STEPS:
@@ -63,6 +56,13 @@ class Timing:
                     f"{part} {short:g} s does not divide {whole} {long:g} s ({long / short:g} times); expected a whole "
                     f"number, for instance a {part} of {long / max(1, round(long / short)):g} s"
                 )
+        jitter, steps = np.ravel(self.jitter), np.ravel(self._largest_delay)
+        beyond = (jitter != 0) & ~((steps >= 1) & (steps < self.steps_a_sample))
+        if beyond.any():
+            raise ControllerError(
+                f"jitter is {jitter[beyond][0]:g} s; expected less than the sample_time of {self.sample_time:g} s, and "
+                f"at least the plant_step of {self.plant_step:g} s, since samples are delayed by whole plant steps"
+            )
 
     @property
     def steps(self) -> int:
@@ -94,22 +94,26 @@ class Timing:
         """The rows of the samples, with jitter: (m,), or (m, N) where members differ."""
         rows = np.arange(0, self.steps, self.steps_a_sample)
         if np.any(self.jitter):
-            late = self._late(len(rows))
-            late[0] = 0.0  # the first sample is at the start
-            rows = rows[:, None] if late.ndim == 2 else rows
-            rows = rows + np.floor(late / self.plant_step).astype(rows.dtype)
+            late = self._delays(len(rows))
+            late[0] = 0  # the first sample is at the start
+            rows = rows[:, None] + late if late.ndim == 2 else rows + late
         return np.minimum(rows, self.steps - 1)
 
-    def _late(self, m: int) -> FloatArray:
-        """The delay of each of m samples (m,) or (m, N) [s]."""
+    @property
+    def _largest_delay(self) -> FloatArray:
+        """Whole plant steps in the jitter, () or (N,); rounded, since 0.3e-3 / 0.1e-3 is below 3."""
+        return np.asarray(np.floor(np.asarray(self.jitter) / self.plant_step + _ROUNDING))
+
+    def _delays(self, m: int) -> NDArray[np.intp]:
+        """The delay of each of m samples (m,) or (m, N) [plant steps]."""
         # a random stream after those of the sensors' noise
         purpose = len(signals.NAMES)
-        if not isinstance(self.seed, tuple):
-            # one stream, scaled by each member's jitter
-            share = stream(self.seed, purpose).uniform(0.0, 1.0 if np.ndim(self.jitter) else self.jitter, m)
-            return np.multiply.outer(share, self.jitter) if np.ndim(self.jitter) else share
-        each = zip(self.seed, np.broadcast_to(self.jitter, len(self.seed)), strict=True)
-        return np.stack([stream(seed, purpose).uniform(0.0, jitter, m) for seed, jitter in each], axis=-1)
+        if isinstance(self.seed, tuple):
+            share = np.stack([stream(seed, purpose).uniform(size=m) for seed in self.seed], axis=-1)
+        else:  # one stream, scaled by each member's jitter
+            share = stream(self.seed, purpose).uniform(size=m)
+            share = share[:, None] if np.ndim(self.jitter) else share
+        return np.floor(share * (self._largest_delay + 1)).astype(np.intp)
 
     def steps_in(self, time: float, what: str) -> int:
         """The number of plant steps in a time [s], which must be a whole number."""

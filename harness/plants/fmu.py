@@ -16,7 +16,7 @@ from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.plants.unit import Unit, UnitFile, values_of
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
-from gough_stewart.model.machine_dynamics import motors_at
+from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
@@ -76,7 +76,7 @@ class FmuPlant(Plant):
             values |= interface.start_values(interface.INPUTS, platform)
             rest = np.zeros(3)
             begin = start or State(platform.home_position, platform.home_orientation, rest, rest)
-            values |= begin._asdict() | (motors_at(platform, begin) if self._variant.springs else {})
+            values |= states_at(platform, begin)
             self._checked("start values", unit.write_by_name, values)
             self._checked("initialisation", unit.initialise, tolerance)
             self._read_results, self._read_signals = unit.reading(self._results), unit.reading(self._signals)

@@ -1,6 +1,8 @@
 """The unit's internal steps against SciPy's RK45: the same method and controller, written by somebody else."""
 
+import ctypes
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,10 +10,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import RK45
 
+from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.sources import library_sources
+from gough_stewart.fmu_build.targets import chosen_targets
+from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.model.formulations.cases import OpenLoopCase, paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.variant import Variant
 from tests.fmu_build.test_trajectories import start_of
 from tests.support.fmu_plants import DISCARD, Fmu, Plant, plant, refused
+from tests.support.real_platforms import real_platform
 from tests.support.uneven import uneven_case
 
 
@@ -149,3 +157,50 @@ def test_too_many_fixed_steps_are_discarded_with_the_limit(fmu: Fmu) -> None:
         assert "fixed_step_size = 1e-09 s is too small" in p.messages[-1].text
         assert "at most 1000000 steps" in p.messages[-1].text
         p.step(0.0, 1e-6)
+
+
+# An equation whose state k alone is not a number after the first third of a second; the others rest.
+_PROBE = """
+#include <string.h>
+#include "exponential.c"
+const double NOMINAL_STATES[] = {[0 ... N_STATES - 1] = 1e-3};
+static void derivatives(void *owner, double t, const double x[N_STATES], double xdot[N_STATES])
+{
+    (void)x;
+    memset(xdot, 0, sizeof(double) * N_STATES);
+    if (t > 1.0 / 3)
+        xdot[*(int *)owner] = NAN;
+}
+static void decays(void *owner, const double x[N_STATES], double decay[N_LEGS])
+{
+    (void)owner, (void)x;
+    memset(decay, 0, sizeof(double) * N_LEGS);
+}
+int arrive(const ode *problem, integration_point *at, double t, const double x[N_STATES], const double xdot[N_STATES],
+           double *end)
+{
+    (void)problem, (void)xdot, (void)end;
+    at->t = t;
+    memcpy(at->x, x, sizeof at->x);
+    return 1;
+}
+__attribute__((visibility("default"))) double end_of(int k)
+{
+    ode problem = {.owner = &k, .derivatives = derivatives, .decays = decays};
+    integration_point at = {0};
+    return integrate_controlled(&problem, &at, 1, 1e-6) == REACHED_END ? 1 : at.t;
+}
+"""
+
+
+def test_no_state_that_is_not_a_number_is_accepted_in_exponential_steps(tmp_path: Path) -> None:
+    """Expected: the integration ends where its equation does, whichever state has none."""
+    variant = Variant(bristles=True, springs=True)
+    component = plant_component(real_platform("lugre", springs=True))
+    headers = {**library_sources(component).headers, "exponential.c": component.code.units["exponential.c"]}
+    (target,) = chosen_targets(["native"])
+    (tmp_path / "probe.so").write_bytes(compile_library("probe", {"probe.c": _PROBE}, headers, target))
+    end_of = ctypes.CDLL(str(tmp_path / "probe.so")).end_of
+    end_of.restype = ctypes.c_double
+    for k in range(len(variant.scales)):
+        assert end_of(k) == pytest.approx(1 / 3, abs=1e-6), k

@@ -110,6 +110,19 @@ def test_a_pitch_is_refused_from_a_milliradian_below_90_degrees_on(sign: int) ->
     assert stopped(state_at(UNEVEN.home_position, [0.1, np.nan, 0.2]))[0] == "orientation[2]"
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(
+    ("k", "name"), [(0, "position[1]"), (7, "velocity[2]"), (11, "angular_velocity[3]"), (14, "state[15]")]
+)
+def test_a_state_that_is_not_finite_is_refused_by_its_name(k: int, name: str, value: float) -> None:
+    """Expected: also a velocity or a bristle alone, whose pose is fine."""
+    x = np.concatenate([state_at(UNEVEN.home_position, np.zeros(3)), np.zeros(6)])
+    x[k] = value
+    quantity, found, time, text = stopped(x)
+    assert (quantity, time, text) == (name, 7.3, "the motion is not finite")
+    assert str(found) == str(value)
+
+
 @pytest.mark.parametrize("leg", range(6))
 def test_a_leg_has_collapsed_below_a_thousandth_of_the_platform(leg: int) -> None:
     """Expected: that leg by its number, its length; the limit from both sides, ρ by the joints' squares."""

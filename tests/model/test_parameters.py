@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -199,7 +200,7 @@ def test_six_values_of_friction_act_leg_by_leg(uneven: Platform, name: str) -> N
     rng = np.random.default_rng(8)
     state, inputs = random_state(uneven, rng), random_inputs(uneven, rng)
     none = replace(uneven, leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
-    six = replace(none, **{name: SIX})
+    six = none.with_parameters({name: SIX})
     rate = leg_rates(uneven, state).length_rate
     speed = rate if name == "leg_viscous_friction" else np.tanh(rate / uneven.leg_friction_velocity)
     R = matrix_from_orientation(state.orientation)
@@ -212,15 +213,15 @@ def test_six_values_of_friction_act_leg_by_leg(uneven: Platform, name: str) -> N
 
 @pytest.mark.parametrize("name", ["leg_viscous_friction", "leg_coulomb_friction"])
 def test_six_values_become_their_mean_and_factors(uneven: Platform, name: str) -> None:
-    changed = replace(uneven, **{name: SIX})
+    changed = uneven.with_parameters({name: SIX})
     assert getattr(changed, name) == 31.0 / 6
     assert np.allclose(getattr(changed, f"{name}_factor") * (31.0 / 6), SIX, rtol=1e-15, atol=0)
     equal: dict[str, Any] = {name: [0.1] * 6}
-    alike = replace(changed, **equal)
+    alike = changed.with_parameters(equal)
     assert getattr(alike, name) == 0.1
     assert np.array_equal(getattr(alike, f"{name}_factor"), np.ones(6))
     nothing: dict[str, Any] = {name: np.zeros(6)}
-    free = replace(changed, **nothing)
+    free = changed.with_parameters(nothing)
     assert (getattr(free, name), getattr(free, f"{name}_factor").tolist()) == (0.0, [1.0] * 6)
 
 
@@ -228,14 +229,30 @@ def test_a_platform_file_may_have_six_values_of_friction_but_not_beside_factors(
     text = platform_to_toml(replace(uneven, leg_viscous_friction_factor=np.ones(6)))
     lines = [line for line in text.splitlines() if not line.startswith("leg_viscous_friction")]
     six = "\n".join([*lines, f"leg_viscous_friction = {SIX}"])
-    assert platform_from_toml(six) == replace(uneven, leg_viscous_friction=SIX)
+    assert platform_from_toml(six) == uneven.with_parameters({"leg_viscous_friction": SIX})
     with pytest.raises(PlatformFileError, match=r"leg_viscous_friction: has six values beside leg_viscous_friction_f"):
         platform_from_toml(f"{six}\nleg_viscous_friction_factor = [1, 1, 1, 1, 1, 1]")
     negative: Any = [*SIX[:2], -2, *SIX[3:]]
     with pytest.raises(PlatformError, match=r"leg_coulomb_friction\[3\]: is -2 N; expected >= 0"):
-        replace(uneven, leg_coulomb_friction=negative)
+        uneven.with_parameters({"leg_coulomb_friction": negative})
     with pytest.raises(PlatformError, match=r"has shape \(5,\); expected one number"):
         replace(uneven, leg_coulomb_friction=SIX[:5])
+
+
+@pytest.mark.parametrize("name", ["leg_viscous_friction", "leg_coulomb_friction"])
+def test_six_values_beside_factors_are_refused_wherever_a_platform_is_made(uneven: Platform, name: str) -> None:
+    """Expected: as in a file; factors of 1, which contradict nothing, are not, nor are six instead of factors."""
+    values: dict[str, Any] = {**uneven.as_dict(), name: SIX, f"{name}_factor": [0.5, 1.5, 0.8, 1.2, 0.9, 1.1]}
+    made: tuple[Callable[[], Platform], ...] = (
+        lambda: Platform(**values),
+        lambda: uneven.with_parameters({key: values[key] for key in (name, f"{name}_factor")}),
+        lambda: replace(uneven, **{name: values[name]}),
+    )
+    for make in made:
+        with pytest.raises(PlatformError, match=f"{name}: has six values beside {name}_factor; expected only one of "):
+            make()
+    alone = Platform(**{**values, f"{name}_factor": [1] * 6})
+    assert alone == uneven.with_parameters({name: SIX})
 
 
 def test_both_descriptions_of_the_fmu_declare_every_parameter(uneven: Platform) -> None:

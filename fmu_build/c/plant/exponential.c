@@ -104,7 +104,9 @@ static double distance(const double a[N_STATES], const double b[N_STATES], const
         double size = NOMINAL_STATES[i] / NOMINAL_STATES[0];
         double r = fabs(a[i] - b[i]) / (tolerance * (size + fmax(fabs(x[i]), fabs(a[i]))));
         if (!(r <= largest))
-            largest = r; /* also NaN, which stays */
+            largest = r; /* also NaN */
+        if (isnan(largest))
+            break;
     }
     return largest;
 }

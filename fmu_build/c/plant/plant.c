@@ -207,6 +207,13 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
 static outcome check_current_pose(component *c, double *handedness)
 {
     char reason[MESSAGE_SIZE];
+    for (int i = 0; i < N_STATES; i++)
+        if (!isfinite(c->s.x[i])) {
+            char name[NAME_SIZE];
+            write_slot_name(FIRST_STATE + i, name);
+            write_message(c->message, "at time %.12g s: %s = %g: the motion is not finite", c->s.time, name, c->s.x[i]);
+            return NOT_POSSIBLE;
+        }
     if (check_pose(legs_of(c), c->s.x[X_PITCH], handedness, reason))
         return DONE;
     write_message(c->message, "at time %.12g s: %s", c->s.time, reason);

@@ -100,8 +100,8 @@ static void motion(double time, double motion[])
 int @p@_prepare(const @p@_parameters *parameters, @p@_coefficients *coefficients)
 {
     int k;
-    memset(coefficients, 0, sizeof *coefficients);
 @CHECKS@
+    memset(coefficients, 0, sizeof *coefficients);
     coefficients->ahead = (parameters->delay + 0.5) * parameters->sample_time;
 @if single
     /* the part of the designed sample time that a float leaves out */
@@ -274,7 +274,10 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
         force[k] = 0;
         limited[k] = 0;
     }
-    if (!(coefficients->ahead > 0)) return; /* not prepared */
+    if (!(coefficients->ahead > 0)) {
+        memory->input_status = @P@_NOT_PREPARED;
+        return;
+    }
     memory->samples += 1;
 @end
 @if reads_at_samples
@@ -456,7 +459,10 @@ void @p@_step(const @p@_parameters *parameters, const @p@_coefficients *coeffici
         force[k] = 0;
         limited[k] = 0;
     }
-    if (!(coefficients->ahead > 0)) return; /* not prepared */
+    if (!(coefficients->ahead > 0)) {
+        memory->input_status = @P@_NOT_PREPARED;
+        return;
+    }
 @if reads_at_steps
     /* until there is a first measurement, it is looked for at every step */
     if (fmod(memory->samples, @P@_STEPS_A_READING) < 0.5 || !(memory->started > 0))

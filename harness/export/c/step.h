@@ -62,7 +62,8 @@ enum {
     @P@_INPUT_GOOD = 0,
     @P@_INPUT_OUT_OF_RANGE = 1, /* an input is NaN, infinite, or not in its range */
     @P@_INPUT_FROZEN = 2,       /* @FROZEN@ */
-    @P@_FORCE_NOT_FINITE = 3    /* inputs are in their ranges, but the law gives no finite force for them */
+    @P@_FORCE_NOT_FINITE = 3,   /* inputs are in their ranges, but the law gives no finite force for them */
+    @P@_NOT_PREPARED = 4        /* the coefficients are zeros: all forces are 0, and nothing is remembered */
 };
 
 typedef struct {
@@ -81,8 +82,8 @@ extern const double @P@_HOME_POSE[6];
 /* Designed values. */
 extern const @p@_parameters @P@_DEFAULTS;
 
-/* Values computed from the parameters; with zeros, before `@p@_prepare` or after it refused a parameter, all forces
-   are 0. */
+/* Values computed from the parameters. Begin with zeros, for which all forces are 0 until `@p@_prepare` has accepted
+   the parameters. */
 typedef struct {
     double ahead; /* [s] look-ahead of the feedforward: (delay + 1/2) sample_time */
 @if single
@@ -147,7 +148,7 @@ typedef struct {
 } @p@_memory;
 
 /* Returns 0, or the number of a parameter with an invalid value, counted from 1 in the order of the struct; then the
-   coefficients are 0. On a machine in motion, prepare other coefficients than those in use. */
+   coefficients stay as they were. A step must not run while they are written. */
 int @p@_prepare(const @p@_parameters *parameters, @p@_coefficients *coefficients);
 
 /* Sets the memory before the first sample. */

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gough_stewart as gs
 from gough_stewart.harness.control.laws import LinearController, controller_of
 from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.errors import ControllerError
@@ -290,6 +291,43 @@ def test_a_controller_starts_at_rest(derivative_on: Any) -> None:
 def test_controllers_of_the_wrong_kind_are_refused(given_one: Any, match: str) -> None:
     with pytest.raises(ControllerError, match=match):
         controller_of(given_one)
+
+
+IMPROPER = {
+    "discrete": control.tf([9e3, 8e4], [1], T),
+    "continuous": control.tf([9e3, 8e4], [1]),
+    "one of 36 elements": control.tf(
+        [[[1, 2, 3] if i == j == 4 else [1, 0.5] for j in range(6)] for i in range(6)],
+        [[[1, -0.5] for _ in range(6)] for _ in range(6)],
+        T,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", IMPROPER)
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda system: gs.run("heave_step", {"loop.duration": 0.01}, controller=system),
+        lambda system: gs.margins("heave_step", controller=system),
+        LinearController,
+        lambda system: gs.sampled(system, T),
+    ],
+    ids=["run", "margins", "controller", "sampled"],
+)
+def test_a_transfer_function_with_more_zeros_than_poles_is_refused_with_the_remedy(use: Any, name: str) -> None:
+    """Expected: one line; what it recommends is a controller that runs."""
+    with pytest.raises(
+        gs.GoughStewartError, match=r"improper transfer function, of degree (1 over 0|2 over 1), which"
+    ) as e:
+        use(IMPROPER[name])
+    assert "\n" not in str(e.value)
+    assert "gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), sample_time)" in str(e.value)
+    kp, kd, Tf = 8e4, 9e3, 5e-3
+    filtered = gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), 1e-3)
+    # kp + kd s/(Tf s + 1) at 2 Hz, within the error of Tustin's rule
+    s = 4j * np.pi
+    assert filtered(np.exp(s * 1e-3)) == pytest.approx(kp + kd * s / (Tf * s + 1), rel=1e-3)
 
 
 def test_signals_and_spaces_are_checked() -> None:

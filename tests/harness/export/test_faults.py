@@ -24,7 +24,7 @@ from tests.harness.export.test_controllers import CIRCLE, HOLD, PD, PID, SINE
 from tests.support.exported import KP, Exported, commanded, measured_by, run_in_python, uneven_experiment
 from tests.support.uneven import UNEVEN
 
-GOOD, OUT_OF_RANGE, FROZEN, NOT_FINITE = range(4)
+GOOD, OUT_OF_RANGE, FROZEN, NOT_FINITE, NOT_PREPARED = range(5)
 LIMIT = 400.0
 TABLES: dict[str, dict[str, Any]] = {
     "PD": {"reference": CIRCLE, "controller": {**PD, "feedforward": "gravity"}},
@@ -303,24 +303,57 @@ def test_a_controller_of_rates_cannot_be_watched() -> None:
         designed(uneven_experiment(reference=SINE, controller=PD), damper, faults=faults_of(frozen=(5, 0.1)))
 
 
-def test_without_coefficients_all_forces_are_zero() -> None:
-    """Expected: zeros where nothing was prepared, and after a refusal; the memory stays as it is."""
-    made = designed(uneven_experiment(reference=HOLD, controller={**PID, "feedforward": "gravity"}))
-    exported = Exported(made).start()
-    force, _ = exported.step(made.first_measured)
-    assert np.abs(force).min() > 1
-    for refused in (False, True):
-        if refused:
-            assert exported.prepare() == 0
-            exported.parameters["platform_mass"] = np.nan
-            assert exported.prepare() != 0
-        else:
-            exported.coefficients[:] = 0
-        before = exported.memory.copy()
-        force, limited = exported.step(made.first_measured + 0.01)
-        assert not force.any()
-        assert not limited.any()
-        assert np.array_equal(exported.memory, before)
+@cache
+def pid_with_gravity(with_drives: bool) -> Designed:
+    """A PID alone, or with the drives of its machine."""
+    actuators = {"force_limit": 900.0, "lag": 2e-3} if with_drives else {}
+    tables = {"reference": HOLD, "controller": {**PID, "feedforward": "gravity"}, "actuators": actuators}
+    return designed(uneven_experiment(**tables), parts=("drives",) if with_drives else ())
+
+
+DRIVES = pytest.mark.parametrize("with_drives", [False, True], ids=["at samples", "at steps of drives"])
+
+
+@DRIVES
+def test_coefficients_that_were_never_prepared_give_zero_and_say_so(with_drives: bool) -> None:
+    """Expected: no force, a status of its own, and nothing else in the memory; all is well once they are prepared."""
+    exported = Exported(pid_with_gravity(with_drives))
+    exported.start()
+    prepared = exported.coefficients.copy()
+    exported.coefficients[:] = 0
+    before = exported.memory.copy()
+    force, limited = exported.step(exported.designed.first_measured + 0.01)
+    assert not force.any()
+    assert not limited.any()
+    assert exported.status == NOT_PREPARED
+    exported.coefficients[:] = prepared
+    again, _ = exported.step(exported.designed.first_measured)
+    assert np.abs(again).min() > 0.1
+    assert exported.status == GOOD
+    assert exported.bad_time == 0
+    # the status alone was written
+    fresh = Exported(exported.designed).start()
+    assert np.array_equal(fresh.memory, before)
+    assert np.array_equal(fresh.step(exported.designed.first_measured)[0], again)
+
+
+@DRIVES
+@pytest.mark.parametrize(("name", "value"), [("platform_mass", np.nan), ("proportional_gain", -1.0), ("delay", 0.5)])
+def test_a_refused_parameter_leaves_the_coefficients_in_use(name: str, value: float, with_drives: bool) -> None:
+    """Expected: each byte of them, so the forces of a controller whose parameter was never touched."""
+    made = pid_with_gravity(with_drives)
+    touched, other = Exported(made).start(), Exported(made).start()
+    for k in range(6):
+        measured = made.first_measured + 1e-3 * k
+        good, before = touched.parameters[name].copy(), touched.coefficients.copy()
+        touched.parameters[name] = value
+        assert touched.prepare() == 1 + [each.variable.name for each in made.settings].index(name)
+        assert touched.coefficients.tobytes() == before.tobytes()
+        touched.parameters[name] = good
+        force, _ = touched.step(measured)
+        assert np.abs(force).min() > 0.1
+        assert np.array_equal(force, other.step(measured)[0])
+        assert touched.status == GOOD
 
 
 @pytest.mark.parametrize("name", ["force_limit", "force_rate_limit"])

@@ -54,7 +54,7 @@ def test_times_at_the_very_bounds_are_taken() -> None:
         assert record["platform_mass"] == pytest.approx([12.0] * 40 + [12.04], abs=0)
 
 
-def test_samples_are_late_by_less_than_the_jitter_and_hold_in_between() -> None:
+def test_samples_are_late_by_up_to_the_jitter_and_hold_in_between() -> None:
     """Expected: a sample acts from 0 to 3 steps late; it measures there, and believes itself in time."""
     told = list[float]()
 
@@ -69,7 +69,7 @@ def test_samples_are_late_by_less_than_the_jitter_and_hold_in_between() -> None:
     assert late[0] == 0
     # whole steps of up to 3.9: four shares of a quarter of 99, to five standard errors; none of more than 3
     assert set(late.tolist()) == {0, 1, 2, 3}
-    assert np.abs(np.bincount(late) / 100 - np.array([10, 10, 10, 9]) / 39).max() < 0.22
+    assert np.abs(np.bincount(late) / 100 - 1 / 4).max() < 0.22
     assert record["measured.leg_length"][starts] == pytest.approx(record["leg_length"][starts], abs=0)
     other = run_of(law, loop={"duration": 0.5, "jitter": 3.9e-3}, sensors={"seed": 1})
     assert (np.flatnonzero(np.diff(other["controller.force"][:, 4], prepend=0.0)) != starts).any()

@@ -70,13 +70,13 @@ def test_clocks_fit_within_rounding_and_up_to_the_most_steps() -> None:
 
 
 def test_samples_come_late_by_their_jitter() -> None:
-    """Expected: from 0 up to the jitter in whole steps, uniform, after a first one in time."""
+    """Expected: from 0 up to the jitter in whole steps, both included, uniform, after a first one in time."""
     timing = Timing(20.0, 0.01, 0.001, jitter=0.006, seed=3)
     late = timing.rows_of_samples - np.arange(0, 20000, 10)
     assert late[0] == 0
-    assert np.unique(late).tolist() == [0, 1, 2, 3, 4, 5]
-    # five standard errors of a share of 1/6 among 2,000
-    assert np.abs(np.bincount(late) / 2000 - 1 / 6).max() < 5 * np.sqrt(5 / 36 / 2000)
+    assert np.unique(late).tolist() == [0, 1, 2, 3, 4, 5, 6]
+    # five standard errors of a share of 1/7 among 2,000
+    assert np.abs(np.bincount(late) / 2000 - 1 / 7).max() < 5 * np.sqrt(6 / 49 / 2000)
     assert (timing.rows_of_samples != Timing(20.0, 0.01, 0.001, jitter=0.006, seed=4).rows_of_samples).any()
     assert (timing.rows_of_samples == Timing(20.0, 0.01, 0.001, jitter=0.006, seed=3).rows_of_samples).all()
 
@@ -125,6 +125,9 @@ def test_encoders_with_a_clock_of_their_own_hold_their_latest_reading(encoder: f
     [
         (lambda: Timing(1.0, 0.01, 0.001, jitter=0.01), "jitter is 0.01 s; expected less than the sample_time of 0.01"),
         (lambda: Timing(1.0, 0.01, 0.01, jitter=0.001), "at least the plant_step of 0.01 s"),
+        # the next sample, within rounding
+        (lambda: Timing(1.0, 0.01, 0.001, jitter=np.nextafter(0.01, 0)), "expected less than the sample_time of 0.01"),
+        (lambda: Timing(1.0, 0.01, 0.001, jitter=float("nan")), "jitter is nan s; expected less than"),
         (
             lambda: run_with(constant(), loop_of(sensors=Sensors(sample_time=0.013))),
             "the sensors' sample_time is 0.013 s; expected a multiple",
@@ -136,6 +139,23 @@ def test_jitter_and_encoders_that_do_not_fit_the_steps_are_refused(make: Callabl
         make()
 
 
-def test_a_jitter_of_one_plant_step_is_admitted_and_makes_nothing_late() -> None:
-    """Expected: less than a whole step is rounded off."""
-    assert Timing(0.1, 0.01, 0.002, jitter=0.002).rows_of_samples.tolist() == list(range(0, 50, 5))
+@pytest.mark.parametrize(
+    ("jitter", "plant_step", "largest"),
+    [
+        (1e-3, 1e-3, 1),
+        (5e-3, 1e-3, 5),
+        (4.9e-3, 1e-3, 4),
+        (0.3e-3, 0.1e-3, 3),  # 2.9999999999999996 as a quotient
+        (1.3e-3, 0.1e-3, 13),
+        (np.nextafter(2e-3, 0), 1e-3, 2),
+        (9.9e-3, 1e-3, 9),
+    ],
+)
+def test_the_largest_delay_is_the_whole_number_of_steps_in_the_jitter(
+    jitter: float, plant_step: float, largest: int
+) -> None:
+    """Expected: each number of steps from 0 to ⌊jitter / plant step⌋, within rounding, and no other."""
+    for shape in (jitter, np.array([jitter, 0.0])):
+        timing = Timing(20.0, 0.01, plant_step, jitter=shape, seed=3)
+        rows = timing.rows_of_samples.reshape(2000, -1)[:, 0]
+        assert set(rows - timing.steps_a_sample * np.arange(2000)) == set(range(largest + 1))

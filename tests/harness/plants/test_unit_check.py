@@ -14,15 +14,28 @@ from gough_stewart.harness.plants.unit_check import BOUND, UnitCheck, check_unit
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.commands import invoke
+from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN
 
 NAMES = ["validation", "Co-Simulation", "Model Exchange"]
 
 
-@pytest.fixture(scope="module", params=[UNEVEN, load_preset("motion_base")], ids=lambda platform: platform.name)
+PLATFORMS = {
+    "uneven": UNEVEN,
+    # whose smooth friction changes sign within a millimetre per second; the small one follows forces at once
+    "motion_base": load_preset("motion_base"),
+    "desktop_hexapod": load_preset("desktop_hexapod"),
+    "gives": real_platform(springs=True),
+    "sticks": real_platform("elasto_plastic"),
+    "sticks_and_gives": real_platform("lugre", springs=True),
+}
+
+
+@pytest.fixture(scope="module", params=PLATFORMS)
 def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Platform, list[Path]]:
-    """A platform with its units; motion_base has Coulomb friction that changes sign within a millimetre per second."""
-    return request.param, build(tmp_path_factory.mktemp("built"), platform=request.param)
+    """A platform with its units."""
+    platform = PLATFORMS[request.param]
+    return platform, build(tmp_path_factory.mktemp("built"), platform=platform)
 
 
 def changed(path: Path, place: str, change: Callable[[str], str]) -> Path:
@@ -43,9 +56,9 @@ def outcomes(checks: list[UnitCheck]) -> Mapping[str, bool]:
 
 
 def test_units_pass_all_checks(built: tuple[Platform, list[Path]]) -> None:
-    """Expected: the files' reference results, by DOP853 at 1e-12 in Python; inputs vary linearly in one of the cases.
+    """Expected: the files' reference results at 1e-12 in Python; inputs vary linearly in one of the cases.
 
-    A tenth of the bound for FMI 2.0, which is told the inputs' rates, and for integration from outside.
+    To a fifth of the bound, so that a sound unit of another platform does not fail.
     """
     found = list(check_units(built[1]))
     assert [(each.file, each.name) for each in found] == [
@@ -56,8 +69,7 @@ def test_units_pass_all_checks(built: tuple[Platform, list[Path]]) -> None:
     for each in found:
         if each.name != "validation":
             assert each.deviation is not None
-            held = each.file.endswith("3.fmu") and each.name == "Co-Simulation"
-            assert 0 < each.deviation <= (BOUND if held else 0.1 * BOUND)
+            assert 0 < each.deviation <= 0.2 * BOUND
             assert re.fullmatch(r"\d\.\de-\d\d \((open_loop|varying_inputs)\)", each.found)
 
 
@@ -94,6 +106,25 @@ def test_the_inputs_and_starts_of_the_files_are_those_of_the_run(place: str, tmp
     assert stepped.deviation is not None
     assert stepped.deviation > 1e-4
     assert not stepped.passed
+
+
+@pytest.mark.parametrize(
+    ("platform", "parameter"),
+    [("gives", "leg_damping"), ("sticks", "leg_bristle_damping")],
+)
+def test_a_unit_with_other_equations_fails_both_kinds(platform: str, parameter: str, tmp_path: Path) -> None:
+    """Expected: the results of a platform with a percent more of one parameter are not those of the unit."""
+    sound = PLATFORMS[platform]
+    other = sound.with_parameters({parameter: 1.01 * getattr(sound, parameter)})
+    path, results = (
+        build(tmp_path / name, fmi=["2.0"], platform=each)[0] for name, each in (("a", sound), ("b", other))
+    )
+    with zipfile.ZipFile(results) as archive:
+        extra = {name: archive.read(name) for name in archive.namelist() if name.startswith("extra/")}
+    with zipfile.ZipFile(path) as archive:
+        own = {name: archive.read(name) for name in archive.namelist()}
+    path.write_bytes(to_zip(own | extra))
+    assert outcomes(list(check_units([path]))) == dict(zip(NAMES, (True, False, False), strict=True))
 
 
 def test_a_description_that_is_wrong_is_named_with_its_reason(tmp_path: Path) -> None:
