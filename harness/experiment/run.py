@@ -67,8 +67,8 @@ def run(
         Called with the present action before the run, for example while an FMU is built.
     warn
         Called before the run for every limit that the reference exceeds with `limits.reference = "warn"`, and after it
-        if a function that is the controller keeps memory, with which another run would go on; the record's metadata
-        have the same as `warnings`.
+        for remarks of an FMU, and if a function that is the controller keeps memory, with which another run would go
+        on; the record's metadata have the same as `warnings`.
 
     Returns
     -------
@@ -113,7 +113,8 @@ def run(
             "from there; use a class or factory"
         )
         record.metadata.setdefault("warnings", []).append(text)
-        if warn is not None:
+    if warn is not None:
+        for text in record.metadata.get("warnings", [])[len(prepared.warnings) :]:
             warn(text)
     return record
 
@@ -155,6 +156,7 @@ def run_prepared(
     with opening as opened, prepared.law_in_a_run() as law_from:
         done = simulate(opened, law_from, prepared.loop, progress)
         done = done.of_member(0) if getattr(opened, "shape", ()) else done
+        remarks = opened.remarks() if hasattr(opened, "remarks") else ""
     circumstances: dict[str, Any] = {
         "title": experiment.title,
         "plant": name,
@@ -166,7 +168,10 @@ def run_prepared(
         circumstances["files"] = files
     if replaced:
         circumstances["replaced"] = list(replaced)
-    return record_of(done, prepared, circumstances)
+    record = record_of(done, prepared, circumstances)
+    if remarks:
+        record.metadata.setdefault("warnings", []).append(remarks)
+    return record
 
 
 def _check_plant(plant: object, fmu: object) -> None:

@@ -94,7 +94,8 @@ def _y_title(chart: Chart) -> str:
 def _shown(quantity: Quantity, chart: Chart) -> dict[str, Any]:
     """How numbers of a quantity are written, and the least span of an axis for those of a chart [shown unit]."""
     sizes = [np.abs(each.values[np.isfinite(each.values)]).max(initial=0.0) for each in chart.series]
-    return {**_written(quantity), "least": least_span(quantity.unit or "1", quantity.factor * float(max(sizes)))}
+    least = least_span(quantity.unit or "1", quantity.factor * float(max(sizes)), quantity.least)
+    return {**_written(quantity), "least": least}
 
 
 def _written(quantity: Quantity) -> dict[str, Any]:

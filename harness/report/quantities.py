@@ -5,13 +5,20 @@ shown. Angles are shown in degrees.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gough_stewart.harness.output.display_resolution import LEAST_SPANS, factor_to
 from gough_stewart.harness.quantities import UNITS, unit_typed
 from gough_stewart.model.interface import unit_text
 
 _DEGREES = 180 / math.pi
+# What a small machine has less of.
+_MECHANICAL = ("m", "rad", "m/s", "rad/s", "m/s2", "N", "N.m", "W", "J", "kg", "kg.m2")
+_FINER = (("m", 1e3), ("µ", 1e6), ("n", 1e9))
+# Smaller numbers in a unit get a unit of their own size.
+_OWN_UNIT_BELOW = 0.1
+# Coordinates are told to so many of the least differences: of a stroke, the ten-thousandth part.
+_COORDINATES = 100
 # A value that is not defined.
 NOTHING = "–"
 
@@ -26,6 +33,7 @@ class Quantity:
     name: str = ""  # of an axis without words of its own
     symbol: str = ""
     digits: int = 4  # significant
+    least: float | None = None  # the smallest size that is told [unit]; None for that of the unit
 
     def __post_init__(self) -> None:
         if self.si and self.si not in UNITS:
@@ -54,12 +62,36 @@ class Quantity:
         if math.isinf(value):
             return "∞" if value > 0 else "-∞"
         # no negative zero
-        shown, least = self.factor * value + 0.0, LEAST_SPANS.get(self.unit, 0.0)
+        shown, least = self.factor * value + 0.0, LEAST_SPANS.get(self.unit, 0.0) if self.least is None else self.least
         if shown and abs(shown) < least:
             return f"< {least:g}"
         text = f"{shown:.{self.digits}g}"
         # large numbers in full: 18610 is shorter than 1.861e+04
         return f"{shown:.0f}" if "e+" in text and abs(shown) < 1e7 else text
+
+    def sized(self, fineness: float, largest: float) -> "Quantity":
+        """The same for a small machine: told down to a share of what is usual, in the unit for a largest number.
+
+        A length that is large beside that, such as a coordinate, has the digits to tell one from another.
+
+        Parameters
+        ----------
+        fineness
+            That share, from `small_machine.fineness_of`; 1 changes nothing.
+        largest
+            The largest of the numbers as stored, of any sign.
+        """
+        size = abs(self.factor * largest)
+        if fineness >= 1 or self.si not in _MECHANICAL or not math.isfinite(size):
+            return self
+        unit, factor, digits = self.unit, self.factor, self.digits
+        least = fineness * LEAST_SPANS.get(unit, 0.0) / factor
+        finer = [(f"{prefix}{self.si}", per_si) for prefix, per_si in _FINER if f"{prefix}{self.si}" in UNITS[self.si]]
+        if 0 < size < _OWN_UNIT_BELOW and finer:
+            unit, factor = next((each for each in finer if abs(largest) * each[1] >= 1), finer[-1])
+        if self.si == "m" and least and size:
+            digits = max(digits, 1 + math.floor(math.log10(abs(largest) / (_COORDINATES * least))))
+        return replace(self, unit=unit, factor=factor, least=factor * least, digits=digits)
 
     def headed(self, name: str = "") -> str:
         """A heading: the name, or the quantity's own, with the unit in brackets."""
