@@ -24,6 +24,7 @@ from gough_stewart.harness.polars_paths import write_to
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import SHARE
+from gough_stewart.harness.report.small_machine import in_own_size
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.report.words import percent, sentence
@@ -196,7 +197,7 @@ def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
             sections.append(Section(each.title, tuple(parts)))
         every = comparison_tables(found, found.a.metrics)[1:]
         sections.append(Section("All metrics", tuple(every), detail=True))
-    return Report(
+    report = Report(
         f"{found.a.title}: {named}",
         _verdict(found, by),
         tuple(sections),
@@ -210,6 +211,7 @@ def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
             *(replace(each, path=f"difference.{each.path}") for each in ensemble_numbers(gaps)),
         ),
     )
+    return in_own_size(report, found.a.fineness)
 
 
 def _named(first: str, second: str) -> str:
@@ -222,7 +224,7 @@ def _verdict(found: Comparison, by: str) -> Verdict:
     row = next((each for each in found.differences.iter_rows(named=True) if each["metric"] == by), None)
     if row is None or not row["pairs"]:
         return Verdict(f"No member has a {metric.text} in both {first} and {second}", "marginal")
-    signed = replace(metric.quantity, digits=3)
+    signed = replace(metric.quantity.sized(found.a.fineness, row["median"]), digits=3)
     ends = f"{signed.text(row['median_low'], unit=False)} to {signed.text(row['median_high'])}"
     change = f"median of {second} − {first}"
     side = "less" if row["median"] < 0 else "more"

@@ -34,6 +34,7 @@ from gough_stewart.harness.ensemble.tables import quantity_of_input, usual_metri
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
 from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity
+from gough_stewart.harness.report.small_machine import in_own_size
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, sentence
 from gough_stewart.harness.report.words import counted as count
@@ -103,7 +104,7 @@ def ensemble_report(
         every = [name for name in found.metrics if len(counted(members, name))]
         sections.append(Section("All metrics", (quantile_table(members, every),), detail=True))
     seed = f", seed {found.metadata['seed']}" if "seed" in found.metadata else ""
-    return Report(
+    report = Report(
         found.title,
         ensemble_verdict(found, by, known),
         tuple(sections),
@@ -113,6 +114,7 @@ def ensemble_report(
         settings=settings_of(found.metadata.get("settings") or {}),
         notes=_notes(found),
     )
+    return in_own_size(report, found.fineness)
 
 
 def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = None) -> Verdict:
@@ -134,9 +136,10 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
         value = float(np.quantile(values, level))
         ends = quantile_interval(values, level)
         told = f"{percent(SHARE_TOLD)} of them"
-        size = at_least(metric.quantity, value) if is_lower else at_most(metric.quantity, value)
+        bound = at_least if is_lower else at_most
+        size = bound(metric.quantity, value, fineness=found.fineness)
         words = f"have a {metric.text} of at least {size}" if is_lower else _within(by, size)
-        parts.append(f"{told} {words} ({_quantile_interval(metric.quantity, *ends)})")
+        parts.append(f"{told} {words} ({_quantile_interval(metric.quantity, *ends, found.fineness)})")
         carried.append(
             Number(
                 "",
@@ -159,8 +162,9 @@ def _interval(low: float | None, high: float | None) -> str:
     return f"{first.removesuffix(' %')} to {last}"
 
 
-def _quantile_interval(quantity: Quantity, low: float | None, high: float | None) -> str:
+def _quantile_interval(quantity: Quantity, low: float | None, high: float | None, fineness: float) -> str:
     """How sure a quantile is, with 95 % confidence."""
+    quantity = quantity.sized(fineness, max(abs(low or 0.0), abs(high or 0.0)))
     if low is None or high is None:
         side = f"at least {at_least(quantity, low)}" if low is not None else ""
         side = f"at most {at_most(quantity, high)}" if high is not None else side

@@ -19,6 +19,8 @@ _FINER = (("m", 1e3), ("µ", 1e6), ("n", 1e9))
 _OWN_UNIT_BELOW = 0.1
 # Coordinates are told to so many of the least differences: of a stroke, the ten-thousandth part.
 _COORDINATES = 100
+# The smallest difference that is told of a number that is itself below what is usual.
+_OF_ITSELF = 1e-3
 # A value that is not defined.
 NOTHING = "–"
 
@@ -62,12 +64,22 @@ class Quantity:
         if math.isinf(value):
             return "∞" if value > 0 else "-∞"
         # no negative zero
-        shown, least = self.factor * value + 0.0, LEAST_SPANS.get(self.unit, 0.0) if self.least is None else self.least
-        if shown and abs(shown) < least:
-            return f"< {least:g}"
+        shown = self.factor * value + 0.0
+        if shown and abs(shown) < self._told:
+            return f"< {self._told:.3g}"
         text = f"{shown:.{self.digits}g}"
         # large numbers in full: 18610 is shorter than 1.861e+04
         return f"{shown:.0f}" if "e+" in text and abs(shown) < 1e7 else text
+
+    @property
+    def _told(self) -> float:
+        """The smallest size that is told [unit]."""
+        return LEAST_SPANS.get(self.unit, 0.0) if self.least is None else self.least
+
+    def telling(self, size: float, largest: float) -> "Quantity":
+        """The same, finer if numbers of this size would be below what is told; in the unit for the largest."""
+        ratio = abs(self.factor * size) / self._told if self._told else 1.0
+        return self.sized(_OF_ITSELF * ratio, largest) if 0 < ratio < 1 else self
 
     def sized(self, fineness: float, largest: float) -> "Quantity":
         """The same for a small machine: told down to a share of what is usual, in the unit for a largest number.
@@ -85,7 +97,7 @@ class Quantity:
         if fineness >= 1 or self.si not in _MECHANICAL or not math.isfinite(size):
             return self
         unit, factor, digits = self.unit, self.factor, self.digits
-        least = fineness * LEAST_SPANS.get(unit, 0.0) / factor
+        least = fineness * self._told / factor
         finer = [(f"{prefix}{self.si}", per_si) for prefix, per_si in _FINER if f"{prefix}{self.si}" in UNITS[self.si]]
         if 0 < size < _OWN_UNIT_BELOW and finer:
             unit, factor = next((each for each in finer if abs(largest) * each[1] >= 1), finer[-1])

@@ -261,6 +261,8 @@ def _result(
     wanted: Required, number: Number, status: Verdicts, value: float | None, bound: float, note: str
 ) -> Requirement:
     margin = wanted.margin(value, bound)
+    # a bound below the resolution of display says how finely to tell what it is for
+    quantity = number.quantity.telling(bound, max(abs(bound), abs(value or 0.0)))
     return Requirement(
         wanted.text,
         wanted.path,
@@ -268,7 +270,7 @@ def _result(
         status,
         value,
         bound,
-        number.quantity,
+        quantity,
         margin,
         note,
     )

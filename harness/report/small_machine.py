@@ -29,9 +29,8 @@ def in_own_size(report: Report, fineness: float) -> Report:
     """The report with the quantities of its numbers, tables and charts as `Quantity.sized`; 1 changes nothing."""
     if fineness >= 1:
         return report
-    sections = tuple(
-        replace(section, parts=tuple(_part(part, fineness) for part in section.parts)) for section in report.sections
-    )
+    parts_of = [tuple(_part(part, fineness) for part in section.parts) for section in report.sections]
+    sections = tuple(replace(one, parts=parts) for one, parts in zip(report.sections, parts_of, strict=True))
     numbers = tuple(_number(each, fineness) for each in report.numbers)
     verdict = replace(report.verdict, numbers=tuple(_number(each, fineness) for each in report.verdict.numbers))
     return replace(report, sections=sections, numbers=numbers, verdict=verdict)
@@ -55,19 +54,20 @@ def _part(part: Part, fineness: float) -> Part:
         series = tuple(replace(each, quantity=_sized(each.quantity, fineness, *values)) for each in part.series)
         x = replace(part.x, quantity=_sized(part.x.quantity, fineness, part.x.values))
         return replace(part, x=x, series=series)
-    if not isinstance(part, Table):
-        return part
-    columns = tuple(
-        column
-        if column.quantity is None
-        else replace(column, quantity=_sized(column.quantity, fineness, *(row[k] for row in part.rows)))
-        for k, column in enumerate(part.columns)
-    )
-    return replace(part, columns=columns, rows=tuple(_row(row, fineness) for row in part.rows))
+    return table_in_own_size(part, fineness) if isinstance(part, Table) else part
+
+
+def table_in_own_size(table: Table, fineness: float) -> Table:
+    """A table in which values of a row that have one quantity, and the numbers of a column, share a unit."""
+    columns = [
+        each.quantity and _sized(each.quantity, fineness, *(row[k] for row in table.rows))
+        for k, each in enumerate(table.columns)
+    ]
+    named = tuple(replace(each, quantity=own) for each, own in zip(table.columns, columns, strict=True))
+    return replace(table, columns=named, rows=tuple(_row(row, fineness) for row in table.rows))
 
 
 def _row(row: tuple[Cell, ...], fineness: float) -> tuple[Cell, ...]:
-    """Values of a row that have one quantity share a unit."""
     values = [cell for cell in row if isinstance(cell, Value)]
     shown = {
         each.quantity: _sized(each.quantity, fineness, *(v.value for v in values if v.quantity == each.quantity))

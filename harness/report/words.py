@@ -21,6 +21,11 @@ def about(quantity: Quantity, value: float | None, digits: int = DIGITS, finenes
     return replace(quantity.sized(fineness, value or 0.0), digits=digits).text(value)
 
 
+def exactly(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
+    """The same, also of what is below the resolution of display."""
+    return about(quantity.telling(value, value), value, digits)
+
+
 def at_most(quantity: Quantity, value: float, digits: int = DIGITS, fineness: float = 1.0) -> str:
     """The same as an upper bound, rounded up: "within 0.81 mm" holds for 0.8012 mm.
 

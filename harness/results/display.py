@@ -10,11 +10,13 @@ import numpy as np
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.notebook import table_to_html
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME
+from gough_stewart.harness.report.small_machine import fineness_of, table_in_own_size
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.outcome import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.harness.results.tables import metrics_tables
+from gough_stewart.model.platform import Platform
 
 _ERRORS = {"position": LENGTH, "orientation": ANGLE, "leg_length": LENGTH}
 _MEASURED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force")
@@ -67,4 +69,6 @@ def _circumstances(record: RecordData) -> Table:
         finite = error[np.isfinite(error)]
         if finite.size:
             found.append((f"peak error of {name.replace('_', ' ')}", Value(float(finite.max()), quantity)))
-    return Table(f"Record: {known.get('title', 'untitled')}", (Column(""), Column("")), tuple(found))
+    table = Table(f"Record: {known.get('title', 'untitled')}", (Column(""), Column("")), tuple(found))
+    machine = known.get("machine") or known.get("platform") or {}
+    return table_in_own_size(table, fineness_of(Platform(**machine))) if "base_points" in machine else table

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.harness.plants.unit import Message, Unit, UnitFile, Values, references, values_of
+from gough_stewart.harness.plants.unit import Unit, UnitFile, Values, references, values_of
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import forward_dynamics
 from gough_stewart.model.errors import InterfaceError, StepError
