@@ -94,9 +94,7 @@ class Platform(PlatformFields):
 
     @property
     def hints(self) -> tuple[str, ...]:
-        """What looks like a mistake but is possible: legs that nearly touch, a bad order of joints, active friction,
-        units of CAD programs.
-        """
+        """What looks like a mistake but is possible: odd units, touching legs, their order, active friction."""
         return (*unit_hints(self), *joint_order_hints(self), *friction_hints(self))
 
     @classmethod

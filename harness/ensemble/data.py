@@ -34,11 +34,6 @@ class EnsembleData:
         return tuple(name.removeprefix(VARIED) for name in self.members.columns if name.startswith(VARIED))
 
     @property
-    def fineness(self) -> float:
-        """How finely numbers of its machines are told, as `fineness_of`."""
-        return float(self.metadata.get("fineness", 1.0))
-
-    @property
     def title(self) -> str:
         """Title of the experiment."""
         return str(self.metadata.get("title", "ensemble"))

@@ -12,9 +12,7 @@ from gough_stewart.harness.motion.limits.shares_tables import OF_LIMIT, shares_t
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.palette import Role
-from gough_stewart.harness.report.small_machine import fineness_of, in_own_size
 from gough_stewart.harness.report.words import listed, percent, sentence
-from gough_stewart.model.platform import Platform
 
 # A motion that needs more of a limit is done with little room.
 _NEAR = 0.9
@@ -49,8 +47,6 @@ class Checked(Protocol):
     @property
     def platform_name(self) -> str: ...
     @property
-    def platform(self) -> Platform: ...
-    @property
     def within(self) -> bool: ...
     @property
     def keeps_margin(self) -> bool: ...
@@ -71,7 +67,7 @@ def check_report(found: Checked, *, charts: bool = True) -> Report:
         sections.append(Section("Over time", (_chart(found),)))
     numbers = [_number(found.shares.peak(name)) for name in found.shares.of]
     notes = [Note(f"Not checked, as the platform states no limit: {_unchecked(found)}.")] if found.not_stated else []
-    report = Report(
+    return Report(
         found.title,
         check_verdict(found),
         tuple(sections),
@@ -81,7 +77,6 @@ def check_report(found: Checked, *, charts: bool = True) -> Report:
         numbers=tuple(numbers),
         notes=tuple(notes),
     )
-    return in_own_size(report, fineness_of(found.platform))
 
 
 def check_verdict(found: Checked) -> Verdict:

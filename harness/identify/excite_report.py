@@ -6,7 +6,6 @@ from gough_stewart.harness.identify.excite import Excited
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, Quantity
-from gough_stewart.harness.report.small_machine import fineness_of, in_own_size
 from gough_stewart.harness.report.words import counted, sentence
 from gough_stewart.model.platform import Platform
 
@@ -41,7 +40,7 @@ def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], du
             ("orientation", ANGLE, motion.orientation, ("roll", "pitch", "yaw")),
         )
     )
-    report = Report(
+    return Report(
         f"Excitation of {platform.name}",
         Verdict(text, "good" if well else "marginal", (number,)),
         (Section("Motion", charts),),
@@ -49,7 +48,6 @@ def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], du
         lead=f"{duration:g} s within all limits of the platform",
         numbers=(number, Number("log_determinant", "log determinant of the information", found.log_determinant)),
     )
-    return in_own_size(report, fineness_of(platform))
 
 
 def _chart(what: str, quantity: Quantity, values: np.ndarray, components: tuple[str, ...], duration: float) -> Chart:

@@ -104,9 +104,9 @@ def _value(found: Estimate, k: int) -> str:
 def _numbers(found: Estimate) -> tuple[Number, ...]:
     made = []
     for k, name in enumerate(found.names):
-        (low, high), value = found.interval[k].tolist(), float(found.values[k])
+        low, high = found.interval[k].tolist()
         made.append(
-            Number(f"parameters.{name}", name, value, quantity_of(name).telling(value, value), low, high,
+            Number(f"parameters.{name}", name, float(found.values[k]), quantity_of(name), low, high,
                    explanation="with its interval of 95 % confidence")
         )  # fmt: skip
     condition = found.condition_number if math.isfinite(found.condition_number) else None

@@ -44,16 +44,15 @@ def _parameters(estimate: Estimate) -> Table:
     half = estimate.values - estimate.interval[:, 0]
     for k, name in enumerate(estimate.names):
         value, spread = float(estimate.values[k]), float(half[k])
-        before = float(estimate.nominal[k])
-        first: list[Cell] = [name, Value(before, quantity_of(name, 5).telling(before, before))]
-        found = Value(value, quantity_of(name).telling(value, value))
+        first: list[Cell] = [name, Value(float(estimate.nominal[k]), quantity_of(name, 5))]
+        found = Value(value, quantity_of(name))
         if name in estimate.not_excited:
             rows.append((*first, "not excited", None, None))
         elif name in estimate.at_bound:
             rows.append((*first, found, "at its bound", None))
         else:
             share = 100 * spread / abs(value) if value else None
-            rows.append((*first, found, Value(spread, quantity_of(name, 2).telling(value, spread)), share))
+            rows.append((*first, found, Value(spread, quantity_of(name, 2)), share))
     columns = (
         Column(""),
         Column("before"),

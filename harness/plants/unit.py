@@ -339,9 +339,9 @@ class Unit:
 
     def _hear(self, *arguments: Any) -> None:
         # environment, in FMI 2.0 the instance's name, status, category, message
-        status, *texts = arguments[-3:]
+        status, category, text = arguments[-3:]
         name = _ends_of(arguments[1]) if self.is_fmi2 else None
-        self.messages.append(Message(status, *map(_ends_of, texts), name))
+        self.messages.append(Message(status, _ends_of(category), _ends_of(text), name))
         self.is_alarmed |= status not in _WELL
         self._heard += 1
         if len(self.messages) > 2 * _MESSAGES_KEPT:

@@ -12,15 +12,14 @@ from gough_stewart.harness.quantities import UNITS, unit_typed
 from gough_stewart.model.interface import unit_text
 
 _DEGREES = 180 / math.pi
-# What a small machine has less of.
+# What a small machine has less of, and the units in which it is shown instead.
 _MECHANICAL = ("m", "rad", "m/s", "rad/s", "m/s2", "N", "N.m", "W", "J", "kg", "kg.m2")
-_FINER = (("m", 1e3), ("µ", 1e6), ("n", 1e9))
-# Smaller numbers in a unit get a unit of their own size.
-_OWN_UNIT_BELOW = 0.1
-# Coordinates are told to so many of the least differences: of a stroke, the ten-thousandth part.
-_COORDINATES = 100
-# The smallest difference that is told of a number that is itself below what is usual.
-_OF_ITSELF = 1e-3
+_FINER = {
+    **{"m": "mm", "mm": "µm", "µm": "nm", "deg": "µrad", "m/s": "mm/s", "mm/s": "µm/s", "deg/s": "µrad/s"},
+    **{"W": "mW", "mW": "µW", "J": "µJ"},
+}
+# Digits of a coordinate that differs by a ten-thousandth of itself; the smallest share of a number that is told.
+_OF_COORDINATES, _OF_ITSELF = 7, 1e-3
 # A value that is not defined.
 NOTHING = "–"
 
@@ -54,6 +53,8 @@ class Quantity:
         """A stored number as shown, with its unit; "< 0.001 mm" below the resolution of display."""
         if value is None or math.isnan(value):
             return NOTHING
+        if unit and self.least is not None and self.unit in _FINER and 0 < abs(self.factor * value) < 1:
+            return self.fine(1.0).text(value)
         digits = self.number(value)
         return f"{digits} {self.unit_text}" if unit and self.unit else digits
 
@@ -64,46 +65,31 @@ class Quantity:
         if math.isinf(value):
             return "∞" if value > 0 else "-∞"
         # no negative zero
-        shown = self.factor * value + 0.0
-        if shown and abs(shown) < self._told:
-            return f"< {self._told:.3g}"
+        shown, least = self.factor * value + 0.0, self.told
+        if shown and abs(shown) < least:
+            return f"< {least:.3g}"
         text = f"{shown:.{self.digits}g}"
         # large numbers in full: 18610 is shorter than 1.861e+04
         return f"{shown:.0f}" if "e+" in text and abs(shown) < 1e7 else text
 
     @property
-    def _told(self) -> float:
+    def told(self) -> float:
         """The smallest size that is told [unit]."""
         return LEAST_SPANS.get(self.unit, 0.0) if self.least is None else self.least
 
-    def telling(self, size: float, largest: float) -> "Quantity":
-        """The same, finer if numbers of this size would be below what is told; in the unit for the largest."""
-        ratio = abs(self.factor * size) / self._told if self._told else 1.0
-        return self.sized(_OF_ITSELF * ratio, largest) if 0 < ratio < 1 else self
-
-    def sized(self, fineness: float, largest: float) -> "Quantity":
-        """The same for a small machine: told down to a share of what is usual, in the unit for a largest number.
-
-        A length that is large beside that, such as a coordinate, has the digits to tell one from another.
-
-        Parameters
-        ----------
-        fineness
-            That share, from `small_machine.fineness_of`; 1 changes nothing.
-        largest
-            The largest of the numbers as stored, of any sign.
-        """
-        size = abs(self.factor * largest)
-        if fineness >= 1 or self.si not in _MECHANICAL or not math.isfinite(size):
+    def fine(self, share: float) -> "Quantity":
+        """The same for a small machine: told down to a share of what is usual, in a smaller unit if it has one."""
+        if self.si not in _MECHANICAL:
             return self
-        unit, factor, digits = self.unit, self.factor, self.digits
-        least = fineness * self._told / factor
-        finer = [(f"{prefix}{self.si}", per_si) for prefix, per_si in _FINER if f"{prefix}{self.si}" in UNITS[self.si]]
-        if 0 < size < _OWN_UNIT_BELOW and finer:
-            unit, factor = next((each for each in finer if abs(largest) * each[1] >= 1), finer[-1])
-        if self.si == "m" and least and size:
-            digits = max(digits, 1 + math.floor(math.log10(abs(largest) / (_COORDINATES * least))))
-        return replace(self, unit=unit, factor=factor, least=factor * least, digits=digits)
+        unit = _FINER.get(self.unit, self.unit)
+        ratio = UNITS[self.si][self.unit] / UNITS[self.si][unit] if unit != self.unit else 1.0
+        digits = max(self.digits, _OF_COORDINATES) if self.unit == "m" else self.digits
+        return replace(self, unit=unit, factor=self.factor * ratio, digits=digits, least=share * ratio * self.told)
+
+    def telling(self, size: float) -> "Quantity":
+        """The same, `fine` if a number of this size [stored] would be below what is told."""
+        size = abs(self.factor * size)
+        return self.fine(_OF_ITSELF * size / self.told) if 0 < size < self.told else self
 
     def headed(self, name: str = "") -> str:
         """A heading: the name, or the quantity's own, with the unit in brackets."""

@@ -261,8 +261,6 @@ def _result(
     wanted: Required, number: Number, status: Verdicts, value: float | None, bound: float, note: str
 ) -> Requirement:
     margin = wanted.margin(value, bound)
-    # a bound below the resolution of display says how finely to tell what it is for
-    quantity = number.quantity.telling(bound, max(abs(bound), abs(value or 0.0)))
     return Requirement(
         wanted.text,
         wanted.path,
@@ -270,7 +268,7 @@ def _result(
         status,
         value,
         bound,
-        quantity,
+        number.quantity.telling(bound),  # which says how finely to tell
         margin,
         note,
     )

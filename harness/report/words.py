@@ -16,28 +16,27 @@ METRES = Quantity("m", "m")
 _NEGATIVE = re.compile(r"(?<![^\s(±])-(?=\.?\d|∞)")
 
 
-def about(quantity: Quantity, value: float | None, digits: int = DIGITS, fineness: float = 1.0) -> str:
-    """A number with its unit and few digits; `fineness` is that of the machine."""
-    return replace(quantity.sized(fineness, value or 0.0), digits=digits).text(value)
+def about(quantity: Quantity, value: float | None, digits: int = DIGITS) -> str:
+    """A number with its unit and few digits."""
+    return replace(quantity, digits=digits).text(value)
 
 
 def exactly(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
     """The same, also of what is below the resolution of display."""
-    return about(quantity.telling(value, value), value, digits)
+    return about(quantity.telling(value), value, digits)
 
 
-def at_most(quantity: Quantity, value: float, digits: int = DIGITS, fineness: float = 1.0) -> str:
+def at_most(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
     """The same as an upper bound, rounded up: "within 0.81 mm" holds for 0.8012 mm.
 
     Lengths from a metre on are in metres; what is below the resolution of display is within that.
     """
-    kind = METRES if quantity == LENGTH and abs(value) >= 1 else quantity.sized(fineness, value)
+    kind = METRES if quantity == LENGTH and abs(value) >= 1 else quantity
     return about(kind, _rounded(kind, value, digits, math.ceil), digits).removeprefix("< ")
 
 
-def at_least(quantity: Quantity, value: float, digits: int = DIGITS, fineness: float = 1.0) -> str:
+def at_least(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
     """The same as a lower bound, rounded down."""
-    quantity = quantity.sized(fineness, value)
     return about(quantity, _rounded(quantity, value, digits, math.floor), digits)
 
 

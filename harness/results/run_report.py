@@ -8,7 +8,7 @@ import numpy as np
 
 from gough_stewart.harness.report.document import Note, Number, Part, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, LENGTH, NUMBER, SHARE, TIME, Quantity
-from gough_stewart.harness.report.small_machine import fineness_of, in_own_size
+from gough_stewart.harness.report.small_machine import fine, fineness_of, fineness_of_record
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, sentence
 from gough_stewart.harness.results.circumstances import (
     limits_table,
@@ -54,13 +54,8 @@ class _Part(NamedTuple):
     number: Number | None = None
 
 
-def run_verdict(
-    record: RecordData, measured: Mapping[str, Any], robustness: Robustness | None = None, fineness: float = 1.0
-) -> Verdict:
-    """Whether the run follows its reference, what it uses of the drives, when it settles, how robust its loop is.
-
-    `fineness` is that of its machine.
-    """
+def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Robustness | None = None) -> Verdict:
+    """Whether the run follows its reference, what it uses of the drives, when it settles, how robust its loop is."""
     outcome = measured["outcome"]
     own = outcome.get("oscillation")
     if outcome["status"] != "completed":
@@ -70,15 +65,10 @@ def run_verdict(
         of = f" of {planned:.4g} s" if planned else ""
         cause = f": {outcome['cause']}" if outcome.get("cause") else ""
         return Verdict(sentence([f"{outcome['status']} at {outcome['time']:.4g} s{of}{cause}"]), "bad")
-    parts = [
-        *_tracking(record, measured, fineness),
-        *_drives(record, measured, fineness),
-        *_settling(measured),
-        *_robust(robustness),
-    ]
+    parts = [*_tracking(record, measured), *_drives(record, measured), *_settling(measured), *_robust(robustness)]
     parts = parts or [_Part(f"completed {outcome['time']:.4g} s; it has neither a reference nor forces to judge")]
     if own:
-        parts.insert(0, _Part(_by_itself(own, fineness), True))
+        parts.insert(0, _Part(_by_itself(own, _own(LENGTH, record)), True))
     numbers = tuple(part.number for part in parts if part.number is not None)
     beyond = any(each.margin is not None and each.margin < 0 for each in numbers)
     status: Status = "good" if measured["tracking"] else "told"
@@ -101,36 +91,35 @@ def run_numbers(measured: Mapping[str, Any], robustness: Robustness | None = Non
     return tuple(found)
 
 
-def _tracking(record: RecordData, measured: Mapping[str, Any], fineness: float) -> list[_Part]:
-    tracking = measured["tracking"] or {}
+def _tracking(record: RecordData, measured: Mapping[str, Any]) -> list[_Part]:
+    tracking, length = measured["tracking"] or {}, _own(LENGTH, record)
     if "position" not in tracking:
-        return _moved(record, fineness)
+        return _moved(record, length)
     jumps = [step for step in measured["step_response"] or () if _jumps(record, step)]
     position, orientation = tracking["position"]["norm_peak"], tracking.get("orientation", {}).get("norm_peak")
     if jumps:
         # the error is the step itself at first
-        ends = [at_most(_of_axis(step["axis"]), abs(step["final_error"]), fineness=fineness) for step in jumps]
+        ends = [at_most(_own(_of_axis(step["axis"]), record), abs(step["final_error"])) for step in jumps]
         step = max(jumps, key=lambda each: abs(each["final_error"] / (each["to"] - each["from"])))
         path, quantity = f"step_response.{step['axis']}.final_error", _of_axis(step["axis"])
         number = Number(path, f"{step['axis']}: error at the end", abs(step["final_error"]), quantity)
         return [_Part(f"ends {' and '.join(ends)} from its reference after the step", number=number)]
     number = Number("tracking.position.norm_peak", "position error, peak", position, LENGTH)
-    text = f"follows within {at_most(LENGTH, position, fineness=fineness)}"
+    text = f"follows within {at_most(length, position)}"
     # an angle matters by what it moves at the joints
     lever = float(np.linalg.norm(record.metadata["platform"]["platform_points"], axis=1).mean())
     if orientation is not None and orientation * lever > _SMALL * position:
-        text += f" and {at_most(ANGLE, orientation, fineness=fineness)}"
+        text += f" and {at_most(_own(ANGLE, record), orientation)}"
     return [_Part(text, number=number)]
 
 
-def _moved(record: RecordData, fineness: float) -> list[_Part]:
+def _moved(record: RecordData, length: Quantity) -> list[_Part]:
     """Of a run without a reference: how far the platform goes."""
     if "position" not in record or not len(record["position"]):
         return []
     position = record["position"]
     distance = float(np.linalg.norm(position - position[0], axis=1).max())
-    size = at_most(LENGTH, distance, fineness=fineness)
-    return [_Part(f"open loop: the platform moves up to {size} from its start")]
+    return [_Part(f"open loop: the platform moves up to {at_most(length, distance)} from its start")]
 
 
 def _jumps(record: RecordData, step: Mapping[str, Any]) -> bool:
@@ -146,7 +135,12 @@ def _of_axis(axis: str) -> Quantity:
     return LENGTH if axis in "xyz" else ANGLE
 
 
-def _drives(record: RecordData, measured: Mapping[str, Any], fineness: float) -> list[_Part]:
+def _own(quantity: Quantity, record: RecordData) -> Quantity:
+    """A quantity as the record's machine has it."""
+    return fine(quantity, fineness_of_record(record.metadata))
+
+
+def _drives(record: RecordData, measured: Mapping[str, Any]) -> list[_Part]:
     """The limit of which the legs use most; the forces if no limit is stated; what was saturated or left its stroke."""
     if not measured["force"]:
         return []
@@ -176,9 +170,7 @@ def _drives(record: RecordData, measured: Mapping[str, Any], fineness: float) ->
     else:
         peak = max(each for each in measured["force"]["peak"] if each is not None)
         number = Number("force.peak", "peak force", peak, FORCE)
-        found.append(
-            _Part(f"forces up to {at_most(FORCE, peak, 3, fineness)}; no limit of the drives is known", number=number)
-        )
+        found.append(_Part(f"forces up to {at_most(FORCE, peak, 3)}; no limit of the drives is known", number=number))
     for name, text in (
         ("force_limited", "forces at the drives' limit"),
         ("rate_limited", "forces at the drives' rate limit"),
@@ -189,7 +181,7 @@ def _drives(record: RecordData, measured: Mapping[str, Any], fineness: float) ->
     margin = (measured["stroke"] or {}).get("margin")
     if margin is not None and margin < 0:
         number = Number("stroke.margin", "stroke margin", margin, LENGTH, limit=0.0, margin=margin)
-        found.append(_Part(f"a leg is {at_most(LENGTH, -margin, fineness=fineness)} beyond its stroke", True, number))
+        found.append(_Part(f"a leg is {at_most(_own(LENGTH, record), -margin)} beyond its stroke", True, number))
     return found
 
 
@@ -220,9 +212,9 @@ def _robust(robustness: Robustness | None) -> list[_Part]:
     return [_Part(f"{size} to the disk margin", robustness.alpha < _FRAIL, number)]
 
 
-def _by_itself(own: Mapping[str, Any], fineness: float) -> str:
+def _by_itself(own: Mapping[str, Any], length: Quantity) -> str:
     found = Oscillation(**own)
-    size = at_most(LENGTH, found.amplitude, fineness=fineness)
+    size = at_most(length, found.amplitude)
     rate = "" if found.frequency is None else f" at {found.frequency:.3g} Hz"
     if found.is_growing:
         return f"unstable: the error of leg {found.leg} grows to {size}{rate} although nothing acts on the loop"
@@ -254,18 +246,19 @@ def report_of_run(
     circumstances = tuple(table for table in about_run if table is not None and table.rows)
     if charts:
         sections.append(Section("Run, parameters, versions", circumstances, detail=True))
-    fineness = fineness_of(machine)
-    report = Report(
-        str(record.metadata.get("title", "untitled")),
-        run_verdict(record, found, robustness, fineness),
-        tuple(sections),
-        study="run",
-        lead=_lead(record),
-        numbers=run_numbers(found, robustness),
-        settings=settings_of(record.metadata.get("settings") or {}),
-        notes=tuple(Note(text, "warning") for text in record.metadata.get("warnings", ())),
+    return fine(
+        Report(
+            str(record.metadata.get("title", "untitled")),
+            run_verdict(record, found, robustness),
+            tuple(sections),
+            study="run",
+            lead=_lead(record),
+            numbers=run_numbers(found, robustness),
+            settings=settings_of(record.metadata.get("settings") or {}),
+            notes=tuple(Note(text, "warning") for text in record.metadata.get("warnings", ())),
+        ),
+        fineness_of(machine),
     )
-    return in_own_size(report, fineness)
 
 
 def _lead(record: RecordData) -> str:

@@ -12,9 +12,8 @@ from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, of_unit
-from gough_stewart.harness.report.small_machine import in_own_size
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import about, counted, listed, percent, sentence
+from gough_stewart.harness.report.words import counted, exactly, listed, percent, sentence
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.search import Search
@@ -47,8 +46,6 @@ class Found(Protocol):
     @property
     def search(self) -> Search: ...
     @property
-    def fineness(self) -> float: ...
-    @property
     def members(self) -> int: ...
     @property
     def fresh_members(self) -> int: ...
@@ -61,7 +58,7 @@ def tuning_report(found: Found, statement: str, *, charts: bool = True) -> Repor
     sections = [Section("Values", (_values(found), _judged(found)))]
     if charts:
         sections.append(Section("Search", (_chart(found), *_landscape(found))))
-    report = Report(
+    return Report(
         found.title,
         tuning_verdict(found),
         tuple(sections),
@@ -71,7 +68,6 @@ def tuning_report(found: Found, statement: str, *, charts: bool = True) -> Repor
         numbers=_numbers(found),
         notes=(*(Note(text, "warning") for text in found.warnings), Note(statement)),
     )
-    return in_own_size(report, found.fineness)
 
 
 def tuning_verdict(found: Found) -> Verdict:
@@ -88,10 +84,10 @@ def tuning_verdict(found: Found) -> Verdict:
     if before is not None and np.isfinite(before.value) and before.value:
         change = (after.value - before.value) / abs(before.value)
         gain = f" ({percent(abs(change))} {'less' if change < 0 else 'more'})"
-        was, now = (about(metric.quantity, each.value, 3, found.fineness) for each in (before, after))
+        was, now = (exactly(metric.quantity, each.value, 3) for each in (before, after))
         moved = f"{metric.text}{of}: from {was} to {now}{gain}"
     else:
-        moved = f"{metric.text}{of}: {about(metric.quantity, after.value, 3, found.fineness)}"
+        moved = f"{metric.text}{of}: {exactly(metric.quantity, after.value, 3)}"
     values = [f"{axis.key} {_text(found.values[axis.key], axis.unit)}" for axis in found.search.axes]
     near = [
         axis.key

@@ -1,7 +1,6 @@
 """The result of a search: values found, their evaluation, and all of it as a report."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import polars
@@ -10,9 +9,9 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.stages import platforms_of
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.notebook import to_html
-from gough_stewart.harness.report.small_machine import fineness_of
+from gough_stewart.harness.report.small_machine import fine, fineness_of
 from gough_stewart.harness.report.terminal import text_of
-from gough_stewart.harness.report.words import about
+from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.report import tuning_report
@@ -55,7 +54,8 @@ class Tuning:
         Report
             Verdict, the values as numbers, tables, and with `charts` all candidates.
         """
-        return tuning_report(self, statement(self), charts=charts)
+        machine = platforms_of(self.experiment)[1]
+        return fine(tuning_report(self, statement(self), charts=charts), fineness_of(machine))
 
     def __repr__(self) -> str:
         return "\n".join([f"Tuning: {self.title}", text_of(self.report(charts=False))])
@@ -72,11 +72,6 @@ class Tuning:
     def changed(self) -> dict[str, dict[str, Any]]:
         """What was set of the experiment's file."""
         return self.experiment.changed
-
-    @cached_property
-    def fineness(self) -> float:
-        """How finely numbers of its machine are told, as `fineness_of`."""
-        return fineness_of(platforms_of(self.experiment)[1])
 
     @property
     def is_interrupted(self) -> bool:
@@ -104,7 +99,7 @@ class Tuning:
 def statement(found: Tuning) -> str:
     """The value on the members of the search and on fresh members."""
     metric = metric_of(found.search.goal.metric)
-    seen = f"{metric.text}: {about(metric.quantity, found.seen.value, metric.quantity.digits, found.fineness)}"
+    seen = f"{metric.text}: {exactly(metric.quantity, found.seen.value, 4)}"
     if found.fresh is None:
         why = "the search was interrupted" if found.is_interrupted else "nothing is random, so other runs are the same"
         return f"{seen} in the search; not evaluated again: {why}."
@@ -117,6 +112,5 @@ def statement(found: Tuning) -> str:
     by = f"the {found.members} members" if found.search_is_over_members else "the one run"
     return (
         f"{seen} on {by} of the search; {100 * found.search.goal.quantile:g} % of {found.fresh_members} fresh members "
-        f"have at most "
-        f"{about(metric.quantity, found.fresh.value, metric.quantity.digits, found.fineness)}.{also}"
+        f"have at most {exactly(metric.quantity, found.fresh.value, 4)}.{also}"
     )

@@ -10,7 +10,7 @@ from gough_stewart.harness.experiment.key_units import value_text
 from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Setting, Verdict
 from gough_stewart.harness.report.quantities import LENGTH, Quantity
-from gough_stewart.harness.report.small_machine import fineness_of, in_own_size
+from gough_stewart.harness.report.small_machine import fine, fineness_of
 from gough_stewart.harness.report.table import Cell, Column, Table
 from gough_stewart.harness.report.words import at_most, listed
 from gough_stewart.harness.results.circumstances import parameters_table, run_table, versions_table
@@ -46,21 +46,23 @@ def comparison_report(records: Sequence[Record], shown: Sequence[Shown], title: 
         believed = platform_of(record)
         tables = (*metrics_tables(measured), run_table(record, believed), parameters_table(each.machine, believed))
         sections.append(Section(f"{each.name}: all metrics, run, parameters", (*tables, versions_table(record)), True))
-    report = Report(
-        title,
-        _verdict(records, found, names, fineness),
-        tuple(each for each in sections if each.parts),
-        study="compare",
-        lead=differ_in(differing_settings(records)),
-        settings=differing_settings(records),
-        runs=names,
-        notes=tuple(
-            Note(f"{name}: {outcome_text(each['outcome'])}", "warning")
-            for name, each in zip(names, found, strict=True)
-            if not is_sound(each["outcome"])
+    return fine(
+        Report(
+            title,
+            _verdict(records, found, names, fine(LENGTH, fineness)),
+            tuple(each for each in sections if each.parts),
+            study="compare",
+            lead=differ_in(differing_settings(records)),
+            settings=differing_settings(records),
+            runs=names,
+            notes=tuple(
+                Note(f"{name}: {outcome_text(each['outcome'])}", "warning")
+                for name, each in zip(names, found, strict=True)
+                if not is_sound(each["outcome"])
+            ),
         ),
+        fineness,
     )
-    return in_own_size(report, fineness)
 
 
 def differ_in(settings: Sequence[Setting], most: int = 4) -> str:
@@ -73,7 +75,7 @@ def differ_in(settings: Sequence[Setting], most: int = 4) -> str:
 
 
 def _verdict(
-    records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str], fineness: float
+    records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str], length: Quantity
 ) -> Verdict:
     """Which run follows best, if all had the same task and completed it."""
     peaks = [((each["tracking"] or {}).get("position") or {}).get("norm_peak") for each in found]
@@ -87,7 +89,7 @@ def _verdict(
         return Verdict(f"{listed(ended)} did not end well; the others are side by side below", "marginal", numbers)
     if not has_same_task(records):
         return Verdict("The runs have different references or durations, so that none is best", "told", numbers)
-    top = best(_PEAK, peaks, fineness)
+    top = best(_PEAK, peaks, length)
     if not top:
         return Verdict(f"{listed(names)} follow equally well", "told", numbers)
     known = {k: peak for k, peak in enumerate(peaks) if peak is not None}
@@ -95,15 +97,15 @@ def _verdict(
     leaders = listed([names[k] for k in sorted(top)])
     follow = "follows" if len(top) == 1 else "follow"
     return Verdict(
-        f"{leaders} {follow} best, within {at_most(LENGTH, known[min(top)], fineness=fineness)}; {names[last]} within "
-        f"{at_most(LENGTH, known[last], fineness=fineness)}",
+        f"{leaders} {follow} best, within {at_most(length, known[min(top)])}; {names[last]} within "
+        f"{at_most(length, known[last])}",
         "told",
         numbers,
     )
 
 
 def side_by_side(
-    records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str], fineness: float
+    records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str], fineness: float = 1.0
 ) -> Table:
     """The metrics of the runs, one column each.
 
@@ -115,26 +117,21 @@ def side_by_side(
     marks = has_same_task(records) and all(is_sound(each["outcome"]) for each in found)
     rows: list[tuple[Cell, ...]] = [("outcome", *(outcome_text(each["outcome"]) for each in found))]
     for path in (metric.path for metric in METRICS if metric.is_compared and metric.path in paths):
-        rows.append(_row(path, [each.get(path) for each in flat], fineness, marks=marks))
+        quantity = replace(fine(metric_of(path).quantity, fineness), digits=4)
+        rows.append(_row(path, [each.get(path) for each in flat], quantity, marks=marks))
     note = f"{_BEST.strip()} is the best of its row." if marks else ""
     return Table("", (Column(""), *map(Column, names)), tuple(rows), note=note)
 
 
-def _row(path: str, values: Sequence[float | None], fineness: float, *, marks: bool) -> tuple[Cell, ...]:
-    quantity, tops = _quantity(path, values, fineness), best(path, values, fineness) if marks else set()
+def _row(path: str, values: Sequence[float | None], quantity: Quantity, *, marks: bool) -> tuple[Cell, ...]:
+    tops = best(path, values, quantity) if marks else set()
     return (
         quantity.headed(metric_of(path).text),
         *(f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(values)),
     )
 
 
-def _quantity(path: str, values: Sequence[float | None], fineness: float) -> Quantity:
-    """How a metric is written beside others."""
-    quantity = replace(metric_of(path).quantity, digits=4)
-    return quantity.sized(fineness, max((abs(value) for value in values if value is not None), default=0.0))
-
-
-def best(path: str, values: Sequence[float | None], fineness: float = 1.0) -> set[int]:
+def best(path: str, values: Sequence[float | None], quantity: Quantity) -> set[int]:
     """Indices of the best values of a metric, as displayed; none if all are equal or the metric is not ranked."""
     better = metric_of(path).better
     sign = 1.0 if better == "larger" else -1.0
@@ -142,7 +139,6 @@ def best(path: str, values: Sequence[float | None], fineness: float = 1.0) -> se
     if better is None or len(known) < 2:
         return set()
     most = max(sign * value for value in known.values())
-    quantity = _quantity(path, values, fineness)
     texts = {k: quantity.number(value) for k, value in known.items()}
     top = {texts[k] for k, value in known.items() if sign * value == most}
     found = {k for k, text in texts.items() if text in top}
