@@ -25,7 +25,7 @@ UNITS: dict[str, dict[str, float]] = {
     "Hz": {"Hz": 1, "kHz": 1e3, "rad/s": 1 / (2 * math.pi), "rpm": 1 / 60},
     "m/s": {"m/s": 1, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6},
     "rad/s": {"rad/s": 1, "mrad/s": 1e-3, "urad/s": 1e-6, "µrad/s": 1e-6, "deg/s": math.pi / 180},
-    "N": {"N": 1, "mN": 1e-3, "kN": 1e3},
+    "N": {"N": 1, "kN": 1e3},
     "N/s": {"N/s": 1, "kN/s": 1e3},
     "N.m": {"N.m": 1, "N m": 1, "Nm": 1, "kN.m": 1e3},
     "N/m": {"N/m": 1, "kN/m": 1e3, "N/mm": 1e3, "N/um": 1e6, "N/µm": 1e6},
@@ -37,7 +37,7 @@ UNITS: dict[str, dict[str, float]] = {
     "kg.m2": {"kg.m2": 1, "kg m2": 1},
     "m/s2": {"m/s2": 1},
     "W": {"W": 1, "mW": 1e-3, "uW": 1e-6, "µW": 1e-6, "kW": 1e3},
-    "J": {"J": 1, "mJ": 1e-3, "uJ": 1e-6, "µJ": 1e-6, "kJ": 1e3},
+    "J": {"J": 1, "uJ": 1e-6, "µJ": 1e-6, "kJ": 1e3},
 }
 
 # The unit of plain numbers, never written out.

@@ -227,7 +227,7 @@ def _verdict(found: Comparison, by: str) -> Verdict:
     if row is None or not row["pairs"]:
         return Verdict(f"No member has a {metric.text} in both {first} and {second}", "marginal")
     signed = replace(fine(metric.quantity, fineness_in(found.a)), digits=3)
-    ends = f"{signed.number(row['median_low'])} to {signed.number(row['median_high'])} {signed.unit_text}".rstrip()
+    ends = signed.range_text(row["median_low"], row["median_high"])
     change = f"median of {second} − {first}"
     side = "less" if row["median"] < 0 else "more"
     gap = f"{metric.text}: {signed.text(abs(row['median']))} {side} in {second} than in {first}"

@@ -188,8 +188,9 @@ def _number(number: Number) -> str:
     state = ' class="missed"' if number.margin is not None and number.margin < 0 else ""
     small = f"<small>{html.escape(with_minus(number.remark))}</small>" if number.remark else ""
     has_unit = number.quantity.unit and number.value is not None
-    unit = f' <span class="unit">{html.escape(number.quantity.unit_text)}</span>' if has_unit else ""
-    value = html.escape(with_minus(number.quantity.text(number.value, unit=False)))
+    value, _, own = number.text.rpartition(" ") if has_unit else (number.text, "", "")
+    unit = f' <span class="unit">{html.escape(own)}</span>' if has_unit else ""
+    value = html.escape(with_minus(value))
     name = explained(number.name, number.explanation)
     return f"<div{state}><dt>{name}</dt><dd><b>{value}</b>{unit}{small}</dd></div>"
 

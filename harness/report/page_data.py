@@ -189,6 +189,7 @@ def scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
         "upper": scene.upper,
         "home": scene.home.tolist(),
         "rows": scene.rows,
+        "digits": scene.decimals,
         "nearnessOf": scene.nearness_of,
         "flags": {flag.name: flag.values for flag in scene.flags},
         "arrays": {name: arrays.add(each) for name, each in values.items() if each is not None},

@@ -18,8 +18,8 @@ _FINER = {
     **{"m": "mm", "mm": "µm", "µm": "nm", "deg": "µrad", "m/s": "mm/s", "mm/s": "µm/s", "deg/s": "µrad/s"},
     **{"W": "mW", "mW": "µW", "J": "µJ"},
 }
-# Digits of a coordinate that differs by a ten-thousandth of itself; the smallest share of a number that is told.
-_OF_COORDINATES, _OF_ITSELF = 7, 1e-3
+# Digits of a coordinate, of which pages have little more; the smallest share of a number that is told.
+_OF_COORDINATES, _OF_ITSELF = 6, 1e-3
 # A value that is not defined.
 NOTHING = "–"
 
@@ -90,6 +90,10 @@ class Quantity:
         """The same, `fine` if a number of this size [stored] would be below what is told."""
         size = abs(self.factor * size)
         return self.fine(_OF_ITSELF * size / self.told) if 0 < size < self.told else self
+
+    def range_text(self, low: float | None, high: float | None) -> str:
+        """Two stored numbers with one unit: 9.8 to 12.3 mm."""
+        return f"{self.number(low)} to {self.number(high)} {self.unit_text}".rstrip()
 
     def headed(self, name: str = "") -> str:
         """A heading: the name, or the quantity's own, with the unit in brackets."""
