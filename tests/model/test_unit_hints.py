@@ -33,9 +33,8 @@ def in_units(platform: gs.Platform, length: float, mass: float, inertia: float, 
     factors = dict.fromkeys((*_LENGTHS, *_LIMITS), length)
     factors |= dict.fromkeys(("platform_mass", "leg_lower_mass", "leg_upper_mass"), mass)
     factors |= dict.fromkeys(("platform_inertia", "leg_lower_inertia", "leg_upper_inertia"), inertia)
-    changed = {
-        name: values[name] * factor for name, factor in {**factors, "gravity": gravity}.items() if name in values
-    }
+    factors["gravity"] = gravity
+    changed = {name: values[name] * factor for name, factor in factors.items() if name in values}
     return gs.Platform(**{**values, **changed})
 
 
@@ -49,7 +48,7 @@ def test_units_of_cad_programs_are_hinted_at(machine: str, units: str) -> None:
 
 @pytest.mark.parametrize("machine", MACHINES)
 def test_real_machines_have_no_such_hint(machine: str) -> None:
-    """Expected: none; nor if one floats in space, carries a load far above its joints, or has its mass in its middle."""
+    """Expected: none; nor of one in space, with a load far above its joints, or with its mass in its middle."""
     platform = MACHINES[machine]
     radius, mass = float(np.linalg.norm(platform.platform_points, axis=1).mean()), platform.platform_mass
     tall, dense = (mass * (share * radius) ** 2 * np.diag([1.0, 1.0, 0.9]) for share in (4.0, 0.1))

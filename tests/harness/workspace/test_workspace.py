@@ -303,7 +303,7 @@ ERRORS = [
     (["--at", "z=2", "--at", "z=3"], "z is fixed twice; expected one value"),
     (
         ["--at", "yaw=high"],
-        "yaw is 'high'; expected a number of rad, or a string with one of the units rad, mrad, urad, µrad, deg",
+        "yaw is 'high'; expected a number of rad, or a string with one of the units rad, mrad, urad",
     ),
     (["--over", "x,y", "--at", "pitch=100deg"], "pitch is 1.74533 rad, 100°; expected from −90° to 90°"),
     (["--at", "z=1e400"], "expected a number of at most 1e+12"),

@@ -181,7 +181,7 @@ USUAL = ["t [s]", "x [mm]", "y [mm]", "z [mm]", "roll [deg]", "pitch [deg]", "ya
         (
             [*USUAL[:6], "yaw [grad]"],
             {},
-            r"^yaw \[grad\] has the unit 'grad'; expected one of rad, mrad, urad, µrad, deg",
+            r"^yaw \[grad\] has the unit 'grad'; expected one of rad, mrad, .*, deg",
         ),
         ([*USUAL, "surge [mm]"], {}, r"^has x \[mm\] and surge \[mm\] for position\[1\]; choose one: columns = "),
         ([*USUAL, "surge [mm]"], {"position[1]": "surge [mm]"}, None),
