@@ -19,12 +19,12 @@ from gough_stewart.model.real import real_array
 
 # Each unit in the SI unit that heads its row.
 UNITS: dict[str, dict[str, float]] = {
-    "m": {"m": 1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
-    "rad": {"rad": 1, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180},
+    "m": {"m": 1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9},
+    "rad": {"rad": 1, "mrad": 1e-3, "urad": 1e-6, "µrad": 1e-6, "deg": math.pi / 180, "°": math.pi / 180},
     "s": {"s": 1, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60},
     "Hz": {"Hz": 1, "kHz": 1e3, "rad/s": 1 / (2 * math.pi), "rpm": 1 / 60},
-    "m/s": {"m/s": 1, "mm/s": 1e-3},
-    "rad/s": {"rad/s": 1, "deg/s": math.pi / 180},
+    "m/s": {"m/s": 1, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6},
+    "rad/s": {"rad/s": 1, "mrad/s": 1e-3, "urad/s": 1e-6, "µrad/s": 1e-6, "deg/s": math.pi / 180},
     "N": {"N": 1, "kN": 1e3},
     "N/s": {"N/s": 1, "kN/s": 1e3},
     "N.m": {"N.m": 1, "N m": 1, "Nm": 1, "kN.m": 1e3},
@@ -36,8 +36,8 @@ UNITS: dict[str, dict[str, float]] = {
     "kg": {"kg": 1, "g": 1e-3, "t": 1e3},
     "kg.m2": {"kg.m2": 1, "kg m2": 1},
     "m/s2": {"m/s2": 1},
-    "W": {"W": 1, "kW": 1e3},
-    "J": {"J": 1, "kJ": 1e3},
+    "W": {"W": 1, "mW": 1e-3, "uW": 1e-6, "µW": 1e-6, "kW": 1e3},
+    "J": {"J": 1, "uJ": 1e-6, "µJ": 1e-6, "kJ": 1e3},
 }
 
 # The unit of plain numbers, never written out.

@@ -18,6 +18,7 @@ from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFiel
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_display import platform_html, platform_text
 from gough_stewart.model.real import real_array
+from gough_stewart.model.unit_hints import unit_hints
 from gough_stewart.model.vectors import FloatArray
 
 # Far beyond any real machine, but its square and cube do not overflow.
@@ -96,8 +97,8 @@ class Platform(PlatformFields):
 
     @property
     def hints(self) -> tuple[str, ...]:
-        """What looks like a mistake but is possible: legs that nearly touch, a bad order of joints, active friction."""
-        return (*joint_order_hints(self), *friction_hints(self))
+        """What looks like a mistake but is possible: odd units, touching legs, their order, active friction."""
+        return (*unit_hints(self), *joint_order_hints(self), *friction_hints(self))
 
     @classmethod
     def from_radii(

@@ -18,6 +18,7 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.polars_paths import read_parquet, scan_parquet, write_to
+from gough_stewart.harness.report.small_machine import fineness_of
 from gough_stewart.harness.results.bands import MOST_KEPT, bands_frame, joined_samples, samples_frame
 from gough_stewart.model.process.files import write_whole
 
@@ -84,6 +85,7 @@ def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) ->
         "title": prepared.nominal.title,
         "experiment": prepared.nominal.model_dump(mode="json"),
         "settings": plan.settings,
+        "fineness": fineness_of(prepared.platforms[1]),
         "members": plan.members,
         "seed": plan.seed,
         "sampling": prepared.choice.sampling,

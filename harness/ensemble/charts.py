@@ -61,7 +61,7 @@ def _histogram(found: EnsembleData, name: str) -> Chart:
     counts, edges = np.histogram(inside, min(_BINS, max(5, int(np.sqrt(len(values))) + 1)), ends)
     note = ""
     if outside := len(values) - len(inside):
-        ends_of_all = f"{metric.quantity.text(values.min(), unit=False)} to {metric.quantity.text(values.max())}"
+        ends_of_all = metric.quantity.telling(float(values.max())).range_text(values.min(), values.max())
         note = f"{metric.text}: {count(outside, 'member')} outside, {ends_of_all} in all."
     marks = tuple(
         Mark(float(np.quantile(values, level)), f"{100 * level:g} %", "vertical", "median")

@@ -14,7 +14,7 @@ from scipy.special import stdtrit
 from gough_stewart.harness.ensemble.charts import ensemble_charts
 from gough_stewart.harness.ensemble.columns import CAUSE, ENDED, MEMBER, OUTCOME, VARIED
 from gough_stewart.harness.ensemble.ensemble import ensemble
-from gough_stewart.harness.ensemble.report import ensemble_numbers, worst_by
+from gough_stewart.harness.ensemble.report import ensemble_numbers, fineness_in, worst_by
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import sensitivity_if_known
 from gough_stewart.harness.ensemble.tables import usual_metrics
@@ -25,6 +25,7 @@ from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
 from gough_stewart.harness.report.proportions import quantile_interval
 from gough_stewart.harness.report.quantities import SHARE
+from gough_stewart.harness.report.small_machine import fine
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.report.words import percent, sentence
@@ -179,19 +180,22 @@ def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
             sections.append(Section(each.title, tuple(parts)))
         every = comparison_tables(found, found.a.metrics)[1:]
         sections.append(Section("All metrics", tuple(every), detail=True))
-    return Report(
-        f"{found.a.title}: {named}",
-        _verdict(found, by),
-        tuple(sections),
-        study="ensemble --compare",
-        settings=settings,
-        runs=found.names,
-        lead=". ".join(filter(None, (f"The same {members} in both{_named(first, second)}", differ_in(settings)))),
-        numbers=(
-            *ensemble_numbers(found.b),
-            *(replace(each, path=f"first.{each.path}") for each in ensemble_numbers(found.a)),
-            *(replace(each, path=f"difference.{each.path}") for each in ensemble_numbers(gaps)),
+    return fine(
+        Report(
+            f"{found.a.title}: {named}",
+            _verdict(found, by),
+            tuple(sections),
+            study="ensemble --compare",
+            settings=settings,
+            runs=found.names,
+            lead=". ".join(filter(None, (f"The same {members} in both{_named(first, second)}", differ_in(settings)))),
+            numbers=(
+                *ensemble_numbers(found.b),
+                *(replace(each, path=f"first.{each.path}") for each in ensemble_numbers(found.a)),
+                *(replace(each, path=f"difference.{each.path}") for each in ensemble_numbers(gaps)),
+            ),
         ),
+        fineness_in(found.a),
     )
 
 
@@ -205,8 +209,8 @@ def _verdict(found: Comparison, by: str) -> Verdict:
     row = next((each for each in found.differences.iter_rows(named=True) if each["metric"] == by), None)
     if row is None or not row["pairs"]:
         return Verdict(f"No member has a {metric.text} in both {first} and {second}", "marginal")
-    signed = replace(metric.quantity, digits=3)
-    ends = f"{signed.text(row['median_low'], unit=False)} to {signed.text(row['median_high'])}"
+    signed = replace(fine(metric.quantity, fineness_in(found.a)), digits=3)
+    ends = signed.range_text(row["median_low"], row["median_high"])
     change = f"median of {second} − {first}"
     side = "less" if row["median"] < 0 else "more"
     gap = f"{metric.text}: {signed.text(abs(row['median']))} {side} in {second} than in {first}"

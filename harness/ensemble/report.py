@@ -36,6 +36,7 @@ from gough_stewart.harness.ensemble.tables import quantity_of_input, usual_metri
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
 from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity
+from gough_stewart.harness.report.small_machine import fine
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, listed, percent, sentence
 from gough_stewart.harness.report.words import counted as count
@@ -116,16 +117,24 @@ def ensemble_report(
         every = [name for name in found.metrics if len(counted(members, name))]
         sections.append(Section("All metrics", (quantile_table(members, every),), detail=True))
     seed = f", seed {found.metadata['seed']}" if "seed" in found.metadata else ""
-    return Report(
-        found.title,
-        ensemble_verdict(found, by, known),
-        tuple(sections),
-        study="ensemble",
-        lead=f"{count(members.height, 'member')} {_DRAWN[found.metadata.get('sampling', 'random')]}{seed}",
-        numbers=ensemble_numbers(found),
-        settings=settings_of(found.metadata.get("settings") or {}),
-        notes=_notes(found),
+    return fine(
+        Report(
+            found.title,
+            ensemble_verdict(found, by, known),
+            tuple(sections),
+            study="ensemble",
+            lead=f"{count(members.height, 'member')} {_DRAWN[found.metadata.get('sampling', 'random')]}{seed}",
+            numbers=ensemble_numbers(found),
+            settings=settings_of(found.metadata.get("settings") or {}),
+            notes=_notes(found),
+        ),
+        fineness_in(found),
     )
+
+
+def fineness_in(found: EnsembleData) -> float:
+    """How finely numbers of its machines are told; those of an older version have none."""
+    return float(found.metadata.get("fineness", 1.0))
 
 
 def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = None) -> Verdict:
@@ -148,9 +157,10 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
         value = float(np.quantile(values, level))
         ends = quantile_interval(values, level, independent=found.independent(are_counted(members, by)))
         told = f"{percent(SHARE_TOLD)} of them"
-        size = at_least(metric.quantity, value) if is_lower else at_most(metric.quantity, value)
+        quantity = fine(metric.quantity, fineness_in(found))
+        size = at_least(quantity, value) if is_lower else at_most(quantity, value)
         words = f"have a {metric.text} of at least {size}" if is_lower else _within(by, size)
-        parts.append(f"{told} {words} ({_quantile_interval(metric.quantity, *ends)})")
+        parts.append(f"{told} {words} ({_quantile_interval(quantity, *ends)})")
         carried.append(
             Number(
                 "",
@@ -179,7 +189,9 @@ def _quantile_interval(quantity: Quantity, low: float | None, high: float | None
         side = f"at least {at_least(quantity, low)}" if low is not None else ""
         side = f"at most {at_most(quantity, high)}" if high is not None else side
         return f"{side}; too few members for more".removeprefix("; ")
-    return f"{at_least(quantity, low).removesuffix(f' {quantity.unit_text}')} to {at_most(quantity, high)}"
+    first, last = at_least(quantity, low), at_most(quantity, high)
+    # one unit for both, unless a small machine's differ
+    return f"{first.removesuffix(f' {last.split()[-1]}') if quantity.unit else first} to {last}"
 
 
 def _within(by: str, size: str) -> str:

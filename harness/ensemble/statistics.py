@@ -23,6 +23,8 @@ from gough_stewart.harness.ensemble.columns import (
     metric_names,
     numbers,
 )
+from gough_stewart.harness.report.quantities import LENGTH
+from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.vectors import FloatArray
@@ -127,7 +129,7 @@ def oscillation_warning(members: polars.DataFrame) -> str:
             what = "oscillate" if kind == OSCILLATING else "grow"
             parts.append(
                 f"the loops of {len(which)} of {members.height} members {what} by themselves; member {which[0]} has "
-                f"the largest amplitude, {1e3 * worst[AMPLITUDE]:.3g} mm{rate}"
+                f"the largest amplitude, {exactly(LENGTH, worst[AMPLITUDE], 3)}{rate}"
             )
     return f"{'; '.join(parts)}. `run --member K` shows one" if parts else ""
 

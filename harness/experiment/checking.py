@@ -146,8 +146,9 @@ class MotionCheck:
             Verdict, largest shares by the paths `limits.NAME`, tables, and with `charts` the shares over time.
         """
         from gough_stewart.harness.experiment.check_report import check_report
+        from gough_stewart.harness.report.small_machine import fine, fineness_of
 
-        return check_report(self, charts=charts)
+        return fine(check_report(self, charts=charts), fineness_of(self.platform))
 
     def __repr__(self) -> str:
         """Title, verdict, largest share of each limit, and needs of the most loaded leg, one line each."""

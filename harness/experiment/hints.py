@@ -6,6 +6,8 @@ import numpy as np
 
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.signals import VARIABLES
+from gough_stewart.harness.report.quantities import LENGTH
+from gough_stewart.harness.report.words import exactly
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 
@@ -79,8 +81,9 @@ def static_error(record: "Record") -> list[str]:
     gravity = platform_of(record).gravity
     # e = reference − position points against gravity where the platform hangs below
     along = -float(mean @ gravity) / (distance * float(np.linalg.norm(gravity)) or 1.0)
-    how = "hangs {:.3g} mm below" if along > 0.9 else "rests {:.3g} mm off"
+    size = exactly(LENGTH, distance, 3)
+    how = f"hangs {size} below" if along > 0.9 else f"rests {size} off"
     return [
-        f"the platform {how.format(1000 * distance)} its reference at the end: the load over the stiffness of its PD; "
+        f"the platform {how} its reference at the end: the load over the stiffness of its PD; "
         "set controller.feedforward = 'gravity', or use a PID, whose integral takes it away"
     ]

@@ -68,9 +68,9 @@ def run(
         Called with the present action before the run, for example while an FMU is built.
     warn
         Called before the run for every limit that the reference exceeds with `limits.reference = "warn"`, and with a
-        loop that is unstable in the linear model, which may grow too slowly for the run to show; and after it if a
-        function that is the controller keeps memory, with which another run would go on; the record's metadata have the
-        same as `warnings`.
+        loop that is unstable in the linear model, which may grow too slowly for the run to show; after it for remarks
+        of an FMU, and if a function that is the controller keeps memory, with which another run would go on; the
+        record's metadata have the same as `warnings`.
 
     Returns
     -------
@@ -103,8 +103,9 @@ def run(
         plan = plan_of(chosen, controller)
         own, prepared = member_of(plan, member)
     growing = growing_of(prepared)
+    said_before = (*prepared.warnings, *growing)
     if warn is not None:
-        for text in (*prepared.warnings, *growing):
+        for text in said_before:
             warn(text)
     if member is not None and plant is None and fmu is None:
         record = records_of(plan, [member], progress)[0]
@@ -118,8 +119,10 @@ def run(
             "from there; use a class or factory"
         )
         record.metadata.setdefault("warnings", []).append(text)
-        if warn is not None:
-            warn(text)
+    if warn is not None:
+        for text in record.metadata.get("warnings", []):
+            if text not in said_before:
+                warn(text)
     return record
 
 
@@ -160,6 +163,7 @@ def run_prepared(
     with opening as opened, prepared.law_in_a_run() as law_from:
         done = simulate(opened, law_from, prepared.loop, progress)
         done = done.of_member(0) if getattr(opened, "shape", ()) else done
+        remarks = opened.remarks() if hasattr(opened, "remarks") else ""
     circumstances: dict[str, Any] = {
         "title": experiment.title,
         "plant": name,
@@ -171,7 +175,10 @@ def run_prepared(
         circumstances["files"] = files
     if replaced:
         circumstances["replaced"] = list(replaced)
-    return record_of(done, prepared, circumstances)
+    record = record_of(done, prepared, circumstances)
+    if remarks:
+        record.metadata.setdefault("warnings", []).append(remarks)
+    return record
 
 
 def _check_plant(plant: object, fmu: object) -> None:

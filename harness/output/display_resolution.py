@@ -38,9 +38,10 @@ _LEAST_SHARE = 1e-6
 _OF_AXES = 0.1
 
 
-def least_span(unit: str, largest: float = 0.0) -> float:
-    """The smallest span of an axis in a unit, for values up to a largest magnitude."""
-    return max(_OF_AXES * LEAST_SPANS.get(unit, _LEAST_OF_OTHERS), _LEAST_SHARE * abs(largest))
+def least_span(unit: str, largest: float = 0.0, least: float | None = None) -> float:
+    """The smallest span of an axis in a unit, for values up to a largest magnitude; `least` is that of numbers."""
+    told = LEAST_SPANS.get(unit, _LEAST_OF_OTHERS) if least is None else least
+    return max(_OF_AXES * told, _LEAST_SHARE * abs(largest))
 
 
 def factor_to(unit: str) -> float:

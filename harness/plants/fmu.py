@@ -124,7 +124,12 @@ class FmuPlant(Plant):
             if error.status == _DISCARD:
                 raise StepError(f"FMU, FMI {self.fmi_version}: step", step, time, reason) from error
             raise PlantError(f"{self.path}: {reason}") from error
-        self._refuse_messages()
+        self._refuse_alarm()
+
+    def remarks(self) -> str:
+        """Rule 12 of `Plant`."""
+        text = self._unit.take_messages()
+        return f"{self.path}: {text}" if text else ""
 
     def close(self) -> None:
         """Rule 8 of `Plant`."""
@@ -135,9 +140,8 @@ class FmuPlant(Plant):
             call(*arguments)
         except FMICallException as error:
             raise PlantError(f"{self.path}: {what} refused: {self._unit.take_messages() or error}") from error
-        if self._unit.messages:
-            self._refuse_messages()
+        self._refuse_alarm()
 
-    def _refuse_messages(self) -> None:
-        if self._unit.messages:  # the FMU sends no messages unless something is wrong
+    def _refuse_alarm(self) -> None:
+        if self._unit.is_alarmed:  # it says that something is wrong, although the call went well
             raise PlantError(f"{self.path}: {self._unit.take_messages()}")

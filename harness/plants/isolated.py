@@ -129,7 +129,9 @@ class Isolated:
     def _last_line(self) -> str:
         if not self._printed.exists():  # closed
             return ""
-        lines = self._printed.read_bytes()[-2000:].decode(errors="replace").strip().splitlines()
+        with self._printed.open("rb") as printed:
+            printed.seek(max(0, self._printed.stat().st_size - 2000))
+            lines = printed.read().decode(errors="replace").strip().splitlines()
         return f": {lines[-1][:200]}" if lines else ""
 
     def _end(self, process: "subprocess.Popen[bytes]") -> None:
@@ -187,6 +189,12 @@ class IsolatedFmu(Plant):
     def do_step(self, time: float, step: float) -> None:
         """Rules 5 and 6 of `Plant`."""
         self._other.call("do_step", time, step)
+
+    def remarks(self) -> str:
+        """Rule 12 of `Plant`; none of a process that has ended."""
+        with suppress(PlantError):
+            return str(self._other.call("remarks"))
+        return ""
 
     def close(self) -> None:
         """Rule 8 of `Plant`."""

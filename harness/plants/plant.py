@@ -40,6 +40,7 @@ class Plant(Protocol):
        is.
     11. `signals` returns the first part of the results (*shape, 24) faster, perhaps as a view, valid until the next
        step.
+    12. `remarks` returns what a plant from elsewhere said since the last call while all went well, "" for nothing.
     """
 
     shape: tuple[int, ...] = ()
@@ -65,6 +66,10 @@ class Plant(Protocol):
 
     def do_step(self, time: float, step: float) -> None:
         """Rules 5, 6 and 9; both in s."""
+
+    def remarks(self) -> str:
+        """Rule 12."""
+        return ""
 
     def freeze(self, members: BoolArray) -> None:  # noqa: ARG002
         """Freeze these members (N,) in their present state (rule 9)."""

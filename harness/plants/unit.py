@@ -29,7 +29,7 @@ from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.variant import Variant
 
 FmiType = Literal["CoSimulation", "ModelExchange"]
-_WARNING = 1  # fmi2Warning, fmi3Warning; larger ones are failures
+_WELL = (0, 1)  # fmi2OK and fmi2Warning, as in FMI 3.0; others are failures, also those that no standard knows
 _CLASSES = {
     ("2.0", "CoSimulation"): FMU2Slave,
     ("2.0", "ModelExchange"): FMU2Model,
@@ -39,7 +39,15 @@ _CLASSES = {
 # An FMU of this project for all systems has some 10 MB; a zip bomb expands by a factor of thousands.
 MOST_BYTES = 256_000_000
 MOST_FILES = 10_000
+# FMPy takes a quarter of a second and 20 MB of memory for each MB; those of this project have 0.1 MB.
+MOST_BYTES_OF_DESCRIPTION = 20_000_000
+DESCRIPTION = "modelDescription.xml"
 _ABSOLUTE = re.compile(r"[/\\]|[A-Za-z]:")
+# The name of the library in the folder of binaries.
+_IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+# Of many messages the first and the last ones are kept, of a long text its first and last bytes.
+_MESSAGES_KEPT = 4
+_BYTES_KEPT = 500
 
 
 class FmuFile:
@@ -73,14 +81,15 @@ class FmuFile:
             folder = Path(self._temporary.name)
         self.folder = folder
         try:
-            fmpy.extract(str(self.path), unzipdir=str(self.folder))
+            with zipfile.ZipFile(self.path) as archive:
+                archive.extractall(self.folder)
         except OSError as error:  # of the folder, not of the FMU
             self.close()
             raise self.error(
                 f"{self.path}: cannot be unpacked in {self.folder.parent} ({error.strerror or error}); free some space "
                 "there, or set TMPDIR to another folder"
             ) from error
-        except (zipfile.BadZipFile, zlib.error) as error:
+        except (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError) as error:  # the last one if it is encrypted
             self.close()
             raise self.refusal(f"cannot be unpacked ({error})") from error
 
@@ -120,6 +129,13 @@ class FmuFile:
         if description.coSimulation is None or description.fmiVersion not in ("2.0", "3.0"):
             kind = f"FMI {description.fmiVersion}, {description.modelName}"
             raise self.refusal(f"{kind}; expected Co-Simulation of FMI 2.0 or 3.0")
+        for interface_type in filter(None, (description.coSimulation, description.modelExchange)):
+            identifier = str(interface_type.modelIdentifier)
+            if not _IDENTIFIER.fullmatch(identifier):
+                raise self.refusal(
+                    f"has the modelIdentifier {_ends_of(identifier.encode())!r}; expected a C identifier, as the "
+                    "standard requires: it is the name of the library"
+                )
         return description
 
     def _check(self) -> None:
@@ -186,6 +202,9 @@ def values_of(names: Iterable[str], is_fmi2: bool, layout: Layout = PLANT) -> Va
 class Unit:
     """An instance of an FMU; `fmu` is FMPy's instance. Failed calls raise FMPy's FMICallException.
 
+    `messages` has the first and the last ones since they were last taken, `is_alarmed` says whether one of all was more
+    than a warning.
+
     Parameters
     ----------
     options
@@ -209,6 +228,7 @@ class Unit:
     ) -> None:
         self.is_fmi2, self._layout = file.is_fmi2, file.layout
         self.messages: list[Message] = []
+        self.is_alarmed, self._heard = False, 0
         arguments = {
             "guid": file.token if token is None else token,
             "unzipDirectory": str(file.folder),
@@ -220,6 +240,7 @@ class Unit:
         self.fmu: Any = kind.__new__(kind)
         try:
             self.fmu.__init__(**arguments)
+            self.fmu._call = partial(_call_of, self.fmu._call)
             if self.is_fmi2:
                 # keep references, since the instance calls them during its lifetime
                 self.callbacks = fmi2CallbackFunctions()
@@ -267,7 +288,7 @@ class Unit:
             if self.fmu is None:
                 raise PlantError("the instance has been freed; expected calls before `close`")
             status = call()
-            if status > _WARNING:
+            if status not in _WELL:
                 raise FMICallException(name, status)
 
         return call_and_check
@@ -297,8 +318,11 @@ class Unit:
 
     def take_messages(self) -> str:
         """The messages since the last call as one text; empty without problems."""
-        texts = [message.text for message in self.messages]
+        texts, left_out = [message.text for message in self.messages], self._heard - len(self.messages)
+        if left_out > 0:
+            texts.insert(_MESSAGES_KEPT, f"… {left_out:,} more messages …")
         self.messages.clear()
+        self.is_alarmed, self._heard = False, 0
         return "; ".join(texts)
 
     def free(self) -> None:
@@ -316,8 +340,29 @@ class Unit:
     def _hear(self, *arguments: Any) -> None:
         # environment, in FMI 2.0 the instance's name, status, category, message
         status, category, text = arguments[-3:]
-        name = arguments[1].decode() if self.is_fmi2 else None
-        self.messages.append(Message(status, category.decode(), text.decode(errors="replace"), name))
+        name = _ends_of(arguments[1]) if self.is_fmi2 else None
+        self.messages.append(Message(status, _ends_of(category), _ends_of(text), name))
+        self.is_alarmed |= status not in _WELL
+        self._heard += 1
+        if len(self.messages) > 2 * _MESSAGES_KEPT:
+            del self.messages[_MESSAGES_KEPT]
+
+
+def _call_of(call: Callable[..., Any], name: str, *arguments: Any) -> Any:
+    """FMPy's call of a function; FMPy takes a status below 0 for success."""
+    answer = call(name, *arguments)
+    if isinstance(answer, int) and answer < 0:
+        raise FMICallException(name, answer)
+    return answer
+
+
+def _ends_of(text: bytes | None) -> str:
+    """A text that a unit hands over, of any length: its first and last bytes if it is long, "" for a null pointer."""
+    whole = text or b""
+    left_out = len(whole) - 2 * _BYTES_KEPT
+    if left_out > 0:
+        whole = whole[:_BYTES_KEPT] + f" … {left_out:,} more bytes … ".encode() + whole[-_BYTES_KEPT:]
+    return whole.decode(errors="replace")
 
 
 def references(name: str, is_fmi2: bool, layout: Layout = PLANT) -> list[int]:
@@ -332,8 +377,8 @@ def check_archive(path: Path) -> None:
     Raises
     ------
     PlantError
-        Not an archive; an entry with an absolute path, `..` or a backslash; more than `MOST_FILES` files or
-        `MOST_BYTES` unpacked.
+        Not an archive; an entry with an absolute path, `..` or a backslash; more than `MOST_FILES` files, `MOST_BYTES`
+        unpacked, or `MOST_BYTES_OF_DESCRIPTION` to parse.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -355,4 +400,10 @@ def check_archive(path: Path) -> None:
         raise PlantError(
             f"{path}: would unpack to {size / 1e6:,.0f} MB, {largest.file_size / 1e6:,.0f} MB of it the entry "
             f"{largest.orig_filename!r}; expected at most {MOST_BYTES / 1e6:,.0f} MB; nothing was unpacked"
+        )
+    described = sum(entry.file_size for entry in entries if entry.orig_filename == DESCRIPTION)
+    if described > MOST_BYTES_OF_DESCRIPTION:
+        raise PlantError(
+            f"{path}: its {DESCRIPTION} has {described / 1e6:,.1f} MB; expected at most "
+            f"{MOST_BYTES_OF_DESCRIPTION / 1e6:,.0f} MB; nothing was parsed"
         )

@@ -16,7 +16,8 @@ from fmpy.validation import validate_fmu
 
 from gough_stewart.fmu_build.plant.component import IDENTIFIER
 from gough_stewart.fmu_build.plant.reference_results import FOLDER
-from gough_stewart.harness.plants.unit import FmiType, Unit, UnitFile, references, values_of
+from gough_stewart.harness.errors import PlantError
+from gough_stewart.harness.plants.unit import FmiType, Unit, UnitFile, check_archive, references, values_of
 from gough_stewart.model import interface
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.variant import IDEAL, NOMINAL
@@ -56,7 +57,11 @@ def check_units(paths: Iterable[Path | str]) -> Iterator[UnitCheck]:
     A failure is a check that has not passed, whatever its reason.
     """
     for path in map(Path, paths):
-        problems = validate_fmu(str(path))
+        try:
+            check_archive(path)
+            problems = validate_fmu(str(path))
+        except PlantError as error:
+            problems = [str(error)]
         yield UnitCheck(path.name, VALIDATION, "; ".join(problems) or "no problem", not problems)
         for kind, name in KINDS.items():
             try:

@@ -56,7 +56,7 @@ class Number:
         """What stands behind it: its interval, its limit, the margin."""
         quantity, parts = self.quantity, []
         if self.low is not None or self.high is not None:
-            parts.append(f"{quantity.number(self.low)} to {quantity.text(self.high)}")
+            parts.append(quantity.range_text(self.low, self.high))
         if self.limit is not None:
             parts.append(f"limit {quantity.text(self.limit)}")
         if self.margin is not None:

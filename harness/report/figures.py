@@ -214,7 +214,7 @@ def _span(axes: Axes, panel: Panel) -> None:
     if panel.chart.y is not None and panel.chart.y.scale == "log":
         return
     low, high = axes.get_ylim()
-    least = max(panel.least, least_span(series.quantity.unit, max(abs(low), abs(high))))
+    least = max(panel.least, least_span(series.quantity.unit, max(abs(low), abs(high)), series.quantity.least))
     if high - low < least:
         middle = (low + high) / 2
         axes.set_ylim(middle - least / 2, middle + least / 2)

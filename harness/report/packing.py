@@ -79,8 +79,8 @@ def _step(array: FloatArray, quantity: Quantity, steps: float) -> float:
     # whole numbers, as of flags, stay whole
     if high - low < steps and np.array_equal(finite, np.rint(finite)):
         return 1.0
-    resolution = least_span(quantity.unit, quantity.factor * max(abs(low), abs(high))) / quantity.factor
-    return max((high - low) / steps, resolution / 8)
+    resolution = least_span(quantity.unit, quantity.factor * max(abs(low), abs(high)), quantity.least)
+    return max((high - low) / steps, resolution / quantity.factor / 8)
 
 
 def _uniform(array: FloatArray) -> dict[str, Any] | None:

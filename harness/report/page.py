@@ -14,7 +14,7 @@ from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, 
 from gough_stewart.harness.report.offline import asset, document
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays
 from gough_stewart.harness.report.page_data import chart_data, is_over_time, member_data, scene_data, surface_data
-from gough_stewart.harness.report.page_tables import table_html
+from gough_stewart.harness.report.page_tables import link, table_html
 from gough_stewart.harness.report.palette import (
     DASHES,
     GROUND,
@@ -188,8 +188,9 @@ def _number(number: Number) -> str:
     state = ' class="missed"' if number.margin is not None and number.margin < 0 else ""
     small = f"<small>{html.escape(with_minus(number.remark))}</small>" if number.remark else ""
     has_unit = number.quantity.unit and number.value is not None
-    unit = f' <span class="unit">{html.escape(number.quantity.unit_text)}</span>' if has_unit else ""
-    value = html.escape(with_minus(number.quantity.text(number.value, unit=False)))
+    value, _, own = number.text.rpartition(" ") if has_unit else (number.text, "", "")
+    unit = f' <span class="unit">{html.escape(own)}</span>' if has_unit else ""
+    value = html.escape(with_minus(value))
     name = explained(number.name, number.explanation)
     return f"<div{state}><dt>{name}</dt><dd><b>{value}</b>{unit}{small}</dd></div>"
 
@@ -222,10 +223,7 @@ def _settings(report: Report) -> str:
 def _files(report: Report) -> str:
     if not report.files:
         return ""
-    items = "".join(
-        f'<li><a href="{html.escape(each.name)}">{html.escape(each.name)}</a> {html.escape(each.what)}</li>'
-        for each in report.files
-    )
+    items = "".join(f"<li>{link(each.name, each.name)} {html.escape(each.what)}</li>" for each in report.files)
     return f'<section class="part"><details><summary>Files</summary><ul class="files">{items}</ul></details></section>'
 
 

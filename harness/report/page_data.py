@@ -94,7 +94,8 @@ def _y_title(chart: Chart) -> str:
 def _shown(quantity: Quantity, chart: Chart) -> dict[str, Any]:
     """How numbers of a quantity are written, and the least span of an axis for those of a chart [shown unit]."""
     sizes = [np.abs(each.values[np.isfinite(each.values)]).max(initial=0.0) for each in chart.series]
-    return {**_written(quantity), "least": least_span(quantity.unit or "1", quantity.factor * float(max(sizes)))}
+    least = least_span(quantity.unit or "1", quantity.factor * float(max(sizes)), quantity.least)
+    return {**_written(quantity), "least": least}
 
 
 def _written(quantity: Quantity) -> dict[str, Any]:
@@ -188,6 +189,7 @@ def scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
         "upper": scene.upper,
         "home": scene.home.tolist(),
         "rows": scene.rows,
+        "digits": scene.decimals,
         "nearnessOf": scene.nearness_of,
         "flags": {flag.name: flag.values for flag in scene.flags},
         "arrays": {name: arrays.add(each) for name, each in values.items() if each is not None},

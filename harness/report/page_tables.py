@@ -1,6 +1,7 @@
 """Tables of a report as HTML."""
 
 import html
+from urllib.parse import quote
 
 from gough_stewart.harness.report.columns import is_at_right
 from gough_stewart.harness.report.glossary import explained, with_terms
@@ -26,7 +27,7 @@ def table_html(table: Table) -> str:
         texts = all_texts[k]
         first = with_terms(texts[0])
         if table.links and table.links[k]:
-            first = f'<a href="{html.escape(table.links[k])}">{html.escape(texts[0])}</a>'
+            first = link(table.links[k], texts[0])
         cells = [f'<th scope="row"{_sorted_by(row[0]) if table.sortable else ""}>{first}</th>']
         for cell, text, right in zip(row[1:], texts[1:], at_right[1:], strict=True):
             value = _sorted_by(cell) if table.sortable else ""
@@ -44,6 +45,12 @@ def table_html(table: Table) -> str:
     return (
         f'<div class="table" role="group" aria-label="{label}"><div class="sideways">{body}</div>{button}{note}</div>'
     )
+
+
+def link(file: str, text: str) -> str:
+    """A link to a file in the page's folder, whose name may have marks of URLs; only the text of a path out of it."""
+    is_inside = not file.startswith("/") and ".." not in file.split("/")
+    return f'<a href="{quote(file)}">{html.escape(text)}</a>' if is_inside else html.escape(text)
 
 
 def _class(name: str) -> str:

@@ -122,7 +122,8 @@ def told_apart(panel: Panel) -> list[tuple[int, str]]:
     if panel.chart.kind == "points" or not panel.is_wide:
         return [(k, each.name) for k, each in enumerate(panel.series)]
     is_log = panel.chart.y is not None and panel.chart.y.scale == "log"
-    near = _HIDES if is_log else max(_extent(panel.series) * _HIDES, least_span(panel.series[0].quantity.unit))
+    quantity = panel.series[0].quantity
+    near = _HIDES if is_log else max(_extent(panel.series) * _HIDES, least_span(quantity.unit, least=quantity.least))
     groups: list[list[int]] = []
     for k, series in enumerate(panel.series):
         for group in groups:

@@ -5,13 +5,21 @@ shown. Angles are shown in degrees.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gough_stewart.harness.output.display_resolution import LEAST_SPANS, factor_to
 from gough_stewart.harness.quantities import UNITS, unit_typed
 from gough_stewart.model.interface import unit_text
 
 _DEGREES = 180 / math.pi
+# What a small machine has less of, and the units in which it is shown instead.
+_MECHANICAL = ("m", "rad", "m/s", "rad/s", "m/s2", "N", "N.m", "W", "J", "kg", "kg.m2")
+_FINER = {
+    **{"m": "mm", "mm": "µm", "µm": "nm", "deg": "µrad", "m/s": "mm/s", "mm/s": "µm/s", "deg/s": "µrad/s"},
+    **{"W": "mW", "mW": "µW", "J": "µJ"},
+}
+# Digits of a coordinate, of which pages have little more; the smallest share of a number that is told.
+_OF_COORDINATES, _OF_ITSELF = 6, 1e-3
 # A value that is not defined.
 NOTHING = "–"
 
@@ -26,6 +34,7 @@ class Quantity:
     name: str = ""  # of an axis without words of its own
     symbol: str = ""
     digits: int = 4  # significant
+    least: float | None = None  # the smallest size that is told [unit]; None for that of the unit
 
     def __post_init__(self) -> None:
         if self.si and self.si not in UNITS:
@@ -44,6 +53,8 @@ class Quantity:
         """A stored number as shown, with its unit; "< 0.001 mm" below the resolution of display."""
         if value is None or math.isnan(value):
             return NOTHING
+        if unit and self.least is not None and self.unit in _FINER and 0 < abs(self.factor * value) < 1:
+            return self.fine(1.0).text(value)
         digits = self.number(value)
         return f"{digits} {self.unit_text}" if unit and self.unit else digits
 
@@ -54,12 +65,35 @@ class Quantity:
         if math.isinf(value):
             return "∞" if value > 0 else "-∞"
         # no negative zero
-        shown, least = self.factor * value + 0.0, LEAST_SPANS.get(self.unit, 0.0)
+        shown, least = self.factor * value + 0.0, self.told
         if shown and abs(shown) < least:
-            return f"< {least:g}"
+            return f"< {least:.3g}"
         text = f"{shown:.{self.digits}g}"
         # large numbers in full: 18610 is shorter than 1.861e+04
         return f"{shown:.0f}" if "e+" in text and abs(shown) < 1e7 else text
+
+    @property
+    def told(self) -> float:
+        """The smallest size that is told [unit]."""
+        return LEAST_SPANS.get(self.unit, 0.0) if self.least is None else self.least
+
+    def fine(self, share: float) -> "Quantity":
+        """The same for a small machine: told down to a share of what is usual, in a smaller unit if it has one."""
+        if self.si not in _MECHANICAL:
+            return self
+        unit = _FINER.get(self.unit, self.unit)
+        ratio = UNITS[self.si][self.unit] / UNITS[self.si][unit] if unit != self.unit else 1.0
+        digits = max(self.digits, _OF_COORDINATES) if self.unit == "m" else self.digits
+        return replace(self, unit=unit, factor=self.factor * ratio, digits=digits, least=share * ratio * self.told)
+
+    def telling(self, size: float) -> "Quantity":
+        """The same, `fine` if a number of this size [stored] would be below what is told."""
+        size = abs(self.factor * size)
+        return self.fine(_OF_ITSELF * size / self.told) if 0 < size < self.told else self
+
+    def range_text(self, low: float | None, high: float | None) -> str:
+        """Two stored numbers with one unit: 9.8 to 12.3 mm."""
+        return f"{self.number(low)} to {self.number(high)} {self.unit_text}".rstrip()
 
     def headed(self, name: str = "") -> str:
         """A heading: the name, or the quantity's own, with the unit in brackets."""

@@ -271,7 +271,7 @@ def _result(
         status,
         value,
         bound,
-        number.quantity,
+        number.quantity.telling(bound),  # which says how finely to tell
         margin,
         note,
     )

@@ -40,6 +40,7 @@ class Scene:
     flags: tuple[Flag, ...] = ()
     rows: int = 0  # of the record; frames may be fewer
     run: int | None = None  # index in `Report.runs`
+    decimals: int = 4  # of poses and lengths in m; angles in degrees have two less
 
     def __post_init__(self) -> None:
         n = len(array_of(self.time, f"the time of the scene {self.name}"))

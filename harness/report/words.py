@@ -21,6 +21,11 @@ def about(quantity: Quantity, value: float | None, digits: int = DIGITS) -> str:
     return replace(quantity, digits=digits).text(value)
 
 
+def exactly(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
+    """The same, also of what is below the resolution of display."""
+    return about(quantity.telling(value), value, digits)
+
+
 def at_most(quantity: Quantity, value: float, digits: int = DIGITS) -> str:
     """The same as an upper bound, rounded up: "within 0.81 mm" holds for 0.8012 mm.
 

@@ -10,6 +10,7 @@ import numpy as np
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.notebook import table_to_html
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME
+from gough_stewart.harness.report.small_machine import fine, fineness_of_record
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.outcome import outcome_of, outcome_text
@@ -49,6 +50,7 @@ def _pose(report: Report) -> bytes:
 
 def _circumstances(record: RecordData) -> Table:
     """How the run was made, and its peak errors."""
+    fineness = fineness_of_record(record.metadata)
     known = record.metadata
     found: list[tuple[Cell, ...]] = []
     if "platform" in known:
@@ -66,5 +68,7 @@ def _circumstances(record: RecordData) -> Table:
         error = np.abs(record[f"error.{name}"]) if f"error.{name}" in record else np.zeros(0)
         finite = error[np.isfinite(error)]
         if finite.size:
-            found.append((f"peak error of {name.replace('_', ' ')}", Value(float(finite.max()), quantity)))
+            found.append(
+                (f"peak error of {name.replace('_', ' ')}", Value(float(finite.max()), fine(quantity, fineness)))
+            )
     return Table(f"Record: {known.get('title', 'untitled')}", (Column(""), Column("")), tuple(found))

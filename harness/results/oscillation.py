@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.plants.signals import NAMES
+from gough_stewart.harness.report.quantities import LENGTH
+from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
 
@@ -55,10 +57,10 @@ class Oscillation(NamedTuple):
 
     def text(self) -> str:
         """In one sentence."""
-        size = f"{1e3 * self.amplitude:.3g} mm"
+        size = exactly(LENGTH, self.amplitude, 3)
         rate = "" if self.frequency is None else f" at {self.frequency:.3g} Hz"
         if self.is_growing:
-            grown = f"from {1e3 * (self.earlier or 0.0):.3g} to {size}"
+            grown = f"from {exactly(LENGTH, self.earlier or 0.0, 3)} to {size}"
             return f"leg {self.leg}: by itself, the error grows{rate} {grown} after {self.since:.4g} s. {_REMEDY}"
         return f"leg {self.leg} oscillates at {self.frequency:.3g} Hz by itself, with an amplitude of {size}. {_REMEDY}"
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from gough_stewart.harness.report.document import Note, Number, Part, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, LENGTH, NUMBER, SHARE, TIME, Quantity
+from gough_stewart.harness.report.small_machine import fine, fineness_of, fineness_of_record
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, sentence
 from gough_stewart.harness.results.circumstances import (
     limits_table,
@@ -69,7 +70,7 @@ def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Rob
     parts = [*_tracking(record, measured), *_drives(record, measured), *_settling(measured), *_robust(robustness)]
     parts = parts or [_Part(f"completed {outcome['time']:.4g} s; it has neither a reference nor forces to judge")]
     if own:
-        parts.insert(0, _Part(_by_itself(own), True))
+        parts.insert(0, _Part(_by_itself(own, _own(LENGTH, record)), True))
     numbers = tuple(part.number for part in parts if part.number is not None)
     beyond = any(each.margin is not None and each.margin < 0 for each in numbers)
     status: Status = "good" if measured["tracking"] else "told"
@@ -94,34 +95,34 @@ def run_numbers(measured: Mapping[str, Any], robustness: Robustness | None = Non
 
 
 def _tracking(record: RecordData, measured: Mapping[str, Any]) -> list[_Part]:
-    tracking = measured["tracking"] or {}
+    tracking, length = measured["tracking"] or {}, _own(LENGTH, record)
     if "position" not in tracking:
-        return _moved(record)
+        return _moved(record, length)
     jumps = [step for step in measured["step_response"] or () if _jumps(record, step)]
     position, orientation = tracking["position"]["norm_peak"], tracking.get("orientation", {}).get("norm_peak")
     if jumps:
         # the error is the step itself at first
-        ends = [at_most(_of_axis(step["axis"]), abs(step["final_error"])) for step in jumps]
+        ends = [at_most(_own(_of_axis(step["axis"]), record), abs(step["final_error"])) for step in jumps]
         step = max(jumps, key=lambda each: abs(each["final_error"] / (each["to"] - each["from"])))
         path, quantity = f"step_response.{step['axis']}.final_error", _of_axis(step["axis"])
         number = Number(path, f"{step['axis']}: error at the end", abs(step["final_error"]), quantity)
         return [_Part(f"ends {' and '.join(ends)} from its reference after the step", number=number)]
     number = Number("tracking.position.norm_peak", "position error, peak", position, LENGTH)
-    text = f"follows within {at_most(LENGTH, position)}"
+    text = f"follows within {at_most(length, position)}"
     # an angle matters by what it moves at the joints
     lever = float(np.linalg.norm(record.metadata["platform"]["platform_points"], axis=1).mean())
     if orientation is not None and orientation * lever > _SMALL * position:
-        text += f" and {at_most(ANGLE, orientation)}"
+        text += f" and {at_most(_own(ANGLE, record), orientation)}"
     return [_Part(text, number=number)]
 
 
-def _moved(record: RecordData) -> list[_Part]:
+def _moved(record: RecordData, length: Quantity) -> list[_Part]:
     """Of a run without a reference: how far the platform goes."""
     if "position" not in record or not len(record["position"]):
         return []
     position = record["position"]
     distance = float(np.linalg.norm(position - position[0], axis=1).max())
-    return [_Part(f"open loop: the platform moves up to {at_most(LENGTH, distance)} from its start")]
+    return [_Part(f"open loop: the platform moves up to {at_most(length, distance)} from its start")]
 
 
 def _jumps(record: RecordData, step: Mapping[str, Any]) -> bool:
@@ -135,6 +136,11 @@ def _jumps(record: RecordData, step: Mapping[str, Any]) -> bool:
 
 def _of_axis(axis: str) -> Quantity:
     return LENGTH if axis in "xyz" else ANGLE
+
+
+def _own(quantity: Quantity, record: RecordData) -> Quantity:
+    """A quantity as the record's machine has it."""
+    return fine(quantity, fineness_of_record(record.metadata))
 
 
 def _drives(record: RecordData, measured: Mapping[str, Any]) -> list[_Part]:
@@ -178,7 +184,7 @@ def _drives(record: RecordData, measured: Mapping[str, Any]) -> list[_Part]:
     margin = (measured["stroke"] or {}).get("margin")
     if margin is not None and margin < 0:
         number = Number("stroke.margin", "stroke margin", margin, LENGTH, limit=0.0, margin=margin)
-        found.append(_Part(f"a leg is {at_most(LENGTH, -margin)} beyond its stroke", True, number))
+        found.append(_Part(f"a leg is {at_most(_own(LENGTH, record), -margin)} beyond its stroke", True, number))
     return found
 
 
@@ -209,9 +215,9 @@ def _robust(robustness: Robustness | None) -> list[_Part]:
     return [_Part(f"{size} to the disk margin", robustness.alpha < _FRAIL, number)]
 
 
-def _by_itself(own: Mapping[str, Any]) -> str:
+def _by_itself(own: Mapping[str, Any], length: Quantity) -> str:
     found = Oscillation(**own)
-    size = at_most(LENGTH, found.amplitude)
+    size = at_most(length, found.amplitude)
     rate = "" if found.frequency is None else f" at {found.frequency:.3g} Hz"
     if found.is_growing:
         return f"unstable: the error of leg {found.leg} grows to {size}{rate} although nothing acts on the loop"
@@ -243,15 +249,18 @@ def report_of_run(
     circumstances = tuple(table for table in about_run if table is not None and table.rows)
     if charts:
         sections.append(Section("Run, parameters, versions", circumstances, detail=True))
-    return Report(
-        str(record.metadata.get("title", "untitled")),
-        run_verdict(record, found, robustness),
-        tuple(sections),
-        study="run",
-        lead=_lead(record),
-        numbers=run_numbers(found, robustness),
-        settings=settings_of(record.metadata.get("settings") or {}),
-        notes=tuple(Note(text, "warning") for text in record.metadata.get("warnings", ())),
+    return fine(
+        Report(
+            str(record.metadata.get("title", "untitled")),
+            run_verdict(record, found, robustness),
+            tuple(sections),
+            study="run",
+            lead=_lead(record),
+            numbers=run_numbers(found, robustness),
+            settings=settings_of(record.metadata.get("settings") or {}),
+            notes=tuple(Note(text, "warning") for text in record.metadata.get("warnings", ())),
+        ),
+        fineness_of(machine),
     )
 
 

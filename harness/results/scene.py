@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.report.scene import Flag, Scene
+from gough_stewart.harness.report.small_machine import fineness_of
 from gough_stewart.harness.results.limits import shares_of_limits
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.kinematics import joint_angles
@@ -59,6 +60,7 @@ def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FR
         flags=tuple(Flag(name, _any_until_next(record, rows, name)) for name in FLAGS if f"flag.{name}" in record),
         rows=record.table.height,
         run=run,
+        decimals=4 + math.ceil(-math.log10(fineness_of(platform))),
     )
 
 

@@ -13,7 +13,7 @@ from gough_stewart.harness.report.document import Note, Number, Report, Section,
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, of_unit
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.words import about, counted, listed, percent, sentence
+from gough_stewart.harness.report.words import counted, exactly, listed, percent, sentence
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.search import Search
@@ -82,10 +82,10 @@ def tuning_verdict(found: Found) -> Verdict:
     if before is not None and np.isfinite(before.value) and before.value:
         change = (after.value - before.value) / abs(before.value)
         gain = f" ({percent(abs(change))} {'less' if change < 0 else 'more'})"
-        was, now = (about(metric.quantity, each.value, 3) for each in (before, after))
+        was, now = (exactly(metric.quantity, each.value, 3) for each in (before, after))
         moved = f"{metric.text}{of}: from {was} to {now}{gain}"
     else:
-        moved = f"{metric.text}{of}: {about(metric.quantity, after.value, 3)}"
+        moved = f"{metric.text}{of}: {exactly(metric.quantity, after.value, 3)}"
     values = [f"{axis.key} {_text(found.values[axis.key], axis.unit)}" for axis in found.search.axes]
     near = [
         axis.key

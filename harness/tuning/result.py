@@ -6,9 +6,12 @@ from typing import Any
 import polars
 
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.experiment.stages import platforms_of
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.notebook import to_html
+from gough_stewart.harness.report.small_machine import fine, fineness_of
 from gough_stewart.harness.report.terminal import text_of
+from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.report import tuning_report
@@ -49,7 +52,8 @@ class Tuning:
         Report
             Verdict, the values as numbers, tables, and with `charts` all candidates.
         """
-        return tuning_report(self, statement(self), charts=charts)
+        machine = platforms_of(self.experiment)[1]
+        return fine(tuning_report(self, statement(self), charts=charts), fineness_of(machine))
 
     def __repr__(self) -> str:
         return "\n".join([f"Tuning: {self.title}", text_of(self.report(charts=False))])
@@ -93,7 +97,7 @@ class Tuning:
 def statement(found: Tuning) -> str:
     """The value on the members of the search and on fresh members."""
     metric = metric_of(found.search.goal.metric)
-    seen = f"{metric.text}: {metric.quantity.text(found.seen.value)}"
+    seen = f"{metric.text}: {exactly(metric.quantity, found.seen.value, 4)}"
     if found.fresh is None:
         why = "the search was interrupted" if found.is_interrupted else "nothing is random, so other runs are the same"
         return f"{seen} in the search; not evaluated again: {why}."
@@ -106,5 +110,5 @@ def statement(found: Tuning) -> str:
     by = f"the {found.members} members" if found.search_is_over_members else "the one run"
     return (
         f"{seen} on {by} of the search; {100 * found.search.goal.quantile:g} % of {found.fresh_members} fresh members "
-        f"have at most {metric.quantity.text(found.fresh.value)}.{also}"
+        f"have at most {exactly(metric.quantity, found.fresh.value, 4)}.{also}"
     )

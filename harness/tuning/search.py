@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import Bounds, differential_evolution
 from scipy.stats import qmc
 
-from gough_stewart.harness.report.words import about
+from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
 from gough_stewart.harness.tuning.space import Axis, values_of
@@ -51,7 +51,7 @@ class Search:
             finite = [value for value in values if np.isfinite(value)]
             nearest = min(finite, key=condition.violation, default=None)
             quantity = metric_of(condition.metric).quantity
-            reached = "" if nearest is None else f", the nearest reached {about(quantity, nearest, 4)}"
+            reached = "" if nearest is None else f", the nearest reached {exactly(quantity, nearest, 4)}"
             counts[f"'{condition.text}' was not met by {count} of {len(self.tried)} candidates{reached}"] = count
         return max(counts, key=lambda text: counts[text])
 

@@ -10,6 +10,7 @@ from gough_stewart.harness.experiment.key_units import value_text
 from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Setting, Verdict
 from gough_stewart.harness.report.quantities import LENGTH, Quantity
+from gough_stewart.harness.report.small_machine import fine, fineness_of
 from gough_stewart.harness.report.table import Cell, Column, Table
 from gough_stewart.harness.report.words import at_most, listed
 from gough_stewart.harness.results.circumstances import parameters_table, run_table, versions_table
@@ -33,9 +34,10 @@ def comparison_report(records: Sequence[Record], shown: Sequence[Shown], title: 
     """The report of several runs; charts show the runs over each other, and each run minus the first."""
     names, found = tuple(each.name for each in shown), [metrics(record) for record in records]
     first, others = run_charts(shown)
+    fineness = min(fineness_of(each.machine) for each in shown)
     sections = [
         Section("Motion", tuple(scenes(shown))),
-        Section("Metrics side by side", (side_by_side(records, found, names),)),
+        Section("Metrics side by side", (side_by_side(records, found, names, fineness),)),
         first,
         Section(f"Differences from {names[0]}", tuple(differences(first, names))),
         others,
@@ -44,19 +46,22 @@ def comparison_report(records: Sequence[Record], shown: Sequence[Shown], title: 
         believed = platform_of(record)
         tables = (*metrics_tables(measured), run_table(record, believed), parameters_table(each.machine, believed))
         sections.append(Section(f"{each.name}: all metrics, run, parameters", (*tables, versions_table(record)), True))
-    return Report(
-        title,
-        _verdict(records, found, names),
-        tuple(each for each in sections if each.parts),
-        study="compare",
-        lead=differ_in(differing_settings(records)),
-        settings=differing_settings(records),
-        runs=names,
-        notes=tuple(
-            Note(f"{name}: {outcome_text(each['outcome'])}", "warning")
-            for name, each in zip(names, found, strict=True)
-            if not is_sound(each["outcome"])
+    return fine(
+        Report(
+            title,
+            _verdict(records, found, names, fine(LENGTH, fineness)),
+            tuple(each for each in sections if each.parts),
+            study="compare",
+            lead=differ_in(differing_settings(records)),
+            settings=differing_settings(records),
+            runs=names,
+            notes=tuple(
+                Note(f"{name}: {outcome_text(each['outcome'])}", "warning")
+                for name, each in zip(names, found, strict=True)
+                if not is_sound(each["outcome"])
+            ),
         ),
+        fineness,
     )
 
 
@@ -69,7 +74,9 @@ def differ_in(settings: Sequence[Setting], most: int = 4) -> str:
     return f"They differ in {listed([*told, *more])}" if told else ""
 
 
-def _verdict(records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Verdict:
+def _verdict(
+    records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str], length: Quantity
+) -> Verdict:
     """Which run follows best, if all had the same task and completed it."""
     peaks = [((each["tracking"] or {}).get("position") or {}).get("norm_peak") for each in found]
     numbers = tuple(
@@ -82,7 +89,7 @@ def _verdict(records: Sequence[Record], found: Sequence[Mapping[str, Any]], name
         return Verdict(f"{listed(ended)} did not end well; the others are side by side below", "marginal", numbers)
     if not has_same_task(records):
         return Verdict("The runs have different references or durations, so that none is best", "told", numbers)
-    top = best(_PEAK, [None if peak is None else 1e3 * peak for peak in peaks])
+    top = best(_PEAK, peaks, length)
     if not top:
         return Verdict(f"{listed(names)} follow equally well", "told", numbers)
     known = {k: peak for k, peak in enumerate(peaks) if peak is not None}
@@ -90,14 +97,16 @@ def _verdict(records: Sequence[Record], found: Sequence[Mapping[str, Any]], name
     leaders = listed([names[k] for k in sorted(top)])
     follow = "follows" if len(top) == 1 else "follow"
     return Verdict(
-        f"{leaders} {follow} best, within {at_most(LENGTH, known[min(top)])}; {names[last]} within "
-        f"{at_most(LENGTH, known[last])}",
+        f"{leaders} {follow} best, within {at_most(length, known[min(top)])}; {names[last]} within "
+        f"{at_most(length, known[last])}",
         "told",
         numbers,
     )
 
 
-def side_by_side(records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Table:
+def side_by_side(
+    records: Sequence[Record], found: Sequence[Mapping[str, Any]], names: Sequence[str], fineness: float = 1.0
+) -> Table:
     """The metrics of the runs, one column each.
 
     The best values of a row are marked if all runs have the same reference and duration, all completed, and no loop
@@ -108,32 +117,29 @@ def side_by_side(records: Sequence[Record], found: Sequence[Mapping[str, Any]], 
     marks = has_same_task(records) and all(is_sound(each["outcome"]) for each in found)
     rows: list[tuple[Cell, ...]] = [("outcome", *(outcome_text(each["outcome"]) for each in found))]
     for path in (metric.path for metric in METRICS if metric.is_compared and metric.path in paths):
-        rows.append(_row(path, [each.get(path) for each in flat], marks))
+        quantity = replace(fine(metric_of(path).quantity, fineness), digits=4)
+        rows.append(_row(path, [each.get(path) for each in flat], quantity, marks=marks))
     note = f"{_BEST.strip()} is the best of its row." if marks else ""
     return Table("", (Column(""), *map(Column, names)), tuple(rows), note=note)
 
 
-def _row(path: str, values: Sequence[float | None], marks: bool) -> tuple[Cell, ...]:
-    metric = metric_of(path)
-    scaled = [None if value is None else metric.quantity.factor * value for value in values]
-    tops = best(path, scaled) if marks else set()
-    quantity = Quantity("", metric.quantity.unit)
+def _row(path: str, values: Sequence[float | None], quantity: Quantity, *, marks: bool) -> tuple[Cell, ...]:
+    tops = best(path, values, quantity) if marks else set()
     return (
-        quantity.headed(metric.text),
-        *(f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(scaled)),
+        quantity.headed(metric_of(path).text),
+        *(f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(values)),
     )
 
 
-def best(path: str, values: Sequence[float | None]) -> set[int]:
+def best(path: str, values: Sequence[float | None], quantity: Quantity) -> set[int]:
     """Indices of the best values of a metric, as displayed; none if all are equal or the metric is not ranked."""
-    metric = metric_of(path)
-    better = metric.better
+    better = metric_of(path).better
     sign = 1.0 if better == "larger" else -1.0
     known = {k: abs(value) if sign < 0 else value for k, value in enumerate(values) if value is not None}
     if better is None or len(known) < 2:
         return set()
     most = max(sign * value for value in known.values())
-    texts = {k: Quantity("", metric.quantity.unit).number(value) for k, value in known.items()}
+    texts = {k: quantity.number(value) for k, value in known.items()}
     top = {texts[k] for k, value in known.items() if sign * value == most}
     found = {k for k, text in texts.items() if text in top}
     return found if len(found) < len(known) else set()

@@ -33,5 +33,5 @@ def test_a_unit_is_a_factor_and_none_is_si() -> None:
     assert Heading.of("x [mm]").factor(UNITS["m"]) == 1e-3
     assert Heading.of("time (min)").factor(UNITS["s"]) == 60
     assert Heading.of("x[2]").factor(UNITS["m"]) == 1
-    with pytest.raises(ValueError, match=r"^x \[s\] has the unit 's'; expected one of m, cm, mm, um, µm$"):
+    with pytest.raises(ValueError, match=r"^x \[s\] has the unit 's'; expected one of m, cm, mm, um, µm, nm$"):
         Heading.of("x [s]").factor(UNITS["m"])

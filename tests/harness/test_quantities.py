@@ -83,12 +83,12 @@ def test_units_are_written_as_people_write_them_and_read_so(unit: str, text: str
 @pytest.mark.parametrize(
     ("value", "unit", "message"),
     [
-        ("3", "m", "expected a number of m, or a string with one of the units m, cm, mm, um, µm"),
-        ("three m", "m", "expected a number of m, or a string with one of the units m, cm, mm, um, µm"),
+        ("3", "m", "expected a number of m, or a string with one of the units m, cm, mm, um, µm, nm"),
+        ("three m", "m", "expected a number of m, or a string with one of the units m, cm, mm, um, µm, nm"),
         (
             "3 kg",
             "m",
-            "expected a number of m, or a string with one of the units m, cm, mm, um, µm; found the unit 'kg'",
+            "expected a number of m, or a string with one of the units m, cm, mm, um, µm, nm; found the unit 'kg'",
         ),
         (True, "N", "expected a number of N, or a string with one of the units N, kN"),
         (None, "N", "expected a number of N, or a string with one of the units N, kN"),

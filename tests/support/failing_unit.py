@@ -30,12 +30,18 @@ class Failure(IntEnum):
     HANG = 5
     PRINT = 6  # no failure: it writes to its standard output, and goes on
     LEAVE = 7  # ends its process as if all were well
+    WARN = 8  # no failure: it warns in each step
+    UNKNOWN = 9  # a status that no standard knows
+    LONG = 10  # an error with a message of 200 MB
+    MANY = 11  # an error after 100,000 messages
+    ALARM = 12  # an error by its message alone; the step says that all is well
 
 
 _SOURCE = """
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 typedef struct {
   void (*log)(void*, const char*, int, const char*, const char*, ...);
   void* (*allocate)(size_t, size_t);
@@ -78,6 +84,25 @@ API int fmi2DoStep(void* c, double time, double step, int n) {
     case 5: for (;;) { volatile int x = 0; (void)x; }
     case 6: printf("%1000d\\n", 1); fflush(stdout); break;
     case 7: exit(0);
+    case 8: callbacks->log(NULL, "plant", 1, "logStatusWarning", "the oil is warm"); break;
+    case 9: return -1;
+    case 10: {
+      char* text = malloc(200000001);
+      memset(text, 'x', 200000000);
+      memcpy(text, "begin", 5);
+      strcpy(text + 199999997, "end");
+      callbacks->log(NULL, NULL, 3, "\\xff", text);
+      return 3;
+    }
+    case 11: {
+      char text[32];
+      for (int k = 0; k < 100000; k++) {
+        sprintf(text, "drop %d", k);
+        callbacks->log(NULL, "plant", 1, "logStatusWarning", text);
+      }
+      return 3;
+    }
+    case 12: callbacks->log(NULL, "plant", 3, "logStatusError", "the oil is cold"); break;
   }
   return 0;
 }

@@ -23,13 +23,13 @@
     return (time, colour) => {
       for (const { record, caption, dots, cells, title } of tables) {
         const at = GS.frameAt(record, time), length = GS.between(record.length, 6, at);
-        const [x, y, z] = GS.between(record.pose, 7, at).slice(0, 3).map((v) => fixed(v, 4));
-        const turned = record.orientation ? GS.between(record.orientation, 3, at).map((v) => `${fixed(180 / Math.PI * v, 2)}°`) : null;
+        const [x, y, z] = GS.between(record.pose, 7, at).slice(0, 3).map((v) => fixed(v, record.digits));
+        const turned = record.orientation ? GS.between(record.orientation, 3, at).map((v) => `${fixed(180 / Math.PI * v, record.digits - 2)}°`) : null;
         caption.textContent = `${title}x ${x}  y ${y}  z ${z} m${turned ? `   roll ${turned[0]}  pitch ${turned[1]}  yaw ${turned[2]}` : ""}`;
         for (let k = 0; k < 6; k++) {
           dots[k].style.background = GS.css(GS.legColour(colour, record, at, k));
           const texts = [
-            ...(record.force ? [GS.text(record.force[6 * at.frame + k])] : []), length[k].toFixed(4),
+            ...(record.force ? [GS.text(record.force[6 * at.frame + k])] : []), length[k].toFixed(record.digits),
             ...(record.nearness ? [(100 * record.nearness.values[6 * at.frame + k]).toFixed(0)] : []),
           ];
           texts.forEach((text, row) => { cells[6 * row + k].textContent = text; });

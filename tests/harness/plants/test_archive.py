@@ -1,13 +1,18 @@
 """FMUs that must not be unpacked are refused by name and size, before anything is."""
 
+import re
+import shutil
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.harness.plants.unit import check_archive
+from gough_stewart.harness.plants.unit import UnitFile, check_archive
+from gough_stewart.harness.plants.unit_check import check_units
+from tests.support.fmu_plants import Fmu
 from tests.support.uneven import UNEVEN
 
 
@@ -39,8 +44,42 @@ def test_an_entry_that_leads_out_is_refused_by_name(name: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("name", ["resources/a..b", "resources/..hidden", "documentation/d:e.html"])
-def test_other_names_are_no_reason(name: str, tmp_path: Path) -> None:
-    check_archive(archive_with(tmp_path / "unit.fmu", name))
+def test_other_names_are_no_reason(name: str, fmus: dict[str, Fmu], tmp_path: Path) -> None:
+    unit = Path(shutil.copy(fmus["3.0"].path, tmp_path / "unit.fmu"))
+    with zipfile.ZipFile(unit, "a") as archive:
+        archive.writestr(name, b"x")
+    with UnitFile(unit) as file:
+        assert (file.folder / name).read_bytes() == b"x"
+
+
+def with_description(fmu: Path, target: Path, change: Callable[[bytes], bytes]) -> Path:
+    """A copy of an FMU with a changed description."""
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            content = old.read(name)
+            new.writestr(name, change(content) if name == "modelDescription.xml" else content)
+    return target
+
+
+@pytest.mark.parametrize("identifier", ["../../../real", "/tmp/real", "a b", "C:real", "", "1st", "ré"])
+def test_the_name_of_the_library_is_an_identifier(identifier: str, fmus: dict[str, Fmu], tmp_path: Path) -> None:
+    """Expected: by the standard, a C identifier; a path would name a library outside of the archive."""
+    named, other = b'modelIdentifier="gough_stewart"', f'modelIdentifier="{identifier}"'.encode()
+    for version, fmu in fmus.items():
+        path = with_description(fmu.path, tmp_path / f"{version}.fmu", lambda text: text.replace(named, other))
+        with pytest.raises(PlantError, match=f"modelIdentifier '{re.escape(identifier)}'; expected a C identifier"):
+            UnitFile(path)
+
+
+def test_a_description_that_is_too_long_is_not_parsed(fmus: dict[str, Fmu], tmp_path: Path) -> None:
+    """Expected: its size from the archive's directory; FMPy would take seconds and hundreds of MB for it."""
+    unit = with_description(fmus["3.0"].path, tmp_path / "unit.fmu", lambda text: text + b" " * 20_000_000)
+    size = r"its modelDescription\.xml has 20\.\d MB; expected at most 20 MB; nothing was parsed"
+    with pytest.raises(PlantError, match=size):
+        UnitFile(unit)
+    validation = next(iter(check_units([unit])))
+    assert re.search(size, validation.found)
+    assert not validation.passed
 
 
 def test_a_bomb_is_refused_by_name_and_size(tmp_path: Path) -> None:

@@ -40,7 +40,12 @@ def no_forces(_sample: Sample) -> FloatArray:
     return np.zeros(6)
 
 
-def run_with(unit: Path, failure: Failure, law: Callable[[Sample], FloatArray] = no_forces) -> Record:
+def run_with(
+    unit: Path,
+    failure: Failure,
+    law: Callable[[Sample], FloatArray] = no_forces,
+    warn: Callable[[str], None] | None = None,
+) -> Record:
     """0.02 s at 1 ms a row."""
     values = {
         "title": "a unit that fails",
@@ -50,7 +55,7 @@ def run_with(unit: Path, failure: Failure, law: Callable[[Sample], FloatArray] =
         "loop": {"duration": 0.02},
         "limits": {"stroke": "ignore", "position_error": 100},
     }
-    return run(experiment_from(values), fmu=unit, controller=law)
+    return run(experiment_from(values), fmu=unit, controller=law, warn=warn)
 
 
 @pytest.mark.parametrize(
@@ -61,6 +66,10 @@ def run_with(unit: Path, failure: Failure, law: Callable[[Sample], FloatArray] =
         (Failure.EXIT, r"ended its process with exit code 7 in do_step at time 0.01 s: out of oil"),
         (Failure.LEAVE, r"ended its process with exit code 0 in do_step at time 0.01 s$"),
         (Failure.CRASH, r"crashed \(SIGABRT\) in do_step at time 0.01 s"),
+        (Failure.UNKNOWN, r"failing.fmu: fmi2DoStep failed with status -1"),
+        (Failure.LONG, r"failing.fmu: beginx+ … 199,999,000 more bytes … x+end$"),
+        (Failure.MANY, r"failing.fmu: drop 0; drop 1; .* … 99,992 more messages …; .*; drop 99999$"),
+        (Failure.ALARM, r"failing.fmu: the oil is cold$"),
     ],
 )
 def test_a_unit_that_fails_in_mid_run_leaves_the_rows_before(unit: Path, failure: Failure, cause: str) -> None:
@@ -69,7 +78,18 @@ def test_a_unit_that_fails_in_mid_run_leaves_the_rows_before(unit: Path, failure
     outcome = record.metadata["outcome"]
     assert outcome["status"] == "stopped"
     assert re.search(cause, outcome["cause"])
+    assert len(outcome["cause"]) < 2000
     assert record["time"][-1] == pytest.approx(np.ceil(1e3 * FAILS_AT) / 1e3)
+
+
+def test_a_warning_of_a_unit_is_a_remark(unit: Path) -> None:
+    """Expected: a run to its end, with one warning for those of its 10 steps from 0.01 s on."""
+    said: list[str] = []
+    record = run_with(unit, Failure.WARN, warn=said.append)
+    assert record.metadata["outcome"]["status"] == "completed"
+    warm = "the oil is warm; " * 4
+    assert said == [f"{unit}: {warm}… 2 more messages …; {warm.removesuffix('; ')}"]
+    assert record.metadata["warnings"] == said
 
 
 def test_ctrl_c_ends_a_unit_that_hangs_and_keeps_the_rows(unit: Path) -> None:

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.harness.plants.unit import Message, Unit, UnitFile, Values, references, values_of
+from gough_stewart.harness.plants.unit import Unit, UnitFile, Values, references, values_of
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import forward_dynamics
 from gough_stewart.model.errors import InterfaceError, StepError
@@ -28,8 +28,8 @@ from tests.support.fmu_plants import Fmu
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 
-def test_a_word_of_the_unit_is_an_error_also_where_the_call_went_well(fmus: dict[str, Fmu]) -> None:
-    """Expected: a warning of the unit, put in its mouth, raised by whatever is called next, and only once."""
+def test_an_error_that_the_unit_logs_is_one_also_where_the_call_went_well(fmus: dict[str, Fmu]) -> None:
+    """Expected: an error of the unit, put in its mouth, raised by whatever is called next, and only once."""
     with FmuPlant(fmus["3.0"].path, UNEVEN) as plant:
         for call in (
             plant.results,
@@ -37,8 +37,8 @@ def test_a_word_of_the_unit_is_an_error_also_where_the_call_went_well(fmus: dict
             lambda: plant.set_parameters({"platform_mass": 12.0}),
             lambda: plant.do_step(0.0, 0.001),
         ):
-            plant._unit.messages.append(Message(1, "logStatusWarning", "the oil is warm", None))
-            with pytest.raises(PlantError, match=r"\.fmu: the oil is warm$"):
+            plant._unit._hear(None, 3, b"logStatusError", b"the oil is cold")
+            with pytest.raises(PlantError, match=r"\.fmu: the oil is cold$"):
                 call()
         plant.results()
 

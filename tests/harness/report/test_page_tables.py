@@ -1,10 +1,23 @@
 """Tables of a page: where cells stand, and how numbers are written."""
 
+from urllib.parse import unquote, urljoin, urlsplit
+
 from lxml import html
 
 from gough_stewart.harness.report.page_tables import table_html
 from gough_stewart.harness.report.quantities import Quantity
 from gough_stewart.harness.report.table import Column, Table
+
+
+def test_links_lead_to_files_whatever_their_names_and_not_out_of_the_folder() -> None:
+    """Expected: a browser's address, decoded, is the name; a path out of the folder is a text."""
+    names = ("a#b.html", "50 %/c?d.html", 'e"f.html', "javascript:alert(1)", "../g.html", "/etc/h", "i/../../j")
+    rows = tuple((name, 1.0) for name in names)
+    table = html.fragment_fromstring(table_html(Table("", (Column("name"), Column("n")), rows, links=names)))
+    assert [cell.text_content() for cell in table.xpath(".//tbody//th")] == list(names)
+    addresses = [urlsplit(urljoin("file:///runs/report.html", link)) for link in table.xpath(".//a/@href")]
+    assert [unquote(each.path) for each in addresses] == [f"/runs/{name}" for name in names[:4]]
+    assert not any(each.query or each.fragment or each.scheme != "file" for each in addresses)
 
 
 def test_numbers_are_at_the_right_with_a_minus_and_words_are_not() -> None:

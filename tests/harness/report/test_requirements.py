@@ -63,7 +63,7 @@ def test_a_bound_in_any_unit_of_the_number(
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (f"{_PATH} <= 1 N", f"the requirement '{_PATH} <= 1 N' has the unit 'N'; expected m, cm, mm, um, µm"),
+        (f"{_PATH} <= 1 N", f"the requirement '{_PATH} <= 1 N' has the unit 'N'; expected m, cm, mm, um, µm, nm"),
         (f"{_PATH} = 1 mm", "cannot be read; expected PATH <= NUMBER UNIT"),
         (f"{_PATH} <=", "cannot be read"),
         (f"{_PATH} <= one mm", "cannot be read"),

@@ -8,6 +8,7 @@ import pytest
 
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.quantities import ENERGY, LENGTH
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain
@@ -100,12 +101,13 @@ def test_nothing_is_best_where_a_loop_oscillates_and_its_outcome_says_so() -> No
 
 def test_values_that_read_alike_are_equally_good() -> None:
     """Expected: rounding marks nobody; two of three share the mark; None is left out; of net work nothing is best."""
-    assert best("tracking.position.norm_rms", [1.00001, 1.00002]) == set()
-    assert best("tracking.position.norm_rms", [2.0, 1.00001, 1.00002]) == {1, 2}
-    assert best("tracking.position.norm_rms", [1e-9, 3e-8]) == set()
-    assert best("stroke.margin", [3.0, None, -5.0]) == {0}
-    assert best("step_response.z.final_error", [-3.0, 2.0]) == {1}
-    assert best("energy.net_total", [1.0, 2.0]) == set()
+    assert best("tracking.position.norm_rms", [1.00001, 1.00002], LENGTH) == set()
+    assert best("tracking.position.norm_rms", [2.0, 1.00001, 1.00002], LENGTH) == {1, 2}
+    assert best("tracking.position.norm_rms", [1e-9, 3e-8], LENGTH) == set()
+    assert best("tracking.position.norm_rms", [1e-9, 3e-8], LENGTH.fine(1e-4)) == {0}
+    assert best("stroke.margin", [3.0, None, -5.0], LENGTH) == {0}
+    assert best("step_response.z.final_error", [-3.0, 2.0], LENGTH) == {1}
+    assert best("energy.net_total", [1.0, 2.0], ENERGY) == set()
 
 
 def test_what_differs_between_the_files_comes_first() -> None:

@@ -301,7 +301,10 @@ ERRORS = [
     (["--at", "z"], "--at z: found no value; expected NAME=VALUE"),
     (["--at", "height=2"], "--at height=2: unknown coordinate 'height'"),
     (["--at", "z=2", "--at", "z=3"], "z is fixed twice; expected one value"),
-    (["--at", "yaw=high"], "yaw is 'high'; expected a number of rad, or a string with one of the units rad, mrad, deg"),
+    (
+        ["--at", "yaw=high"],
+        "yaw is 'high'; expected a number of rad, or a string with one of the units rad, mrad, urad",
+    ),
     (["--over", "x,y", "--at", "pitch=100deg"], "pitch is 1.74533 rad, 100°; expected from −90° to 90°"),
     (["--at", "z=1e400"], "expected a number of at most 1e+12"),
     (["--points", "501"], "501 points per coordinate, in all 251,001 poses, for 2 swept coordinates"),

@@ -178,7 +178,11 @@ USUAL = ["t [s]", "x [mm]", "y [mm]", "z [mm]", "roll [deg]", "pitch [deg]", "ya
         ([*USUAL[:4], "roll", "pitch", "yaw"], {}, r'^units missing: roll.*orientation\[1\]" = "roll \[deg\]"'),
         (["time", *USUAL[1:]], {}, "^units missing: time; expected"),
         (USUAL, {"time": "t"}, None),
-        ([*USUAL[:6], "yaw [grad]"], {}, r"^yaw \[grad\] has the unit 'grad'; expected one of rad, mrad, deg"),
+        (
+            [*USUAL[:6], "yaw [grad]"],
+            {},
+            r"^yaw \[grad\] has the unit 'grad'; expected one of rad, mrad, .*, deg",
+        ),
         ([*USUAL, "surge [mm]"], {}, r"^has x \[mm\] and surge \[mm\] for position\[1\]; choose one: columns = "),
         ([*USUAL, "surge [mm]"], {"position[1]": "surge [mm]"}, None),
         ([*USUAL, "qx", "qy", "qz", "qw"], {}, r"^has orientation and quaternion; choose one .*roll \[deg\]"),
