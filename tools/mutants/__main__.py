@@ -23,11 +23,10 @@ from tools.mutants.copies import Copy
 from tools.mutants.covering import Covering, measure
 from tools.mutants.mutant import Mutant, mutants_in_order
 from tools.mutants.rules import RULES
-from tools.mutants.trial import Bench, Fate
+from tools.mutants.trial import INVALID, SEEN, Bench
 
 ROOT = Path(__file__).parents[2]
 _NO_ROOMS = ("tests", "tools", "docs", "benchmarks", "examples", "build_backend")
-_BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
 def main(arguments: list[str] | None = None, root: Path = ROOT) -> None:
@@ -54,7 +53,7 @@ def main(arguments: list[str] | None = None, root: Path = ROOT) -> None:
                 for kind, number in (("semantic", options.semantic), ("token", options.token)):
                     ordered = mutants_in_order(copies[0].folder, rooms[room], seed, kind)
                     if fates := trials.fates_of(ordered, number):
-                        rate = fates.count(Fate.SEEN) / len(fates)
+                        rate = fates.count(SEEN) / len(fates)
                         print(f"{room}: {rate:.0%} of {len(fates)} {kind} mutants seen\n", flush=True)
         except KeyboardInterrupt:
             sys.exit("interrupted; the same command goes on with what is not in the report")
@@ -64,8 +63,7 @@ def main(arguments: list[str] | None = None, root: Path = ROOT) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    described = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser("python -m tools.mutants", description=__doc__, formatter_class=described)
+    parser = argparse.ArgumentParser("python -m tools.mutants", description=__doc__)
     add = parser.add_argument
     add("rooms", nargs="*", metavar="ROOM", help="such as model or harness/loop; all by default")
     add("--map", nargs="*", metavar="TEST", help="only find which tests run each line, of these files or of all")
@@ -80,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
 def rooms_of(folder: Path) -> dict[str, list[Path]]:
     """The sources of each room: a package of the top level, one of the harness, or the files beside these."""
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=folder, capture_output=True, text=True, check=True).stdout
-    has_browser = any(map(shutil.which, _BROWSERS))
+    has_browser = any(map(shutil.which, ("chromium", "chromium-browser", "google-chrome")))
     rooms: dict[str, list[Path]] = {}
     for path in map(Path, listed.split("\0")):
         if path.suffix in RULES and path.parts[0] not in _NO_ROOMS and (has_browser or path.suffix != ".js"):
@@ -100,23 +98,21 @@ class Trials:
         lines = file.read_text("utf-8").splitlines() if file.exists() else []
         self._report: dict[str, dict[str, str]] = {entry["mutant"]: entry for entry in map(json.loads, lines)}
 
-    def fates_of(self, ordered: Iterator[Mutant], number: int) -> list[Fate]:
+    def fates_of(self, ordered: Iterator[Mutant], number: int) -> list[str]:
         """Those of the first mutants of an order that compile."""
-        fates: list[Fate] = []
+        fates: list[str] = []
         while mutants := list(islice(ordered, number - len(fates))):
             for mutant, entry in zip(mutants, self._pool.map(self._entry, mutants), strict=True):
                 print(f"{entry['fate']}: {mutant}\n    {entry['test']}", flush=True)
-                if entry["fate"] != Fate.INVALID:
-                    fates.append(Fate(entry["fate"]))
+                if entry["fate"] != INVALID:
+                    fates.append(entry["fate"])
         return fates
 
     def _entry(self, mutant: Mutant) -> dict[str, str]:
         if mutant.key not in self._report:
             bench = self._free.get()
-            try:
-                fate, test = bench.trial(mutant)
-            finally:
-                self._free.put(bench)
+            fate, test = bench.trial(mutant)
+            self._free.put(bench)
             self._report[mutant.key] = {"mutant": mutant.key, "fate": fate, "test": test}
             with self._file.open("a", encoding="utf-8") as report:
                 report.write(json.dumps(self._report[mutant.key], ensure_ascii=False) + "\n")

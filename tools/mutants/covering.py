@@ -61,13 +61,11 @@ class Covering:
     """The tests of each line, as they were measured."""
 
     def __init__(self, state: Path) -> None:
-        kept = json.loads((state / "tests.json").read_text("utf-8"))
-        self.commit: str = kept["commit"]
-        self.seconds: dict[str, float] = kept["seconds"]
-        self._folder: str = kept["folder"]
+        self._kept = json.loads((state / "tests.json").read_text("utf-8"))
+        self.commit: str = self._kept["commit"]
+        self.seconds: dict[str, float] = self._kept["seconds"]
         self._data = CoverageData(str(state / "coverage"))
         self._data.read()
-        self._fixtures: dict[str, list[str]] = kept["fixtures"]
         self._tests_in = cache(self._tests_in_context)
 
     def tests_of(self, mutant: Mutant, source: bytes) -> list[str]:
@@ -93,7 +91,7 @@ class Covering:
         return list(chain(*modules))
 
     def _by_line(self, file: str) -> dict[int, set[str]]:
-        by_line = self._data.contexts_by_lineno(f"{self._folder}/{file}")
+        by_line = self._data.contexts_by_lineno(f"{self._kept['folder']}/{file}")
         return {line: set().union(*map(self._tests_in, contexts)) for line, contexts in by_line.items()}
 
     def _tests_in_context(self, context: str) -> set[str]:
@@ -103,4 +101,4 @@ class Covering:
         if context in self.seconds or "@" not in context:
             return {context} & {"", *self.seconds}
         folder, _, fixture = context.rpartition("@")
-        return {test for test in self.seconds if test.startswith(folder) and fixture in self._fixtures[test]}
+        return {test for test in self.seconds if test.startswith(folder) and fixture in self._kept["fixtures"][test]}

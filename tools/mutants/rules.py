@@ -1,12 +1,12 @@
 """The changes that make mutants, as queries of syntax trees: of tokens, and of meaning, named after a mistake.
 
-Annotations, decorators, imports and texts are not changed: such changes break the import or affect nothing that a test
+Annotations, decorators and texts are not changed: such changes break the import or affect nothing that a test
 should check. No change of meaning repeats one of tokens.
 """
 
 import re
 from collections.abc import Callable, Iterable, Mapping
-from itertools import permutations
+from itertools import chain, permutations
 
 from tree_sitter import Node
 
@@ -17,9 +17,8 @@ Rule = tuple[str, *tuple[Text, ...]]
 
 # What is not changed inside.
 SKIPPED = {
-    *("type", "decorator", "import_statement", "import_from_statement", "future_import_statement", "interpolation"),
-    *("template_substitution", "array_declarator", "preproc_def", "preproc_function_def", "preproc_include"),
-    *("raise_statement", "throw_statement"),
+    *("type", "decorator", "interpolation", "template_substitution", "array_declarator", "preproc_def"),
+    *("preproc_function_def", "raise_statement", "throw_statement"),
 }
 _LITERALS = {
     *("integer", "float", "number", "number_literal", "string", "string_literal", "concatenated_string", "true"),
@@ -96,11 +95,8 @@ def _sibling(captures: Captures) -> Iterable[str]:
 
 
 def _reads_below(node: Node) -> Iterable[tuple[str, str]]:
-    read = _read(node)
-    if read is not None:
-        yield read
-    for child in node.named_children:
-        yield from _reads_below(child)
+    below = chain.from_iterable(map(_reads_below, node.named_children))
+    return filter(None, chain([_read(node)], below))
 
 
 def _read(node: Node) -> tuple[str, str] | None:
@@ -190,7 +186,10 @@ _C: dict[str, tuple[Rule, ...]] = {
         (f"({_C_CALL} (argument_list . (_) @a . (_) @b) {_IN_ORDER})", _swapped_arguments),
         ("(expression_statement [(call_expression) (assignment_expression) (update_expression)]) @all", ";"),
     ),
-    "swap": (("(initializer_list (_) @a . (_) @b)", _swapped),),
+    "swap": (
+        ("(initializer_list (_) @a . (_) @b)", _swapped),
+        ("(initializer_list (initializer_pair value: (_) @a) . (initializer_pair value: (_) @b))", _swapped),
+    ),
     "name": (("(string_literal (string_content) @all)", _other_name),),
     "option": (("(conditional_expression consequence: (_) @a alternative: (_) @b) @all", "({a})", "({b})"),),
     "dropped": (('(binary_expression left: (_) @a operator: ["&&" "||"] right: (_) @b) @all', "{a}", "{b}"),),
@@ -205,28 +204,24 @@ _C: dict[str, tuple[Rule, ...]] = {
     "block": (('(for_statement condition: (binary_expression operator: "<" right: (_) @all))', "{all} - 1"),),
     "sibling": (("(field_expression field: (_) @all) @whole", _sibling),),
 }
-_NAMES_IN_JAVASCRIPT = {
+_IN_JAVASCRIPT = {
     **{"number_literal": "number", "string_literal": "string", "string_content": "string_fragment"},
-    **{"initializer_list": "array", "conditional_expression": "ternary_expression", "argument_list": "arguments"},
-    **{"field:": "property:", "field_expression": "member_expression"},
+    **{"initializer_list (initializer_pair": "object (pair", "initializer_pair": "pair", "initializer_list": "array"},
+    **{"conditional_expression": "ternary_expression", "argument_list": "arguments", "field:": "property:"},
+    **{"field_expression": "member_expression", '["&&" "||"]': '["&&" "||" "??"]'},
     "(assignment_expression operator": "(augmented_assignment_expression operator",
-}
-_IN_JAVASCRIPT_ONLY: dict[str, tuple[Rule, ...]] = {
-    "": (("[(expression_statement (augmented_assignment_expression)) (throw_statement)] @all", ";"),),
-    "swap": (("(object (pair value: (_) @a) . (pair value: (_) @b))", _swapped),),
-    "dropped": (('(binary_expression left: (_) @a operator: "??" right: (_) @b) @all', "{a}", "{b}"),),
+    "(assignment_expression)": "(assignment_expression) (augmented_assignment_expression)",
 }
 
 
 def _in_javascript(rule: Rule) -> Rule:
-    query, *alternatives = rule
-    for name, other in _NAMES_IN_JAVASCRIPT.items():
+    query, *texts = rule
+    for name, other in _IN_JAVASCRIPT.items():
         query = query.replace(name, other)
-    return query, *alternatives
+    return query, *texts
 
 
-_JAVASCRIPT = {
-    mistake: (*map(_in_javascript, rules), *_IN_JAVASCRIPT_ONLY.get(mistake, ())) for mistake, rules in _C.items()
-}
+_JAVASCRIPT = {mistake: tuple(map(_in_javascript, rules)) for mistake, rules in _C.items()}
+_JAVASCRIPT[""] += (("(throw_statement) @all", ";"),)
 # By the suffix of a source, and by the mistake that is imitated: "" for a change of tokens.
 RULES = {".py": _PYTHON, ".c": _C, ".h": _C, ".js": _JAVASCRIPT}

@@ -2,7 +2,6 @@
 
 import os
 import re
-from enum import StrEnum
 from itertools import count
 
 from tools.mutants.copies import Copy
@@ -15,14 +14,8 @@ _FIRST = 10.0
 _LONGEST = 300.0
 _INVALID = re.compile("the compiler failed|SyntaxError: ")
 _turns = count(1)
-
-
-class Fate(StrEnum):
-    """Result of a mutant."""
-
-    SEEN = "seen"
-    SURVIVED = "survived"
-    INVALID = "does not compile"
+# What becomes of a mutant.
+SEEN, SURVIVED, INVALID = "seen", "survived", "does not compile"
 
 
 class Bench:
@@ -32,7 +25,7 @@ class Bench:
         self._copy, self._covering = copy, covering
         self._is_sound: dict[str, bool] = {}
 
-    def trial(self, mutant: Mutant) -> tuple[Fate, str]:
+    def trial(self, mutant: Mutant) -> tuple[str, str]:
         """Whether a test sees the mutant, and which; restores the copy."""
         path = self._copy.folder / mutant.file
         source, time = path.read_bytes(), path.stat().st_mtime
@@ -44,21 +37,19 @@ class Bench:
                 batch.append(waiting.pop(0))
                 seconds += self._covering.seconds[batch[-1]]
             while batch := [test for test in batch if self._is_sound.get(test, True)]:
-                try:
-                    path.write_bytes(mutant.applied(source))
-                    # a time of its own, so that no bytecode of another mutant is taken for it
-                    os.utime(path, (time + next(_turns),) * 2)
-                    failed, complaint = self._first_failure(batch)
-                finally:
-                    path.write_bytes(source)
-                    os.utime(path, (time, time))
+                path.write_bytes(mutant.applied(source))
+                # a time of its own, so that no bytecode of another mutant is taken for it
+                os.utime(path, (time + next(_turns),) * 2)
+                failed, complaint = self._first_failure(batch)
+                path.write_bytes(source)
+                os.utime(path, (time, time))
                 if _INVALID.search(complaint):
-                    return Fate.INVALID, failed
+                    return INVALID, failed
                 if not complaint:
                     break
                 if self._passes_unchanged(failed, batch):
-                    return Fate.SEEN, failed
-        return Fate.SURVIVED, found
+                    return SEEN, failed
+        return SURVIVED, found
 
     def _first_failure(self, batch: list[str]) -> tuple[str, str]:
         """The first test that fails, or the module that cannot be imported, and its complaint; empty if all pass."""
