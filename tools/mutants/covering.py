@@ -40,7 +40,7 @@ disable_warnings = no-data-collected, module-not-measured, module-not-imported, 
 
 def measure(copy: Copy, tests: Iterable[str], state: Path, jobs: int) -> str:
     """Run the tests in the copy and store which lines each runs; returns what happened, in a line."""
-    shutil.rmtree(state / "parts", ignore_errors=True)
+    shutil.rmtree(state, ignore_errors=True)  # also what is compiled, so that a test runs the lines that compile
     (state / "parts").mkdir(parents=True)
     configuration = state / "coveragerc"
     configuration.write_text(_CONFIGURATION.format(state=state, copy=copy.folder), encoding="utf-8")
