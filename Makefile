@@ -7,8 +7,8 @@ OUT ?= results/reproduce
 HEAVE ?= results/heave_step
 SEEN ?= results/pitch_sine
 SITE ?= build/site
-# make mutants MUTANTS="model --number 20 --seed 3": options of python -m tools.mutants
-MUTANTS ?= --draw semantic:7:20 --draw token:7:20
+# make mutants MUTANTS="model --token 20": options of python -m tools.mutants
+MUTANTS ?= --report results/mutants/report
 TESTS := $(BIN)/python -m pytest --numprocesses=auto --dist=loadfile
 # Of what is installed, the demo imports a small part, which is compiled then and kept; tests import most of it.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt
@@ -67,8 +67,11 @@ evidence: $(VENV)/evidence
 	$(BIN)/python -m pytest -m evidence -s
 	HYPOTHESIS_PROFILE=evidence $(BIN)/python -m pytest -q tests/model
 
-mutants: $(VENV)/dev
+mutants: $(VENV)/dev results/mutants/tests.json
 	$(BIN)/python -m tools.mutants $(MUTANTS)
+# which tests run a line, at the commit that is checked out; made once, until it is deleted
+results/mutants/tests.json: | $(VENV)/dev
+	$(BIN)/python -m tools.mutants --map --jobs 2
 
 format: $(VENV)/dev
 	$(BIN)/ruff format .

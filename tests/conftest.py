@@ -26,6 +26,7 @@ settings.register_profile("evidence", max_examples=2000, deadline=None)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "test"))
 
 
+@pytest.hookimpl(optionalhook=True)  # without pytest-xdist, nobody asks
 def pytest_xdist_auto_num_workers() -> int:
     """Half as many again as there are processors: tests of pages and of other programs wait for these."""
     processors = os.cpu_count() or 1

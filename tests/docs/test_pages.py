@@ -40,8 +40,8 @@ from tests.support.snippets import (
     runner,
 )
 from tools.pages.blocks import ROOT, Block, text_of
-from tools.pages.metrics import PAGE, page_with_tables
 from tools.pages.story import run_in_shell, run_page
+from tools.pages.tables import PAGE, page_with_tables
 
 COMMANDS = {page: commands_of(page) for page in PAGES}
 EVERY = [command for commands in COMMANDS.values() for command in commands]

@@ -98,6 +98,10 @@ def _become(program: dict[str, Any]) -> None:
     os.chdir(program["cwd"])
     os.environ.clear()
     os.environ.update(program["env"])
+    if "MUTANTS_TEST" in os.environ:  # the program's lines are those of the test that runs it
+        measured = import_module("coverage").Coverage.current()
+        if measured is not None:
+            measured.switch_context(os.environ["MUTANTS_TEST"])
     sys.argv = program["argv"]
     if sys.argv[0] == COMMAND:
         import_module("gough_stewart.__main__").main()

@@ -1,133 +1,124 @@
-"""The tool that plants bugs, on a module of a few lines whose mutants are known."""
+"""The tool that plants bugs: on a small repository whose tests are known, and its changes of sources.
+
+Expected: written by hand.
+"""
 
 import json
 import subprocess
-from functools import cache
-from itertools import islice
 from pathlib import Path
 
 import pytest
 
-from tools.mutants.__main__ import ROOT, main
-from tools.mutants.folders import is_of_another_room, rooms
-from tools.mutants.mutation import Mutant
-from tools.mutants.selection import equivalents, every_mutant, files_in, mutants_in_order
+from tools.mutants.__main__ import main, rooms_of
+from tools.mutants.mutant import every_place, mutants_in_order
 
-TOY = """\
+SOURCE = """\
+from functools import cache
+
+
 def area(a, b):
     return a * b
 
 
 def half_circumference(a, b):
     return a + b
+
+
+def rest(a, b):
+    return a % b
+
+
+@cache
+def is_rectangular():
+    return True
+
+
+def never(a):
+    return -a
 """
-# They see the area, and call the other without a look at it.
 TESTS = """\
-from toy.rectangle import area, half_circumference
+import subprocess
+import sys
+
+import pytest
+from toy.rectangle import area, rest, half_circumference, is_rectangular
 
 
-def test_it():
-    assert area(2, 3) == 6
-    half_circumference(2, 3)
+@pytest.fixture(scope="module")
+def area_of_two():
+    return area(2, 3)
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_it_is_there(area_of_two, k):
+    assert area(2, 3) and half_circumference(2, 3)
+    is_rectangular()
+
+
+def test_area(area_of_two):
+    assert area_of_two == 6
+
+
+def test_it_fails_anyway():
+    assert half_circumference(2, 3) == 0
+
+
+def test_in_a_program():
+    subprocess.run([sys.executable, "-c", "from toy.rectangle import *; assert rest(7, 4) == 3"], check=True)
+
+
+def test_what_is_kept():
+    assert is_rectangular()
 """
+# A hook of pytest-xdist, which pytest refuses where that plugin is not loaded.
+CONFTEST = "def pytest_xdist_auto_num_workers():\n    return 1\n"
 
 
 @pytest.fixture
-def toy(tmp_path: Path) -> Path:
-    root = tmp_path / "repository"
-    for name, text in {"toy/rectangle.py": TOY, "tests/toy/test_rectangle.py": TESTS, "toy/__init__.py": ""}.items():
-        (root / name).parent.mkdir(parents=True, exist_ok=True)
-        (root / name).write_text(text)
-    subprocess.run(["git", "init", "--quiet"], cwd=root, check=True)
-    return root
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for name in ("COVERAGE_PROCESS_START", "PYTHONDONTWRITEBYTECODE"):
+        monkeypatch.delenv(name, raising=False)
+    files = {"toy/rectangle.py": SOURCE, "tests/test_rectangle.py": TESTS, "tests/conftest.py": CONFTEST}
+    for name, text in {**files, "toy/__init__.py": "", ".gitignore": "results/\n"}.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    named = [word for key in ("user.name=a", "user.email=a@b") for word in ("-c", key)]
+    for command in (["init"], ["add", "."], [*named, "commit", "--message=all"]):
+        subprocess.run(["git", *command], cwd=tmp_path, check=True, capture_output=True)
+    return tmp_path
 
 
-def test_what_the_tests_look_at_is_killed_and_what_they_only_call_survives(
-    toy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_what_tests_compare_is_seen_in_fixtures_programs_and_caches_and_nothing_else(
+    toy: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Expected: the product that the test compares is seen, the sum that it does not compare is not."""
-    report = tmp_path / "report.json"
-    assert main(["toy", "--report", str(report)], toy, libraries=()) == 1
-    fates = {key.split("|")[1]: fate for key, fate in json.loads(report.read_text()).items()}
-    assert fates == {"return a * b": "KILLED", "return a + b": "SURVIVED"}
-    printed = capsys.readouterr().out
-    assert "toy: 1 of 2 token mutants killed, 50 % (0 by timeout; 0 more did not compile)" in printed
-    assert printed.count("\nsurvived: toy/rectangle.py:6") == 1
-    assert (toy / "toy/rectangle.py").read_text() == TOY
-    assert sorted(path.name for path in toy.iterdir()) == [".git", "tests", "toy"]
+    """Expected: the sum is only compared by a test that fails anyway, and nothing runs the last function."""
+    report = toy / "results/report"
+    main(["--map", "tests", "--jobs", "2"], toy)
+    assert "1 failed, 7 passed" in capsys.readouterr().out
+    for _ in range(2):  # the second time all is in the report
+        main(["toy", "--semantic=0", "--token=99", "--seed=951add4", f"--report={report}"], toy)
+        assert "toy: 60% of 5 token mutants seen" in capsys.readouterr().out
+    entries = map(json.loads, report.read_text().splitlines())
+    seen = {
+        entry["mutant"].partition(": ")[2].partition(" →")[0]: entry["test"].partition("::")[2] for entry in entries
+    }
+    assert seen == {
+        "return a * b": "test_area",
+        "return a + b": "",
+        "return a % b": "test_in_a_program",
+        "return True": "test_what_is_kept",
+        "return -a": "",
+    }
+    assert (toy / "toy/rectangle.py").read_text() == SOURCE
 
 
-def test_draws_of_both_kinds_share_one_run_and_do_not_try_a_mutant_twice(
-    toy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Expected: the second draw of the same seed is empty; the tests see both mutants of the two conditions."""
-    wide = "\n\ndef is_wide(a, b):\n    return a > 1 and b > 1\n"
-    tests = "    assert is_wide(2, 2)\n    assert not is_wide(2, 0)\n    assert not is_wide(0, 2)\n"
-    (toy / "toy/rectangle.py").write_text(TOY + wide)
-    (toy / "tests/toy/test_rectangle.py").write_text(TESTS.replace("import", "import is_wide,", 1) + tests)
-    report = tmp_path / "report.json"
-    draws = ["--draw", "token:1:99", "--draw", "token:1:99", "--draw", "semantic:1:9"]
-    assert main(["toy", "--report", str(report), *draws, "--least", "0"], toy, libraries=()) == 0
-    printed = capsys.readouterr().out
-    assert printed.count("first run") == 1
-    tokens = len(mutants_in_order(toy, files_in(toy, ["toy"]), 1))
-    assert f" of {tokens} token mutants killed" in printed
-    assert "toy: 2 of 2 semantic mutants killed, 100 %" in printed
-    assert len(json.loads(report.read_text())) == tokens + 2
-
-
-def test_a_room_contains_no_files_of_the_rooms_inside_it(tmp_path: Path) -> None:
-    """Expected: written by hand."""
-    files = ["model/a.py", "model/inner/b.py", "harness/__init__.py", "harness/web/c.js", "fmu_build/c/unit/d.c"]
-    for name in ("model/data/e.toml", *files):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).touch()
-    found = rooms(tmp_path)
-    assert found == ("fmu_build/c", "harness/web", "model", "model/inner")
-    assert not is_of_another_room(Path("model/a.py"), "model", found)
-    assert is_of_another_room(Path("model/inner/b.py"), "model", found)
-    assert not is_of_another_room(Path("model/inner/b.py"), "model/inner", found)
-    assert not is_of_another_room(Path("fmu_build/c/unit/d.c"), "fmu_build/c/unit", found)
-
-
-@pytest.mark.parametrize(
-    ("body", "message"),
-    [("assert False", "must pass on the unchanged"), ("import pytest; pytest.skip('no browser')", "no test ran")],
-)
-def test_tests_that_fail_without_a_mutant_or_do_not_run_are_no_evidence(
-    toy: Path, capsys: pytest.CaptureFixture[str], body: str, message: str
-) -> None:
-    (toy / "tests/toy/test_rectangle.py").write_text(f"def test_it():\n    {body}\n")
-    assert main(["toy"], toy, libraries=()) == 2
-    assert message in capsys.readouterr().err
-
-
-def test_a_seed_always_gives_the_same_mutants_and_other_lines_do_not_change_them(toy: Path) -> None:
-    files = files_in(toy, ["toy"])
-    listed = [mutants_in_order(toy, files, seed) for seed in range(10)]
-    assert listed == [mutants_in_order(toy, files, seed) for seed in range(10)]
-    assert {m.file for m in listed[0]} == {Path("toy/rectangle.py")}
-    assert len({tuple(m.key for m in each) for each in listed}) == 2  # two orders of two
-    (toy / "toy/rectangle.py").write_text("# moved down\nSIDES = 4\n" + TOY)
-    moved = [m.key for m in mutants_in_order(toy, files, 1)]
-    assert [key for key in moved if "SIDES" not in key] == [m.key for m in listed[1]]
-
-
-@pytest.mark.evidence
-def test_every_equivalent_mutant_is_one_of_its_file() -> None:
-    """Expected: the sources as they are; an entry whose lines have changed has to be looked at again."""
-    known = equivalents()
-
-    @cache
-    def mutants_of(file: Path) -> list[Mutant]:
-        return list(every_mutant(file, (ROOT / file).read_bytes(), ("token", "semantic")))
-
-    for name, before, after in known.single:
-        assert (before, after) in {(mutant.before, mutant.after) for mutant in mutants_of(Path(name))}
-    for pattern, _, why in known.families:
-        files = files_in(ROOT, [str(Path(pattern).parent)], Path(pattern).name)
-        family = (mutant for file in files for mutant in mutants_of(file) if known.reason(mutant) == why)
-        assert len(list(islice(family, 2))) == 2, pattern
+def test_a_seed_always_gives_the_same_mutants_in_an_order_of_its_own(toy: Path) -> None:
+    rooms = rooms_of(toy)
+    assert rooms == {"toy": [Path("toy/__init__.py"), Path("toy/rectangle.py")]}
+    orders = {seed: [str(m) for m in mutants_in_order(toy, rooms["toy"], seed, "token")] for seed in (1, 2)}
+    assert orders[1] == [str(mutant) for mutant in mutants_in_order(toy, rooms["toy"], 1, "token")]
+    assert orders[1] != orders[2]
+    assert sorted(orders[1]) == sorted(orders[2])
 
 
 PYTHON = {
@@ -146,28 +137,23 @@ PYTHON = {
     "@frozen(True)\nclass C:\n    'Text 1.'\n    n: Array[3] = True\n": {"n: Array[3] = False"},
 }
 
-
-@pytest.mark.parametrize("source", PYTHON)
-def test_changes_of_python(source: str) -> None:
-    """Expected: written by hand."""
-    found = {mutant.after for mutant in every_mutant(Path("x.py"), source.encode())}
-    assert found == PYTHON[source]
-
-
-TOKENS = {
-    "{/* a - b */ x = a * -b;\n}": {"{/* a - b */ x = a / -b;", "{/* a - b */ x = a * b;", "{/* a - b */ ;"},
+C = {
+    "{/* a - b */ x = a * -b;\n}": {"{/* a - b */ x = a / -b;", "{/* a - b */ x = a * (b);", "{/* a - b */ ;"},
     "double *x = p + 4;\nchar y[6];\n": {f"double *x = p {other};" for other in ("- 4", "+ 5", "+ 3")},
     "if (a <= b && !c) i->past = 0;\n": {
         *("if (a < b && !c) i->past = 0;", "if (a > b && !c) i->past = 0;", "if (a <= b || !c) i->past = 0;"),
         *(
-            "if (a <= b && c) i->past = 0;",
+            "if (a <= b && (c)) i->past = 0;",
             "if (!(a <= b && !c)) i->past = 0;",
             "if (a <= b && !c) ;",
             "if (a <= b && !c) i->past = 1;",
         ),
     },
     "{ forget(x, y); return z; }\n": {"{ ; return z; }", "{ forget(y, x); return z; }"},
-    'say("1 < 2"); const m = s.replace(/[-1]/g, "");\n': set[str](),
+}
+
+JAVASCRIPT = {
+    'say("1 < 2"); const m = s.replace(/[-1]/g, "");\n': {'; const m = s.replace(/[-1]/g, "");'},
     "return a.map((v) => v % 2 === 0);\n": {
         *("return a.map((v) => v * 2 === 0);", "return a.map((v) => v % 2 !== 0);"),
         *(f"return a.map((v) => v % {n} === 0);" for n in (1, 3)),
@@ -175,15 +161,6 @@ TOKENS = {
     },
 }
 
-
-@pytest.mark.parametrize("source", TOKENS)
-def test_changes_of_c_and_javascript(source: str) -> None:
-    """Expected: written by hand."""
-    found = {mutant.after for mutant in every_mutant(Path("x.c"), source.encode())}
-    assert found == TOKENS[source]
-
-
-# Bugs as people write them, each made by an operator; by operator, source and changed line.
 MEANT = {
     ("swap", "return roll, pitch, yaw\n"): {"return pitch, roll, yaw", "return roll, yaw, pitch"},
     ("swap", "v = f(first=a, last=b)\n"): {"v = f(first=b, last=a)"},
@@ -220,23 +197,13 @@ MEANT = {
     },
 }
 
-
-@pytest.mark.parametrize(("operator", "source"), MEANT)
-def test_bugs_of_meaning_in_python(operator: str, source: str) -> None:
-    """Expected: written by hand; no change of tokens makes any of them."""
-    mutants = list(every_mutant(Path("x.py"), source.encode(), ("semantic",)))
-    found = {mutant.after for mutant in mutants if mutant.change.operator == operator}
-    assert found == MEANT[operator, source]
-    assert not found & {mutant.after for mutant in every_mutant(Path("x.py"), source.encode())}
-
-
 MEANT_IN_TOKENS = {
     ("dropped", "if (a && !b) x = 1;\n"): {"if (a) x = 1;", "if (!b) x = 1;"},
     ("dropped", "return low > x || x > high;\n"): {"return low > x;", "return x > high;"},
     ("option", "y = has ? a[0] : b;\n"): {"y = (a[0]);", "y = (b);"},
     ("stale", "y = out[k] + 1;\n"): {"y = out[0] + 1;"},
-    ("one side", "if (fabs(e) > most) stop();\n"): {"if ((e) > most) stop();", "if (-(e) > most) stop();"},
-    ("unit", "text = 1e3 + x * 1000;\n"): {"text = 1e3 + x ;"},
+    ("one side", "if (fabs(e) > most) stop();\n"): {"if (-(e) > most) stop();"},
+    ("unit", "text = 1e3 + x * 1000;\n"): {"text = 1e3 + (x);"},
     ("block", "for (int k = 0; k < n; k++) sum += v[k];\n"): {"for (int k = 0; k < n - 1; k++) sum += v[k];"},
     ("name", 'draw("roll", 2);\n'): {'draw("pitch", 2);'},
     ("swap", "const axes = [right, up, ahead];\n"): {
@@ -247,36 +214,24 @@ MEANT_IN_TOKENS = {
 }
 
 
-@pytest.mark.parametrize(("operator", "source"), MEANT_IN_TOKENS)
-def test_bugs_of_meaning_in_c_and_javascript(operator: str, source: str) -> None:
-    """Expected: written by hand."""
-    mutants = every_mutant(Path("x.c"), source.encode(), ("semantic",))
-    assert {mutant.after for mutant in mutants if mutant.change.operator == operator} == MEANT_IN_TOKENS[
-        operator, source
-    ]
+def after(suffix: str, source: str, mistake: str) -> set[str]:
+    """The changed lines of all mutants of a source that imitate a mistake; without one, of those of tokens."""
+    kind = "semantic" if mistake else "token"
+    places = every_place(Path(f"x{suffix}"), source.encode(), kind)
+    return {mutant.after for place in places for mutant in place if mutant.mistake == mistake}
 
 
-@pytest.mark.evidence
-def test_a_small_sample_of_bugs_of_meaning_has_three_of_every_operator() -> None:
-    """Expected: counted in the first ones of two rooms of this project, whose operators differ in frequency."""
-    files = files_in(ROOT, ["harness/tuning", "harness/ensemble"])
-    ordered = mutants_in_order(ROOT, files, 7, "semantic")
-    operators = {mutant.change.operator for mutant in ordered}
-    first = [mutant.change.operator for mutant in ordered[: 3 * len(operators)]]
-    available = {each: sum(mutant.change.operator == each for mutant in ordered) for each in operators}
-    assert len(operators) >= 9
-    for each in operators:
-        assert first.count(each) >= min(3, available[each])
-    assert ordered == mutants_in_order(ROOT, files, 7, "semantic")
-
-
-def test_scripts_whose_browser_tests_were_skipped_are_said_to_be_unmeasured(
-    toy: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Expected: none of the script's mutants counts as survived, and the command fails."""
-    (toy / "toy/page.js").write_text("const a = 1 + x;\n")
-    (toy / "tests/toy/test_page.py").write_text("import pytest\n\n\ndef test_page():\n    pytest.skip('no Chromium')\n")
-    assert main(["toy", "--least", "0"], toy, libraries=()) == 1
-    printed = capsys.readouterr().out
-    assert "toy: scripts are unmeasured, since 1 tests were skipped: Skipped: no Chromium" in printed
-    assert "page.js" not in printed
+@pytest.mark.parametrize(
+    ("suffix", "mistake", "source", "expected"),
+    [
+        *((".py", "", source, expected) for source, expected in PYTHON.items()),
+        *((".c", "", source, expected) for source, expected in C.items()),
+        *((".js", "", source, expected) for source, expected in JAVASCRIPT.items()),
+        *((".py", *case, expected) for case, expected in MEANT.items()),
+        *((".js" if "const" in case[1] else ".c", *case, expected) for case, expected in MEANT_IN_TOKENS.items()),
+    ],
+)
+def test_changes_of_tokens_and_of_meaning(suffix: str, mistake: str, source: str, expected: set[str]) -> None:
+    """Expected: written by hand; no change of meaning repeats one of tokens."""
+    assert after(suffix, source, mistake) == expected
+    assert not mistake or not expected & after(suffix, source, "")

@@ -1,1 +1,1 @@
-"""Seeded random mutants of the sources, run against the tests that cover them: `python -m tools.mutants --help`."""
+"""Small bugs planted in copies of the sources, to measure how many of them the tests see."""

@@ -1,167 +1,125 @@
-"""`python -m tools.mutants`: plants small bugs in copies of the sources and counts how many the tests detect."""
+"""`python -m tools.mutants`: plants small bugs in copies of the sources and counts how many the tests see.
+
+First `--map` runs the tests once at the last commit and keeps in results/mutants which of them run each line. Then
+mutants of that commit are drawn for each room, and the tests that run a mutant's line are tried on it, quickest first.
+A mutant is seen when one of them fails; those that are equivalent to the source count as survivors.
+"""
 
 import argparse
 import json
+import os
+import shutil
 import signal
+import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from queue import Queue
 
-from tools.mutants.copies import copy_of
-from tools.mutants.folders import LIBRARIES, is_of_another_room, loaded_for, rooms, tests_of
-from tools.mutants.mutation import Kind, Mutant
-from tools.mutants.selection import Draw, equivalents, files_in, mutants_in_order
-from tools.mutants.trial import Bench, CleanRunError, Evidence, Fate
+from tools.mutants.copies import Copy
+from tools.mutants.covering import Covering, measure
+from tools.mutants.mutant import Mutant, mutants_in_order
+from tools.mutants.rules import RULES
+from tools.mutants.trial import INVALID, SEEN, Bench
 
 ROOT = Path(__file__).parents[2]
+_NO_ROOMS = ("tests", "tools", "docs", "benchmarks", "examples", "build_backend")
 
 
-def main(arguments: list[str] | None = None, root: Path = ROOT, libraries: Iterable[str] = LIBRARIES) -> int:
-    """Run the command; 0 if every folder reaches the required kill rate."""
+def main(arguments: list[str] | None = None, root: Path = ROOT) -> None:
+    """Run the command."""
     options = _parser().parse_args(arguments)
-    reached = True
-    report: dict[str, str] = {}
-    draws = options.draw or [Draw(options.kind, options.seed, options.number)]
-    try:
-        for folder in options.folders or rooms(root):
-            if options.list:
-                for draw in draws:
-                    print(*_chosen(root, folder, draw, options)[: draw.number], sep="\n")
-                continue
-            tests = tuple(options.tests) if options.tests else tests_of(folder, root)
-            print(f"{folder}: first run of {' '.join(tests)} on the unchanged sources", flush=True)
-            fates: dict[Mutant, Fate] = {}
-            with _benches(root, options.jobs, (*libraries, *loaded_for(folder))) as benches:
-                evidence = benches[0].clean_run(tests, [folder])
-                for draw in draws:
-                    fresh = [mutant for mutant in _chosen(root, folder, draw, options) if mutant not in fates]
-                    mutants, measured = _measurable(folder, fresh, evidence)
-                    reached = reached and measured
-                    for mutant, fate in _trials(benches, mutants, tests, evidence, draw.number):
-                        fates[mutant] = fate
-                        report[mutant.key] = fate.name
-                        print(f"{len(fates):4d} {fate.value}: {mutant}", flush=True)
-            for kind in dict.fromkeys(draw.kind for draw in draws):
-                of_kind = {mutant: fate for mutant, fate in fates.items() if mutant.kind == kind}
-                reached = _summary(folder, kind, of_kind, options.least) and reached
-    except (LookupError, CleanRunError) as error:
-        print(error, file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("interrupted; the sources are unchanged", file=sys.stderr)
-        return 130
-    finally:
-        if options.report:
-            options.report.write_text(json.dumps(report, indent=1), encoding="utf-8")
-    return 0 if reached else 1
+    state, copies = root / "results/mutants", list[Copy]()
+    with tempfile.TemporaryDirectory(prefix="mutants-", ignore_cleanup_errors=True) as place:
+        try:
+            if options.map is not None:
+                copies.append(Copy(root, "HEAD", Path(place, "map"), state))
+                print(measure(copies[0], options.map, state, options.jobs))
+                return
+            if not (state / "tests.json").exists():
+                raise SystemExit("it is not known which tests run a line; first run it with --map")
+            covering = Covering(state)
+            seed = int(options.seed or covering.commit[:7], 16)
+            for k in range(options.jobs):
+                copies.append(Copy(root, covering.commit, Path(place, str(k)), state))
+            trials = Trials([Bench(copy, covering) for copy in copies], options.report)
+            rooms = rooms_of(copies[0].folder)
+            for room in options.rooms or rooms:
+                if room not in rooms:
+                    raise SystemExit(f"no room {room}; expected one of {', '.join(rooms)}")
+                for kind, number in (("semantic", options.semantic), ("token", options.token)):
+                    ordered = mutants_in_order(copies[0].folder, rooms[room], seed, kind)
+                    if fates := trials.fates_of(ordered, number):
+                        rate = fates.count(SEEN) / len(fates)
+                        print(f"{room}: {rate:.0%} of {len(fates)} {kind} mutants seen\n", flush=True)
+        except KeyboardInterrupt:
+            sys.exit("interrupted; the same command goes on with what is not in the report")
+        finally:
+            for copy in copies:
+                copy.stop()
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m tools.mutants", description=__doc__)
-    parser.add_argument("folders", nargs="*", help="such as model or harness/loop (all rooms)")
-    parser.add_argument("--number", type=int, default=100, help="mutants of each folder (100)")
-    parser.add_argument("--seed", type=int, default=1, help="seed of the random mutants (1)")
-    parser.add_argument(
-        "--kind", choices=("token", "semantic"), default="token", help="changes of tokens, or of meaning"
-    )
-    parser.add_argument(
-        "--draw",
-        type=Draw.parse,
-        action="append",
-        metavar="KIND:SEED:NUMBER",
-        help="such as semantic:7:20, instead of --kind, --seed and --number; several draw different mutants",
-    )
-    parser.add_argument("--jobs", type=int, default=1, help="how many at a time (1)")
-    parser.add_argument("--file", default="*", help="only files with matching names, such as 'pid*.py'")
-    parser.add_argument("--tests", nargs="+", help="use these tests instead of the folder's own and related ones")
-    parser.add_argument("--least", type=float, default=90, help="required kill rate in percent (90)")
-    parser.add_argument("--report", type=Path, help="JSON file for the result of each mutant")
-    parser.add_argument("--again", type=Path, help="JSON file of an earlier run: retry only its survivors")
-    parser.add_argument("--list", action="store_true", help="only print the mutants")
+    parser = argparse.ArgumentParser("python -m tools.mutants", description=__doc__)
+    add = parser.add_argument
+    add("rooms", nargs="*", metavar="ROOM", help="such as model or harness/loop; all by default")
+    add("--map", nargs="*", metavar="TEST", help="only find which tests run each line, of these files or of all")
+    add("--seed", metavar="HEX", help="first seven digits of a commit (that of the map)")
+    add("--semantic", type=int, default=10, metavar="N", help="mutants of meaning of each room (10)")
+    add("--token", type=int, default=0, metavar="N", help="mutants of tokens of each room (0)")
+    add("--report", type=Path, default=os.devnull, help="file of results; those in it are not tried again")
+    add("--jobs", type=int, default=1, metavar="N", help="how many at a time (1)")
     return parser
 
 
-def _chosen(root: Path, folder: str, draw: Draw, options: argparse.Namespace) -> list[Mutant]:
-    """Mutants of a folder in order, without those known to be equivalent and those of rooms inside it."""
-    known, all_rooms = equivalents(), rooms(root)
-    files = [f for f in files_in(root, [folder], options.file) if not is_of_another_room(f, folder, all_rooms)]
-    mutants = mutants_in_order(root, files, draw.seed, draw.kind)
-    if options.again:
-        before = json.loads(options.again.read_text(encoding="utf-8"))
-        mutants = [mutant for mutant in mutants if before.get(mutant.key) == Fate.SURVIVED.name]
-    return [mutant for mutant in mutants if known.reason(mutant) is None]
+def rooms_of(folder: Path) -> dict[str, list[Path]]:
+    """The sources of each room: a package of the top level, one of the harness, or the files beside these."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=folder, capture_output=True, text=True, check=True).stdout
+    has_browser = any(map(shutil.which, ("chromium", "chromium-browser", "google-chrome")))
+    rooms: dict[str, list[Path]] = {}
+    for path in map(Path, listed.split("\0")):
+        if path.suffix in RULES and path.parts[0] not in _NO_ROOMS and (has_browser or path.suffix != ".js"):
+            depth = 2 if path.parts[0] == "harness" and len(path.parts) > 2 else 1
+            rooms.setdefault("/".join(path.parts[:depth]), []).append(path)
+    return rooms
 
 
-def _measurable(folder: str, mutants: list[Mutant], evidence: Evidence) -> tuple[list[Mutant], bool]:
-    """Mutants without those of scripts if their tests were skipped; they would all survive."""
-    if not evidence.skipped or not any(mutant.file.suffix == ".js" for mutant in mutants):
-        return mutants, True
-    why = "; ".join(sorted(set(evidence.skipped.values())))
-    print(f"{folder}: scripts are unmeasured, since {len(evidence.skipped)} tests were skipped: {why}", flush=True)
-    return [mutant for mutant in mutants if mutant.file.suffix != ".js"], False
+class Trials:
+    """Trials on some benches at a time, with a report of all that were made, a line of JSON each."""
 
-
-@contextmanager
-def _benches(root: Path, number: int, libraries: Iterable[str]) -> Iterator[list[Bench]]:
-    """Copies of the repository in a temporary folder, which is always deleted at the end."""
-    with tempfile.TemporaryDirectory(prefix="mutants-", ignore_cleanup_errors=True) as folder:
-        place = Path(folder)
-        benches = [Bench(copy_of(root, place / f"copy-{k}"), place / f"run-{k}", libraries) for k in range(number)]
-        try:
-            yield benches
-        finally:
-            for bench in benches:
-                bench.stop()
-
-
-def _trials(
-    benches: list[Bench], mutants: list[Mutant], tests: tuple[str, ...], evidence: Evidence, number: int
-) -> Iterator[tuple[Mutant, Fate]]:
-    """Results of the requested number of mutants that compile, and of those between them that do not."""
-    free: Queue[Bench] = Queue()
-    for bench in benches:
-        free.put(bench)
-
-    def attempt(mutant: Mutant) -> Fate:
-        bench = free.get()
-        try:
-            return bench.trial(mutant, tests, evidence)
-        finally:
-            free.put(bench)
-
-    pool = ThreadPoolExecutor(len(benches))
-    try:
-        while mutants and number > 0:
-            batch, mutants = mutants[:number], mutants[number:]
-            for mutant, fate in zip(batch, pool.map(attempt, batch), strict=True):
-                number -= fate is not Fate.INVALID
-                yield mutant, fate
-    except BaseException:
+    def __init__(self, benches: list[Bench], file: Path) -> None:
+        self._file, self._pool, self._free = file, ThreadPoolExecutor(len(benches)), Queue[Bench]()
         for bench in benches:
-            bench.stop()
-        raise
-    finally:
-        pool.shutdown(cancel_futures=True)
+            self._free.put(bench)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        lines = file.read_text("utf-8").splitlines() if file.exists() else []
+        self._report: dict[str, dict[str, str]] = {entry["mutant"]: entry for entry in map(json.loads, lines)}
 
+    def fates_of(self, ordered: Iterator[Mutant], number: int) -> list[str]:
+        """Those of the first mutants of an order that compile."""
+        fates: list[str] = []
+        while mutants := list(islice(ordered, number - len(fates))):
+            for mutant, entry in zip(mutants, self._pool.map(self._entry, mutants), strict=True):
+                print(f"{entry['fate']}: {mutant}\n    {entry['test']}", flush=True)
+                if entry["fate"] != INVALID:
+                    fates.append(entry["fate"])
+        return fates
 
-def _summary(folder: str, kind: Kind, fates: dict[Mutant, Fate], least: float) -> bool:
-    """Print kill rate and survivors; returns whether the rate is high enough."""
-    number = {fate: sum(each is fate for each in fates.values()) for fate in Fate}
-    tried = len(fates) - number[Fate.INVALID]
-    killed = number[Fate.KILLED] + number[Fate.TIMEOUT]
-    rate = 100 * killed / tried if tried else 100.0
-    print(f"\n{folder}: {killed} of {tried} {kind} mutants killed, {rate:.0f} %", end="")
-    print(f" ({number[Fate.TIMEOUT]} by timeout; {number[Fate.INVALID]} more did not compile)")
-    for mutant, fate in fates.items():
-        if fate is Fate.SURVIVED:
-            print(f"survived: {mutant}")
-    return rate >= least
+    def _entry(self, mutant: Mutant) -> dict[str, str]:
+        if mutant.key not in self._report:
+            bench = self._free.get()
+            fate, test = bench.trial(mutant)
+            self._free.put(bench)
+            self._report[mutant.key] = {"mutant": mutant.key, "fate": fate, "test": test}
+            with self._file.open("a", encoding="utf-8") as report:
+                report.write(json.dumps(self._report[mutant.key], ensure_ascii=False) + "\n")
+        return self._report[mutant.key]
 
 
 if __name__ == "__main__":
+    os.nice(19)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends running tests, like Ctrl-C
-    sys.exit(main())
+    main()

@@ -5,10 +5,10 @@ import tempfile
 from pathlib import Path
 
 from tools.pages.blocks import ROOT, blocks_of, text_of
-from tools.pages.metrics import rewrite_tables
-from tools.pages.outputs import excerpt, shown_below, up_to_date, with_outputs
+from tools.pages.outputs import shown_below, up_to_date, with_outputs
 from tools.pages.pictures import draw, pictures_of
 from tools.pages.story import printed_in_shell, run_page
+from tools.pages.tables import rewrite_tables
 
 PAGES = ("docs/tutorial.md", "README.md")
 
@@ -17,21 +17,19 @@ def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m tools.pages", description=__doc__)
     parser.add_argument("pages", nargs="*", default=PAGES, metavar="PAGE", help="by default %(default)s")
-    parser.add_argument("--durations", action="store_true", help="also where nothing but durations and sizes differ")
     options = parser.parse_args()
     rewrite_tables()
     for page in options.pages:
         with tempfile.TemporaryDirectory() as folder:
-            rewrite(page, Path(folder), durations=options.durations)
+            rewrite(page, Path(folder))
 
 
-def rewrite(page: str, folder: Path, *, durations: bool = False) -> None:
-    """Run a page in a folder; write what it prints and draws into it, durations alone only if that is asked for."""
+def rewrite(page: str, folder: Path) -> None:
+    """Run a page in a folder; write what it prints and draws into it, unless only durations and sizes differ."""
     printed = run_page(page, folder, printed_in_shell)
     text = text_of(page)
     shown = shown_below(blocks_of(page), text)
-    new = excerpt if durations else up_to_date
-    outputs = {below: new(below.text, printed[block]) for block, below in shown.items()}
+    outputs = {below: up_to_date(below.text, printed[block]) for block, below in shown.items()}
     (ROOT / page).write_text(with_outputs(text, outputs), encoding="utf-8")
     print(f"{page}: {len(outputs)} outputs")
     for picture in pictures_of(page):

@@ -14,13 +14,11 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator
-from importlib.metadata import distributions
 from pathlib import Path
 
 from tools.pages.blocks import ROOT
 from tools.pages.story import TERMINAL, FailedCommandError, run_page
-from tools.release.licences import Licence, licence_of, of_page, of_wheel
+from tools.release.licences import Licence, of_install, of_page, of_wheel
 
 PREBUILT = "gough_stewart/prebuilt/"
 OLDEST = (3, 11)
@@ -104,19 +102,11 @@ def readme(python: str, folder: Path, *, cut: bool) -> int:
     return number
 
 
-def found_in(python: str) -> Iterator[Licence]:
-    """The licences of what is installed in an environment."""
-    (site,) = Path(python).parent.parent.glob("lib/python*/site-packages")
-    for each in distributions(path=[str(site)]):
-        if each.metadata["Name"] not in ("pip", "setuptools"):
-            yield licence_of(each)
-
-
 def licences_of(wheel: Path, python: str, folder: Path) -> list[Licence]:
     """Everything: the wheel, an install, and the pages that README's commands and one more wrote."""
     with zipfile.ZipFile(wheel) as archive:
         contents = {name: archive.read(name) for name in archive.namelist()}
-    found = [*of_wheel(contents, contents), *found_in(python)]
+    found = [*of_wheel(contents), *of_install(python)]
     command = [str(Path(python).with_name("gough-stewart")), "workspace", "--points", "3", "--out", str(folder / "map")]
     called(*command)
     for page in folder.rglob("*.html"):
@@ -161,7 +151,7 @@ def main() -> int:
             if k == 0:
                 for each in sorted(licences_of(wheel, python, own / "empty"), key=lambda each: each.part.lower()):
                     unknown += not each.is_known
-                    say(f"  {each.spdx or 'UNKNOWN':14} {each.part}{'' if each.is_known else '  <- not known'}")
+                    say(f"  {each.name or 'UNKNOWN':14} {each.part}{'' if each.is_known else '  <- not known'}")
             shutil.rmtree(own)
     say(f"{unknown} licences are not known" if unknown else "all licences are known")
     return int(unknown > 0)

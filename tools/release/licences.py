@@ -1,63 +1,34 @@
 """The licences of everything that the wheel, an install and the pages carry; an unknown one is a complaint."""
 
+import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from importlib.metadata import Distribution
-from pathlib import Path, PurePosixPath
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import PurePosixPath
 from typing import NamedTuple
 
-# SPDX identifiers that may be shipped or installed beside a program under the BSD licence.
+# What may be shipped or installed beside a program under the BSD licence: SPDX identifiers, and names in classifiers.
 KNOWN = frozenset(
-    {
-        *(
-            "MIT",
-            "BSD-2-Clause",
-            "BSD-3-Clause",
-            "Apache-2.0",
-            "ISC",
-            "0BSD",
-            "Zlib",
-            "PSF-2.0",
-            "MPL-2.0",
-            "Unlicense",
-        ),
-        *("LGPL-2.1", "LGPL-3.0", "LGPL-3.0-only", "LGPL-3.0-or-later", "MIT-CMU", "HPND", "CC0-1.0", "Python-2.0"),
-        *("CNRI-Python", "BSL-1.0", "Apache-2.0 WITH LLVM-exception", "GPL-3.0-or-later WITH GCC-exception-3.1"),
-    }
+    (
+        *("MIT", "MIT License", "MIT-CMU", "BSD", "BSD License", "BSD-2-Clause", "BSD-3-Clause", "0BSD", "ISC", "HPND"),
+        *("ISC License (ISCL)", "Apache-2.0", "Apache Software License", "Apache-2.0 WITH LLVM-exception", "Zlib"),
+        *("PSF-2.0", "Python Software Foundation License", "Python-2.0", "CNRI-Python", "BSL-1.0", "CC0-1.0"),
+        *("MPL-2.0", "Mozilla Public License 2.0 (MPL 2.0)", "Unlicense", "The Unlicense (Unlicense)"),
+        *("LGPL-3.0-only", "LGPL-3.0-or-later", "GNU Lesser General Public License v3 or later (LGPLv3+)"),
+        "GPL-3.0-or-later WITH GCC-exception-3.1",
+    )
 )
-# What packages write in free text instead, by its beginning.
-_WORDS = (
-    ("mit-cmu", "MIT-CMU"),
-    ("hpnd", "HPND"),
-    ("mit", "MIT"),
-    ("apache", "Apache-2.0"),
-    ("bsd 2", "BSD-2-Clause"),
-    ("bsd-2", "BSD-2-Clause"),
-    ("bsd", "BSD-3-Clause"),
-    ("3-clause bsd", "BSD-3-Clause"),
-    ("simplified bsd", "BSD-2-Clause"),
-    ("new bsd", "BSD-3-Clause"),
-    ("modified bsd", "BSD-3-Clause"),
-    ("isc", "ISC"),
-    ("lgpl", "LGPL-3.0"),
-    ("gnu lesser general public license v3", "LGPL-3.0"),
-    ("gnu lesser", "LGPL-3.0"),
-    ("mozilla public license 2.0", "MPL-2.0"),
-    ("mpl-2.0", "MPL-2.0"),
-    ("psf", "PSF-2.0"),
-    ("python software foundation", "PSF-2.0"),
-    ("historical permission notice", "HPND"),
-    ("unlicense", "Unlicense"),
-    ("the unlicense", "Unlicense"),
-    ("zlib", "Zlib"),
-)
-_CLASSIFIER = "License :: OSI Approved :: "
+# Packages whose metadata say nothing, by the text of their licence.
+_BY_TEXT = {"FMPy": "BSD-2-Clause"}
 # Kinds of files that are written in this project.
-_OWN = frozenset({".py", ".pyi", ".typed", ".c", ".h", ".toml", ".md", ".csv", ".js", ".css", ".html", ""})
-# A notice of somebody else's rights in a text.
-_NOTICE = re.compile(rb"^.*(?:@license|SPDX-License-Identifier|copyright(?: \(c\)| \xc2\xa9)).*$", re.I | re.M)
+_OWN = frozenset((".py", ".pyi", ".typed", ".c", ".h", ".toml", ".md", ".csv", ".js", ".css", ".html", ""))
+# A notice of somebody else's rights in a text; in quotes, it is code that looks for notices.
+_NOTICE = re.compile(
+    rb"""^[^"'`\n]*(?:@license|SPDX-License-Identifier|copyright(?: \(c\)| \xc2\xa9))[^"'`\n]*$""", re.I | re.M
+)
 # Libraries whose notices the pages carry, by a text in the notice; bokeh contains others.
-LIBRARIES: Mapping[str, tuple[str, str]] = {
+_LIBRARIES: Mapping[str, tuple[str, str]] = {
     "three.js": ("three.js authors", "MIT"),
     "numbro.js": ("numbro.js", "MIT"),
     "jQuery Mousewheel": ("jquery mousewheel", "MIT"),
@@ -74,68 +45,32 @@ LIBRARIES: Mapping[str, tuple[str, str]] = {
 
 
 class Licence(NamedTuple):
-    """Of a part; `spdx` is "" where it is not known."""
+    """Of a part; `name` is "" or UNKNOWN where it is not known."""
 
     part: str
-    spdx: str
+    name: str
 
     @property
     def is_known(self) -> bool:
-        """Whether it may be shipped."""
-        return bool(self.spdx) and all(word in KNOWN for word in _parts(self.spdx))
+        """Whether it may be shipped: all licences that hold; of alternatives, one is enough."""
+        parts = re.split(r" AND |; ", self.name)
+        return all(any({choice, choice.strip("()")} & KNOWN for choice in part.split(" OR ")) for part in parts)
 
 
-def _parts(expression: str) -> list[str]:
-    """The licences of an SPDX expression of which all hold; of alternatives, one that is known is enough."""
-    found = []
-    for each in re.split(r"\s+AND\s+", expression.replace("(", "").replace(")", "")):
-        choices = re.split(r"\s+OR\s+", each)
-        found.append(next((choice for choice in choices if choice in KNOWN), choices[0]))
-    return found
+def of_install(python: str) -> Iterator[Licence]:
+    """Of the packages in an environment, from their metadata."""
+    command = [sys.executable, "-m", "piplicenses", "--python", python, "--from=mixed", "--format=json"]
+    listed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    for package in json.loads(listed):
+        yield Licence(f"{package['Name']} {package['Version']}", _BY_TEXT.get(package["Name"], package["License"]))
 
 
-def licence_of(distribution: Distribution) -> Licence:
-    """Of an installed package, from its metadata: expression, classifier, or free text."""
-    metadata = distribution.metadata
-    name = f"{metadata['Name']} {metadata['Version']}"
-    expression = (metadata.get_all("License-Expression") or [""])[0]
-    if expression:
-        return Licence(name, str(expression))
-    classifiers = [
-        c.removeprefix(_CLASSIFIER) for c in metadata.get_all("Classifier") or () if c.startswith(_CLASSIFIER)
-    ]
-    for text in (*classifiers, (metadata.get_all("License") or [""])[0].strip()):
-        found = _spdx(text)
-        if found:
-            return Licence(name, found)
-    return Licence(name, _by_text(distribution))
-
-
-def _by_text(distribution: Distribution) -> str:
-    """From the text of the licence itself, of a package whose metadata say nothing."""
-    for file in distribution.files or ():
-        if re.match(r"(licen[cs]e|copying)", file.name, re.I) and file.suffix in ("", ".txt", ".md", ".rst"):
-            text = " ".join(Path(str(file.locate())).read_text(encoding="utf-8", errors="replace").split())
-            if "Permission is hereby granted, free of charge" in text:
-                return "MIT"
-            if "Redistribution and use in source and binary forms" in text:
-                return "BSD-3-Clause" if "Neither the name" in text else "BSD-2-Clause"
-    return ""
-
-
-def _spdx(text: str) -> str:
-    if text in KNOWN:
-        return text
-    plain = text.lower().removeprefix("the ").strip()
-    return next((spdx for words, spdx in _WORDS if plain.startswith(words)), "")
-
-
-def of_wheel(names: Iterable[str], contents: Mapping[str, bytes]) -> Iterator[Licence]:
+def of_wheel(contents: Mapping[str, bytes]) -> Iterator[Licence]:
     """Of the files in the wheel: the project's own, unless a notice in one says otherwise.
 
     Compiled files are of the project's C, and of the run-time library of the compiler.
     """
-    for name in names:
+    for name, content in contents.items():
         path = PurePosixPath(name)
         if ".dist-info" in path.parts[0]:
             continue
@@ -143,24 +78,14 @@ def of_wheel(names: Iterable[str], contents: Mapping[str, bytes]) -> Iterator[Li
             yield Licence(f"{name} (compiled)", "BSD-3-Clause AND MIT AND Apache-2.0 WITH LLVM-exception")
         elif path.suffix not in _OWN:
             yield Licence(f"{name} (a kind of file that is not known)", "")
-        else:
-            notices = [m[0].decode(errors="replace").strip() for m in _NOTICE.finditer(contents[name])]
-            strange = [text for text in notices if not _is_code(text)]
-            if strange:
-                yield Licence(f"{name}: {strange[0][:80]}", "")
-
-
-def _is_code(text: str) -> bool:
-    """Whether a line looks for notices instead of being one: a pattern, a key, a text of an attribute."""
-    return any(mark in text for mark in ('"', "'", "`"))
+        elif notice := _NOTICE.search(content):
+            yield Licence(f"{name}: {notice[0].decode(errors='replace').strip()[:80]}", "")
 
 
 def of_page(page: bytes) -> Iterator[Licence]:
     """Of the libraries in a page, by the notices in its comments; each has to be there to the letter."""
     for match in re.finditer(rb"/\*[!*][^*]*(?:\*(?!/)[^*]*)*\*/|<!--.*?-->", page, re.S):
-        text = match[0].decode(errors="replace")
-        if not re.search(r"licen[cs]e|copyright", text, re.I):
-            continue
-        plain = " ".join(text.split())
-        known = [(name, spdx) for name, (words, spdx) in LIBRARIES.items() if words in plain.lower()]
-        yield Licence(f"{known[0][0]} (in the page)", known[0][1]) if known else Licence(f"page: {plain[:90]}", "")
+        plain = " ".join(match[0].decode(errors="replace").split())
+        if re.search(r"licen[cs]e|copyright", plain, re.I):
+            known = [(name, spdx) for name, (words, spdx) in _LIBRARIES.items() if words in plain.lower()]
+            yield Licence(f"{known[0][0]} (in the page)", known[0][1]) if known else Licence(f"page: {plain[:90]}", "")
