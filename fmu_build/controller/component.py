@@ -7,7 +7,7 @@ import numpy as np
 
 from gough_stewart.fmu_build.component import Clock, Code, Component, Kind, Terminal, terminals_of
 from gough_stewart.fmu_build.controller.controller import OUTPUT_DELAY, Controller, Parameter
-from gough_stewart.fmu_build.controller.documentation import documentation_page
+from gough_stewart.fmu_build.documentation import page
 from gough_stewart.fmu_build.layout import Layout, Role
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.fmu_build.tables import GENERATED, defines
@@ -42,6 +42,13 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
     unused = _BY_ITSELF if controller.is_clocked else _BY_CLOCK
     units = {name: text for name, text in own.units.items() if name != unused}
     clock = Clock(CLOCK, "ticks at each sample", controller.step_time) if controller.is_clocked else None
+
+    def documents(fmi_version: str) -> dict[str, bytes]:
+        title = f"Controller of a Gough–Stewart platform, FMI {fmi_version}"
+        values = {"title": title, "fmi_version": fmi_version, "controller": controller, "notes": controller.notes}
+        rows = layout.described(fmi_version)
+        return {"documentation/index.html": page("controller.html", rows=rows, starts=starts, **values)}
+
     texts = "".join((*controller.code.units.values(), *controller.code.headers.values()))
     return Component(
         identifier=IDENTIFIER,
@@ -62,7 +69,7 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
         ),
         icon=controller.icon,
         terminals=lambda fmi_version: _terminals(layout, fmi_version),
-        documents=lambda fmi_version: {"documentation/index.html": documentation_page(controller, starts, fmi_version)},
+        documents=documents,
         settings=frozenset({OUTPUT_DELAY}),
         clock=clock,
         # the plain C defines the meaning of the memory

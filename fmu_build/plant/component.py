@@ -11,7 +11,7 @@ from gough_stewart.fmu_build.component import Code, Component, Icon, Kind, SlotD
 from gough_stewart.fmu_build.errors import check_installed
 from gough_stewart.fmu_build.layout import Layout, Role, Row
 from gough_stewart.fmu_build.package import package_metadata
-from gough_stewart.fmu_build.plant.documentation import documentation_page
+from gough_stewart.fmu_build.plant.documentation import plant_page
 from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
 from gough_stewart.fmu_build.plant.layout import plant_layout, unit_order
 from gough_stewart.fmu_build.plant.reference_results import reference_cases, reference_files, reference_results
@@ -78,7 +78,7 @@ def plant_component(
     runs = cache(lambda: tuple((case, reference_results(case)) for case in reference_cases(platform)))
 
     def documents(fmi_version: str) -> dict[str, bytes]:
-        page = {"documentation/index.html": documentation_page(platform, fmi_version, starts)}
+        page = {"documentation/index.html": plant_page(platform, layout, starts, fmi_version)}
         if is_in_a_system:
             return page
         related = related_files((case.name for case, _ in runs()), IDENTIFIER)

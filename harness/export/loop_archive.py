@@ -2,15 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from html import escape
 from typing import Literal
 
 from gough_stewart.fmu_build.archive import to_zip
 from gough_stewart.fmu_build.builder import unit_archives
 from gough_stewart.fmu_build.component import Component as UnitComponent
-from gough_stewart.fmu_build.controller.documentation import notes_section
+from gough_stewart.fmu_build.documentation import page
 from gough_stewart.fmu_build.layout import Role
-from gough_stewart.fmu_build.page import html_page
 from gough_stewart.fmu_build.targets import Target
 from gough_stewart.harness.export.system_structure import (
     Component,
@@ -64,11 +62,10 @@ def loop_archive(
         for unit, component in ((PLANT, plant), (CONTROLLER, controller))
     }
     system = replace(loop_system(name, plant, controller, duration, step, side), description=" ".join(notes))
-    title = f"{name}: plant and controller"
     return to_zip(
         {
             STRUCTURE: system_structure(system),
-            PAGE: html_page(title, (f"<h1>{escape(title)}</h1>", notes_section(notes))),
+            PAGE: page("loop.html", title=f"{name}: plant and controller", notes=notes),
             f"resources/{name}.ssv": parameter_values(system),
             **{_source(unit): content for unit, content in units.items()},
         }

@@ -35,10 +35,10 @@ from gough_stewart.harness.report.words import with_minus
 PAGE = "report.html"
 _SCENE_SCRIPTS = (
     *("records.js", "colours.js", "shapes.js", "bodies.js", "motion.js", "orbit.js", "viewer.js", "scene.js"),
-    *("drawn.js", "picture.js", "video.js", "moment.js"),
+    *("drawn.js", "moment.js"),
 )
 _SURFACE_SCRIPTS = ("shapes.js", "orbit.js", "viewer.js", "surface.js")
-_SCRIPTS = ("page.js", "arrays.js", "state.js", "save.js", "tables.js", "terms.js", "members.js", "marked.js")
+_SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "terms.js", "members.js", "marked.js")
 _CHART_SCRIPTS = (
     "reduce.js",
     "lines.js",

@@ -1,11 +1,8 @@
 """What the plant adds to its unit: the page in full, terminals, reference results, dependencies, tables."""
 
 import re
-import xml.etree.ElementTree as ET
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +12,7 @@ from scipy.spatial.transform import Rotation
 from gough_stewart.fmu_build import model_description
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.plant.documentation import documentation_page
-from gough_stewart.fmu_build.plant.drawing import drawing_svg, icon_png, icon_svg
+from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.fmu_build.plant.reference_results import (
     ReferenceCase,
@@ -30,106 +26,10 @@ from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.state import State
-from tests.fmu_build.test_documentation import example_of, text_of
-from tests.support.fmu_plants import Fmu, plant
 from tests.support.random_platforms import random_inputs, random_platform, random_state
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 VERSIONS = ("2.0", "3.0")
-
-
-# --- the page ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-def test_the_page_goes_from_the_model_to_its_source(version: str) -> None:
-    """Expected: what it is, how it is defined, how it behaves, how it is used."""
-    page = documentation_page(UNEVEN, version)
-    root = ET.fromstring(page)
-    assert root.findtext("{*}head/{*}title") == f"Gough–Stewart platform, FMI {version}"
-    assert [each.text for each in root.find("{*}body") or () if re.search(r"h\d$", each.tag)] == [
-        "Gough–Stewart platform",
-        *("Model", "Frames and signs", "Variables", "Task-space equations", "Legs", "Platform", "Energies"),
-        *("Behaviour", "Limits and failures", "Example with FMPy", "Source"),
-    ]
-    assert drawing_svg(UNEVEN).decode() in page.decode()
-    # the style of formulas and that of the page
-    style = root.findtext("{*}head/{*}style") or ""
-    assert ".formula {" in style
-    assert ".numbers {" in style
-
-
-def test_each_version_is_told_what_it_can_do() -> None:
-    """Expected: functions, modes and derivatives of the standard's two versions; the rest is the same."""
-    old, new = (text_of(documentation_page(UNEVEN, version)) for version in VERSIONS)
-    tunable = (
-        "platform_mass, platform_com, platform_inertia, leg_viscous_friction, leg_coulomb_friction,"
-        " leg_friction_velocity, gravity, leg_viscous_friction_factor, leg_coulomb_friction_factor."
-    )
-    own = {
-        old: (
-            "or change linearly if their first derivative is set by fmi2SetRealInputDerivatives;",
-            "(between communication steps in Co-Simulation, in event and continuous-time mode in Model Exchange)",
-            "Exact directional derivatives with respect to inputs, states and parameters",
-            "fmi2LastSuccessfulTime is the start of the step, and fmi2Terminated is true. The importer",
-            "(fmi2ExitInitializationMode), and results or derivatives that are not finite where FMI 2.0",
-            "fmi2CompletedIntegratorStep requests termination",
-            "FMI 2.0 has scalars only: elements have indices from 1, row by row, as shown in the first column."
-            " Matrices of joints have one row per leg.",
-        ),
-        new: (
-            "The intermediate-update callback is called after every internal step.",
-            "(in step mode in Co-Simulation, in event mode in Model Exchange)",
-            "Exact directional and adjoint derivatives with respect to",
-            "lastSuccessfulTime is the start of the step. The importer",
-            "(fmi3ExitInitializationMode). A pose beyond",
-            "fmi3CompletedIntegratorStep requests termination",
-            "Arrays are listed row by row. Matrices of joints have one row per leg.",
-        ),
-    }
-    for text, other in ((old, new), (new, old)):
-        for words in own[text]:
-            assert words in text
-            assert words not in other
-        assert f"in Model Exchange): {tunable}" in text
-        assert "or more than 20,000 internal steps (1,000,000 fixed ones)." in text
-        assert "from 10−13 to 10−2, by default 10−8;" in text
-
-
-@pytest.mark.parametrize("name", ["position", "angular_velocity", "actuator_force", "external_torque", "gravity", None])
-def test_only_a_unit_with_all_the_platforms_start_values_is_said_to_stand_still(name: str | None) -> None:
-    """Expected: any other value breaks the balance, in the first variable and in the last one."""
-    starts = interface.start_values(interface.VARIABLES, UNEVEN)
-    if name is not None:
-        starts[name] = starts[name] + np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0])[: starts[name].size]
-    page = text_of(documentation_page(UNEVEN, "3.0", starts))
-    assert ("the platform stands still" in page) == (name is None)
-    assert text_of(documentation_page(UNEVEN, "3.0")).count("the platform stands still") == 1
-
-
-def test_the_example_of_the_page_runs_as_it_stands(
-    fmu: Fmu, fmu_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: the pose that the unit reaches step by step under 5 % more than the static forces."""
-    monkeypatch.chdir(fmu_folder)
-    code = example_of(documentation_page(UNEVEN, fmu.version))
-    found: dict[str, Any] = {}
-    exec(code, found)
-    said = capsys.readouterr().out.splitlines()[-1]
-    shown = np.array([float(number) for number in said.strip("[]").split()])
-    forces = np.array([float(f"{force:.6g}") for force in 1.05 * UNEVEN.home_actuator_force])
-    with plant(fmu) as p:
-        p.start({"actuator_force": forces})
-        for k in range(50):
-            p.step(k * 0.01, 0.01)
-        pose = p.get("position")
-        length = p.get("leg_length")[0]
-    assert shown == pytest.approx(pose[2:] if fmu.version == "2.0" else pose, rel=1e-6)
-    last = found["result"][-1]
-    assert last["time"] == pytest.approx(0.5)
-    assert len(found["result"]) == 51
-    assert (last["leg_length[1]"] if fmu.version == "2.0" else last["leg_length"][0]) == pytest.approx(length, rel=1e-6)
-    assert f'"platform_mass": {UNEVEN.platform_mass!r}' in code
 
 
 # --- terminals and pictures ------------------------------------------------------------------------------------------

@@ -143,7 +143,9 @@
     panel.plot.setAttribute("aria-label", summary(panel));
     panel.group.panels.push(panel);
     GS.legend(panel);
-    GS.saveButton(panel);
+    panel.key.before(element("button", {
+      type: "button", class: "save", title: "save this chart as PNG (s)", "aria-label": `save ${panel.chart.title} as PNG`, onclick: () => panel.figure.save(),
+    }, "PNG"));
     GS.showMembers(panel);
     if (state.members) { GS.markedBars(panel); GS.markedBand(panel); }
     // the figure finds its size in a frame of its own

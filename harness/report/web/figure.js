@@ -59,6 +59,8 @@
         min_border_top: 8, min_border_bottom: 44, background_fill_color: null, border_fill_color: null, outline_line_color: null,
       });
       this.figure.toolbar.active_drag = null;
+      this.saveTool = new Bokeh.SaveTool({ filename: chart.title });
+      this.figure.add_tools(this.saveTool);
       this.build();
       for (const mark of chart.marks) {
         const span = new Bokeh.Span({ location: mark.value * (mark.vertical ? chart.x.factor : chart.y.factor), dimension: mark.vertical ? "height" : "width", line_width: 1.4 });
@@ -291,8 +293,8 @@
       }
     }
 
-    // The chart as drawn on the screen, with sharp pixels.
-    picture() { return this.view.export("png", true).canvas; }
+    // Saves the chart as drawn on the screen, by Bokeh's own tool.
+    save() { this.saveTool.do.emit("save"); }
 
     // A drawing of the chart as SVG, made at once: for paper.
     drawing() {

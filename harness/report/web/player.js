@@ -2,7 +2,7 @@
 // Starts the page, and plays: play, pause, speed, time slider, keys; the whole page shows the same time.
 (() => {
   const GS = GoughStewart, { page, state } = GS, $ = (id) => document.getElementById(id), hasTime = Boolean($("play"));
-  let view = null, write = null, before = 0, colour = "force", film = null, digits = 3, moments = [];
+  let view = null, write = null, before = 0, colour = "force", digits = 3, moments = [];
 
   const ends = async () => {
     let start = Infinity, end = -Infinity;
@@ -76,15 +76,14 @@
     if (state.playing) {
       if (view && before && GS.ready.curves) keepUp(stamp - before);
       // a page that was hidden continues where it was
-      const passed = before ? Math.min((stamp - before) / 1000, 0.25) : 0, [from, to] = film ? [state.start, state.end] : state.region || [state.start, state.end];
+      const passed = before ? Math.min((stamp - before) / 1000, 0.25) : 0, [from, to] = state.region || [state.start, state.end];
       before = stamp;
       const time = state.time + passed * state.speed;
       if (time < to) player.seek(time);
-      else if (($("repeat").checked || state.region) && !film) player.seek(from);
+      else if ($("repeat").checked || state.region) player.seek(from);
       else { player.seek(to); player.pause(); }
     }
     if (view) view.render();
-    if (film) film();
     if (!GS.ready.picture) {
       GS.ready.picture = true;
       performance.mark("first-picture");
@@ -137,15 +136,6 @@
     view.enlarge(factor);
     show();
   };
-  const record = () => {
-    if (film) { player.pause(); return; }
-    $("record").textContent = "stop recording";
-    $("saved").textContent = "recording the animation once, from start to end";
-    film = GS.video(view, player, () => {
-      film = null;
-      $("record").textContent = "record a video";
-    });
-  };
   const stage = () => {
     GS.prepareColours();
     write = GS.moment($("now"));
@@ -172,10 +162,7 @@
     $("from").addEventListener("change", () => view.look($("from").value));
     $("motion").addEventListener("change", () => enlarge(Number($("motion").value)));
     for (const id of ["ghost", "trail", "frames"]) $(id).addEventListener("change", showParts);
-    $("picture").addEventListener("click", () => GS.savePicture(view));
-    $("record").addEventListener("click", record);
-    $("record").disabled = !GS.videoKind();
-    if (!GS.videoKind()) $("saved").textContent = "This browser cannot record video.";
+    $("picture").addEventListener("click", () => GS.element("a", { href: view.copy().toDataURL(), download: `${document.title} ${state.time.toFixed(digits)} s.png` }).click());
     let pressed = null;
     view.canvas.addEventListener("pointerdown", (event) => { pressed = [event.clientX, event.clientY]; });
     view.canvas.addEventListener("click", (event) => {
@@ -187,7 +174,7 @@
     GS.on("hiddenRuns", () => GS.records.forEach((r, k) => view.showMachine(k, !GS.runsHidden(r.run))));
     GS.onTheme(() => colourBy(colour));
     // paper shows a picture of the present moment
-    GS.printStage = () => GS.compose(view, $("printed"), 1400);
+    GS.printStage = () => view.copy($("printed"));
     $("colour").value = several ? "run" : GS.records.some((r) => r.force) ? "force" : "plain";
     colourBy($("colour").value);
   };

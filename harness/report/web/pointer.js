@@ -54,7 +54,7 @@
     }, { passive: false });
     plot.addEventListener("keydown", (event) => {
       if (event.ctrlKey || event.metaKey || event.altKey) return;
-      if (event.key === "s") { event.preventDefault(); GS.saveChart(panel); return; }
+      if (event.key === "s") { event.preventDefault(); panel.figure.save(); return; }
       if (group.isTime) return;
       if (group.key(event, panel)) { event.preventDefault(); event.stopPropagation(); }
     });

@@ -141,7 +141,7 @@ GoughStewart.prepareScene = () => {
       show, look,
       soft: viewer.soft,
       canvas: viewer.canvas,
-      draw: viewer.draw,
+      copy: viewer.copy,
       render: viewer.render,
       colourBy: (kind) => { shown = kind; },
       enlarge: (times) => {

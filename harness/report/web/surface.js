@@ -95,14 +95,8 @@
 
     // Paper: the present view with the scale of its colours.
     GS.printStage = () => {
-      const canvas = $("printed"), { canvas: source } = viewer, wide = 1400, down = Math.round(wide * source.clientHeight / source.clientWidth);
-      Object.assign(canvas, { width: wide, height: down });
-      const pen = canvas.getContext("2d"), unit = wide / 100;
       dress(GS.theme());
-      viewer.draw(true);
-      pen.fillStyle = GS.theme().paper;
-      pen.fillRect(0, 0, wide, down);
-      pen.drawImage(source, 0, 0, wide, down);
+      const { width, height: down } = viewer.copy($("printed")), pen = $("printed").getContext("2d"), unit = width / 100;
       colours.forEach((c, k) => { pen.fillStyle = `rgb(${c})`; pen.fillRect(unit + k * 28 * unit / 256, down - 5 * unit, 28 * unit / 256 + 1, unit); });
       Object.assign(pen, { fillStyle: GS.theme().ink, font: `${1.6 * unit}px system-ui, sans-serif` });
       pen.fillText(of.name, unit, down - 5.8 * unit);

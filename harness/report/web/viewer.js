@@ -45,6 +45,16 @@
       renderer.render(room, camera);
       stale = false;
     };
+    // The present view on a canvas of its own, on the ground of the theme: to save and for paper.
+    const copy = (to = document.createElement("canvas")) => {
+      draw(true);
+      Object.assign(to, { width: canvas.width, height: canvas.height });
+      const pen = to.getContext("2d");
+      pen.fillStyle = GS.theme().paper;
+      pen.fillRect(0, 0, to.width, to.height);
+      pen.drawImage(canvas, 0, 0);
+      return to;
+    };
     // Draws if something has changed; at full resolution once motion has stopped.
     const render = () => {
       const rests = performance.now() - changedAt > REST && renderer.getPixelRatio() < ratios.still;
@@ -67,6 +77,6 @@
     };
     new ResizeObserver(resize).observe(element);
     resize();
-    return { soft, renderer, canvas, room, camera, changed, moved, draw, render, isStill, coarser, controls: GS.orbit(canvas, camera, changed) };
+    return { soft, renderer, canvas, room, camera, changed, moved, copy, render, isStill, coarser, controls: GS.orbit(canvas, camera, changed) };
   };
 })();

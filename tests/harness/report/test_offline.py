@@ -77,6 +77,15 @@ def test_the_scripts_of_a_page_are_small() -> None:
     assert len(three().encode()) + len(bokeh().encode()) + own <= 2.3e6
 
 
+def test_three_js_is_cut_out_of_its_page_whole() -> None:
+    """Expected: the notice and one line, a module that closes as it opens, without what trimesh's page adds."""
+    notice, script = three().split("*/\n")
+    assert (notice[:3], notice.count("\n")) == ("/**", 4)
+    assert (script[:10], script[-4:]) == ("!function(", "}));")
+    assert all(part in script for part in ("REVISION=e", 'const e="140"'))
+    assert not any(part in script for part in ("\n", "</script", "trimesh"))
+
+
 def test_the_licences_of_the_libraries_go_along() -> None:
     """Expected: the holders of the copyrights of three.js and BokehJS, and the terms of the MIT and BSD licences."""
     for text, parts in (

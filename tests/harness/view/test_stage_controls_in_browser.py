@@ -1,8 +1,6 @@
 """The 3-D stage in a real browser: keys, fingers, the clock, and what it exports."""
 
-import base64
 import re
-import time
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +72,7 @@ def test_the_picture_of_the_moment_is_saved(one: Watched, record: Record) -> Non
     seek(page, record, 60)
     with page.expect_download() as download:
         page.click("#picture")
-    assert download.value.suggested_filename == "six-sines-0.060s.png"
+    assert download.value.suggested_filename == "six sines 0.0600 s.png"
     with Image.open(download.value.path()) as picture:
         values = np.asarray(picture.convert("RGB"), dtype=float)
     box = page.locator("#view").bounding_box()
@@ -84,52 +82,6 @@ def test_the_picture_of_the_moment_is_saved(one: Watched, record: Record) -> Non
     inside = np.array(plate["position"]) + 0.3 * np.subtract(plate["legs"][0]["head"], plate["position"])
     red, _, blue = at(values, 2 * seen(page, inside[None]))[0]
     assert blue > red + 30
-
-
-def test_a_video_plays_from_start_to_end_once(one: Watched, browser: Browser, record: Record) -> None:
-    """Expected: a file that a browser plays, no shorter than the run and no longer than its making.
-
-    Then the player stands at the end, though it would repeat.
-    """
-    page = one.page
-    assert page.is_checked("#repeat")
-    start = time.monotonic()
-    with page.expect_download() as download:
-        page.click("#record")
-        assert page.inner_text("#record") == "stop recording"
-    spent = time.monotonic() - start
-    assert download.value.suggested_filename.endswith(".webm")
-    assert not page.evaluate("GoughStewart.player.playing")
-    assert page.evaluate("GoughStewart.player.time") == record["time"][-1]
-    assert page.inner_text("#record") == "record a video"
-    film = base64.b64encode(download.value.path().read_bytes()).decode()
-    other = browser.new_page()
-    length, width, height = other.evaluate(
-        """async film => {
-          const video = document.createElement('video');
-          video.src = 'data:video/webm;base64,' + film;
-          await new Promise((done, failed) => { video.onloadedmetadata = done; video.onerror = failed; });
-          video.currentTime = 1e6;
-          await new Promise(done => { video.onseeked = done; });
-          return [video.currentTime, video.videoWidth, video.videoHeight];
-        }""",
-        film,
-    )
-    other.close()
-    assert 0.9 * record["time"][-1] < length < spent
-    box = page.locator("#view").bounding_box()
-    assert box is not None
-    assert (width, height) == pytest.approx((box["width"], box["height"]), abs=2)
-
-
-def test_a_browser_without_a_recorder_says_so(browser: Browser, report: Path) -> None:
-    page = browser.new_page()
-    page.add_init_script("delete window.MediaRecorder")
-    page.goto(report.as_uri() + "#t=0")
-    until(page, "GoughStewart.ready.picture")
-    assert page.is_disabled("#record")
-    assert page.text_content("#saved") == "This browser cannot record video."
-    page.close()
 
 
 def test_the_clock_does_not_chatter(one: Watched, record: Record) -> None:
