@@ -40,20 +40,17 @@ _RESAMPLES = 1000
 class Comparison:
     """B − A of every metric, member by member.
 
-    `differences` has a row for each metric that members have in both: `metric`, `pairs`, `mean_a`, `mean_b`,
-    the `mean` of the differences with `mean_low` and `mean_high` (Student's t), their `median` with `median_low` and
-    `median_high` (bootstrap), and `less_b`, the share of members in which B has the smaller value. Each confidence
-    interval is 95 % by itself.
+    `gaps` is an ensemble whose metrics are the differences of each member. `differences` has a row for each metric that
+    members have in both: `metric`, `pairs`, `mean_a`, `mean_b`, the `mean` of the differences with `mean_low` and
+    `mean_high` (Student's t), their `median` with `median_low` and `median_high` (bootstrap), and `less_b`, the share
+    of members in which B has the smaller value. Each confidence interval is 95 % by itself.
     """
 
     a: Ensemble
     b: Ensemble
     names: tuple[str, str]
+    gaps: Ensemble
     differences: polars.DataFrame
-    both_completed: int
-    only_a: int  # completed in A, but not in B
-    only_b: int
-    neither: int
 
 
 def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
@@ -64,34 +61,50 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
     RecordError
         Their members are not the same: another number of them, or other drawn values.
     """
-    _check_same(a, b)
-    completed_a, completed_b = ((each.members[OUTCOME] == "completed").to_numpy() for each in (a, b))
-    both = completed_a & completed_b
-    rows = [
-        {"metric": name, **_difference(a.values(name)[both], b.values(name)[both])}
-        for name in a.metrics
-        if name in b.metrics
-    ]
-    rows = [row for row in rows if row["pairs"]]
+    joined = a.members.select(MEMBER).join(b.members, on=MEMBER, maintain_order="left")
+    if not a.members.height == b.members.height == joined.height:
+        raise RecordError(
+            f"{a.members.height} and {b.members.height} members, {joined.height} of them in both; expected the same "
+            "members in both, for instance by the same --members and --seed"
+        )
+    b = replace(b, members=joined)
+    for name in set(a.varied) & set(b.varied):
+        x, y = a.values(name), b.values(name)
+        differ = ~((x == y) | (np.isnan(x) & np.isnan(y)))
+        if differ.any():
+            k = int(differ.argmax())
+            raise RecordError(
+                f"{name} of member {a.members[MEMBER][k]} is {x[k]:.6g} in one and {y[k]:.6g} in the other; "
+                "expected the same [ensemble] in both, with the same seed"
+            )
+    both = (a.members[OUTCOME] == "completed") & (b.members[OUTCOME] == "completed")
+    metrics = [name for name in a.metrics if name in b.metrics]
+    kept = [name for name in a.members.columns if name in (MEMBER, ENDED) or name.startswith(VARIED)]
+    outcome = both.replace_strict({True: "completed", False: "not in both"}, return_dtype=polars.String)
+    gaps = a.members.select(kept).with_columns(
+        outcome.alias(OUTCOME),
+        polars.lit(None, polars.String).alias(CAUSE),
+        *(polars.Series(name, b.values(name) - a.values(name), nan_to_null=True) for name in metrics),
+    )
+    title = f"{names[1]} − {names[0]}"
+    rows = [{"metric": name, **_paired(a.values(name)[both], b.values(name)[both])} for name in metrics]
     return Comparison(
         a,
         b,
         names,
-        polars.DataFrame(rows, infer_schema_length=None) if rows else polars.DataFrame(),
-        int(both.sum()),
-        int((completed_a & ~completed_b).sum()),
-        int((completed_b & ~completed_a).sum()),
-        int((~completed_a & ~completed_b).sum()),
+        Ensemble(gaps, a.bands.clear(), {**a.metadata, "title": title}),
+        polars.DataFrame([row for row in rows if row["pairs"]], infer_schema_length=None),
     )
 
 
 def comparison_tables(found: Comparison, names: Sequence[str]) -> list[Table]:
     """Numbers of completed members, then the differences of these metrics with their confidence."""
-    a, b = found.names
+    a, b = (each.members[OUTCOME] == "completed" for each in (found.a, found.b))
+    both = int((a & b).sum())
     ended = Table(
-        f"{found.a.members.height:,} members{_named(a, b)}",
+        f"{found.a.members.height:,} members{_named(*found.names)}",
         (Column(""), Column("completed in B"), Column("not")),
-        (("completed in A", found.both_completed, found.only_a), ("not", found.only_b, found.neither)),
+        (("completed in A", both, int((a & ~b).sum())), ("not", int((~a & b).sum()), int((~a & ~b).sum()))),
     )
     table = {row["metric"]: row for row in found.differences.iter_rows(named=True)}
     low, high = Column("from", None, "lower end, 95 % confidence"), Column("to", None, "upper end, 95 % confidence")
@@ -109,83 +122,48 @@ def comparison_tables(found: Comparison, names: Sequence[str]) -> list[Table]:
             numbers = (row[key] for key in (*means, kind, f"{kind}_low", f"{kind}_high"))
             cells = [Value(each, replace(metric.quantity, digits=3)) for each in numbers]
             rows.append((metric.text, *cells, *(() if kind == "mean" else (row["less_b"],))))
-        of = f"of the {found.both_completed:,} that completed in both"
+        of = f"of the {both:,} that completed in both"
         tables.append(Table(f"B − A, {kind} difference, {of}; 95 % confidence", (Column(""), *columns), tuple(rows)))
     return tables
 
 
-def difference(found: Comparison) -> Ensemble:
-    """B − A of each member as an ensemble: its metrics are the differences."""
-    a, b = found.a, found.b
-    both = (a.members[OUTCOME] == "completed") & (b.members[OUTCOME] == "completed")
-    kept = [name for name in a.members.columns if name in (MEMBER, ENDED) or name.startswith(VARIED)]
-    columns = {name: b.values(name) - a.values(name) for name in a.metrics if name in b.metrics}
-    outcome = {OUTCOME: both.replace_strict({True: "completed", False: "not in both"}, return_dtype=polars.String)}
-    table = a.members.select(kept).with_columns(**outcome, **{CAUSE: polars.lit(None, polars.String)})
-    table = table.with_columns(polars.Series(name, values, nan_to_null=True) for name, values in columns.items())
-    first, second = found.names
-    return Ensemble(table, a.bands.clear(), {**a.metadata, "title": f"{second} − {first}"})
-
-
-def _check_same(a: Ensemble, b: Ensemble) -> None:
-    if a.members[MEMBER].to_list() != b.members[MEMBER].to_list():
-        raise RecordError(
-            f"{a.members.height} and {b.members.height} members; expected the same members in both, "
-            "for instance by the same --members and --seed"
-        )
-    for name in a.varied:
-        if name in b.varied:
-            x, y = a.values(name), b.values(name)
-            differ = ~((x == y) | (np.isnan(x) & np.isnan(y)))
-            if differ.any():
-                k = int(differ.argmax())
-                raise RecordError(
-                    f"{name} of member {a.members[MEMBER][k]} is {x[k]:.6g} in one and {y[k]:.6g} in the other; "
-                    "expected the same [ensemble] in both, with the same seed"
-                )
-
-
-def _difference(x: FloatArray, y: FloatArray) -> dict[str, float | int | None]:
+def _paired(x: FloatArray, y: FloatArray) -> dict[str, float | int | None]:
+    """A row of the differences, of one metric of members in both (n,)."""
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
-    gap = y - x
-    n = len(gap)
+    gap, n = y - x, int(known.sum())
     if not n:
         return {"pairs": 0}
-    mean, median = float(gap.mean()), float(np.median(gap))
-    row: dict[str, float | int | None] = {"pairs": n, "mean_a": float(x.mean()), "mean_b": float(y.mean())}
-    low, high = _median_interval(gap)
-    row |= {"mean": mean, "mean_low": None, "mean_high": None}
+    mean, half = float(gap.mean()), None
     if n > 1:
         half = float(stdtrit(n - 1, (1 + CONFIDENCE) / 2) * gap.std(ddof=1) / np.sqrt(n))
-        row |= {"mean_low": mean - half, "mean_high": mean + half}
-    return row | {"median": median, "median_low": low, "median_high": high, "less_b": float((gap < 0).mean())}
-
-
-def _median_interval(gap: FloatArray) -> tuple[float, float]:
-    """By bootstrap with a fixed seed: quantiles of the medians of resampled members."""
-    low, high = _middle_ranks(len(gap))
-    ordered = np.sort(gap)
-    medians = (ordered[low] + ordered[high]) / 2
-    ends = np.quantile(medians, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
-    return float(ends[0]), float(ends[1])
+    # by bootstrap with a fixed seed: quantiles of the medians of resampled members
+    medians = np.sort(gap)[_middle_ranks(n)].mean(axis=1)
+    low, high = np.quantile(medians, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2)).tolist()
+    return {
+        "pairs": n,
+        "mean_a": float(x.mean()),
+        "mean_b": float(y.mean()),
+        "mean": mean,
+        "mean_low": None if half is None else mean - half,
+        "mean_high": None if half is None else mean + half,
+        "median": float(np.median(gap)),
+        "median_low": low,
+        "median_high": high,
+        "less_b": float((gap < 0).mean()),
+    }
 
 
 @lru_cache(4)
-def _middle_ranks(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Ranks of the two middle ones of n members resampled from n ordered ones: the median is between them."""
-    rng = np.random.default_rng(1)
-    low, high = np.zeros(_RESAMPLES, dtype=np.intp), np.zeros(_RESAMPLES, dtype=np.intp)
-    for k in range(_RESAMPLES):
-        # how often each is drawn; the cumulative sum gives the ranks
-        at_most = np.cumsum(np.bincount(rng.integers(0, n, n), minlength=n))
-        low[k], high[k] = np.searchsorted(at_most, ((n - 1) // 2, n // 2), side="right")
-    return low, high
+def _middle_ranks(n: int) -> NDArray[np.intp]:
+    """Ranks (_RESAMPLES, 2) of the two middle ones of n members resampled from n: the median is between them."""
+    rng, middle = np.random.default_rng(1), [(n - 1) // 2, n // 2]
+    return np.array([np.partition(rng.integers(0, n, n), middle)[middle] for _ in range(_RESAMPLES)])
 
 
 def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
     """How the second experiment differs from the first, member by member, in one metric and then in all."""
-    (first, second), gaps, by = found.names, difference(found), worst_by(found.a)
+    (first, second), gaps, by = found.names, found.gaps, worst_by(found.a)
     known = sensitivity_if_known(gaps, by)
     sections = [Section("Differences", tuple(comparison_tables(found, usual_metrics(found.a.members))))]
     named, members = f"{second} − {first}", count(found.a.members.height, "member")
