@@ -7,13 +7,14 @@ number of an optimised motion against that of a circle of the same duration.
 import sys
 import time
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.harness.identify.estimate import Estimate
-from gough_stewart.harness.identify.excite import condition_number_of, excite
+from gough_stewart.harness.identify.excite import criteria, excite
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.names import expanded, value_of
 from gough_stewart.harness.motion.references import Circle
 
 NAMES = [
@@ -62,8 +63,10 @@ def main() -> int:
     console.print(f"excite: condition number {best.condition_number:.3g} in {time.perf_counter() - start:.1f} s")
     reference = best.reference.about(NOMINAL)
     circle = Circle(radius=0.2, frequency=0.25, fade_in=1.0).about(NOMINAL)
+    at = np.linspace(0.0, DURATION, 400)
     for names in (OF_A_CIRCLE, "platform_mass,platform_com,platform_inertia"):
-        numbers = [condition_number_of(NOMINAL, names, motion, DURATION) for motion in (circle, reference)]
+        elements = expanded(names.split(","), NOMINAL)
+        numbers = [criteria(NOMINAL, elements, at, motion(at))[0] for motion in (circle, reference)]
         console.print(f"condition number for {names}: circle {numbers[0]:.3g}, excitation {numbers[1]:.3g}")
     return 1 if seconds > TARGET else 0
 

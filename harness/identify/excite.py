@@ -19,7 +19,7 @@ from gough_stewart.harness.identify.rows.linear_parameters import (
 from gough_stewart.harness.identify.rows.regression import Rows
 from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.limits.reach import check_reach
-from gough_stewart.harness.motion.motion import Motion, Reference
+from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.errors import ArgumentError
 from gough_stewart.model.platform import Platform
@@ -164,15 +164,6 @@ def criteria(platform: Platform, names: Sequence[str], time: FloatArray, motion:
     with np.errstate(divide="ignore"):
         number = float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-12 * sigma[0] else float("inf")
         return number, float(2 * np.log(sigma / force).sum())
-
-
-def condition_number_of(
-    platform: Platform, estimate: Sequence[str] | str, reference: Reference, duration: float
-) -> float:
-    """Condition number of any motion's regressor over a duration [s], as in `excite`."""
-    names = expanded(estimate.split(",") if isinstance(estimate, str) else estimate, platform)
-    time = np.linspace(0.0, duration, 400)
-    return criteria(platform, names, time, reference(time))[0]
 
 
 def within_limits(platform: Platform, time: FloatArray, motion: Motion) -> bool:
