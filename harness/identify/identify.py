@@ -124,9 +124,9 @@ def identify(
     options: dict[str, Any] = {"pose_frame": pose_frame, "accuracy": accuracy, "nominal_error": nominal_error}
     of_geometry = {name: value for name, value in options.items() if value is not None}
     if method == "geometry":
-        logs = _logs(log)
         if cutoff is not None:
             raise IdentificationError("cutoff is an option of method linear only; this one is geometry")
+        logs = _logs(log)
         if len(logs) != 1 or validation != VALIDATION:
             raise IdentificationError(
                 f"method geometry takes one log of poses and no validation; found {len(logs)} logs, validation "

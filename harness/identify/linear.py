@@ -180,10 +180,11 @@ def _start_of_friction(
     velocities = _VELOCITIES if velocity in names else np.array([platform.leg_stribeck_velocity])
     measured = used * regression.rows.force
     known = (used[..., None] * linear).reshape(measured.size, -1)
-    sliding = platform.unchecked({static: 0.0})
+    stiffness = float(StickingFriction(platform, ()).law(np.zeros(0)).stiffness.mean())
+    bent = platform.unchecked({static: 0.0, "leg_bristle_stiffness": stiffness, "leg_bristle_damping": 0.0})
 
     def unit(v: FloatArray, step: float) -> FloatArray:
-        b = factor * unit_friction(sliding, v, step)
+        b = factor * unit_friction(bent, v, step)
         return np.concatenate([b, *(b * np.exp(-((v / each) ** 2)) for each in velocities)], axis=1)
 
     columns = regression.filtered(unit, 0).reshape(len(measured), 1 + len(velocities), 6).swapaxes(1, 2)

@@ -12,7 +12,6 @@ from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.state import State
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.stepping import SteppingModel
 from gough_stewart.model.vectors import Array, FloatArray
 
