@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Any
 
 from gough_stewart.model import interface
-from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.parameters import FRICTION_MODELS, Part
 
@@ -85,31 +84,3 @@ CHOOSING = ("leg_friction_model", "leg_stiffness")
 SLIDING: Mapping[str, float] = {"leg_friction_model": SMOOTH, "leg_coulomb_friction": 0.0, "leg_static_friction": 0.0}
 # Of one with rigid legs.
 RIGID: Mapping[str, float] = {"leg_stiffness": 0.0, "leg_damping": 0.0}
-
-
-def refuse_parts(platform: Any, host: str, instead: str) -> None:
-    """Refuse a platform whose friction sticks or whose legs give, where only the ideal plant can run.
-
-    Parameters
-    ----------
-    host, instead
-        What cannot run it, and what can, for the message.
-
-    Raises
-    ------
-    PlatformError
-        The platform is not ideal; `field` names the parameter that says so.
-    """
-    variant = Variant.of(platform)
-    if variant.bristles:
-        word = FRICTION_MODELS[int(platform.leg_friction_model)]
-        raise PlatformError(
-            "leg_friction_model",
-            f"is '{word}'; {host} has smooth friction only so far: {instead}, or set leg_friction_model = 'smooth'",
-        )
-    if variant.springs:
-        raise PlatformError(
-            "leg_stiffness",
-            f"is {platform.leg_stiffness:g} N/m; {host} has rigid legs only so far: {instead}, or set "
-            "leg_stiffness = 0, which is rigid",
-        )

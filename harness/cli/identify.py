@@ -32,7 +32,6 @@ class Method(StrEnum):
     """How parameters are estimated."""
 
     linear = "linear"
-    output_error = "output_error"
     geometry = "geometry"
 
 

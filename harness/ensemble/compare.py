@@ -40,20 +40,18 @@ CONFIDENCE = 0.95
 class Comparison:
     """B − A of every metric, member by member.
 
-    `differences` has a row for each metric that members have in both: `metric`, `pairs`, `mean_a`, `mean_b`,
-    the `mean` of the differences with `mean_low` and `mean_high` (Student's t), their `median` with `median_low` and
-    `median_high` (between order statistics; None if there are too few), and `less_b`, the share of members in which B
-    has the smaller value. Each confidence interval is 95 % by itself.
+    `gaps` is an ensemble whose metrics are the differences of each member. `differences` has a row for each metric that
+    members have in both: `metric`, `pairs`, `mean_a`, `mean_b`, the `mean` of the differences with `mean_low` and
+    `mean_high` (Student's t), their `median` with `median_low` and `median_high` (between order statistics; None if
+    there are too few), and `less_b`, the share of members in which B has the smaller value. Each confidence interval is
+    95 % by itself.
     """
 
     a: Ensemble
     b: Ensemble
     names: tuple[str, str]
+    gaps: Ensemble
     differences: polars.DataFrame
-    both_completed: int
-    only_a: int  # completed in A, but not in B
-    only_b: int
-    neither: int
 
 
 def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Comparison:
@@ -64,30 +62,50 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
     RecordError
         Their members are not the same: another number of them, or other drawn values.
     """
-    _check_same(a, b)
-    completed_a, completed_b = ((each.members[OUTCOME] == "completed").to_numpy() for each in (a, b))
-    both = completed_a & completed_b
-    rows = [{"metric": name, **_difference(a, b, name, both)} for name in a.metrics if name in b.metrics]
-    rows = [row for row in rows if row["pairs"]]
+    joined = a.members.select(MEMBER).join(b.members, on=MEMBER, maintain_order="left")
+    if not a.members.height == b.members.height == joined.height:
+        raise RecordError(
+            f"{a.members.height} and {b.members.height} members, {joined.height} of them in both; expected the same "
+            "members in both, for instance by the same --members and --seed"
+        )
+    b = replace(b, members=joined)
+    for name in set(a.varied) & set(b.varied):
+        x, y = a.values(name), b.values(name)
+        differ = ~((x == y) | (np.isnan(x) & np.isnan(y)))
+        if differ.any():
+            k = int(differ.argmax())
+            raise RecordError(
+                f"{name} of member {a.members[MEMBER][k]} is {x[k]:.6g} in one and {y[k]:.6g} in the other; "
+                "expected the same [ensemble] in both, with the same seed"
+            )
+    both = (a.members[OUTCOME] == "completed") & (b.members[OUTCOME] == "completed")
+    metrics = [name for name in a.metrics if name in b.metrics]
+    kept = [name for name in a.members.columns if name in (MEMBER, ENDED) or name.startswith(VARIED)]
+    outcome = both.replace_strict({True: "completed", False: "not in both"}, return_dtype=polars.String)
+    gaps = a.members.select(kept).with_columns(
+        outcome.alias(OUTCOME),
+        polars.lit(None, polars.String).alias(CAUSE),
+        *(polars.Series(name, b.values(name) - a.values(name), nan_to_null=True) for name in metrics),
+    )
+    title = f"{names[1]} − {names[0]}"
+    rows = [{"metric": name, **_difference(a, b, name, both.to_numpy())} for name in metrics]
     return Comparison(
         a,
         b,
         names,
-        polars.DataFrame(rows, infer_schema_length=None) if rows else polars.DataFrame(),
-        int(both.sum()),
-        int((completed_a & ~completed_b).sum()),
-        int((completed_b & ~completed_a).sum()),
-        int((~completed_a & ~completed_b).sum()),
+        Ensemble(gaps, a.bands.clear(), {**a.metadata, "title": title}),
+        polars.DataFrame([row for row in rows if row["pairs"]], infer_schema_length=None),
     )
 
 
 def comparison_tables(found: Comparison, names: Sequence[str]) -> list[Table]:
     """Numbers of completed members, then the differences of these metrics with their confidence."""
-    a, b = found.names
+    a, b = (each.members[OUTCOME] == "completed" for each in (found.a, found.b))
+    both = int((a & b).sum())
     ended = Table(
-        f"{found.a.members.height:,} members{_named(a, b)}",
+        f"{found.a.members.height:,} members{_named(*found.names)}",
         (Column(""), Column("completed in B"), Column("not")),
-        (("completed in A", found.both_completed, found.only_a), ("not", found.only_b, found.neither)),
+        (("completed in A", both, int((a & ~b).sum())), ("not", int((~a & b).sum()), int((~a & ~b).sum()))),
     )
     table = {row["metric"]: row for row in found.differences.iter_rows(named=True)}
     low, high = Column("from", None, "lower end, 95 % confidence"), Column("to", None, "upper end, 95 % confidence")
@@ -105,40 +123,9 @@ def comparison_tables(found: Comparison, names: Sequence[str]) -> list[Table]:
             numbers = (row[key] for key in (*means, kind, f"{kind}_low", f"{kind}_high"))
             cells = [Value(each, replace(metric.quantity, digits=3)) for each in numbers]
             rows.append((metric.text, *cells, *(() if kind == "mean" else (row["less_b"],))))
-        of = f"of the {found.both_completed:,} that completed in both"
+        of = f"of the {both:,} that completed in both"
         tables.append(Table(f"B − A, {kind} difference, {of}; 95 % confidence", (Column(""), *columns), tuple(rows)))
     return tables
-
-
-def difference(found: Comparison) -> Ensemble:
-    """B − A of each member as an ensemble: its metrics are the differences."""
-    a, b = found.a, found.b
-    both = (a.members[OUTCOME] == "completed") & (b.members[OUTCOME] == "completed")
-    kept = [name for name in a.members.columns if name in (MEMBER, ENDED) or name.startswith(VARIED)]
-    columns = {name: b.values(name) - a.values(name) for name in a.metrics if name in b.metrics}
-    outcome = {OUTCOME: both.replace_strict({True: "completed", False: "not in both"}, return_dtype=polars.String)}
-    table = a.members.select(kept).with_columns(**outcome, **{CAUSE: polars.lit(None, polars.String)})
-    table = table.with_columns(polars.Series(name, values, nan_to_null=True) for name, values in columns.items())
-    first, second = found.names
-    return Ensemble(table, a.bands.clear(), {**a.metadata, "title": f"{second} − {first}"})
-
-
-def _check_same(a: Ensemble, b: Ensemble) -> None:
-    if a.members[MEMBER].to_list() != b.members[MEMBER].to_list():
-        raise RecordError(
-            f"{a.members.height} and {b.members.height} members; expected the same members in both, "
-            "for instance by the same --members and --seed"
-        )
-    for name in a.varied:
-        if name in b.varied:
-            x, y = a.values(name), b.values(name)
-            differ = ~((x == y) | (np.isnan(x) & np.isnan(y)))
-            if differ.any():
-                k = int(differ.argmax())
-                raise RecordError(
-                    f"{name} of member {a.members[MEMBER][k]} is {x[k]:.6g} in one and {y[k]:.6g} in the other; "
-                    "expected the same [ensemble] in both, with the same seed"
-                )
 
 
 def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) -> dict[str, float | int | None]:
@@ -169,7 +156,7 @@ def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) ->
 
 def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
     """How the second experiment differs from the first, member by member, in one metric and then in all."""
-    (first, second), gaps, by = found.names, difference(found), worst_by(found.a)
+    (first, second), gaps, by = found.names, found.gaps, worst_by(found.a)
     known = sensitivity_if_known(gaps, by)
     sections = [Section("Differences", tuple(comparison_tables(found, usual_metrics(found.a.members))))]
     named, members = f"{second} − {first}", count(found.a.members.height, "member")

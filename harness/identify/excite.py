@@ -19,7 +19,7 @@ from gough_stewart.harness.identify.rows.linear_parameters import (
 from gough_stewart.harness.identify.rows.regression import Rows
 from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.limits.reach import check_reach
-from gough_stewart.harness.motion.motion import Motion, Reference
+from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.errors import ArgumentError
 from gough_stewart.model.platform import Platform
@@ -157,23 +157,13 @@ def criteria(platform: Platform, names: Sequence[str], time: FloatArray, motion:
     state, acceleration = State(*motion[:4]), Acceleration(*motion[4:])
     W = regressor(platform, state, acceleration)
     elements = with_estimated(elements_of(platform), names, [value_of(platform, name) for name in names])
-    every = np.ones((len(time), 6))
-    rows = Rows(time, W @ linear_parameters(elements), W, 0.0, every, every)
+    rows = Rows(time, W @ linear_parameters(elements), W, 0.0, np.ones((len(time), 6)))
     D = (W @ (gradient(elements, names) * scales_of(rows, platform, names))).reshape(-1, len(names))
     sigma = np.linalg.svd(D / np.sqrt(len(time)), compute_uv=False)
     force = float(np.sqrt((rows.force**2).mean()))
     with np.errstate(divide="ignore"):
         number = float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-12 * sigma[0] else float("inf")
         return number, float(2 * np.log(sigma / force).sum())
-
-
-def condition_number_of(
-    platform: Platform, estimate: Sequence[str] | str, reference: Reference, duration: float
-) -> float:
-    """Condition number of any motion's regressor over a duration [s], as in `excite`."""
-    names = expanded(estimate.split(",") if isinstance(estimate, str) else estimate, platform)
-    time = np.linspace(0.0, duration, 400)
-    return criteria(platform, names, time, reference(time))[0]
 
 
 def within_limits(platform: Platform, time: FloatArray, motion: Motion) -> bool:

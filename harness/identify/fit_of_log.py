@@ -1,4 +1,4 @@
-"""The estimate from a fit, for all methods that fit the samples of a log."""
+"""The estimate from a fit of the samples of a log."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -36,7 +36,6 @@ class Channels(NamedTuple):
 
 
 def estimate_of(
-    method: str,
     names: tuple[str, ...],
     nominal: FloatArray,
     scale: FloatArray,
@@ -44,7 +43,6 @@ def estimate_of(
     regression: tuple[FloatArray, FloatArray],
     channels: Channels,
     notes: Sequence[str],
-    alarms: Sequence[str] = (),
     rows: Whitened | None = None,
 ) -> Estimate:
     """The estimate of a fit, with its covariance and its residuals.
@@ -57,8 +55,6 @@ def estimate_of(
         Whitened regressor (m, 6, p) in units of `scale`, and whitened residuals (m, 6), of the fitted samples.
     notes
         Remarks on the fit; one on active bounds is added.
-    alarms
-        Reasons not to trust the estimate, one sentence each.
     rows
         Of inverse dynamics at this fit, to test whether the model fits.
 
@@ -75,7 +71,7 @@ def estimate_of(
     found = None if rows is None else diagnosis_of(rows, covariance)
     fitted, validating = channels.residual[channels.is_fitted], channels.residual[~channels.is_fitted]
     return Estimate(
-        method=method,
+        method="linear",
         names=names,
         values=fit.values,
         nominal=nominal,
@@ -93,7 +89,7 @@ def estimate_of(
             None if found is None else found.whiteness,
         ),
         notes=(*notes, *(() if found is None else found.sentences)),
-        alarms=(*alarms, *(() if found is None else found.alarms)),
+        alarms=() if found is None else found.alarms,
         diagnosis=found,
         # of the inertia all elements, if as a whole it is at the limit of what a body has
         at_bound=tuple(name for name in names if name in fit.at_bound or name.partition("[")[0] in fit.at_bound),
@@ -174,9 +170,6 @@ def scales(platform: Platform, names: Sequence[str], force: float, velocity: flo
         "force_offset": force,
         "delay": _DELAY,
         "base_tilt": _TILT,
-        "base_points": rho,
-        "platform_points": rho,
-        "gravity": float(np.linalg.norm(platform.gravity)) or 1.0,
     }
     return np.array([sizes.get(name.partition("[")[0]) or abs(value_of(platform, name)) or 1.0 for name in names])
 

@@ -1,6 +1,6 @@
 """Identify parameters from a log by any method."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -10,16 +10,14 @@ import numpy as np
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import scales, with_all
-from gough_stewart.harness.identify.geometry.joints import GEOMETRY, identify_geometry
+from gough_stewart.harness.identify.geometry.joints import GEOMETRY, PoseFrame, identify_geometry
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.not_shown import NOT_SHOWN, SHOWS, fit_of_shown
-from gough_stewart.harness.identify.output_error import identify_output_error
 from gough_stewart.harness.identify.parts import VALIDATION
 from gough_stewart.harness.identify.rows.hypotheses import MASSES
 from gough_stewart.harness.identify.rows.regression import cutoff_within_noise
-from gough_stewart.harness.identify.rows.sticking import PRESLIDING, STICTION, ideal_of, resolved, sticks
+from gough_stewart.harness.identify.rows.sticking import COULOMB, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.identify.screening.leg_order import check_order_of_forces
 from gough_stewart.harness.identify.screening.observability import (
     MotionRows,
@@ -32,16 +30,28 @@ from gough_stewart.harness.identify.screening.screening import Screened, screene
 from gough_stewart.harness.identify.springs import FAST, SPRINGS, merged, nominal_springs, springs_of, with_both_sides
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.variant import refuse_parts
 from gough_stewart.model.vectors import FloatArray
 
 AnyLog = Log | Record | Path | str
-Method = Literal["linear", "output_error", "geometry"]
-_METHODS: Mapping[str, Callable[..., Estimate]] = {
-    "linear": identify_linear,
-    "output_error": identify_output_error,
-    "geometry": identify_geometry,
+Method = Literal["linear", "geometry"]
+_METHODS = ("linear", "geometry")
+_PRESLIDING = (
+    "presliding is set in the platform; of friction that sticks, " + ", ".join((COULOMB, *STICTION)) + " are estimated"
+)
+# Parameters of the platform that a log of forces does not determine, and what serves instead.
+_ELSEWHERE = {
+    "gravity": "it is set in the platform; of a base that is out of level, estimate base_tilt",
+    "leg_friction_velocity": "it is a constant that smooths the sign of Coulomb friction; set it in the platform",
+    **dict.fromkeys(("leg_bristle_stiffness", "leg_bristle_damping", "leg_breakaway_share"), _PRESLIDING),
+    **dict.fromkeys(
+        GEOMETRY, f"{', '.join(GEOMETRY)} need measured poses: estimate them alone, from a log with position[1..3]"
+    ),
 }
+# Static friction shows if its standard error, and that of its velocity, is at most this share of their values, and if
+# it is above Coulomb friction by so many standard errors.
+_LARGEST_ERROR, _SIGNIFICANT = 0.25, 4.0
+_NOT_SHOWN = "not shown by this log, so without a number"
+_SLOW = "Slow motions show static friction: some mm/s, and forces and lengths at 500 Hz or more"
 
 
 def identify(
@@ -51,7 +61,10 @@ def identify(
     method: Method = "linear",
     *,
     validation: float | AnyLog | Sequence[AnyLog] = VALIDATION,
-    **options: Any,
+    cutoff: float | None = None,
+    pose_frame: PoseFrame | None = None,
+    accuracy: tuple[float, float, float | None] | None = None,
+    nominal_error: float | None = None,
 ) -> Estimate:
     """Estimate parameters of a platform from a log, with confidence intervals.
 
@@ -68,16 +81,19 @@ def identify(
         about X and Y [rad].
     method
         "linear" is least squares of inverse dynamics: masses, centres of mass, inertias, armature, friction;
-        "output_error" simulates the plant and accepts any physical parameter, also `leg_friction_velocity`;
         "geometry" calibrates `base_points`, `platform_points` and `leg_length_offset` from measured poses at rest;
         it is chosen if only these are estimated.
     validation
         The share of each log, at its end, that is not fitted but validates the fit; or another log, or several, of
         which nothing is fitted.
-    options
-        Of the method: `cutoff` [Hz] of the filter; for "output_error" also `starts` and `seed`. For "geometry":
-        `pose_frame` ("world", or "own" for a tracker with its own frame), `accuracy`, standard errors of leg length
-        [m], position [m] and orientation [rad], and `nominal_error` [m], the uncertainty of the nominal geometry.
+    cutoff
+        Of the filter [Hz], for "linear"; from the log by default.
+    pose_frame
+        For "geometry": "world", the default, or "own" for a tracker with its own frame.
+    accuracy
+        For "geometry": standard errors of leg length [m], position [m] and orientation [rad].
+    nominal_error
+        For "geometry": the uncertainty of the nominal geometry [m].
 
     Returns
     -------
@@ -98,60 +114,64 @@ def identify(
     >>> found.values, found.interval, found.platform(nominal).platform_mass
     """
     if method not in _METHODS:
-        raise IdentificationError(f"method is {method!r}; expected one of {', '.join(_METHODS)}")
-    names = estimate.split(",") if isinstance(estimate, str) else list(estimate)
-    if method == "linear" and all(name.strip().partition("[")[0] in GEOMETRY for name in names):
+        raise IdentificationError(
+            f"method is {method!r}; expected linear, for masses, friction and instruments, or geometry, for joints and "
+            "offsets of lengths"
+        )
+    names = [name.strip() for name in (estimate.split(",") if isinstance(estimate, str) else estimate)]
+    if method == "linear" and all(name.partition("[")[0] in GEOMETRY for name in names):
         method = "geometry"
-    if "pose_frame" in options and method != "geometry":
-        raise IdentificationError(f"pose_frame is an option of method geometry only; this one is {method}")
-    if method != "geometry":
-        _check_parts(platform, method, [name.strip() for name in names])
-    logs = _logs(log)
+    options: dict[str, Any] = {"pose_frame": pose_frame, "accuracy": accuracy, "nominal_error": nominal_error}
+    of_geometry = {name: value for name, value in options.items() if value is not None}
     if method == "geometry":
+        if cutoff is not None:
+            raise IdentificationError("cutoff is an option of method linear only; this one is geometry")
+        logs = _logs(log)
         if len(logs) != 1 or validation != VALIDATION:
             raise IdentificationError(
                 f"method geometry takes one log of poses and no validation; found {len(logs)} logs, validation "
                 f"{'of a log' if not isinstance(validation, float) else validation}"
             )
-        return identify_geometry(logs[0], platform, names, **options)
+        return identify_geometry(logs[0], platform, names, **of_geometry)
+    if of_geometry:
+        raise IdentificationError(f"{next(iter(of_geometry))} is an option of method geometry only; this one is linear")
+    wanted = expanded(names, platform)
+    _check_names(platform, wanted)
+    logs = _logs(log)
     share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
     # what is screened is the motion, and the forces that it needs but for friction
     smooth = ideal_of(platform)
-    cutoff = options.pop("cutoff", None)
     if cutoff is None and sticks(platform):
         cutoff = min(cutoff_within_noise(each, smooth) for each in logs)
     found = screened(logs, smooth, share, aside, cutoff)
     check_order_of_forces(found.parts, smooth, found.cutoff)
-    wanted = expanded(names, platform)
-    stiffness, damping = PRESLIDING
-    if stiffness in wanted and damping not in wanted:
-        # a damping that is not known would pass for stiffness
-        wanted = (*wanted, damping)
     springs = tuple(name for name in wanted if name in SPRINGS)
     others = tuple(name for name in wanted if name not in SPRINGS)
     measured = found.parts
     found = found._replace(parts=with_both_sides(measured, platform, found.cutoff))
-    fit = _of_determined(_METHODS[method], found, platform, others, options) if others else None
+    fit = _of_determined(found, platform, others) if others else None
     if fit is not None and found.parts != measured and all(part.log.motor_position is None for part in measured):
         # the other side once more, by the masses that were found
         found = found._replace(parts=with_both_sides(measured, fit.platform(platform), found.cutoff))
-        fit = _of_determined(_METHODS[method], found, platform, others, options)
+        fit = _of_determined(found, platform, others)
     if springs or fit is None:
         fit = _with_springs(fit, found._replace(parts=measured), platform, wanted, springs)
     return replace(fit, notes=(*found.notes, *fit.notes), alarms=(*found.alarms, *fit.alarms))
 
 
-def _check_parts(platform: Platform, method: Method, names: Sequence[str]) -> None:
-    """Refuse what a platform does not have, or a method cannot estimate."""
-    lacking = [name for name in names if name.partition("[")[0] in (*STICTION, *PRESLIDING)]
+def _check_names(platform: Platform, names: Sequence[str]) -> None:
+    """Refuse what no log of forces determines, and what this platform does not have."""
+    for name in names:
+        stem = name.partition("[")[0]
+        if stem in _ELSEWHERE:
+            raise IdentificationError(f"{name} is not estimated from forces: {_ELSEWHERE[stem]}", [name])
+    lacking = [name for name in names if name in STICTION]
     if lacking and not sticks(platform):
         raise IdentificationError(
             f"{lacking[0]}: friction of this platform does not stick; set its leg_friction_model = 'elasto_plastic' or "
             "'lugre'",
             lacking,
         )
-    if method == "output_error":
-        refuse_parts(platform, "method output_error", "use method linear")
     springs = [name for name in names if name in SPRINGS]
     if springs and not platform.leg_armature > 0 and "leg_armature" not in names:
         raise IdentificationError(
@@ -161,24 +181,16 @@ def _check_parts(platform: Platform, method: Method, names: Sequence[str]) -> No
         )
 
 
-def _of_determined(
-    method: Callable[..., Estimate],
-    found: Screened,
-    platform: Platform,
-    names: tuple[str, ...],
-    options: Mapping[str, Any],
-) -> Estimate:
+def _of_determined(found: Screened, platform: Platform, names: tuple[str, ...]) -> Estimate:
     """The fit of what the motion determines; the other elements get no number."""
     linear = [name for name in names if is_linear(name, platform)]
     smooth = ideal_of(platform)
     if linear:
         check_separable(smooth, linear)
     rows = motion_rows(found.parts, smooth, found.cutoff) if linear else None
-    nominal = nominal_values(names, resolved(platform, names))
+    nominal = nominal_values(names, resolved(platform))
     if rows is None:
-        fit, untold = fit_of_shown(
-            lambda kept: method(found.parts, platform, kept, cutoff=found.cutoff, **options), names
-        )
+        fit, untold = _fit_of_shown(found, platform, names)
         size = scales(platform, names, 1.0, 1.0)
         return _with_note(with_all(fit, names, nominal, size, untold, np.zeros(len(names))), untold)
     scale = scales(platform, names, rows.force, rows.velocity)
@@ -194,10 +206,8 @@ def _of_determined(
         kept = tuple(name for name in names if name not in held)
         if not kept:
             raise _not_excited(names)
-        fit, not_shown = fit_of_shown(
-            lambda kept: method(found.parts, platform, kept, cutoff=found.cutoff, not_excited=untold, **options), kept
-        )
-        held |= set(not_shown)
+        fit, not_shown_here = _fit_of_shown(found, platform, kept, untold)
+        held |= set(not_shown_here)
         values[[names.index(name) for name in fit.names]] = fit.values
         # what a motion determines of centres of mass and inertias depends on their values
         now = identifiability(rows, smooth, linear, values[at], scale[at])
@@ -220,11 +230,61 @@ def _of_determined(
     return fit
 
 
+def _fit_of_shown(
+    found: Screened, platform: Platform, names: tuple[str, ...], not_excited: Sequence[str] = ()
+) -> tuple[Estimate, tuple[str, ...]]:
+    """The fit, without static friction if the log does not show it, and the elements that so have no number.
+
+    Inverse dynamics is not linear in it, so that only a fit says what its log determines.
+
+    Raises
+    ------
+    IdentificationError
+        Nothing is left.
+    """
+
+    def fit_of(kept: tuple[str, ...]) -> Estimate:
+        return identify_linear(found.parts, platform, kept, cutoff=found.cutoff, not_excited=not_excited)
+
+    try:
+        fit = fit_of(names)
+        hidden = not_shown(fit)
+    except IdentificationError as error:
+        if not set(error.names) & set(STICTION):
+            raise
+        hidden = tuple(name for name in names if name in STICTION)
+    if not hidden:
+        return fit, ()
+    kept = tuple(name for name in names if name not in hidden)
+    if not kept:
+        raise IdentificationError(f"{_NOT_SHOWN}: {', '.join(names)}. {_SLOW}", names)
+    return fit_of(kept), hidden
+
+
+def not_shown(fit: Estimate) -> tuple[str, ...]:
+    """The elements of static friction in a fit that does not determine all of them.
+
+    Static friction needs the velocity over which it falls. If it is not significantly above Coulomb friction, neither
+    is shown.
+    """
+    values, errors = (dict(zip(fit.names, of.tolist(), strict=True)) for of in (fit.values, fit.standard_errors))
+    of_static = tuple(name for name in fit.names if name in STICTION)
+    is_shown = all(errors[name] <= _LARGEST_ERROR * values[name] for name in of_static)
+    coulomb = [k for k, name in enumerate(fit.names) if name.partition("[")[0] == COULOMB]
+    if STICTION[0] in values and coulomb:
+        difference = np.zeros(len(fit.names))
+        difference[coulomb] = -1 / len(coulomb)
+        difference[fit.names.index(STICTION[0])] = 1.0
+        spread = float(np.sqrt(difference @ fit.covariance @ difference))
+        is_shown &= bool(difference @ fit.values > _SIGNIFICANT * spread)
+    return () if is_shown else of_static
+
+
 def _with_springs(
     fit: Estimate | None, found: Screened, platform: Platform, names: tuple[str, ...], springs: tuple[str, ...]
 ) -> Estimate:
     """The estimate of all names with the springs of the legs, under the forces of the platform that was found."""
-    nominal = nominal_values(names, resolved(platform, names))
+    nominal = nominal_values(names, resolved(platform))
     known = dict(zip(SPRINGS, nominal_springs(platform), strict=True))
     nominal = np.array([known.get(name, value) for name, value in zip(names, nominal.tolist(), strict=True)])
     of_springs = nominal[[names.index(name) for name in springs]]
@@ -241,9 +301,9 @@ def _with_springs(
     return _with_note(merged(every, own, names), hidden, FAST)
 
 
-def _with_note(fit: Estimate, hidden: Sequence[str], shows: str = SHOWS) -> Estimate:
+def _with_note(fit: Estimate, hidden: Sequence[str], shows: str = _SLOW) -> Estimate:
     """The estimate with a remark on what of friction, or of springs, its log does not show, and which would."""
-    return replace(fit, notes=(*fit.notes, f"{NOT_SHOWN}: {', '.join(hidden)}. {shows}")) if hidden else fit
+    return replace(fit, notes=(*fit.notes, f"{_NOT_SHOWN}: {', '.join(hidden)}. {shows}")) if hidden else fit
 
 
 def _not_told(rows: MotionRows, platform: Platform, names: Sequence[str], scale: FloatArray) -> tuple[str, ...]:

@@ -1,7 +1,6 @@
 """Linear identification: weighted least squares of inverse dynamics, which is linear in masses and friction."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +9,15 @@ from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, rms, scales
 from gough_stewart.harness.identify.instruments import is_of_instruments
-from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.names import expanded, value_of
-from gough_stewart.harness.identify.parts import VALIDATION, Part, on_one_axis, parts_of
+from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.parts import Part, on_one_axis
 from gough_stewart.harness.identify.physical import BestFit, best_fit
-from gough_stewart.harness.identify.rows.force_derivatives import ForceDerivatives, force_derivatives
+from gough_stewart.harness.identify.rows.force_derivatives import (
+    ForceDerivatives,
+    force_derivatives,
+    kernel_parameters,
+)
 from gough_stewart.harness.identify.rows.linear_parameters import (
-    FRICTION,
     SIZE,
     dependences,
     elements_of,
@@ -27,33 +28,32 @@ from gough_stewart.harness.identify.rows.linear_parameters import (
 from gough_stewart.harness.identify.rows.regression import Regression, Rows, joined, regression_of
 from gough_stewart.harness.identify.rows.row_model import RowModel
 from gough_stewart.harness.identify.rows.sticking import (
-    PRESLIDING,
+    COULOMB,
+    STICTION,
     StickingFriction,
     ideal_of,
     is_of_bristles,
     resolved,
     sticks,
+    unit_friction,
 )
-from gough_stewart.harness.identify.rows.sticking_start import start_of_friction
 from gough_stewart.harness.identify.rows.whitened import Fit, Whitened, whitened
-from gough_stewart.harness.identify.simulation import kernel_parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 # Unexplained share of the forces' changes, median over legs, beyond which the log is of another machine; if the fitted
 # rows last for less, forces hardly change but by noise and by what is not estimated [s].
 _UNEXPLAINED, _TELLING = 0.5, 1.0
-# Bristles that are this much stiffer do not bend; what they explain worse, in variances of the noise.
-_STIFF, _TOLD = 100.0, 16.0
+# Stribeck velocities of guides, screws and seals, from which the fit of static friction starts [m/s].
+_VELOCITIES = np.geomspace(1e-4, 1e-1, 13)
 
 
 def identify_linear(
-    log: Log | Sequence[Part],
+    parts: Sequence[Part],
     platform: Platform,
-    names: Sequence[str],
+    names: tuple[str, ...],
     *,
     cutoff: float | None = None,
-    validation: float = VALIDATION,
     not_excited: Sequence[str] = (),
 ) -> Estimate:
     """Masses, moments, inertias, armature and friction by weighted least squares on F = W φ.
@@ -66,36 +66,31 @@ def identify_linear(
 
     Parameters
     ----------
-    log
-        A log, or parts of logs, each of which says what of it is fitted.
+    parts
+        Of logs; each says what of it is fitted.
     names
-        Parameters or elements of them.
+        Elements of parameters in which inverse dynamics is linear, or bilinear; of static friction; of instruments.
     cutoff
         Cut-off of the filter [Hz]; from the log by default.
-    validation
-        Share of a log, at its end, reserved for validation.
     not_excited
         Elements that the motion does not excite, so the residuals tell nothing of them.
 
     Raises
     ------
     IdentificationError
-        A parameter that is not linear, or that this log cannot determine; names it.
+        Parameters that this log cannot determine; names them.
     LogError
         A log that cannot be evaluated.
     """
-    names = expanded(names, platform)
     bent = [k for k, name in enumerate(names) if is_of_bristles(name, platform)]
     friction = StickingFriction(platform, tuple(names[k] for k in bent)) if sticks(platform) else None
-    nominal = nominal_values(names, resolved(platform, names))
+    nominal = nominal_values(names, resolved(platform))
     # without friction that sticks, which is not linear, and with the legs' stretch in the lengths of both sides
     smooth = ideal_of(platform)
     elements = elements_of(smooth)
     of_platform = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in bent]
     own = tuple(names[k] for k in of_platform)
-    _check_linear(own, elements)
     elements = with_estimated(elements, own, nominal[of_platform].tolist())
-    parts = parts_of(log, validation)
     each = [regression_of(part.log, platform, cutoff) for part in parts]
     regression = joined(each)
     rows = regression.rows
@@ -108,18 +103,21 @@ def identify_linear(
     scale = scales_of(rows, platform, names)
     W, F = rows.regressor[is_fitted], rows.force[is_fitted]
     _check_excitation(W, elements, own, scale[of_platform])
-    every = used_rows(rows, platform, names)
+    every = _used_rows(rows, platform, names)
     used = every[is_fitted]
 
     # ordinary least squares first: the covariance of the rows depends on masses and friction
-    values = nominal.copy()
+    values, force = nominal.copy(), rows.force
     if friction:
         linear = rows.regressor @ gradient(elements, own)
-        values[bent] = start_of_friction(regression, platform, friction.names, linear, every * is_fitted[:, None])
+        values[bent] = _start_of_friction(regression, platform, friction.names, linear, every * is_fitted[:, None])
         scale[bent] = values[bent]
-        rows = _without_friction(rows, regression, friction, values[bent])
+        stuck = regression.filtered(lambda v, h: friction.force(values[bent], v, h), 0)
+        force = force - stuck.reshape(len(stuck), 6, -1)[:, :, 0]
     if own:
-        values[of_platform] = ordinary_fit(rows, elements, own, scale[of_platform], is_fitted, every).values
+        weights = used / max(float(np.abs(force[is_fitted]).max()), 1e-300)
+        R, z = _compressed(weights[..., None] * W, weights * force[is_fitted])
+        values[of_platform] = _fitted(R, z, elements, own, scale[of_platform]).values
     model = RowModel(regression, smooth, elements, names, friction)
     rows_at = whitened(regression, _fit_at(model, values, is_fitted, used), smooth, not_excited)
     if len(own) == len(names) and not friction:
@@ -128,8 +126,6 @@ def identify_linear(
         fit = _fitted(R, z, elements, own, scale)
     else:
         fit = _with_instruments(model, rows_at, values, elements, scale)
-    if PRESLIDING[0] in names:
-        _check_presliding(model, rows_at, fit.values, elements, scale)
     rows_at = rows_at.at(_fit_at(model, fit.values, is_fitted, used, rows_at.fit.derivatives))
     residual = model.residual(fit.values)
     _check_explained(residual[is_fitted], F, _duration(parts, each), parts[0].log.where)
@@ -140,37 +136,7 @@ def identify_linear(
         "force of leg", "N", time, regression.rows.force, residual, model.force(nominal), is_fitted, validating
     )
     white = rows_at.of(residual[is_fitted, :, None]).reshape(fitted, 6)
-    return estimate_of("linear", names, nominal, scale, fit, (D, white), channels, notes, rows=rows_at)
-
-
-def _check_linear(names: Sequence[str], elements: Mapping[str, float]) -> None:
-    for name in names:
-        if not is_linear(name, elements):
-            raise IdentificationError(
-                f"{name}: inverse dynamics is not linear in it; use the method output_error, or geometry for joints "
-                "and offsets",
-                [name],
-            )
-
-
-def is_linear(name: str, elements: Mapping[str, float]) -> bool:
-    """Whether inverse dynamics is linear in an element, or bilinear with others."""
-    return name in elements or name.partition("[")[0] in FRICTION
-
-
-def ordinary_fit(
-    rows: Rows,
-    elements: Mapping[str, float],
-    names: Sequence[str],
-    scale: FloatArray,
-    is_fitted: NDArray[np.bool_],
-    used: FloatArray,
-) -> BestFit:
-    """Ordinary least squares of the fitted rows that are used (n, 6) over linear elements."""
-    F = rows.force[is_fitted]
-    weights = used[is_fitted] / max(float(np.abs(F).max()), 1e-300)
-    R, z = _compressed(weights[..., None] * rows.regressor[is_fitted], weights * F)
-    return _fitted(R, z, elements, names, scale)
+    return estimate_of(names, nominal, scale, fit, (D, white), channels, notes, rows=rows_at)
 
 
 def _fit_at(
@@ -194,6 +160,50 @@ def _fit_at(
     return Fit(model.names, values, columns, force, model.rate(values), derivatives, is_fitted, used)
 
 
+def _start_of_friction(
+    regression: Regression, platform: Platform, names: Sequence[str], linear: FloatArray, used: FloatArray
+) -> FloatArray:
+    """Values (q,) of these elements of friction that sticks near the best fit, by least squares on a grid.
+
+    In F_c b + (F_s − F_c) b exp(−(v/v_s)²), with b the friction for unit Coulomb friction, two forces are linear. The
+    Stribeck velocity v_s is that of the grid if it is estimated.
+
+    Parameters
+    ----------
+    linear
+        Columns of all else that is estimated (n, 6, p).
+    used
+        1 for fitted rows that are used, else 0 (n, 6).
+    """
+    static, velocity = STICTION
+    factor = platform.leg_coulomb_friction_factor
+    velocities = _VELOCITIES if velocity in names else np.array([platform.leg_stribeck_velocity])
+    measured = used * regression.rows.force
+    known = (used[..., None] * linear).reshape(measured.size, -1)
+    stiffness = float(StickingFriction(platform, ()).law(np.zeros(0)).stiffness.mean())
+    bent = platform.unchecked({static: 0.0, "leg_bristle_stiffness": stiffness, "leg_bristle_damping": 0.0})
+
+    def unit(v: FloatArray, step: float) -> FloatArray:
+        b = factor * unit_friction(bent, v, step)
+        return np.concatenate([b, *(b * np.exp(-((v / each) ** 2)) for each in velocities)], axis=1)
+
+    columns = regression.filtered(unit, 0).reshape(len(measured), 1 + len(velocities), 6).swapaxes(1, 2)
+    flat = (used[..., None] * columns).reshape(measured.size, -1)
+    best, coulomb, more, slow = np.inf, platform.leg_coulomb_friction, 0.0, velocities[0]
+    for k, each in enumerate(velocities):
+        chosen = [0, 1 + k] if static in names else [0]
+        D = np.concatenate([known, flat[:, chosen]], axis=1)
+        size = np.maximum(np.linalg.norm(D, axis=0), 1e-300)
+        x = np.linalg.lstsq(D / size, measured.ravel(), rcond=1e-9)[0] / size
+        cost = float(((measured.ravel() - D @ x) ** 2).sum())
+        if cost < best and x[known.shape[1]] > 0:
+            best, coulomb, slow = cost, float(x[known.shape[1]]), float(each)
+            more = float(x[-1]) if static in names else 0.0
+    values = {static: coulomb + max(more, 0.05 * coulomb), velocity: slow, COULOMB: coulomb}
+    values |= {f"{COULOMB}[{k + 1}]": coulomb * factor[k] for k in range(6)}
+    return np.array([values[name] for name in names])
+
+
 def _with_instruments(
     model: RowModel, rows: Whitened, start: FloatArray, elements: Mapping[str, float], scale: FloatArray
 ) -> BestFit:
@@ -207,49 +217,6 @@ def _with_instruments(
         return -rows.of(model.columns(values)[here])
 
     return best_fit(residual, jacobian, elements, model.names, scale, start, 1e-8 if model.friction else 1e-10)
-
-
-def _without_friction(rows: Rows, regression: Regression, friction: StickingFriction, values: FloatArray) -> Rows:
-    """The rows less friction that sticks, at these values of its parameters."""
-    stuck = regression.filtered(lambda v, h: friction.force(values, v, h), 0)
-    return replace(rows, force=rows.force - stuck.reshape(len(stuck), 6, -1)[:, :, 0])
-
-
-def _check_presliding(
-    model: RowModel, rows: Whitened, values: FloatArray, elements: Mapping[str, float], scale: FloatArray
-) -> None:
-    """Refuse a stiffness of bristles that explains the log hardly better than legs that stick without bending.
-
-    Fast reversals last for milliseconds. There a soft bristle, which delays friction, and its damping, which advances
-    it, look together like a stiff one: the cost has a second minimum that the interval of the first does not reach.
-    """
-    here, names = rows.fit.is_fitted, list(model.names)
-    rest = [k for k, name in enumerate(names) if name not in PRESLIDING]
-    stiff = values.copy()
-    stiff[names.index(PRESLIDING[0])] *= _STIFF
-
-    def at(of_rest: FloatArray) -> FloatArray:
-        moved = stiff.copy()
-        moved[rest] = of_rest
-        return moved
-
-    def residual(of_rest: FloatArray) -> FloatArray:
-        return rows.of(model.residual(at(of_rest))[here, :, None])[:, 0]
-
-    def jacobian(of_rest: FloatArray) -> FloatArray:
-        return -rows.of(model.columns(at(of_rest))[here][:, :, rest])
-
-    kept = [names[k] for k in rest]
-    other = best_fit(residual, jacobian, elements, kept, scale[rest], values[rest], 1e-4) if rest else None
-    cost = float((rows.of(model.residual(values)[here, :, None]) ** 2).sum())
-    unbent = float((residual(values[rest] if other is None else other.values) ** 2).sum())
-    freedom = max(int(rows.fit.used.sum()) - len(names), 1)
-    if unbent - cost < _TOLD * cost / freedom:
-        raise IdentificationError(
-            f"{PRESLIDING[0]}: legs that stick without bending explain this log as well; expected slower reversals, of "
-            "some mm/s",
-            [PRESLIDING[0]],
-        )
 
 
 def _fitted(
@@ -274,19 +241,10 @@ def scales_of(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArra
     return scales(platform, names, force, velocity)
 
 
-def used_rows(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
-    """1 for rows that a fit of these elements uses, else 0 (n, 6).
-
-    Reversals show how a leg sticks; a fit that does not estimate that leaves them out.
-    """
-    if not has_coulomb(platform, names):
-        return np.ones_like(rows.sliding)
-    return rows.known if PRESLIDING[0] in names else rows.sliding
-
-
-def has_coulomb(platform: Platform, names: Sequence[str]) -> bool:
-    """Whether a model with these estimates has Coulomb friction, so that reversals are left out."""
-    return platform.leg_coulomb_friction > 0 or any(name.startswith("leg_coulomb_friction") for name in names)
+def _used_rows(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
+    """1 for rows that a fit of these elements uses, else 0 (n, 6): with Coulomb friction those without a reversal."""
+    has_coulomb = platform.leg_coulomb_friction > 0 or any(name.startswith(COULOMB) for name in names)
+    return rows.sliding if has_coulomb else np.ones_like(rows.sliding)
 
 
 def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence[str], scale: FloatArray) -> None:

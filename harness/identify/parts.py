@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.checks import sample_time_of
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.model.vectors import FloatArray
 
@@ -25,23 +23,6 @@ class Part(NamedTuple):
     def is_fitted(self, time: FloatArray) -> np.ndarray:
         """Which times (n,) [s] are fitted (n,)."""
         return np.asarray(time < self.fitted_until)
-
-
-def parts_of(log: Log | Sequence[Part], validation: float = VALIDATION) -> list[Part]:
-    """A log as one part, with a share at its end reserved for validation; parts remain what they are.
-
-    Raises
-    ------
-    LogError
-        `validation` is not a share, or the log has no even times.
-    """
-    if not isinstance(log, Log):
-        return list(log)
-    if not 0 <= validation < 1:
-        raise LogError(f"validation is {validation:g}; expected a share of the log, 0 or more and less than 1")
-    sample_time_of(log)
-    assert log.time is not None  # checked by sample_time_of
-    return [Part(log, float(log.time[0] + (1 - validation) * (log.time[-1] - log.time[0])) if validation else math.inf)]
 
 
 def on_one_axis(parts: Sequence[Part], times: Sequence[FloatArray]) -> tuple[FloatArray, list[tuple[float, float]]]:

@@ -153,7 +153,6 @@ def springs_of(
     before = stretch_of(k0, c0, *terms) if k0 > 0 else 0.0 * stretch
     channels = Channels("stretch of leg", "m", at, stretch, residual, before, is_fitted, spans)
     found = estimate_of(
-        "linear",
         kept,
         nominal[[list(names).index(name) for name in kept]],
         scale,

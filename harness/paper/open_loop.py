@@ -12,7 +12,6 @@ from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.state import State
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.stepping import SteppingModel
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -67,9 +66,7 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress |
     return Trajectory(solution.t, states, results, solution.y[12])
 
 
-def run_stepping(
-    case: OpenLoopCase, tolerance: float = DEFAULT_TOLERANCE, rows: bool = True, progress: TimeProgress | None = None
-) -> FloatArray:
+def run_stepping(case: OpenLoopCase, rows: bool = True, progress: TimeProgress | None = None) -> FloatArray:
     """States (n, 12) of the stepping model, one communication step per row, or one over the whole case.
 
     Raises
@@ -77,7 +74,7 @@ def run_stepping(
     StepError
         A pose that the plant cannot pass.
     """
-    model = SteppingModel(case.platform, tolerance)
+    model = SteppingModel(case.platform)
     model.set_many({**case.start._asdict(), "actuator_force": case.actuator_force})
     states = [model.state]
     times = case.time if rows else case.time[[0, -1]]

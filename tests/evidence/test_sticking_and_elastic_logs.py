@@ -60,11 +60,11 @@ def test_a_closed_loop_of_the_plant_shows_how_its_legs_stick() -> None:
         PAYLOAD | {"leg_friction_model": "elasto_plastic", "leg_coulomb_friction": (80 * LEGS).tolist()}
     )
     truth = {"platform_mass": 1516.9, "leg_viscous_friction": 560.0, "leg_coulomb_friction": 100 * LEGS.mean()}
-    truth |= {name: float(value) for name, value in list(STICKING.items())[2:]}
+    truth |= {name: float(STICKING[name]) for name in ("leg_static_friction", "leg_stribeck_velocity")}
     log = slow_log()
     for seed in (0, 1):
         found = identify(noisy(log, seed), believed, ",".join(truth))
         error = found.values - np.array(list(truth.values()))
         assert found.names == tuple(truth)
         assert (np.abs(error) < 4 * found.standard_errors).all()
-        assert (np.abs(error / list(truth.values()))[2:6] < 0.02).all()
+        assert (np.abs(error / list(truth.values()))[2:] < 0.02).all()

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.identify.identify import identify
-from gough_stewart.model.errors import InterfaceError, PlatformError, StepError
+from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.fixed_steps import fixed_step, largest_step
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry, leg_rates
@@ -237,11 +236,3 @@ def test_a_run_records_bristles_and_motors() -> None:
     assert np.abs(record["leg_bristle"]).max() > 1e-8
     assert np.abs(record["motor_position"] - record["leg_length"]).max() < 1e-3
     assert record.metadata["machine"]["leg_friction_model"] == "elasto_plastic"
-
-
-@pytest.mark.parametrize(("friction", "springs"), [("elasto_plastic", False), ("smooth", True)])
-def test_output_error_has_ideal_legs_only_and_refuses_others(friction: str, springs: bool) -> None:
-    platform, log = real_platform(friction, springs), None
-    text = "has rigid legs only so far" if springs else "is 'elasto_plastic'; .* has smooth friction only so far"
-    with pytest.raises(PlatformError, match=text):
-        identify(log, platform, "platform_mass", "output_error")  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ A draw is a machine, a motion and noise of its own. Everything that is counted i
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
@@ -20,7 +20,6 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 from tests.support.machine_logs import NAMES, Course, Sensing, Swing, machine_log, random_machine
 
-Method = Literal["linear", "output_error"]
 # Of legs: the machine has these, the fit believes in one value for all [N.s/m].
 FRICTION = np.array([480.0, 620.0, 530.0, 590.0, 500.0, 580.0])
 # Hypotheses that say what was done to the log, by fault, and the true values of their parameters.
@@ -42,35 +41,32 @@ class Draw:
     """One log to be made and identified."""
 
     kind: str  # "perfect", "coloured", or a fault
-    method: Method
     machine: int
     noise: int
     duration: float = 10.0
     force_noise: float = 0.01
 
 
-def draws(method: Method, perfect: int, machines: int, faults: int, coloured: int) -> Iterator[Draw]:
-    """All draws of a method: a fifth of the perfect logs is 20 s long, half has a tenth of the noise."""
+def draws(perfect: int, machines: int, faults: int, coloured: int) -> Iterator[Draw]:
+    """All draws: a fifth of the perfect logs is 20 s long, half has a tenth of the noise."""
     for k in range(perfect):
         machine = k * machines // perfect
-        yield Draw("perfect", method, machine, k, 20.0 if machine % 5 == 4 else 10.0, (0.01, 0.001)[(k + machine) % 2])
+        yield Draw("perfect", machine, k, 20.0 if machine % 5 == 4 else 10.0, (0.01, 0.001)[(k + machine) % 2])
     for kind, number in [("coloured", coloured), *((fault, faults) for fault in FAULTS)]:
         for k in range(number):
-            yield Draw(kind, method, 2000 + k, 2000 + k)
+            yield Draw(kind, 2000 + k, 2000 + k)
 
 
 def run(draw: Draw) -> dict[str, Any]:
     """What `identify` says of a draw, as plain data."""
     machine, believed, log = _log(draw)
-    options: dict[str, Any] = {"starts": 1} if draw.method == "output_error" else {}
-    found = identify(log, believed, NAMES, draw.method, **options)
+    found = identify(log, believed, NAMES)
     truth = np.array([value_of(machine, name) for name in found.names])
     inside = (found.interval[:, 0] < truth) & (truth < found.interval[:, 1])
     diagnosis = found.diagnosis
     assert diagnosis is not None
     return {
         "kind": draw.kind,
-        "method": draw.method,
         "machine": draw.machine,
         "noise": draw.force_noise,
         "duration": draw.duration,
@@ -162,36 +158,33 @@ class Row:
         return said + ("" if self.holds else "  MISSED")
 
 
-def rows_of(results: Sequence[dict[str, Any]], method: Method) -> list[Row]:
-    """The figures of one method, in the order of the table."""
-    own = [each for each in results if each["method"] == method]
+def rows_of(results: Sequence[dict[str, Any]]) -> list[Row]:
+    """The figures, in the order of the table."""
     rows = []
-    alarms, coverage = ((0.035, 0.065), (0.94, 0.96)) if method == "linear" else ((0.02, 0.09), (0.91, 0.98))
-    found, right = (0.95, 0.90) if method == "linear" else (17 / 20, 17 / 20)
-    perfect = [each for each in own if each["kind"] == "perfect"]
+    found, right = 0.95, 0.90
+    perfect = [each for each in results if each["kind"] == "perfect"]
     if perfect:
-        rows.append(Row(f"{method}: alarms of perfect logs", _share(perfect, "alarm"), alarms, len(perfect)))
+        rows.append(Row("alarms of perfect logs", _share(perfect, "alarm"), (0.035, 0.065), len(perfect)))
         inside = [v for each in perfect for v in each["inside"]]
-        rows.append(Row(f"{method}: coverage of 95 % intervals", float(np.mean(inside)), coverage, len(inside)))
-    coloured = [each for each in own if each["kind"] == "coloured"]
+        rows.append(Row("coverage of 95 % intervals", float(np.mean(inside)), (0.94, 0.96), len(inside)))
+    coloured = [each for each in results if each["kind"] == "coloured"]
     if coloured:
         unnamed = float(np.mean([each["alarm"] and each["named"] != "coloured noise" for each in coloured]))
-        rows.append(Row(f"{method}: coloured noise, alarms that do not name it", unnamed, (0.0, 0.1), len(coloured)))
+        rows.append(Row("coloured noise, alarms that do not name it", unnamed, (0.0, 0.1), len(coloured)))
     for fault in FAULTS:
-        some = [each for each in own if each["kind"] == fault]
+        some = [each for each in results if each["kind"] == fault]
         if not some:
             continue
-        what = f"{method}: {fault}"
         needed = (0.0, 1.0) if fault == "common gain" else (found, 1.0)
-        rows.append(Row(f"{what}, alarms", _share(some, "alarm"), needed, len(some)))
+        rows.append(Row(f"{fault}, alarms", _share(some, "alarm"), needed, len(some)))
         if fault in NAMED:
             named = float(np.mean([each["named"] == NAMED[fault][0] for each in some]))
-            rows.append(Row(f"{what}, named first", named, (found, 1.0), len(some)))
+            rows.append(Row(f"{fault}, named first", named, (found, 1.0), len(some)))
             jointly = float(np.mean([bool(each["jointly_inside"]) for each in some]))
-            rows.append(Row(f"{what}, truth in the 95 % region of the named", jointly, (right, 1.0), len(some)))
+            rows.append(Row(f"{fault}, truth in the 95 % region of the named", jointly, (right, 1.0), len(some)))
         if fault in LISTED:
             listed = [LISTED[fault] in each["listed"] and "calibrate by poses" in each["texts"] for each in some]
-            rows.append(Row(f"{what}, in the list", float(np.mean(listed)), (found, 1.0), len(some)))
+            rows.append(Row(f"{fault}, in the list", float(np.mean(listed)), (found, 1.0), len(some)))
     return rows
 
 

@@ -35,7 +35,6 @@ class Projection(NamedTuple):
     extensions: dict[str, FloatArray]  # coordinates of each family's columns (k, q)
     tested: dict[str, FloatArray]  # an orthonormal basis of each family (k, rank)
     freedom: int  # ν
-    variance: float  # s²
     rest: FloatArray  # of the whitened residual that no extension describes (m,)
 
 
@@ -97,7 +96,6 @@ def projection_of(
         {name: U.T @ X for name, X in free.items()},
         {name: U.T @ B for name, B in bases.items()},
         freedom,
-        variance,
         rest,
     )
 

@@ -6,15 +6,18 @@ acceleration), which follows from ℓ = (L, L̇, L̈) = h(m, p). So
     ∂F/∂ℓ = J⁻ᵀ G_m h_m⁻¹,   ∂F/∂p at fixed ℓ = J⁻ᵀ (G_p − G_m h_m⁻¹ h_p)
 """
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
 
+from gough_stewart.harness.identify.names import PER_LEG, place_of
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.interface import N_PARAMETERS
+from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import (
     jacobian_of_legs,
     leg_accelerations,
@@ -23,6 +26,7 @@ from gough_stewart.model.kinematics import (
     wrench_from_leg_forces,
 )
 from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.interrupts import interrupts_held_back
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray
@@ -58,6 +62,38 @@ def force_derivatives(motion: FloatArray, parameters: FloatArray, force: FloatAr
     by_parameters = np.asarray(np.linalg.solve(Jt, G_p), dtype=float)
     by_parameters[:, :, : h_p.shape[2]] -= by_legs @ h_p
     return ForceDerivatives(by_legs.reshape(n, 6, 3, 6), by_parameters)
+
+
+def kernel_parameters(platform: Platform, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """The kernel's p (N_PARAMETERS,), and ∂p/∂θ (N_PARAMETERS, k) by elements of a platform.
+
+    p has friction as a common value times six factors; if a leg's own friction is an element, as 1 times six values.
+    """
+    own: dict[str, Any] = {}
+    for stem in PER_LEG:
+        if any(name.startswith(f"{stem}[") for name in names):
+            own |= {stem: 1.0, f"{stem}_factor": getattr(platform, stem) * getattr(platform, f"{stem}_factor")}
+    p = parameter_vector(platform.with_parameters(own))
+    return p, parameter_columns(names)
+
+
+def parameter_columns(names: Sequence[str]) -> FloatArray:
+    """∂p/∂θ (N_PARAMETERS, k) of the kernel's p by elements of a platform."""
+    places: dict[str, Any] = {}
+    at = 0
+    for variable in interface.PLATFORM_PARAMETERS:
+        places[variable.name] = np.arange(variable.size).reshape(variable.shape) + at
+        at += variable.size
+    columns = np.zeros((N_PARAMETERS, len(names)))
+    for j, name in enumerate(names):
+        stem, index = place_of(name)
+        if index and stem in PER_LEG:
+            stem = f"{stem}_factor"
+        where = places[stem]
+        columns[where[index] if index else where, j] = 1.0
+        if stem == "platform_inertia":
+            columns[where[index[::-1]], j] = 1.0
+    return columns
 
 
 def _evaluated(function: casadi.Function, n: int, arguments: tuple[FloatArray, ...]) -> list[FloatArray]:

@@ -46,8 +46,6 @@ class Rows:
     regressor: FloatArray  # W (m, 6, SIZE)
     cutoff: float  # of the filter on forces and regressor [Hz]
     sliding: FloatArray  # 1 if a leg slides during the whole window of a row, 0 if it reverses (m, 6)
-    # 1 after the first slide of a leg: from there its bristle is known, if its friction sticks (m, 6)
-    known: FloatArray
 
 
 class RawNoise(NamedTuple):
@@ -141,15 +139,13 @@ def regression_of(log: Log, platform: Platform, cutoff: float | None = None) -> 
     motion_rows = (at - edge(h, wide)) // every
     if sticks(platform):
         slid = sliding_rows(platform, velocity, h)
-        both = np.concatenate([slid, np.maximum.accumulate(slid, axis=0)], axis=1)
-        masks = minimum_filter1d(both, 2 * lobe * every + 1, axis=0)[at - edge(h, wide)]
-        sliding, known = masks[:, :6], masks[:, 6:]
+        sliding = minimum_filter1d(slid, 2 * lobe * every + 1, axis=0)[at - edge(h, wide)]
     else:
         slowest = minimum_filter1d(np.abs(lengths[1]), 2 * lobe + 1, axis=0)[motion_rows]
         fast = np.minimum(_REVERSAL * platform.leg_friction_velocity, _SLOW * np.sqrt((lengths[1] ** 2).mean(axis=0)))
-        sliding, known = np.asarray(slowest > fast, dtype=float), np.ones((len(at), 6))
+        sliding = np.asarray(slowest > fast, dtype=float)
     assert log.time is not None  # checked by sample_time_of
-    rows = Rows(log.time[at], force_if_late(0.0), whole, cutoff, sliding, known)
+    rows = Rows(log.time[at], force_if_late(0.0), whole, cutoff, sliding)
     motion = np.concatenate([state.to_vector(), *acceleration], axis=1)[motion_rows]
     noise = _raw_noise(log, h, cutoff, every, thin)
     return Regression(rows, motion, (noise,), (len(at),), force_if_late, rate, filtered)
@@ -184,7 +180,7 @@ def joined(parts: Sequence[Regression]) -> Regression:
 
     cutoff = max(each.rows.cutoff for each in parts)
     return Regression(
-        Rows(all_of("time"), all_of("force"), all_of("regressor"), cutoff, all_of("sliding"), all_of("known")),
+        Rows(all_of("time"), all_of("force"), all_of("regressor"), cutoff, all_of("sliding")),
         np.concatenate([each.motion for each in parts]),
         tuple(noise for each in parts for noise in each.noise),
         tuple(size for each in parts for size in each.sizes),

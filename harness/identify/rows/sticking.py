@@ -9,7 +9,7 @@ with viscous friction in φ, and v and d frozen at the middle of a part of the s
 and steady sliding are exact. ∂z/∂θ follows with it [model.friction; `leg_bristle` is z].
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, NamedTuple
@@ -26,9 +26,8 @@ from gough_stewart.model.process.interrupts import interrupts_held_back
 from gough_stewart.model.variant import RIGID, SLIDING, Variant
 from gough_stewart.model.vectors import FloatArray
 
-# Parameters of the law that a log can show; how a leg breaks away, `leg_breakaway_share`, is the platform's.
+# Parameters of the law that a log can show; presliding, and how a leg breaks away, are the platform's.
 STICTION = ("leg_static_friction", "leg_stribeck_velocity")
-PRESLIDING = ("leg_bristle_stiffness", "leg_bristle_damping")
 COULOMB = "leg_coulomb_friction"
 # The fields of the law in the order of a step's arguments; those beyond, and damping, are not in the decay.
 _FIELDS = ("coulomb", "static", "stribeck_velocity", "stiffness", "breakaway")
@@ -59,19 +58,15 @@ def ideal_of(platform: Platform) -> Platform:
 
 def is_of_bristles(name: str, platform: Platform) -> bool:
     """Whether an element belongs to the law of friction that sticks; viscous friction is linear."""
-    return sticks(platform) and name.partition("[")[0] in (COULOMB, *STICTION, *PRESLIDING)
+    return sticks(platform) and name.partition("[")[0] in (COULOMB, *STICTION)
 
 
-def resolved(platform: Platform, names: Sequence[str]) -> Platform:
-    """The platform with those of these parameters as numbers that are 0, which means derived from the others."""
-    if not sticks(platform):
+def resolved(platform: Platform) -> Platform:
+    """The platform with its static friction as a number, if that is 0, which means Coulomb friction."""
+    if not sticks(platform) or platform.leg_static_friction > 0:
         return platform
-    law, values = _law(platform, {}), {}
-    for name in {name.partition("[")[0] for name in names}:
-        if name in (*STICTION, *PRESLIDING) and not getattr(platform, name) > 0:
-            of_legs = getattr(law, name.removeprefix("leg_").removesuffix("_friction").removeprefix("bristle_"))
-            values[name] = float(np.mean(of_legs / (platform.leg_coulomb_friction_factor if "static" in name else 1.0)))
-    return platform.unchecked(values)
+    static = _law(platform, {}).static / platform.leg_coulomb_friction_factor
+    return platform.unchecked({STICTION[0]: float(np.mean(static))})
 
 
 @dataclass(frozen=True)

@@ -204,7 +204,7 @@ def test_identify(notes: Notes, kind: str) -> None:  # noqa: PLR0915
         "share": ("a/log.csv", "--estimate", "platform_mass", "--preset", "motion_base", "--validation", "0.35"),
         "all": (
             *("one.csv", "two.csv", "--estimate", "leg_armature,platform_com", "--platform", "own.toml"),
-            *("--method", "output_error", "--force-per-current", "57.5", "--holds-force", "--validate", "three.csv"),
+            *("--method", "geometry", "--force-per-current", "57.5", "--holds-force", "--validate", "three.csv"),
             *("--validate", "four.csv", "--pose-frame", "own", "--experiment", "circle", "--set", "loop.delay=3"),
             *("--side", "motor", "--out", "there", "--open"),
         ),
@@ -229,7 +229,7 @@ def test_identify(notes: Notes, kind: str) -> None:  # noqa: PLR0915
     elif kind == "share":
         expected = {"validation": 0.35}
     names = "leg_armature,platform_com" if kind == "all" else "platform_mass"
-    method = "output_error" if kind == "all" else "linear"
+    method = "geometry" if kind == "all" else "linear"
     assert notes.one("identify") == ((read[:2] if kind == "all" else read, nominal, names, method), expected)
     more: list[Any] = []
     if kind == "all":

@@ -7,7 +7,7 @@ from rich.console import Console
 from scipy.stats import sobol_indices
 
 from gough_stewart.harness.ensemble.charts import FIGURES
-from gough_stewart.harness.ensemble.compare import compare, comparison_report, difference
+from gough_stewart.harness.ensemble.compare import compare, comparison_report, comparison_tables
 from gough_stewart.harness.ensemble.report import ensemble_report, sensitivity_table
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
@@ -276,7 +276,7 @@ def test_differences_of_the_same_members_are_far_surer_than_those_of_other_membe
     assert row["median"] == pytest.approx(-2e-4 + np.median(noise), rel=1e-9)
     # of normal numbers the median's error is √(π/2) of the mean's
     assert (row["median_high"] - row["median_low"]) / 2 == pytest.approx(np.sqrt(np.pi / 2) * half, rel=0.3)
-    assert difference(found).values(PEAK) == pytest.approx(noise - 2e-4)
+    assert found.gaps.values(PEAK) == pytest.approx(noise - 2e-4)
 
 
 def test_members_that_complete_in_one_only_are_counted_and_other_members_refused() -> None:
@@ -284,8 +284,8 @@ def test_members_that_complete_in_one_only_are_counted_and_other_members_refused
     first, x = failing(), normal(60)
     second = ensemble_of(x, ["stopped"] * 2 + ["completed"] * 58, ["late"] * 2 + [None] * 58)
     found = compare(first, second)
-    assert (found.both_completed, found.only_a, found.only_b, found.neither) == (53, 2, 5, 0)
-    with pytest.raises(RecordError, match="60 and 59 members"):
+    assert [row[1:] for row in comparison_tables(found, [])[0].rows] == [(53, 2), (5, 0)]
+    with pytest.raises(RecordError, match="60 and 59 members, 59 of them in both"):
         compare(first, ensemble_of(x[:59]))
     with pytest.raises(RecordError, match=r"platform_mass of member 0 is .* expected the same \[ensemble\]"):
         compare(first, ensemble_of(normal(60, seed=3)))

@@ -12,7 +12,6 @@ from gough_stewart.harness.ensemble.compare import (
     compare,
     comparison_report,
     comparison_tables,
-    difference,
     known_numbers,
 )
 from gough_stewart.harness.ensemble.report import (
@@ -335,19 +334,19 @@ def test_a_comparison_of_one_pair_has_a_difference_without_interval() -> None:
     b = ensemble_of(normal(3), ["diverged", "completed", "completed"])
     b = with_columns(b, force__peak=a.values("force.peak") - [1.0, 20.0, 300.0])
     found = compare(a, b, ("one", "two"))
-    assert (found.both_completed, found.only_a, found.only_b, found.neither) == (1, 1, 1, 0)
     row = found.differences.filter(polars.col("metric") == "force.peak").row(0, named=True)
     assert (row["pairs"], row["mean"], row["median"], row["less_b"]) == (1, pytest.approx(-20), pytest.approx(-20), 1.0)
     assert row["mean_low"] is None
     assert row["mean_high"] is None
-    gap = difference(found)
+    gap = found.gaps
     assert gap.members["outcome"].to_list() == ["not in both", "completed", "not in both"]
     assert gap.members["ended"].to_list() == a.members["ended"].to_list()
     assert gap.varied == INPUTS
     assert gap.values("platform_mass").tolist() == a.values("platform_mass").tolist()
     assert gap.values("force.peak") == pytest.approx([-1, -20, -300])
     assert gap.title == "two − one"
-    _, mean, median = comparison_tables(found, usual_metrics(a.members))
+    completed, mean, median = comparison_tables(found, usual_metrics(a.members))
+    assert [row[1:] for row in completed.rows] == [(1, 1), (1, 0)]
     every = comparison_tables(found, found.a.metrics)[1]
     assert len(mean.rows) <= len(every.rows) == len(found.differences)
     (k,) = (k for k, row in enumerate(mean.rows) if row[0] == "peak force")
@@ -363,8 +362,11 @@ def test_a_comparison_of_one_pair_has_a_difference_without_interval() -> None:
         assert members[1] == each.values("force.peak")[1]
     assert {each.path for each in report.numbers} <= {each.path for each in known_numbers()}
     renumbered = with_columns(b, member=[0, 1, 7])
-    with pytest.raises(RecordError, match="3 and 3 members; expected the same members in both"):
+    with pytest.raises(RecordError, match="3 and 3 members, 2 of them in both; expected the same members in both"):
         compare(a, renumbered)
+    # members are joined by their number, whatever the order of the rows
+    turned = compare(a, Ensemble(b.members.reverse(), b.bands, b.metadata))
+    assert turned.gaps.members.equals(found.gaps.members)
     never = ensemble_of(normal(3), ["diverged"] * 3)
     assert compare(never, b).differences.is_empty()
 
@@ -372,7 +374,7 @@ def test_a_comparison_of_one_pair_has_a_difference_without_interval() -> None:
 def test_inputs_that_are_no_numbers_are_the_same_in_both() -> None:
     """Expected: names of files that vary have no value as numbers, which is no difference."""
     a = with_columns(ensemble_of(normal(5)), varied__controller__file=["a", "b", "c", "d", "e"])
-    assert compare(a, a).both_completed == 5
+    assert (compare(a, a).differences["pairs"] == 5).all()
 
 
 def test_each_step_of_an_ensemble_is_told(tmp_path: Any) -> None:

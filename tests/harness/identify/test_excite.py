@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.errors import IdentificationError, MotionError
-from gough_stewart.harness.identify.excite import condition_number_of, excite, within_limits
+from gough_stewart.harness.identify.excite import criteria, excite, within_limits
+from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.references import Circle
 from gough_stewart.model.platform_toml import load_preset
@@ -69,7 +70,8 @@ def test_the_best_motion_keeps_all_limits_and_tells_ten_times_more_than_a_circle
     time = np.linspace(0, 10, 3000)
     assert within_limits(platform, time, found(time))
     circle = Circle(radius=0.2, frequency=0.4, fade_in=1.0).about(platform)
-    of_circle, of_found = (condition_number_of(platform, everything, motion, 10.0) for motion in (circle, found))
+    names = expanded(everything.split(","), platform)
+    of_circle, of_found = (criteria(platform, names, time, motion(time))[0] for motion in (circle, found))
     assert of_circle > 10 * of_found
 
 

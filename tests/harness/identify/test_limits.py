@@ -14,7 +14,7 @@ from gough_stewart.harness.identify.fit_of_log import scales
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.parts import Part, on_one_axis, parts_of
+from gough_stewart.harness.identify.parts import Part, on_one_axis
 from gough_stewart.harness.identify.rows.linear_parameters import dependences
 from gough_stewart.harness.identify.screening import faults
 from gough_stewart.harness.identify.screening.holding import Hold, hold_of, without_held_rows
@@ -281,14 +281,14 @@ def test_held_readings_are_brought_to_their_own_rows() -> None:
 
 def test_parts_are_fitted_up_to_their_share_and_shown_one_after_the_other() -> None:
     """Expected: three tenths of each log at its end; the second log begins a row after the first ends."""
-    [part] = parts_of(LATE, 0.3)
+    [part] = screened([LATE], NOMINAL, 0.3).parts
     assert part.is_fitted(np.array([7.3, 7.3 + 0.7 * 1.999 - 1e-6, 7.3 + 0.7 * 1.999 + 1e-6, 9.299])).tolist() == [
         True,
         True,
         False,
         False,
     ]
-    assert parts_of(LATE, 0.0)[0].is_fitted(LATE.time).all()  # type: ignore[arg-type]
+    assert screened([LATE], NOMINAL, 0.0).parts[0].is_fitted(TIME).all()
     time = np.asarray(np.arange(5) * 0.1, dtype=float)
     parts = [Part(LOG, 0.25, 0), Part(LOG, np.inf, 0), Part(LOG, 3.15, 1), Part(LOG, -np.inf, 2)]
     found, spans = on_one_axis(parts, [time, time + 1, time + 3, np.zeros(0)])
@@ -296,13 +296,13 @@ def test_parts_are_fitted_up_to_their_share_and_shown_one_after_the_other() -> N
     assert_allclose(spans, [(0.3, 0.4), (1.7, 1.9)])
     for wrong in (-0.1, 1.0):
         with pytest.raises(LogError, match="expected a share of the log, 0 or more and less than 1"):
-            parts_of(LATE, wrong)
+            screened([LATE], NOMINAL, wrong)
 
 
 def test_names_mean_all_of_their_elements_in_order() -> None:
-    assert expanded([" platform_inertia ", "base_tilt", "gravity[2]"], UNEVEN) == (
+    assert expanded([" platform_inertia ", "base_tilt", "platform_com[2]"], UNEVEN) == (
         *(f"platform_inertia[{k}]" for k in ("1,1", "1,2", "1,3", "2,2", "2,3", "3,3")),
-        *("base_tilt[1]", "base_tilt[2]", "gravity[2]"),
+        *("base_tilt[1]", "base_tilt[2]", "platform_com[2]"),
     )
     assert expanded(["leg_coulomb_friction[1..6]"], UNEVEN) == tuple(f"leg_coulomb_friction[{k}]" for k in range(1, 7))
     assert expanded(["leg_coulomb_friction", "leg_viscous_friction[3]"], UNEVEN)[0] == "leg_coulomb_friction"
@@ -352,11 +352,8 @@ def test_sizes_of_changes_are_those_of_the_platform_and_of_the_log() -> None:
         "force_offset[3]": 40.0,
         "delay": 0.01,
         "base_tilt[2]": 0.1,
-        "base_points[1,2]": size,
-        "platform_points[6,3]": size,
-        "gravity[1]": float(np.linalg.norm([0.9, -1.3, -9.4])),
         "leg_upper_com": 0.58,
-        "leg_friction_velocity": 0.06,
+        "leg_lower_mass": 2.3,
     }
     assert_allclose(scales(UNEVEN, list(expected), 40.0, 0.25), list(expected.values()), rtol=1e-12)
 

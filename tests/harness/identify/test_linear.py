@@ -172,7 +172,6 @@ def test_a_log_that_no_such_machine_has_made_is_refused(change, message: str) ->
     [
         ("platform_mas", "did you mean 'platform_mass'"),
         ("platform_mass,platform_mass", "platform_mass is repeated"),
-        ("leg_friction_velocity", "not linear in it; use the method output_error"),
         ("platform_com[4]", r"no element 'platform_com\[4\]'"),
         ("leg_viscous_friction,leg_viscous_friction[2]", "is repeated"),
     ],
@@ -180,3 +179,38 @@ def test_a_log_that_no_such_machine_has_made_is_refused(change, message: str) ->
 def test_names_that_cannot_be_estimated_are_refused(names: str, message: str) -> None:
     with pytest.raises(IdentificationError, match=message):
         identify(machine_log(duration=8.0), NOMINAL, names)
+
+
+@pytest.mark.parametrize(
+    ("estimate", "message"),
+    [
+        (
+            "platform_mass,leg_friction_velocity",
+            r"leg_friction_velocity is .* a constant that smooths .* set it in the",
+        ),
+        ("gravity", r"gravity\[1\] is not estimated from forces: it is set in the platform; .* estimate base_tilt"),
+        (["platform_mass", "base_points[2,3]"], r"base_points\[2,3\] is .* need measured poses: estimate them alone"),
+        ("platform_mass,leg_length_offset", r"leg_length_offset\[1\] is .* need measured poses: estimate them alone"),
+        (
+            "leg_bristle_stiffness",
+            r"leg_bristle_stiffness is .* presliding is set in the platform; .*leg_static_friction",
+        ),
+        ("leg_bristle_damping", r"presliding is set in the platform"),
+        ("leg_breakaway_share", r"presliding is set in the platform"),
+    ],
+)
+def test_what_forces_do_not_tell_is_refused_with_what_serves_instead(estimate: str | list[str], message: str) -> None:
+    """Expected: one error, before the log is read."""
+    with pytest.raises(IdentificationError, match=message):
+        identify("there is no such log", NOMINAL, estimate)
+
+
+def test_an_option_of_the_other_method_and_a_method_that_there_is_not_are_refused() -> None:
+    with pytest.raises(
+        IdentificationError, match=r"'output_error'; expected linear, for masses, .* or geometry, for jo"
+    ):
+        identify("no log", NOMINAL, "platform_mass", "output_error")  # type: ignore[arg-type]
+    with pytest.raises(IdentificationError, match="accuracy is an option of method geometry only; this one is linear"):
+        identify("no log", NOMINAL, "platform_mass", accuracy=(1e-5, 1e-4, None))
+    with pytest.raises(IdentificationError, match="cutoff is an option of method linear only; this one is geometry"):
+        identify("no log", NOMINAL, "base_points", cutoff=20.0)

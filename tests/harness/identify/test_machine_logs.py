@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.identify.checks import force_of
-from gough_stewart.harness.identify.linear import identify_linear
+from gough_stewart.harness.identify.identify import identify
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.platform import Platform
@@ -98,11 +98,11 @@ def test_velocities_of_legs_are_those_of_differences() -> None:
 
 def test_a_perfect_log_leaves_its_noise_and_a_noiseless_one_next_to_nothing() -> None:
     """Expected: 1 % noise within the filter's band, 10 to 11 N; without noise and reversals of legs, 1e-6 of forces."""
-    found = identify_linear(machine_log(), NOMINAL, NAMES)
+    found = identify(machine_log(), NOMINAL, NAMES)
     assert 9.0 < found.residuals.rms.mean() < 12.0
     sliding = replace(MACHINE, leg_coulomb_friction=0.0)
     names = [name for name in NAMES if name != "leg_coulomb_friction"]
-    exact = identify_linear(machine_log(sliding, sensing=NOISELESS), replace(NOMINAL, leg_coulomb_friction=0.0), names)
+    exact = identify(machine_log(sliding, sensing=NOISELESS), replace(NOMINAL, leg_coulomb_friction=0.0), names)
     assert exact.residuals.rms.max() < 0.01
     np.testing.assert_allclose(exact["platform_mass"], MACHINE.platform_mass, rtol=1e-6)
 
@@ -166,8 +166,8 @@ def test_sixty_random_machines_differ() -> None:
 
 def test_one_leg_s_gain_shows_in_the_residuals_and_a_common_one_in_the_mass() -> None:
     """Expected: a common gain of 1.02 is 2 % of all masses, legs' included; one leg's fits nothing."""
-    common = identify_linear(wrong_log("gain of all legs"), NOMINAL, NAMES)
+    common = identify(wrong_log("gain of all legs"), NOMINAL, NAMES)
     legs_too = 0.02 * (1 + 6 * (NOMINAL.leg_upper_mass + NOMINAL.leg_lower_mass) / MACHINE.platform_mass)
     assert 0.02 < common["platform_mass"][0] / MACHINE.platform_mass - 1 < legs_too
-    one = identify_linear(wrong_log("gain of leg 1"), NOMINAL, NAMES)
+    one = identify(wrong_log("gain of leg 1"), NOMINAL, NAMES)
     assert one.residuals.rms.max() > 50.0

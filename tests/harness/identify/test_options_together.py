@@ -69,7 +69,6 @@ INSTRUMENTS: dict[str, dict[str, float]] = {
     "tilt": {"base_tilt[1]": 0.006, "base_tilt[2]": -0.009},
 }
 OPTIONS: dict[str, list[Any]] = {
-    "method": ["output_error", "linear"],
     "estimate": list(ESTIMATES),
     "instruments": list(INSTRUMENTS),
     "friction": ["viscous", "coulomb"],
@@ -81,7 +80,7 @@ OPTIONS: dict[str, list[Any]] = {
     "door": ["command", "python"],
 }
 # What takes least time, for rows in which no pair needs anything else.
-_QUICK = {"method": "linear", "friction": "viscous", "door": "python", "estimate": "payload", "logs": "one"}
+_QUICK = {"friction": "viscous", "door": "python", "estimate": "payload", "logs": "one"}
 
 
 def _pairs(rows: list[dict[str, Any]]) -> set[tuple[str, ...]]:
@@ -170,8 +169,7 @@ _GRID = np.arange(0.0, DURATION, 0.02)
 
 def _bounds(row: dict[str, Any], cutoff: float) -> tuple[FloatArray, FloatArray]:
     """Covariances of the best possible estimate from all readings that are fitted, and from those far from any edge."""
-    # of the filters, and of the first steps of a simulation
-    edge = 4.2 / cutoff + (4.0 / cutoff if row["method"] == "output_error" else 0.0)
+    edge = 4.2 / cutoff  # of the filters
     share = row["validation"] if isinstance(row["validation"], float) else 0.0
     p = len(_names(row))
     every, inner = np.zeros((2, p, p))
@@ -180,9 +178,9 @@ def _bounds(row: dict[str, Any], cutoff: float) -> tuple[FloatArray, FloatArray]
         D = _columns(k, row["friction"], _names(row), row["instruments"])
         noise = row["noise"][0] * np.sqrt((readings(machine, COURSES[k], _GRID, {}) ** 2).mean(axis=0))
         fitted = (1 - share) * DURATION >= _GRID
-        far = (edge < _GRID) & (min((1 - share) * DURATION, DURATION - 4.2 / cutoff) > _GRID)
+        far = (edge < _GRID) & (min((1 - share) * DURATION, DURATION - edge) > _GRID)
         if row["logs"] == "gap":
-            far &= (1.4 - 4.2 / cutoff > _GRID) | (1.428 + edge < _GRID)
+            far &= (1.4 - edge > _GRID) | (1.428 + edge < _GRID)
         sliding = np.ones((len(_GRID), 6), dtype=bool)
         if row["friction"] == "coulomb":
             speed = np.abs(legs_along(machine, COURSES[k].swing.along(machine, _GRID, DURATION))[1])
@@ -204,7 +202,7 @@ def _identified(row: dict[str, Any], folder: Path) -> dict[str, Any]:
     paths = [_written(log, source, folder / f"log{k}") for k, log in enumerate([*logs, *aside])]
     if row["door"] == "command":
         gs.save_platform(believed, folder / "believed.toml")
-        options = ["--platform", str(folder / "believed.toml"), "--estimate", estimate, "--method", row["method"]]
+        options = ["--platform", str(folder / "believed.toml"), "--estimate", estimate]
         options += [] if factor is None else ["--force-per-current", str(factor)]
         options += ["--holds-force"] if source == "held" else []
         options += ["--validate", str(paths[-1])] if aside else ["--validation", str(row["validation"])]
@@ -216,15 +214,12 @@ def _identified(row: dict[str, Any], folder: Path) -> dict[str, Any]:
     if source != "object":
         read = [gs.read_log(path, factor, holds_force=source == "held") for path in paths]
         logs, aside = read[: len(logs)], read[len(logs) :]
-    more = {"starts": 1 + (row["logs"] == "gap")} if row["method"] == "output_error" else {}
     result = gs.identify(
         logs if len(logs) > 1 else logs[0],
         believed,
         estimate,
-        row["method"],
         validation=aside[0] if aside else row["validation"],
         cutoff=row["cutoff"],
-        **more,
     )
     made: dict[str, Any] = json.loads(result.to_json())
     return made | {"platform": result.platform(believed)}
@@ -240,12 +235,9 @@ def _kernel_gain(cutoff: float) -> float:
 
 
 def _parameter(row: dict[str, Any]) -> Any:
-    """The row; those that hold every value run without the evidence, but for friction that is simulated for long."""
-    is_slow = row["method"] == "output_error" and row["friction"] == "coulomb"
+    """The row; those that hold every value run without the evidence."""
     name = "-".join(map(str, row.values())).replace(" ", "_")
-    return pytest.param(
-        row, id=name, marks=[] if ROWS.index(row) in _ALWAYS and not is_slow else [pytest.mark.evidence]
-    )
+    return pytest.param(row, id=name, marks=[] if ROWS.index(row) in _ALWAYS else [pytest.mark.evidence])
 
 
 @pytest.mark.parametrize("row", [_parameter(row) for row in ROWS])
@@ -255,9 +247,8 @@ def test_every_pair_of_options_finds_the_machine_as_well_as_its_noise_allows(
     """Expected: the machine, and the covariance of the Cramér–Rao bound in every direction, from both sides.
 
     Values: (θ̂ − θ)ᵀ C⁻¹ (θ̂ − θ) between the quantiles 5e-5 and 1 − 5e-5 of χ²; one right row in 10,000 fails.
-    Standard errors in no direction below 0.85 times the bound of all fitted readings (0.65 if simulated, whose
-    intervals are too narrow below the usual cut-off), or beyond 1.4
-    times that of the readings far from edges, gaps and reversals. Noise of the forces within 25 %, six of its errors.
+    Standard errors in no direction below 0.8 times the bound of all fitted readings, or beyond 1.4 times that of the
+    readings far from edges, gaps and reversals. Noise of the forces within 25 %, six of its errors.
     """
     found = _identified(row, tmp_path)
     names = _names(row)
@@ -279,13 +270,11 @@ def test_every_pair_of_options_finds_the_machine_as_well_as_its_noise_allows(
 
     cutoff = row["cutoff"] or 20.0  # that of these courses is higher
     least, most = _bounds(row, cutoff)
-    is_simulated, reverses = row["method"] == "output_error", row["friction"] == "coulomb"
     of_least, of_most = (np.sqrt(np.real(eigvals(np.linalg.solve(bound, C)))) for bound in (least, most))
-    assert of_least.min() > (0.65 if is_simulated else 0.85)
-    # steps between those that are left out where a leg reverses tell less
-    assert of_most.max() < (3.5 if is_simulated and reverses else 1.4)
+    assert of_least.min() > 0.8
+    assert of_most.max() < 1.4
 
-    assert found["method"] == row["method"]
+    assert found["method"] == "linear"
     # the least p-value that there is, of 4,000 simulations: of 1,000 right rows one is below
     assert found["diagnosis"]["p_value"] > 1e-3, found["alarms"]
     assert bool(found["alarms"]) == (found["diagnosis"]["p_value"] < 0.05)
@@ -305,13 +294,10 @@ def _check_noise(found: dict[str, Any], row: dict[str, Any]) -> None:
     np.testing.assert_allclose(found["diagnosis"]["noise"]["force"], row["noise"][0] * force, rtol=0.25)
     residuals = found["residuals"]
     rms = np.array(residuals["rms"])
-    if row["method"] == "linear":
-        assert (residuals["quantity"], residuals["unit"]) == ("force of leg", "N")
-        if row["cutoff"]:
-            ratio = rms / (row["noise"][0] * force * _kernel_gain(row["cutoff"]))
-            assert 0.9 < ratio.mean() < 1.25
-    else:
-        assert (residuals["quantity"], residuals["unit"]) == ("predicted length of leg", "m")
+    assert (residuals["quantity"], residuals["unit"]) == ("force of leg", "N")
+    if row["cutoff"]:
+        ratio = rms / (row["noise"][0] * force * _kernel_gain(row["cutoff"]))
+        assert 0.9 < ratio.mean() < 1.25
     if row["validation"] == 0.0:
         assert residuals["validation_rms"] is None
     else:

@@ -442,5 +442,5 @@ def test_an_estimate_gives_its_elements_by_name() -> None:
 def test_units_are_those_of_the_interface() -> None:
     """Expected: docs/identify.md and the table of parameters."""
     units = {"delay": "s", "base_tilt[2]": "rad", "force_offset[3]": "N", "leg_length_offset[6]": "m"}
-    units |= {"platform_inertia[1,2]": "kg.m2", "leg_friction_velocity": "m/s", "gravity[3]": "m/s2"}
+    units |= {"platform_inertia[1,2]": "kg.m2", "leg_stribeck_velocity": "m/s", "base_points[6,3]": "m"}
     assert {name: unit_of(name) for name in units} == units

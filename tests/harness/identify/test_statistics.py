@@ -8,7 +8,6 @@ from scipy.optimize import curve_fit
 from gough_stewart.harness.identify.diagnosis.lack_of_fit import whiteness
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, uncertainty
 from gough_stewart.harness.identify.physical import BestFit
-from gough_stewart.harness.identify.predictor import _gains
 
 
 def test_residuals_that_remember_are_not_white() -> None:
@@ -31,14 +30,6 @@ def test_covariance_of_a_regression_is_that_of_another_least_squares() -> None:
     assert_allclose(uncertainty(D, values - D @ found)[2], expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize("index", [1e-3, 0.1, 2.0])
-def test_gains_are_those_of_the_stationary_kalman_filter(index: float) -> None:
-    """Expected: Kalata's two relations between α, β and the tracking index λ = β/√(1 − α)."""
-    alpha, beta = _gains(index)
-    assert beta / np.sqrt(1 - alpha) == pytest.approx(index)
-    assert beta == pytest.approx(2 * (2 - alpha) - 4 * np.sqrt(1 - alpha))
-
-
 def test_fitted_and_validating_samples_have_residuals_of_their_own() -> None:
     """Expected: RMS 1 N where the residuals are ±1 N and fitted, 3 N where they are ±3 N and validate the fit."""
     n, fitted = 100, 80
@@ -48,9 +39,7 @@ def test_fitted_and_validating_samples_have_residuals_of_their_own() -> None:
     is_fitted, time = np.arange(n) < fitted, np.linspace(0, 0.99, n)
     channels = Channels("force of leg", "N", time, measured, residual, measured, is_fitted, [(0.8, 0.99)])
     regression = (np.ones((fitted, 6, 1)), residual[:fitted])
-    found = estimate_of(
-        "linear", ("mass",), np.ones(1), np.ones(1), BestFit(np.ones(1), ("mass",)), regression, channels, ()
-    )
+    found = estimate_of(("mass",), np.ones(1), np.ones(1), BestFit(np.ones(1), ("mass",)), regression, channels, ())
     assert found.residuals.rms == pytest.approx(np.ones(6))
     assert found.residuals.validation_rms == pytest.approx(3 * np.ones(6))
     assert found.details["validating"] == [(0.8, 0.99)]

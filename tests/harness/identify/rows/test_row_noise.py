@@ -1,4 +1,4 @@
-"""The covariance of rows and of innovations, against noise sent through the filters, and dense matrices."""
+"""The covariance of rows, against noise sent through the filters, and dense matrices."""
 
 from dataclasses import replace
 
@@ -8,9 +8,7 @@ from numpy.testing import assert_allclose
 
 from gough_stewart.harness.identify.instruments import tilt_directions, tilted
 from gough_stewart.harness.identify.movement import motion_of_lengths
-from gough_stewart.harness.identify.names import expanded, value_of
-from gough_stewart.harness.identify.predictor import Predictor, noise_of_innovations, settled, whitened_innovations
-from gough_stewart.harness.identify.rows.force_derivatives import force_derivatives
+from gough_stewart.harness.identify.rows.force_derivatives import force_derivatives, parameter_columns
 from gough_stewart.harness.identify.rows.noise import (
     KernelCorrelations,
     fitted_noise,
@@ -18,7 +16,6 @@ from gough_stewart.harness.identify.rows.noise import (
     two_noises,
     whitening_of,
 )
-from gough_stewart.harness.identify.simulation import parameter_columns
 from gough_stewart.harness.identify.smoothing import kernel_of, smoothed
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.kernel import parameter_vector
@@ -26,7 +23,6 @@ from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rate
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 from tests.support import machine_logs
-from tests.support.machine_logs import NAMES, Course, Sensing, Swing, machine_log, random_machine
 from tests.support.uneven import STATE, UNEVEN
 
 RNG = np.random.default_rng(24)
@@ -149,40 +145,3 @@ def test_gravity_in_a_tilted_base_turns_about_x_then_y() -> None:
     for k, step in enumerate(h * np.eye(2)):
         ends = [machine_logs.tilted(gravity, *(tilt + sign * step)) for sign in (1, -1)]
         assert_allclose(tilt_directions(gravity, tilt)[:, k], (ends[0] - ends[1]) / (2 * h), atol=1e-8)
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_whitened_innovations_of_the_machine_itself_are_white_and_of_unit_variance(seed: int) -> None:
-    """Expected: variance 1 and no correlation of neighbours, to 4 standard errors, where no leg reverses."""
-    machine, believed = random_machine(seed)
-    log = machine_log(machine, Course(Swing(seed=seed)), Sensing(force_noise=1e-3), seed=seed)
-    names = expanded(NAMES, believed)
-    model = Predictor(log, believed, machine, names, None)
-    n = len(model.time)
-    truth = np.array([value_of(machine, name) for name in names])
-    raw = model.simulated(truth, n, derivatives=False)
-    # encoders have noise and quantisation of a micrometre
-    levels = 1e-3 * np.sqrt((np.asarray(log.actuator_force) ** 2).mean(axis=0)), 1e-6 * np.sqrt(1 + 1 / 12)
-    white, _ = whitened_innovations([model], [settled(raw)], noise_of_innovations([(model, n)], levels))
-    used = int((white != 0).sum())
-    assert abs((white**2).sum() / used - 1) < 4 * np.sqrt(2 / used)
-    r = white.reshape(-1, 6)
-    assert abs((r[1:] * r[:-1]).sum() / used) < 4 / np.sqrt(used)
-
-
-@pytest.mark.parametrize("name", ["force_gain[2]", "force_offset[3]", "delay", "base_tilt[1]"])
-def test_innovations_by_parameters_of_instruments_have_the_derivatives_of_differences(name: str) -> None:
-    """Expected: central differences of the innovations themselves."""
-    machine, believed = random_machine(1)
-    log = machine_log(machine, Course(Swing(seed=1), 6.0), seed=1)
-    model = Predictor(log, believed, machine, (name,), None)
-    at = np.array(
-        [{"force_gain": 1.02, "force_offset": 20.0, "delay": 1e-3, "base_tilt": 0.01}[name.partition("[")[0]]]
-    )
-    step = np.array(
-        [{"force_gain": 1e-4, "force_offset": 1.0, "delay": 1e-5, "base_tilt": 1e-4}[name.partition("[")[0]]]
-    )
-    exact = model.simulated(at, 40).sensitivity[:, :, 0]
-    ends = [model.simulated(at + sign * step, 40, derivatives=False).values for sign in (1, -1)]
-    difference = (ends[0] - ends[1]) / (2 * step)
-    assert_allclose(exact, difference, atol=2e-4 * np.abs(difference).max())

@@ -97,14 +97,6 @@ def test_if_nothing_is_excited_the_log_is_refused() -> None:
         identify(machine_log(course=Course(HEAVE)), NOMINAL, ("platform_com[3]", "platform_inertia"))
 
 
-def test_the_other_method_has_no_number_either() -> None:
-    """Expected: as by the linear method: simulated lengths do not depend on what never turns."""
-    log = machine_log(course=Course(HEAVE, duration=5.0))
-    found = identify(log, NOMINAL, ("platform_mass", "platform_com"), "output_error", starts=1)
-    assert found.not_excited == ("platform_com[3]",)
-    assert np.isnan(found.values).tolist() == [False, False, False, True]
-
-
 def test_a_value_at_its_bound_has_no_interval() -> None:
     """Expected: of a machine without Coulomb friction, half of the logs would give less than none."""
     slick = replace(MACHINE, leg_coulomb_friction=0.0)
