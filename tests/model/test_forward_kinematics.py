@@ -236,3 +236,14 @@ def test_either_part_of_a_guess_may_be_left_out() -> None:
         )
         assert found.position == pytest.approx(STATE.position, abs=1e-9)
         assert found.orientation == pytest.approx(STATE.orientation, abs=1e-9)
+
+
+def test_angles_are_counted_in_the_turns_of_the_guess() -> None:
+    """Expected: the pose whose legs these are, of a platform that stands turned by 4 rad, and not 4 rad − 2π."""
+    turn = Rotation.from_euler("z", 4.0).as_matrix()
+    platform = load_preset("motion_base")
+    turned = {"platform_points": platform.platform_points @ turn, "home_orientation": [0, 0, 4.0]}
+    platform = platform.with_parameters(turned)
+    pose = platform.home_position + 0.02, np.array([0.01, -0.02, 4.03])
+    found = forward_kinematics(platform, leg_geometry(platform, *pose).length)
+    assert found.orientation == pytest.approx(pose[1], abs=1e-9)

@@ -139,6 +139,27 @@ def test_checks_runs_metrics_and_pages_are_those_of_the_unturned_machine(
         assert max(curves.values()) < (2e-6 if is_other_spline else 1e-8), (frame, curves)
 
 
+@pytest.mark.parametrize("timing", [4.0, "fastest"])
+def test_a_path_through_half_a_turn_is_that_through_zero(timing: Any) -> None:
+    """Expected: the check of the machine as shipped, from a yaw of −5° to 5° around home."""
+    poses = [[0, 0, 0, 0, 0, np.radians(yaw)] for yaw in (-5, 5)]
+    reference = {"type": "path", "relative_to": "home", "timing": timing, "poses": poses}
+    found = [
+        dict(shown(gs.check("heave_step", machine("heave_step", frame) | {"reference": reference}).report()))
+        for frame in (AS_SHIPPED, HALF, BACK)
+    ]
+    assert max(max(gaps(each, found[0]).values()) for each in found[1:]) < 1e-8
+
+
+def test_references_are_counted_in_the_turns_of_home() -> None:
+    """Expected: a first yaw of 4 rad, as home has it, and not of 4 rad − 2π; of a path and of a recorded motion."""
+    ride = {"type": "file", "file": "ride.csv", "at_home": "start"}
+    path = {"type": "path", "relative_to": "home", "timing": 1.0, "poses": [[0, 0, 0, 0, 0, 0], [0.1, 0, 0, 0, 0, 0]]}
+    for name, reference in (("heave_step", path), ("recorded_ride", ride)):
+        changes = machine(name, (0.0, 0.0, 4.0)) | {"reference": reference, "loop.duration": 0.1}
+        assert gs.run(name, changes)["reference.orientation"][0] == pytest.approx([0, 0, 4], abs=1e-9)
+
+
 def test_an_open_loop_is_that_of_the_unturned_machine() -> None:
     """Expected: the record as shipped, whose angles are turned; the paper's case, which starts askew."""
     shipped_record = gs.run("paper_open_loop")
@@ -154,6 +175,7 @@ def test_an_open_loop_is_that_of_the_unturned_machine() -> None:
 SWEEPS: tuple[tuple[Frame, dict[str, Any], dict[str, Any]], ...] = (
     (HALF, {"yaw": None, "x": None}, {"yaw": None, "x": None}),
     (BACK, {"yaw": None, "z": (1.9, 2.2)}, {"yaw": None, "z": (1.9, 2.2)}),
+    (HALF, {"yaw": (-np.pi - 0.5, -np.pi + 0.5), "x": None}, {"yaw": (-0.5, 0.5), "x": None}),
     (ODD, {"yaw": (2.2, 3.8), "y": None}, {"yaw": (-0.8, 0.8), "y": None}),
     (UPSIDE_DOWN, {"roll": None, "pitch": None}, {"roll": None, "pitch": None}),
     (UPSIDE_DOWN, {"roll": (np.pi - 0.5, np.pi + 0.5), "x": None}, {"roll": (-0.5, 0.5), "x": None}),
@@ -169,6 +191,7 @@ def test_a_workspace_goes_through_half_a_turn(
     ours = gs.sweep(replace(platform, **turned(platform.as_dict(), frame)), over, points=21)
     theirs = gs.sweep(platform, over_as_shipped, points=21)
     home = dict(zip(("roll", "pitch", "yaw"), frame, strict=True))
+    home |= {"yaw": home["yaw"] - 2 * np.pi} if isinstance(over.get("yaw"), tuple) and over["yaw"][1] < 0 else {}
     for name, values in theirs.swept.items():
         assert ours.swept[name] - home.get(name, 0.0) == pytest.approx(values, abs=1e-12)
     for name, qualities in theirs.qualities._asdict().items():

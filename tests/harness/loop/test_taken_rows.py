@@ -24,7 +24,15 @@ from gough_stewart.model.vectors import FloatArray
 from tests.harness.loop.test_compiled_loop import ALL, MANY, STEPPING, STICKY, TWIST, VARIED, batch_of, run_of
 from tests.support.rows import pass_rows
 
-SHOWN = ("error.position.norm", "orientation", "actuator_force", "error.leg_length", "position", "velocity")
+SHOWN = (
+    "error.position.norm",
+    "error.orientation",
+    "orientation",
+    "actuator_force",
+    "error.leg_length",
+    "position",
+    "velocity",
+)
 
 
 class Folded:
