@@ -122,28 +122,6 @@ def held_plant(
     )
 
 
-def radius_with_readings(
-    plant: StateSpace, feedback: StateSpace, steps_a_reading: int, steps_a_sample: int, delay: int
-) -> float:
-    """The largest |z| of a sample of the loop whose readings have their own clock: exactly, lifted to a period of both.
-
-    x⁺ = M x over the least common multiple of both clocks, from `plant` at a step that divides them, and the `feedback`
-    of `feedback_part`; the root of M's largest |eigenvalue| for as many samples as there are.
-    """
-    sizes = plant.nstates, plant.noutputs, feedback.nstates, *[6] * (delay + 1)
-    x, reading, memory, *forces = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
-    period = math.lcm(steps_a_reading, steps_a_sample)
-    for k in range(period):
-        if k % steps_a_reading == 0:
-            reading = plant.C @ x
-        if k % steps_a_sample == 0:
-            forces = [*forces[1:], -(feedback.C @ memory + feedback.D @ reading)]
-            memory = feedback.A @ memory + feedback.B @ reading
-        x = plant.A @ x + plant.B @ forces[0]
-    M = np.concatenate([x, reading, memory, *forces])
-    return float(np.abs(np.linalg.eigvals(M)).max()) ** (steps_a_sample / period) if np.isfinite(M).all() else math.inf
-
-
 def feedback_part(
     platform: Platform,
     controller: LinearController,

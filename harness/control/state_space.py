@@ -3,6 +3,7 @@
 python-control designs and analyses systems; importing it takes as long as a run of ten seconds.
 """
 
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -178,11 +179,19 @@ def _held(system: StateSpace, T: Any) -> StateSpace:
         each = zip(poles, grown, T + 0 * poles, strict=True)
         phi = np.array([t if _is_zero(p) else g / p for p, g, t in each], dtype=poles.dtype)
         return StateSpace(np.diag(np.exp(poles * T)), phi[:, None] * system.B, system.C, system.D, T)
-    from scipy.linalg import expm  # rarely needed, and slow to import
-
     n, m = system.B.shape
-    both = expm(np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T)
+    both = _exponential(np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T)
     return StateSpace(both[:n, :n], both[:n, n:], system.C, system.D, T)
+
+
+def _exponential(M: FloatArray) -> FloatArray:
+    """exp(M) = exp(M/2ˢ)^(2ˢ) by the series of a norm below ½: without SciPy, which every run would have to import."""
+    halvings = max(0, math.frexp(float(np.linalg.norm(M, 1)))[1] + 1)
+    term = total = np.eye(len(M))
+    for k in range(1, 19):
+        term = term @ M / (k * 2.0**halvings)
+        total = total + term
+    return np.asarray(np.linalg.matrix_power(total, 2**halvings))
 
 
 def _is_zero(values: Any) -> bool:

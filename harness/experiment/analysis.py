@@ -12,12 +12,7 @@ import numpy as np
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
 from gough_stewart.harness.control.laws import LinearController, linear_of
 from gough_stewart.harness.control.linear import Mode, modes
-from gough_stewart.harness.control.loop_transfer import (
-    feedback_part,
-    held_plant,
-    loop_transfer,
-    radius_with_readings,
-)
+from gough_stewart.harness.control.loop_transfer import MOST_STATES, feedback_part, held_plant, loop_transfer
 from gough_stewart.harness.control.margins import Margins, closed_loop, is_stable, loop_margins
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.state_space import StateSpace, control_system
@@ -263,20 +258,37 @@ def judged(prepared: Prepared, plant: Platform, controller: LinearController) ->
 def radius_of(prepared: Prepared, plant: Platform, controller: LinearController) -> float:
     """The largest |z| of a sample of an experiment's loop, with the sensors' own clock, exactly, and without jitter.
 
+    Lifted: x⁺ = M x over the least common multiple of both clocks; the root of M's largest |eigenvalue| for as many
+    samples as there are.
+
     Raises
     ------
     ControllerError
         Too many states.
     """
     loop, motion, own = prepared.loop, prepared.motion, prepared.loop.sensors.sample_time
-    timing, actuators = loop.timing, loop.actuators
     assert motion is not None  # as in `transfer_of`
-    a_sample, where = timing.steps_a_sample, (motion.position[0], motion.orientation[0])
+    timing, where = loop.timing, (motion.position[0], motion.orientation[0])
+    a_sample = timing.steps_a_sample
     a_reading = a_sample if own is None else timing.steps_in(own, "the sensors' sample_time")
-    step = math.gcd(a_sample, a_reading)
-    held = held_plant(plant, controller, step * timing.plant_step, actuators.lag, *where, side=loop.sensors.side)
-    feedback = feedback_part(prepared.platform, controller, *where)
-    return radius_with_readings(held, feedback, a_reading // step, a_sample // step, actuators.delay)
+    step, period = math.gcd(a_sample, a_reading), math.lcm(a_sample, a_reading)
+    P = held_plant(plant, controller, step * timing.plant_step, loop.actuators.lag, *where, side=loop.sensors.side)
+    K = feedback_part(prepared.platform, controller, *where)
+    sizes = P.nstates, P.noutputs, K.nstates, *[6] * (loop.actuators.delay + 1)
+    if sum(sizes) > MOST_STATES:
+        raise ControllerError(
+            f"the loop over a period of both clocks has {sum(sizes)} states; expected at most {MOST_STATES}"
+        )
+    x, reading, memory, *forces = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+    for k in range(0, period, step):
+        if k % a_reading == 0:
+            reading = P.C @ x
+        if k % a_sample == 0:
+            forces = [*forces[1:], -(K.C @ memory + K.D @ reading)]
+            memory = K.A @ memory + K.B @ reading
+        x = P.A @ x + P.B @ forces[0]
+    M = np.concatenate([x, reading, memory, *forces])
+    return float(np.abs(np.linalg.eigvals(M)).max()) ** (a_sample / period) if np.isfinite(M).all() else math.inf
 
 
 def growing_of(prepared: Prepared) -> tuple[str, ...]:

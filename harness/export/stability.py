@@ -72,16 +72,12 @@ class LoopAround:
             return self.own_lag
         return experiment.actuators.lag if self.has_drives else 0.0
 
-    def late(self, experiment: Experiment, loop: Loop) -> float:
-        """Worst delay by the sensors' clock, and by the jitter of the experiment's machine [s]."""
-        if not (self.has_drives or self.carries_sensors):
-            return 0.0
-        jitter = experiment.loop.jitter if self.has_drives else 0.0
-        return replace(loop, timing=replace(loop.timing, jitter=jitter)).worst_delay
-
     def delays(self, experiment: Experiment, loop: Loop) -> "Delays":
-        """All of them."""
-        return Delays(self.delay(experiment), self.lag(experiment), self.late(experiment, loop))
+        """All of them, of the experiment of a member of the prepared loop."""
+        jitter = experiment.loop.jitter if self.has_drives else 0.0
+        own = replace(loop, timing=replace(loop.timing, jitter=jitter))
+        late = own.worst_delay if self.has_drives or self.carries_sensors else 0.0
+        return Delays(self.delay(experiment), self.lag(experiment), late)
 
 
 class Delays(NamedTuple):
