@@ -228,7 +228,7 @@ class CompiledLoop:
             if failure in (Failure.STROKE, Failure.AWAY):
                 watch.end_beyond(k, row, self._signals[:, k], stroke=failure == Failure.STROKE)
             elif failure == Failure.COMMAND:
-                cause = failure_of_forces(self._loop, k, row // self._c.every, self._command[:, k])
+                cause = failure_of_forces(self._loop.injection, row // self._c.every, self._command[:, k])
                 watch.outcomes.end_after(k, row + 1, "diverged", cause)
             elif failure == Failure.NOT_STARTED:
                 watch.outcomes.end_after(k, row + 1, "diverged", str(self._failures[k]))

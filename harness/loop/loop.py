@@ -99,13 +99,10 @@ class Loop:
         return self.reference[..., None] if self.reference.ndim == 2 else np.moveaxis(self.reference, 1, 2)
 
 
-def failure_of_forces(loop: Loop, member: int, sample: int, command: FloatArray) -> str:
-    """Who made a command (6,) [N] no number, or too large: what was planned, or the controller."""
-    for name, planned in (("feedforward", loop.feedforward), ("injection", loop.injection)):
-        if planned is not None:
-            forces = planned[sample] if planned.ndim == 2 else planned[sample, member]
-            if not (np.abs(forces) <= LARGEST_NUMBER).all():
-                return f"the {name}'s forces are {forces.tolist()} N"
+def failure_of_forces(injection: FloatArray | None, sample: int, command: FloatArray) -> str:
+    """Who made a command (6,) [N] no number, or too large: the injection of a function, or the controller."""
+    if injection is not None and not (np.abs(injection[sample]) <= LARGEST_NUMBER).all():
+        return f"the injection's forces are {injection[sample].tolist()} N"
     return f"the controller's forces are {command.tolist()} N"
 
 

@@ -179,7 +179,7 @@ def _run_rows(
         at_motors = read_at_motors() if MOTORS in plant.columns else now
         watch.plant_at(now, at_motors)
         rate_limited = drives.none
-        if k < n and outcomes.going.any():
+        if k < n:
             sampler.at_row(k, at_motors if loop.sensors.side == "motor" else now)
             if not outcomes.all_go and not (outcomes.counting > k).any():
                 # all controllers have failed: this row does not count

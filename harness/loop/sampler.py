@@ -111,7 +111,7 @@ class Sampler:
             self._outcomes.end(
                 beyond,
                 "diverged",
-                lambda member: failure_of_forces(self._loop, member, j, self.command[member]),
+                lambda member: failure_of_forces(self._loop.injection, j, self.command[member]),
                 at_next=True,
             )
             due = going & (True if due is None else due)

@@ -51,13 +51,13 @@ def test_a_noise_that_makes_forces_infinite_ends_its_members_at_their_first_samp
 
 
 class Broken(ModelPlant):
-    """The machine of `heave_step`, of which one result is wrong from 0.1 s on."""
+    """The machine of `heave_step`, of which one result is wrong from some time [s] on."""
 
-    def __init__(self, name: str, value: float, **parameters: float) -> None:
+    def __init__(self, name: str, value: float, since: float = 0.0995, **parameters: float) -> None:
         machine = gs.load_preset("motion_base").with_parameters(parameters)
         still = np.zeros(3)
         super().__init__(machine, State(machine.home_position, machine.home_orientation, still, still))
-        self._at, self._value, self._now = self.columns.index(name), value, 0.0
+        self._at, self._value, self._since, self._now = self.columns.index(name), value, since, 0.0
 
     def do_step(self, time: float, step: float) -> None:
         super().do_step(time, step)
@@ -65,7 +65,7 @@ class Broken(ModelPlant):
 
     def results(self) -> FloatArray:
         found = np.array(super().results())
-        found[self._at] = self._value if self._now > 0.0995 else found[self._at]
+        found[self._at] = self._value if self._now >= self._since else found[self._at]
         return found
 
 
@@ -93,6 +93,21 @@ def test_what_a_plant_breaks_is_said_of_the_plant(
     assert (outcome["status"], outcome["cause"]) == ("diverged", f"the plant gave {name} = {value:g} {unit}")
     assert outcome["time"] == pytest.approx(0.1)
     assert record.table.height == 101
+
+
+@pytest.mark.parametrize("since", [0.0, 0.0995])
+def test_a_controller_is_not_asked_about_a_broken_plant(since: float) -> None:
+    """Expected: its samples before that row only; what it would make of the plant's number is not the cause."""
+    told: list[float] = []
+
+    def law(sample: gs.Sample) -> FloatArray:
+        told.append(sample.time)
+        return np.full(6, sample.measured["leg_length"][2])
+
+    plant = Broken("leg_length[3]", np.nan, since=since)
+    record = gs.run("heave_step", {"loop.duration": 0.2}, plant=plant, controller=law)
+    assert record.metadata["outcome"]["cause"] == "the plant gave leg_length[3] = nan m"
+    assert told == pytest.approx(np.arange(0, since, 1e-3))
 
 
 def test_forces_that_are_no_numbers_are_said_of_who_made_them() -> None:
