@@ -63,7 +63,7 @@ class Isolated:
         error: type[GoughStewartError] = PlantError,
         environment: Mapping[str, str] | None = None,
     ) -> None:
-        self.path, self._error = path, error
+        self.path, self._error, self._is_waiting = path, error, False
         # contains everything that the FMU leaves behind
         self._folder = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
         self._printed = Path(self._folder.name, "printed")
@@ -89,11 +89,13 @@ class Isolated:
         """Call a method of the object and return its value."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
-        if self._process.stdin.closed:
+        if self._process.stdin.closed or self._is_waiting:  # an interrupted call has not returned
             raise self._ended(method, arguments)
         try:
+            self._is_waiting = True
             _send(self._process.stdin, (method, arguments))
             well, value = pickle.load(self._process.stdout)
+            self._is_waiting = False
         except (EOFError, OSError, pickle.UnpicklingError) as error:
             raise self._ended(method, arguments) from error
         if not well:
