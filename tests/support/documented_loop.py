@@ -233,13 +233,13 @@ class Channels:
         self.v, self.w = v.copy(), w
         force = np.asarray(self.kp * e + self.d + self.x)
         at_once = {"tustin": T / 2, "backward_diff": T, "zoh": 0.0}[self.method] * back
-        return force if self.notch is None else self.notch(force, force - at_once, T * self.ki * e)
+        return force if self.notch is None else self.notch(force, force - at_once)
 
 
 class _Notch:
     """(s² + 2 d ζ ω s + ω²) / (s² + 2 ζ ω s + ω²) by s = K (1 − z⁻¹)/(1 + z⁻¹), K = ω/tan(ω T/2).
 
-    It begins as after a long time in which the integrals of this error went on, without limits.
+    It begins at rest in its first input, without what limits have cut off of that.
     """
 
     def __init__(self, values: tuple[float, float, float], T: float) -> None:
@@ -252,13 +252,10 @@ class _Notch:
         )
         self.past: FloatArray | None = None  # inputs and outputs of the last two samples (2, 2, 6)
 
-    def __call__(self, u: FloatArray, unlimited: FloatArray, slope: FloatArray) -> FloatArray:
+    def __call__(self, u: FloatArray, unlimited: FloatArray) -> FloatArray:
         b, a = self.b, self.a
-        if self.past is None:
-            # of a ramp with this slope a sample: later by so many samples, since the gain at rest is 1
-            late = (b @ np.arange(3)) / b.sum() - (a @ np.arange(3)) / a.sum()
-            before = np.array([unlimited - slope, unlimited - 2 * slope])
-            self.past = np.array([before, before - late * slope])
+        if self.past is None:  # its gain at rest is 1
+            self.past = np.array([[unlimited] * 2] * 2)
         (u1, u2), (y1, y2) = self.past
         y = (b[0] * u + b[1] * u1 + b[2] * u2 - a[1] * y1 - a[2] * y2) / a[0]
         self.past = np.array([[u, u1], [y, y1]])
