@@ -7,7 +7,7 @@ If something acts to the end, only frequencies far above the reference's own are
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.plants.signals import NAMES
 from gough_stewart.harness.report.quantities import LENGTH
-from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
 
@@ -57,10 +56,11 @@ class Oscillation(NamedTuple):
 
     def text(self) -> str:
         """In one sentence."""
-        size = exactly(LENGTH, self.amplitude, 3)
+        length = replace(LENGTH.telling(self.amplitude), digits=3)
+        size = length.text(self.amplitude)
         rate = "" if self.frequency is None else f" at {self.frequency:.3g} Hz"
         if self.is_growing:
-            grown = f"from {exactly(LENGTH, self.earlier or 0.0, 3)} to {size}"
+            grown = f"from {length.range_text(self.earlier or 0.0, self.amplitude)}"
             return f"leg {self.leg}: by itself, the error grows{rate} {grown} after {self.since:.4g} s. {_REMEDY}"
         return f"leg {self.leg} oscillates at {self.frequency:.3g} Hz by itself, with an amplitude of {size}. {_REMEDY}"
 

@@ -67,6 +67,7 @@ def whole_report() -> Report:
         flags=(Flag("force limited", "01"),),
         rows=30,
         run=1,
+        decimals=7,
     )
     series = _Series(
         "leg 4",
