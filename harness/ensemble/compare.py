@@ -69,7 +69,7 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
             "members in both, for instance by the same --members and --seed"
         )
     b = replace(b, members=joined)
-    for name in set(a.varied) & set(b.varied):
+    for name in [name for name in a.varied if name in b.varied]:
         x, y = a.values(name), b.values(name)
         differ = ~((x == y) | (np.isnan(x) & np.isnan(y)))
         if differ.any():

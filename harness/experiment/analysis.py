@@ -15,6 +15,7 @@ from gough_stewart.harness.control.linear import Mode, modes
 from gough_stewart.harness.control.loop_transfer import MOST_STATES, feedback_part, held_plant, loop_transfer
 from gough_stewart.harness.control.margins import Margins, closed_loop, is_stable, loop_margins
 from gough_stewart.harness.control.pid import Gains
+from gough_stewart.harness.control.python.makers import Maker
 from gough_stewart.harness.control.state_space import StateSpace, control_system
 from gough_stewart.harness.control.structure import Structure, structural_modes, structure_of
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
@@ -293,6 +294,8 @@ def radius_of(prepared: Prepared, plant: Platform, controller: LinearController)
 
 def growing_of(prepared: Prepared) -> tuple[str, ...]:
     """One sentence if the loop of a run is unstable in the linear model, however slowly it grows."""
+    if isinstance(prepared.controller, Maker):  # a factory is asked once, for the run itself
+        return ()
     try:
         controller = linear_of(prepared.controller)
         if controller is None:

@@ -352,22 +352,20 @@ def test_an_fmu_with_drives_has_one_loop_with_the_whole_delay() -> None:
     """Expected: the delay of the experiment, and no second loop directly at a plant."""
     settings = {"loop.delay": 3, "actuators.lag": 0.002, "controller.bandwidth": 2}
     loops, notes = judged(settings, "fmu", ("drives",))
-    assert [(loop.surroundings.where, loop.nominal.loop) for loop in loops] == [("with the FMU", (3, 0.002))]
+    assert [(loop.surroundings.where, loop.nominal.loop) for loop in loops] == [("with the FMU", (3, 0.002, 0.0))]
     assert notes.inside[0].startswith("Drives: the forces are those that act")
     assert notes.inside[1].startswith("Delay: forces act 3 samples after their measurement (output_delay = 3)")
     loops, notes = judged(settings, "fmu", ("sensors",))
-    assert [loop.nominal.loop for loop in loops] == [(3, 0.002), (1, 0.0)]
+    assert [loop.nominal.loop for loop in loops] == [(3, 0.002, 0.0), (1, 0.0, 0.0)]
     assert notes.inside[1].startswith("Delay: the unit outputs the forces of a sample one sample later")
 
 
-def test_readings_later_than_the_samples_are_said() -> None:
-    """Expected: in every form that has them; an SSP without sensors reads at the samples."""
+def test_readings_later_than_the_samples_are_in_the_judged_delay() -> None:
+    """Expected: of readings each 4 ms a sample of 1 ms has one at most 3 ms old; an SSP without sensors reads at it."""
     settings = {"sensors.sample_time": 0.004, "sensors.quantisation": {}}
-    assert judged(settings, "ssp", ("sensors",))[1].warnings == (
-        "with sensors.sample_time the loop in the SSP is later than was judged",
-    )
-    assert "later than" not in " ".join(judged(settings, "ssp", ("drives",))[1].warnings)
-    assert "later than" in " ".join(judged(settings, "c", ("drives",))[1].warnings)
+    for form, part, late in (("ssp", "sensors", 0.003), ("ssp", "drives", 0.0), ("c", "drives", 0.003)):
+        loops, _ = judged(settings, form, (part,))
+        assert [loop.nominal.loop.late for loop in loops] == [pytest.approx(late)], (form, part)
 
 
 @pytest.mark.parametrize(
