@@ -141,11 +141,12 @@ def test_checks_runs_metrics_and_pages_are_those_of_the_unturned_machine(
 
 @pytest.mark.parametrize("timing", [4.0, "fastest"])
 def test_a_path_through_half_a_turn_is_that_through_zero(timing: Any) -> None:
-    """Expected: the check of the machine as shipped, from a yaw of −5° to 5° around home."""
-    poses = [[0, 0, 0, 0, 0, np.radians(yaw)] for yaw in (-5, 5)]
-    reference = {"type": "path", "relative_to": "home", "timing": timing, "poses": poses}
+    """Expected: the check of the machine as shipped, from a yaw of −5° to 6° around home, 0 between knots."""
+    poses = [[0, 0, 0, 0, 0, np.radians(yaw)] for yaw in (-5, 6)]
+    path = {"type": "path", "relative_to": "home", "timing": timing, "poses": poses}
+    changes = {"reference": path, "loop.duration": 4.0, "loop.sample_time": 0.01}
     found = [
-        dict(shown(gs.check("heave_step", machine("heave_step", frame) | {"reference": reference}).report()))
+        dict(shown(gs.check("heave_step", machine("heave_step", frame) | changes).report()))
         for frame in (AS_SHIPPED, HALF, BACK)
     ]
     assert max(max(gaps(each, found[0]).values()) for each in found[1:]) < 1e-8
