@@ -73,8 +73,6 @@ def build_units(
         The files cannot be written there.
     """
     folder = Path(out)
-    if component.clock is not None and "2.0" in chosen_versions(fmi):
-        raise BuildError("FMI 2.0 has no clocks; expected FMI 3.0 for a component with a clock")
     versions, systems = chosen_versions(fmi), chosen_targets(targets)
     check_output_folder(folder, [file_name(version, component.file_stem) for version in versions])
     archives = unit_archives(component, versions, systems, progress)
