@@ -9,8 +9,7 @@ from pathlib import Path
 from threading import Event
 
 from gough_stewart.fmu_build.archive import file_name, to_zip
-from gough_stewart.fmu_build.cache_files import digest_of, kept
-from gough_stewart.fmu_build.compiler_cache import cache_folder
+from gough_stewart.fmu_build.cache_files import cache_folder, digest_of, kept
 from gough_stewart.fmu_build.compilers import compiler_of
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.errors import BuildError
