@@ -9,8 +9,7 @@ from pathlib import Path
 from threading import Event
 
 from gough_stewart.fmu_build.archive import file_name, to_zip
-from gough_stewart.fmu_build.cache_files import digest_of, kept
-from gough_stewart.fmu_build.compiler_cache import cache_folder
+from gough_stewart.fmu_build.cache_files import cache_folder, digest_of, kept
 from gough_stewart.fmu_build.compilers import compiler_of
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.errors import BuildError
@@ -73,8 +72,6 @@ def build_units(
         The files cannot be written there.
     """
     folder = Path(out)
-    if component.clock is not None and "2.0" in chosen_versions(fmi):
-        raise BuildError("FMI 2.0 has no clocks; expected FMI 3.0 for a component with a clock")
     versions, systems = chosen_versions(fmi), chosen_targets(targets)
     check_output_folder(folder, [file_name(version, component.file_stem) for version in versions])
     archives = unit_archives(component, versions, systems, progress)

@@ -1,11 +1,20 @@
 """Files of the cache: made once, and checked by their digests."""
 
 import hashlib
+import os
 from collections.abc import Callable
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.model.process.files import write_whole
+
+
+def cache_folder() -> Path:
+    """Of sources, objects and libraries; inside zig's cache if that is set, so that both are cleared together."""
+    zig = os.environ.get("ZIG_GLOBAL_CACHE_DIR")
+    return Path(zig, "gough-stewart") if zig else user_cache_path("gough-stewart") / "build"
 
 
 def kept(path: Path, make: Callable[[], bytes]) -> Path:

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gough_stewart.fmu_build.archive import file_name
-from gough_stewart.fmu_build.cache_files import digest_of, kept
-from gough_stewart.fmu_build.compiler_cache import cache_folder
+from gough_stewart.fmu_build.cache_files import cache_folder, digest_of, kept
 from gough_stewart.fmu_build.errors import COMPILER, RUNNER
 from gough_stewart.fmu_build.source_state import state_of_texts
 from gough_stewart.fmu_build.targets import native

@@ -37,19 +37,8 @@ class Icon:
     svg: bytes
 
 
-# Value reference of the clock, beyond those of all variables, so that it stays when variables are added.
-CLOCK_REFERENCE = 1000
 # Value reference in FMI 3.0 of the first slot; every unit knows its slots by these, besides its variables.
 SCALAR_REFERENCE = 10_000
-
-
-@dataclass(frozen=True)
-class Clock:
-    """A periodic input clock, to which all inputs and outputs belong."""
-
-    name: str
-    description: str
-    interval: float  # [s]
 
 
 @dataclass(frozen=True)
@@ -58,7 +47,7 @@ class Component:
 
     A component with continuous states supports Model Exchange and Co-Simulation, with partial derivatives and time
     derivatives of its outputs. One without is a sampled system and supports Co-Simulation only. Both interpolate
-    inputs. One with a clock supports Co-Simulation with event mode and Scheduled Execution, in FMI 3.0 only.
+    inputs.
     """
 
     identifier: str  # `modelIdentifier`, also the name of the library
@@ -78,7 +67,6 @@ class Component:
     settings: frozenset[str] = frozenset()
     # numbers of its code that differ between units, by the name of the macro in C
     options: Mapping[str, float] = field(default_factory=dict)
-    clock: Clock | None = None
     # describe scalars in FMI 3.0, too, for importers without arrays
     has_scalars_only: bool = False
     # saved states can only be restored by components with the same text here

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 from lxml import etree
 
 from gough_stewart.fmu_build import model_description as shared
-from gough_stewart.fmu_build.component import CLOCK_REFERENCE, SCALAR_REFERENCE, Clock, Component, Kind
+from gough_stewart.fmu_build.component import SCALAR_REFERENCE, Component, Kind
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
 from gough_stewart.fmu_build.model_description import Identity
 
@@ -22,26 +22,16 @@ def fmi3_description(component: Component, identity: Identity) -> bytes:
     root = shared.root(component, "3.0", instantiationToken=identity.token)
     capabilities = {"modelIdentifier": component.identifier} | _CAPABILITIES
     simulation = _CO_SIMULATION
-    if component.clock is not None:
-        etree.SubElement(root, "CoSimulation", capabilities | simulation | {"hasEventMode": "true"})
-        etree.SubElement(root, "ScheduledExecution", capabilities)
-        return _described(root, component)
     if component.has_states:
         capabilities |= _OF_STATES
         simulation = simulation | _CO_SIMULATION_OF_STATES
         etree.SubElement(root, "ModelExchange", capabilities | _MODEL_EXCHANGE)
     etree.SubElement(root, "CoSimulation", capabilities | simulation | _INTERMEDIATE_UPDATE)
-    return _described(root, component)
-
-
-def _described(root: etree._Element, component: Component) -> bytes:
     shared.add_head(root, component)
     variables = etree.SubElement(root, "ModelVariables")
     for row in component.layout.rows:
         for name, slots, reference in _described_as(row, component):
             _add_variable(variables, row, component, name, slots, reference)
-    if component.clock is not None:
-        _add_clock(variables, component.clock)
     _add_structure(root, component)
     return shared.to_bytes(root)
 
@@ -67,10 +57,7 @@ def _add_variable(
         element.set("initial", "exact")
         element.set("nominal", shared.number(row.variable.nominal))
     if v.causality in ("input", "output"):
-        if component.clock is None:
-            element.set("intermediateUpdate", "true")
-        else:
-            element.set("clocks", str(CLOCK_REFERENCE))
+        element.set("intermediateUpdate", "true")
     for key, value in (shared.unit_attributes(row) | shared.bound_attributes(row)).items():
         element.set(key, value)
     starts = component.starts.get(v.name)
@@ -84,22 +71,6 @@ def _add_variable(
     if not component.has_scalars_only:
         for length in v.shape:
             etree.SubElement(element, "Dimension", start=str(length))
-
-
-def _add_clock(variables: etree._Element, clock: Clock) -> None:
-    """The clock; its priority is for Scheduled Execution."""
-    etree.SubElement(
-        variables,
-        "Clock",
-        name=clock.name,
-        valueReference=str(CLOCK_REFERENCE),
-        description=clock.description,
-        causality="input",
-        variability="discrete",
-        intervalVariability="fixed",
-        intervalDecimal=shared.number(clock.interval),
-        priority="0",
-    )
 
 
 def _add_structure(root: etree._Element, component: Component) -> None:
@@ -117,8 +88,7 @@ def _add_structure(root: etree._Element, component: Component) -> None:
 
     add("Output", outputs, running)
     add("ContinuousStateDerivative", derivatives, running)
-    # variables of a clock get their values at its first tick
-    add("InitialUnknown", [*computed, *derivatives] if component.clock is None else (), (*running, *PARAMETER_ROLES))
+    add("InitialUnknown", [*computed, *derivatives], (*running, *PARAMETER_ROLES))
 
 
 def _dependencies(component: Component, row: Row, roles: tuple[Role, ...]) -> Iterator[tuple[int, dict[int, Kind]]]:

@@ -15,9 +15,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gough_stewart.fmu_build.cache_files import digest_of, kept
+from gough_stewart.fmu_build.cache_files import cache_folder, digest_of, kept
 from gough_stewart.fmu_build.cached import state_of_sources
-from gough_stewart.fmu_build.compiler_cache import cache_folder
 from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.source_state import state_of_texts
 from gough_stewart.fmu_build.targets import Target, native

@@ -78,10 +78,6 @@ class Layout:
         """The rows before time, whose roles follow each other."""
         return self.rows[: self.time.reference]
 
-    def discrete(self) -> "Layout":
-        """The same with inputs and outputs that change at events only."""
-        return Layout(tuple(_discrete(row) if row.role in (Role.INPUT, Role.RESULT) else row for row in self.rows))
-
     def described(self, fmi_version: str) -> tuple[Row, ...]:
         """The rows in the model description: FMI 2.0 without time.
 
@@ -123,10 +119,6 @@ def laid_out(variables: Iterable[Variable], rate_units: Mapping[str, str], appen
         rows.append(Row(variable, reference, first, role, derivative_of))
         first += variable.size
     return Layout(tuple(rows))
-
-
-def _discrete(row: Row) -> Row:
-    return replace(row, variable=replace(row.variable, variability="discrete"))
 
 
 def _role(variable: Variable) -> Role:

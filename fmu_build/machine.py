@@ -4,19 +4,17 @@ c/machine/machine.h is its interface. It is compiled for any target, also to Web
 """
 
 import re
-import subprocess
 import sys
-import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.fmu_build.cache_files import digest_of, kept
+from gough_stewart.fmu_build.cache_files import cache_folder, digest_of, kept
 from gough_stewart.fmu_build.cached import state_of_sources
-from gough_stewart.fmu_build.compiler_cache import cache_folder, compiler_environment, compiling
-from gough_stewart.fmu_build.errors import COMPILER, BuildError, check_installed
+from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.lanes import loop_sources
 from gough_stewart.fmu_build.targets import native
-from gough_stewart.fmu_build.toolchain import compile_library, place_of
+from gough_stewart.fmu_build.toolchain import compile_library, compiled
 from gough_stewart.model.variant import IDEAL, Variant
 
 # Of all compilers: no fused operations, which some processors lack.
@@ -106,21 +104,10 @@ def machine_wasm(sources: Sources) -> bytes:
     """
     check_installed(COMPILER)
     units, headers = sources
-    offered = _OFFERED.findall(headers["machine.h"])
-    files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
-    include = place_of(headers)
-    with compiling(), tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
-        out = Path(scratch, "machine.wasm")
-        exports = [f"-Wl,--export={name}" for name in (*offered, "__heap_base")]
-        command = [sys.executable, "-m", "ziglang", "cc", *_WASM, *FLAGS, *exports, "-I", str(include), *files]
-        done = subprocess.run(
-            [*command, "-o", str(out)],
-            cwd=scratch,
-            env=compiler_environment(),
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if done.returncode:
-            raise BuildError(f"the compiler failed for WebAssembly:\n{done.stderr.strip()}")
-        return out.read_bytes()
+    exports = [f"-Wl,--export={name}" for name in (*_OFFERED.findall(headers["machine.h"]), "__heap_base")]
+
+    def commands(module: str, files: Sequence[str], include: str) -> Sequence[Sequence[str]]:
+        command = (sys.executable, "-m", COMPILER, "cc", *_WASM, *FLAGS, *exports, "-I", include, *files)
+        return [[*command, "-o", module]]
+
+    return compiled("machine.wasm", units, headers, commands, "WebAssembly")

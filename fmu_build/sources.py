@@ -12,7 +12,7 @@ from gough_stewart.fmu_build.errors import RUNNER, BuildError
 from gough_stewart.fmu_build.tables import model_header, model_source, start_source
 
 _LAYERS = {"2.0": "fmi2.c", "3.0": "fmi3.c"}
-_STATELESS, _CLOCKLESS = "stateless.c", "clockless.c"
+_STATELESS = "stateless.c"
 _STANDARD = {
     "2.0": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     "3.0": ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
@@ -40,18 +40,13 @@ def sources(component: Component, fmi_version: str, token: str) -> Sources:
 
 def library_sources(component: Component) -> Sources:
     """All C files of the library of all units of this code, for both FMI versions, without start values and tokens."""
-    # FMI 2.0 has no clocks
-    versions = ("3.0",) if component.clock else tuple(_LAYERS)
-    found = _sources(component, versions, start_source(component, None))
-    # the headers of both versions, so that all libraries share one compilation of the kernel
-    return Sources(found.units, found.headers | standard_headers("2.0") | standard_headers("3.0"))
+    return _sources(component, _LAYERS, start_source(component, None))
 
 
 def _sources(component: Component, versions: Iterable[str], start: str) -> Sources:
     layers = c_folder("unit")
     unused = set(_LAYERS.values()) - {_LAYERS[each] for each in versions}
     unused |= {_STATELESS} if component.has_states else set()
-    unused |= {_CLOCKLESS} if component.clock else set()
     units = {name: text for name, text in layers.units.items() if name not in unused} | dict(component.code.units)
     units |= {"model.c": model_source(component), "start.c": start}
     headers = {**layers.headers, **component.code.headers, "model.h": model_header(component)}

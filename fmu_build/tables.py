@@ -5,7 +5,7 @@ import struct
 from collections.abc import Iterable, Mapping
 from textwrap import fill
 
-from gough_stewart.fmu_build.component import CLOCK_REFERENCE, SCALAR_REFERENCE, Component
+from gough_stewart.fmu_build.component import SCALAR_REFERENCE, Component
 from gough_stewart.fmu_build.layout import PARAMETER_ROLES, Role, Row
 from gough_stewart.model import interface, platform
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
@@ -34,8 +34,6 @@ def model_header(component: Component) -> str:
         "N_PARAMETERS": _size(_parameters(component)),
         "N_SLOTS": layout.n_slots,
         "N_VARIABLES": len(layout.rows),
-        "HAS_CLOCK": int(component.clock is not None),
-        "CLOCK_REFERENCE": CLOCK_REFERENCE,
         "SCALAR_REFERENCE": SCALAR_REFERENCE,
     }
     first_result = sizes["N_INPUTS"]

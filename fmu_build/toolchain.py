@@ -1,4 +1,8 @@
-"""Running a C compiler."""
+"""Running a C compiler.
+
+Each version of zig has a cache for its objects. It is emptied when the compiler fails for no reason in the sources:
+with a damaged object every later build would fail, too.
+"""
 
 import os
 import re
@@ -8,22 +12,25 @@ import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from hashlib import sha256
+from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from threading import Event
 from typing import IO, Any
 
-from gough_stewart.fmu_build.compiler_cache import (
-    cache_folder,
-    compiler_environment,
-    compiling,
-    empty_objects,
-)
+from gough_stewart.fmu_build.cache_files import cache_folder
 from gough_stewart.fmu_build.compilers import Compiler, zig
-from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.errors import COMPILER, BuildError
 from gough_stewart.fmu_build.targets import Target
 from gough_stewart.model.process.files import write_whole
+
+try:
+    import fcntl
+except ImportError:  # Windows, where files in use cannot be deleted
+    fcntl = None  # type: ignore[assignment]
 
 FLAGS = (
     *("-O3", "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden"),
@@ -47,29 +54,87 @@ def compile_library(
 ) -> bytes:
     """Compile C files to the shared library `name`, by zig if no other is given; the same sources give the same bytes.
 
-    A damaged compiler cache is rebuilt. When `stop` is set, the compiler ends soon, with all processes that it has
-    started.
+    When `stop` is set, the compiler ends soon, with all processes that it has started.
 
     Raises
     ------
     BuildError
         The compiler failed; contains its message.
     """
+
+    def commands(library: str, files: Sequence[str], include: str) -> Sequence[Sequence[str]]:
+        return (compiler or zig()).commands(library, files, include, target, flags)
+
+    return compiled(name + target.suffix, units, headers, commands, target.name, stop)
+
+
+def compiled(
+    name: str,
+    units: Mapping[str, str],
+    headers: Mapping[str, str],
+    commands: Callable[[str, Sequence[str], str], Sequence[Sequence[str]]],
+    system: str,
+    stop: Event | None = None,
+) -> bytes:
+    """The file `name` that the commands write, from its path, those of the C files and the folder of the headers.
+
+    A damaged compiler cache is made anew. See `compile_library` for `stop` and errors.
+    """
     # zig's cache identifies a file by its path, so every file gets a path that depends on its content
-    include = place_of(headers)
-    files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]
+    include = str(place_of(headers))
+    files = [str(place_of({unit: text}) / unit) for unit, text in sorted(units.items())]
     with compiling() as in_use, tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
-        library = Path(scratch, name + target.suffix)
-        commands = (compiler or zig()).commands(str(library), files, str(include), target, flags)
-        stop = stop or Event()
-        code, message = _run_all(commands, scratch, stop, in_use)
+        library, stop = Path(scratch, name), stop or Event()
+        to_run = commands(str(library), files, include)
+        code, message = _run_all(to_run, scratch, stop, in_use)
         # an error that neither the sources nor a full disk explain may be of the cache
         if code != 0 and not (stop.is_set() or _is_about_sources(message) or _nearly_full(scratch)):
-            empty_objects(in_use)
-            code, message = _run_all(commands, scratch, stop, in_use)
+            _empty_objects(in_use)
+            code, message = _run_all(to_run, scratch, stop, in_use)
         if code != 0:
-            raise BuildError(f"the compiler failed for {target.name}:\n{_complaint(code, message, scratch)}")
+            raise BuildError(f"the compiler failed for {system}:\n{_complaint(code, message, scratch)}")
         return library.read_bytes()
+
+
+def object_cache() -> Path:
+    """The folder where zig stores its objects; there is one for each version of zig."""
+    return cache_folder() / f"zig-{version(COMPILER) if find_spec(COMPILER) else 'none'}"
+
+
+def compiler_environment() -> dict[str, str]:
+    """The environment of the process, with the compiler's caches in `object_cache`."""
+    folder = str(object_cache())
+    return {**os.environ, "ZIG_GLOBAL_CACHE_DIR": folder, "ZIG_LOCAL_CACHE_DIR": folder}
+
+
+@contextmanager
+def compiling() -> Iterator[IO[str]]:
+    """Context for running the compiler: nobody empties its cache meanwhile, since without it a compiler never ends.
+
+    The compiler inherits the lock file, since it may outlive this process.
+    """
+    cache_folder().mkdir(parents=True, exist_ok=True)
+    with (cache_folder() / "zig.lock").open("a") as in_use:
+        _flock(in_use, "LOCK_SH")
+        yield in_use
+
+
+def _empty_objects(in_use: IO[str]) -> None:
+    """Empty the cache as soon as no other compiler works in it."""
+    # release the shared lock first: two processes waiting for each other would deadlock
+    _flock(in_use, "LOCK_UN")
+    _flock(in_use, "LOCK_EX")
+    folder = object_cache()
+    if folder.is_dir() and not folder.is_symlink():
+        shutil.rmtree(folder, ignore_errors=True)
+    else:
+        folder.unlink(missing_ok=True)
+    _flock(in_use, "LOCK_SH")
+
+
+def _flock(in_use: IO[str], how: str) -> None:
+    if fcntl is not None:
+        fcntl.flock(in_use, getattr(fcntl, how))
 
 
 def _is_about_sources(message: str) -> bool:

@@ -5,18 +5,15 @@ import json
 
 import numpy as np
 
-from gough_stewart.fmu_build.component import Clock, Code, Component, Kind, Terminal, terminals_of
+from gough_stewart.fmu_build.component import Code, Component, Kind, Terminal, terminals_of
 from gough_stewart.fmu_build.controller.controller import OUTPUT_DELAY, Controller, Parameter
 from gough_stewart.fmu_build.documentation import page
-from gough_stewart.fmu_build.layout import Layout, Role
+from gough_stewart.fmu_build.layout import Layout
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.fmu_build.tables import GENERATED, defines
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = "gough_stewart_controller"
-# The units of C of which a controller has one.
-_BY_ITSELF, _BY_CLOCK = "sampled_step.c", "clocked.c"
-CLOCK = "sample_clock"
 _ACTUATOR = "actuator_force leg_length leg_velocity"
 _POSE = "position orientation velocity angular_velocity"
 # In one communication step; takes about 1 s.
@@ -24,7 +21,7 @@ MOST_SAMPLES = 1_000_000
 
 
 def controller_component(controller: Controller, file_stem: str = "controller") -> Component:
-    """The controller as a sampled component: no continuous states; Co-Simulation only, unless it has a clock.
+    """The controller as a sampled component: no continuous states; Co-Simulation only.
 
     Parameters
     ----------
@@ -39,9 +36,6 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
     starts |= {p.variable.name: _start(p) for p in controller.parameters}
     starts[OUTPUT_DELAY] = np.array(float(controller.output_delay))
     own = c_folder("controller")
-    unused = _BY_ITSELF if controller.is_clocked else _BY_CLOCK
-    units = {name: text for name, text in own.units.items() if name != unused}
-    clock = Clock(CLOCK, "ticks at each sample", controller.step_time) if controller.is_clocked else None
 
     def documents(fmi_version: str) -> dict[str, bytes]:
         title = f"Controller of a Gough–Stewart platform, FMI {fmi_version}"
@@ -57,21 +51,20 @@ def controller_component(controller: Controller, file_stem: str = "controller") 
         file_stem=file_stem,
         layout=layout,
         starts=starts,
-        dependencies=_dependencies(layout, controller),
+        dependencies=_dependencies(layout),
         experiment={
             "startTime": "0",
             "stopTime": repr(float(controller.stop_time)),
             "stepSize": repr(controller.step_time),
         },
         code=Code(
-            {**units, **controller.code.units},
+            {**own.units, **controller.code.units},
             {**own.headers, **controller.code.headers, "controller_table.h": controller_header(controller)},
         ),
         icon=controller.icon,
         terminals=lambda fmi_version: _terminals(layout, fmi_version),
         documents=documents,
         settings=frozenset({OUTPUT_DELAY}),
-        clock=clock,
         # the plain C defines the meaning of the memory
         saved_form=hashlib.sha256(f"{texts}{controller.most_output_delay}".encode()).hexdigest(),
     )
@@ -82,14 +75,8 @@ def _start(parameter: Parameter) -> Array:
     return np.where(np.isinf(value), 0.0, value) if parameter.is_none_at_zero else value
 
 
-def _dependencies(layout: Layout, controller: Controller) -> dict[int, dict[int, Kind]]:
-    """Until sample 1 the forces are the start forces; later they do not depend on current inputs.
-
-    With a clock all outputs may depend on all inputs of the tick; nothing is initialised.
-    """
-    if controller.is_clocked:
-        inputs = [slot for row in layout.of_role(Role.INPUT) for slot in row.slots]
-        return {slot: dict.fromkeys(inputs, "dependent") for row in layout.outputs() for slot in row.slots}
+def _dependencies(layout: Layout) -> dict[int, dict[int, Kind]]:
+    """Until sample 1 the forces are the start forces; later they do not depend on current inputs."""
     forces, starts = layout.by_name["actuator_force"], layout.by_name["start_force"]
     return {slot: {start: "constant"} for slot, start in zip(forces.slots, starts.slots, strict=True)}
 
@@ -114,7 +101,6 @@ def controller_header(controller: Controller) -> str:
         "HAS_RATE_LIMITED": int(controller.has_rate_limit),
         "STEPS_A_SAMPLE": controller.steps_a_sample,
         "MOST_SAMPLES": MOST_SAMPLES,
-        "LEAST_OUTPUT_DELAY": controller.least_output_delay,
         "MOST_OUTPUT_DELAY": controller.most_output_delay,
     }
     expectations = " \\\n".join(f"        {json.dumps(p.expected)}," for p in controller.parameters)
@@ -126,9 +112,7 @@ def controller_header(controller: Controller) -> str:
 {defines(slots)}
 
 {defines(facts)}
-#define EXPECTED_OUTPUT_DELAY "a whole number of samples from {controller.least_output_delay} to {
-        controller.most_output_delay
-    }"
+#define EXPECTED_OUTPUT_DELAY "a whole number of samples from 1 to {controller.most_output_delay}"
 
 /* limits: no limit is infinity in the controller and 0 in the unit */
 #define IS_NONE_AT_ZERO(slot) ({" || ".join(f"(slot) == {slot}" for slot in limits) or "0"})

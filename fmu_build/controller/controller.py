@@ -66,12 +66,6 @@ class Controller:
     notes: tuple[str, ...] = ()  # paragraphs about its loop
     steps_a_sample: int = 1  # calls of the plain C in a sample
     has_rate_limit: bool = False  # whether it carries drives, with the memory `rate_limited`
-    is_clocked: bool = False  # steps are ticks of a clock, with the forces at the tick itself if `output_delay` is 0
-
-    @property
-    def least_output_delay(self) -> int:
-        """The smallest value of `output_delay` [samples]."""
-        return 0 if self.is_clocked else 1
 
     @property
     def step_time(self) -> float:
@@ -94,13 +88,12 @@ class Controller:
             "",
             "parameter",
             "fixed",
-            "samples from the inputs to the forces that they determine, a whole number from "
-            f"{self.least_output_delay} to {self.most_output_delay}",
-            lower_bound=">= 0" if self.is_clocked else "> 0",
+            "samples from the inputs to the forces that they determine, a whole number from 1 to "
+            f"{self.most_output_delay}",
+            lower_bound="> 0",
         )
         outputs = (*OUTPUTS, RATE_LIMITED) if self.has_rate_limit else OUTPUTS
-        laid = laid_out((*inputs, *outputs, *map(_described, self.parameters)), {}, (delay, *REPORTS))
-        return laid.discrete() if self.is_clocked else laid
+        return laid_out((*inputs, *outputs, *map(_described, self.parameters)), {}, (delay, *REPORTS))
 
 
 def _input(variable: Variable, name: str, description: str) -> Variable:

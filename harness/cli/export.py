@@ -56,7 +56,7 @@ def export_command(
         str,
         typer.Option(
             "--as",
-            help="What to write: fmu, c, ssp, clocked, page, or several with commas between them.",
+            help="What to write: fmu, c, ssp, page, or several with commas between them.",
             metavar="FORMS",
         ),
     ] = "fmu",
@@ -120,9 +120,7 @@ def export_command(
 
     `--as fmu` writes **NAME_controller_fmi2.fmu** and **NAME_controller_fmi3.fmu**, Co-Simulation; `--as c`
     **NAME_controller.c**, **NAME_controller.h** and **example_main.c**, C99 for any processor; `--as ssp` **NAME.ssp**,
-    plant and controller connected, for co-simulation tools; `--as clocked` **NAME_controller_clocked_fmi3.fmu**, whose
-    samples are ticks of an FMI 3.0 clock, for importers that tick clocks; `--as page` **NAME_live.html**, the loop
-    live in a browser.
+    plant and controller connected, for co-simulation tools; `--as page` **NAME_live.html**, the loop live in a browser.
 
     Each form's loop is judged with the delay that it has there, for the experiment's machine and all members of its
     [ensemble]; an unstable one is refused. The files say what was judged and what they leave out.
@@ -153,7 +151,7 @@ def export_command(
         versions = [v.value for v in fmi] if fmi else ("2.0", "3.0")
         targets = chosen_targets(target)
         one = number_of_steps(["2.0"], targets)
-        steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * one, "clocked": one, "page": 1}
+        steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * one, "page": 1}
         with progress_bar() as progress:
             task = progress.add_task("exporting", total=sum(steps[form] for form in chosen_as))
             judging = progress.add_task("judging the members", total=None, visible=False)

@@ -78,15 +78,6 @@ def controller_files(
             output_delay=output_delay_of(experiment) if law.carried.drives else 1,
         )
         files |= unit_archives(unit, versions, systems, progress)
-    if "clocked" in forms:
-        unit = component_of(
-            replace(law, notes=notes["clocked"].inside),
-            f"{name}_controller_clocked",
-            duration,
-            output_delay=0,
-            is_clocked=True,
-        )
-        files |= unit_archives(unit, ("3.0",), systems, progress)
     if "ssp" in forms:
         said_inside = notes["ssp"].inside
         unit = component_of(

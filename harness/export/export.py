@@ -58,9 +58,7 @@ def export(
     forms
         "fmu": `NAME_controller_fmi2.fmu` and `NAME_controller_fmi3.fmu`. "c": `NAME_controller.c`, `.h` and
         `example_main.c`, C99 without dependencies. "ssp": `NAME.ssp`, plant and controller as FMUs, connected.
-        "clocked": `NAME_controller_clocked_fmi3.fmu`, FMI 3.0 with a clock that ticks at each sample, for importers
-        that tick clocks. "page": `NAME_live.html`, in which the loop runs in a browser, as
-        `gough-stewart live`; it is not judged.
+        "page": `NAME_live.html`, in which the loop runs in a browser, as `gough-stewart live`; it is not judged.
     out
         Folder, created if needed.
     fmi
@@ -215,7 +213,6 @@ def names_of_files(name: str, forms: Iterable[Form], versions: Iterable[str]) ->
         "c": [f"{name}_controller.c", f"{name}_controller.h", EXAMPLE],
         "fmu": [f"{name}_controller_fmi{version[0]}.fmu" for version in versions],
         "ssp": [f"{name}.ssp"],
-        "clocked": [f"{name}_controller_clocked_fmi3.fmu"],
         "page": [f"{name}_live.html"],
     }
     return [file for form in forms for file in files[form]]

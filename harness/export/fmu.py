@@ -18,12 +18,8 @@ def component_of(
     stop_time: float = 1.0,
     *,
     output_delay: int = 1,
-    is_clocked: bool = False,
 ) -> Component:
-    """The controller as input of the FMU builder; `output_delay` [samples] is that of the unit.
-
-    One with a clock can have an `output_delay` of 0.
-    """
+    """The controller as input of the FMU builder; `output_delay` [samples] is that of the unit."""
     # the notes are in the unit's page: they do not change the meaning of its saved states
     plain = controller_sources(replace(designed, notes=()))
     controller = Controller(
@@ -39,7 +35,6 @@ def component_of(
         notes=designed.notes,
         steps_a_sample=designed.carried.steps_a_sample,
         has_rate_limit=designed.carried.drives,
-        is_clocked=is_clocked,
     )
     return controller_component(controller, name)
 

@@ -9,12 +9,14 @@ from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.interface import nearest
 
-Form = Literal["fmu", "c", "ssp", "clocked", "page"]
+Form = Literal["fmu", "c", "ssp", "page"]
 FORMS: tuple[Form, ...] = get_args(Form)
 Real = Literal["double", "float"]
 REALS: tuple[Real, ...] = get_args(Real)
 ReferenceFrom = Literal["inside", "inputs"]
 T = TypeVar("T", bound=str)
+# What serves instead of a form that there was.
+_REMOVED = {"clocked": "; the unit without a clock serves: form fmu"}
 # The program that shows how the C is called.
 EXAMPLE = "example_main.c"
 
@@ -46,7 +48,7 @@ def chosen(what: str, names: Iterable[str] | str, known: tuple[T, ...]) -> tuple
     requested = [names] if isinstance(names, str) else list(names)
     for name in requested:
         if name not in known:
-            raise ExportError(f"no {what} '{name}'{nearest(name, known)}")
+            raise ExportError(f"no {what} '{name}'{nearest(name, known)}{_REMOVED.get(name, '')}")
     return tuple(name for name in known if name in requested)
 
 

@@ -16,12 +16,11 @@ from gough_stewart.harness.export.stability import (
     Host,
     LoopStability,
     StabilityReport,
-    has_delay,
     output_delay_of,
 )
 
 _NAMES_OF = {"sensors": "sensors", "actuators": "drives"}
-NAMES: dict[Host, str] = {"c": "C", "fmu": "FMU", "clocked": "clocked FMU", "ssp": "SSP", "run": "unit"}
+NAMES: dict[Host, str] = {"c": "C", "fmu": "FMU", "ssp": "SSP", "run": "unit"}
 
 
 @dataclass(frozen=True)
@@ -118,11 +117,6 @@ def _delay(experiment: Experiment, host: Host, carried: Carried) -> str:
             f"a step computes its forces at once; the experiment has {own} from measurement to force, and the machine "
             "should have the same."
         )
-    if host == "clocked":
-        return (
-            "the forces of a tick are its outputs (output_delay = 0); the experiment has "
-            f"{own} from measurement to force, and the machine or the importer should have the same."
-        )
     long = (
         f"of {1000 * experiment.loop.sample_time / carried.steps_a_sample:g} ms" if carried.has_steps else "of a sample"
     )
@@ -141,7 +135,7 @@ def _delay(experiment: Experiment, host: Host, carried: Carried) -> str:
 
 
 def _changed_delay(experiment: Experiment, host: Host) -> str:
-    if host == "run" or not has_delay(host) or experiment.loop.delay:
+    if host in ("run", "c") or experiment.loop.delay:
         return ""
     return "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
 

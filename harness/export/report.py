@@ -10,7 +10,7 @@ from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL, NUMBE
 from gough_stewart.harness.report.table import Column, Table
 from gough_stewart.harness.report.words import listed, sentence
 
-_NAMES: Mapping[str, str] = {"c": "C", "fmu": "FMU", "clocked": "clocked FMU", "ssp": "SSP", "page": "live page"}
+_NAMES: Mapping[str, str] = {"c": "C", "fmu": "FMU", "ssp": "SSP", "page": "live page"}
 
 
 def robustness_of(loop: LoopStability) -> float:

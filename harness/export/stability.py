@@ -37,14 +37,12 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 # What runs the exported controller: a form, or the harness by `run --controller fmu3`.
-Host = Literal["c", "fmu", "clocked", "ssp", "run"]
+Host = Literal["c", "fmu", "ssp", "run"]
 # Called with the number of judged members, and of all.
 MemberProgress = Callable[[int, int], None]
 # Poses along the motion, of the nominal machine.
 POSES = 25
 NO_FEEDBACK = "there is no feedback"
-# Forms whose forces are there at the sample itself, so that the delay is the experiment's.
-_AT_THE_SAMPLE: dict[Host, str] = {"c": "in C", "clocked": "with the clocked FMU"}
 _AT_ONCE = 256  # members drawn at a time
 _FREQUENCIES = 16  # at which members are compared
 # Keys of `[ensemble]` that change the linear loop around an exported controller.
@@ -88,11 +86,6 @@ class Delays(NamedTuple):
     late: float  # worst delay by the sensors' clock and jitter [s]
 
 
-def has_delay(host: Host) -> bool:
-    """Whether a form cannot give the forces of a sample at the sample itself."""
-    return host not in _AT_THE_SAMPLE
-
-
 def output_delay_of(experiment: Experiment) -> int:
     """Of the controller's unit in an SSP [samples]: the experiment's, and the one that a unit cannot do without."""
     return max(1, experiment.loop.delay)
@@ -111,8 +104,8 @@ def loops_around(host: Host, experiment: Experiment, parts: Iterable[Part] = ())
                 "in the SSP", 1, output_delay_of(experiment), has_drives=False, own_lag=lag, carries_sensors=has_sensors
             ),
         )
-    if host in _AT_THE_SAMPLE:
-        return (LoopAround(_AT_THE_SAMPLE[host], 0, None, has_drives=True, own_lag=lag),)
+    if host == "c":
+        return (LoopAround("in C", 0, None, has_drives=True, own_lag=lag),)
     if host == "run":
         return (LoopAround("with the unit in the run", 1, None, has_drives=True, own_lag=lag),)
     if lag is not None:

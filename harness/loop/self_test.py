@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gough_stewart.fmu_build.cache_files import digest_of
-from gough_stewart.fmu_build.compiler_cache import cache_folder
+from gough_stewart.fmu_build.cache_files import cache_folder, digest_of
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.lanes import LanesLibrary
 from gough_stewart.harness.control.laws import LinearController

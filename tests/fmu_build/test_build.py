@@ -14,7 +14,7 @@ import pytest
 from fmpy.util import read_csv
 from scipy.integrate import solve_ivp
 
-from gough_stewart.fmu_build import builder, compiler_cache, targets, toolchain
+from gough_stewart.fmu_build import builder, cache_files, targets, toolchain
 from gough_stewart.fmu_build.archive import to_zip
 from gough_stewart.fmu_build.build import build
 from gough_stewart.fmu_build.builder import contents, number_of_steps, unit_of
@@ -52,7 +52,7 @@ def test_names_in_the_archive_are_relative_with_slashes_and_have_no_date(fmu: Fm
 
 
 def test_no_file_in_the_archive_knows_where_it_was_built(fmu: Fmu) -> None:
-    home, cache = os.fsencode(Path.home()), os.fsencode(compiler_cache.cache_folder())
+    home, cache = os.fsencode(Path.home()), os.fsencode(cache_files.cache_folder())
     for file in fmu.folder.rglob("*"):
         if file.is_file():
             data = file.read_bytes()

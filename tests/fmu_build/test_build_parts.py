@@ -10,6 +10,7 @@ import time
 import zipfile
 from collections.abc import Iterator, Sequence
 from hashlib import sha256
+from importlib import metadata
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,7 +18,7 @@ from typing import IO, Any
 
 import pytest
 
-from gough_stewart.fmu_build import builder, cached, compiler_cache, errors, lanes, package, sources, targets, toolchain
+from gough_stewart.fmu_build import builder, cache_files, cached, errors, lanes, package, sources, targets, toolchain
 from gough_stewart.fmu_build.builder import contents, unit_archives, unit_of
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.lanes import lanes_library, lanes_sources
@@ -35,9 +36,7 @@ KERNEL, HEADER = {"b.c": "int b;", "a.c": "int a;"}, {"a.h": "int a;"}
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The compiler's cache, empty, as a new process finds it; its parent is the cache of sources."""
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path / "zig"))
-    for known in ("_checked", "_emptied"):
-        monkeypatch.setattr(compiler_cache, known, set())
-    return tmp_path / "zig" / "gough-stewart" / "zig"
+    return tmp_path / "zig" / "gough-stewart" / f"zig-{metadata.version('ziglang')}"
 
 
 class Compiler:
@@ -291,71 +290,11 @@ def test_after_a_failure_the_others_are_stopped_and_what_waits_is_not_begun(monk
 
 def test_the_cache_is_the_users_unless_zig_has_another(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path / "own"))
-    assert compiler_cache.cache_folder() == tmp_path / "own" / "gough-stewart"
+    assert cache_files.cache_folder() == tmp_path / "own" / "gough-stewart"
     monkeypatch.delenv("ZIG_GLOBAL_CACHE_DIR")
-    monkeypatch.setattr(compiler_cache, "user_cache_path", lambda name: tmp_path / "user" / name)
-    assert compiler_cache.cache_folder() == tmp_path / "user" / "gough-stewart" / "build"
-    assert compiler_cache.object_cache() == tmp_path / "user" / "gough-stewart" / "build" / "zig"
-
-
-def objects(cache: Path) -> list[Path]:
-    """Two objects, one of them with a folder."""
-    files = [cache / "o" / "1" / "a.o", cache / "o" / "1" / "in" / "b.o", cache / "o" / "2" / "c.o"]
-    for file in files:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(file.name.encode())
-    return files
-
-
-def compile_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As another process."""
-    monkeypatch.setattr(compiler_cache, "_checked", set())
-    with compiler_cache.compiling():
-        pass
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no digests are kept there")
-@pytest.mark.parametrize("what", ["nothing", "content", "deep", "missing", "more", "digest", "renamed", "empty"])
-def test_an_object_is_all_its_files_by_name_and_content(
-    what: str, cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: digests of all files beside them; any damage empties the cache, and nothing else does."""
-    files = objects(cache)
-    compile_once(monkeypatch)
-    first = sha256(b"a.o").hexdigest(), sha256(b"b.o").hexdigest()
-    assert (cache / "o/1/.sha256").read_text() == f"{first[0]} a.o\n{first[1]} in/b.o\n"
-    assert (cache / "o/2/.sha256").read_text() == f"{sha256(b'c.o').hexdigest()} c.o\n"
-    compile_once(monkeypatch)
-    assert all(file.exists() for file in files)
-    if what == "content":
-        files[2].write_bytes(b"d.o")
-    elif what == "deep":
-        files[1].write_bytes(b"d.o")
-    elif what == "missing":
-        files[1].unlink()
-    elif what == "more":
-        (cache / "o/1/in/d.o").write_bytes(b"")
-    elif what == "digest":
-        (cache / "o/2/.sha256").write_bytes(b"\xff\xfe")
-    elif what == "renamed":
-        files[0].rename(cache / "o/1/z.o")
-    elif what == "empty":
-        (cache / "o/2/.sha256").write_bytes(b"")
-    compile_once(monkeypatch)
-    assert cache.exists() == (what == "nothing")
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no digests are kept there")
-def test_a_linked_cache_loses_its_link_and_nothing_behind_it(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    elsewhere = cache.parent.parent / "elsewhere"
-    objects(elsewhere)
-    cache.parent.mkdir(parents=True, exist_ok=True)
-    cache.symlink_to(elsewhere)
-    compile_once(monkeypatch)
-    (elsewhere / "o/2/c.o").write_bytes(b"damaged")
-    compile_once(monkeypatch)
-    assert not cache.is_symlink()
-    assert (elsewhere / "o/2/c.o").read_bytes() == b"damaged"
+    monkeypatch.setattr(cache_files, "user_cache_path", lambda name: tmp_path / "user" / name)
+    assert cache_files.cache_folder() == tmp_path / "user" / "gough-stewart" / "build"
+    assert toolchain.object_cache().parent == cache_files.cache_folder()
 
 
 @pytest.fixture

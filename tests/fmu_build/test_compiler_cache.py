@@ -11,12 +11,15 @@ from typing import IO, Any, NamedTuple
 
 import pytest
 
-from gough_stewart.fmu_build import cache_files, cached, compiler_cache, targets, toolchain
+from gough_stewart.fmu_build import builder, cache_files, cached, targets, toolchain
 from gough_stewart.fmu_build.build import build
+from gough_stewart.fmu_build.builder import build_units
 from gough_stewart.fmu_build.cache_files import kept
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.tables import start_block
 from gough_stewart.fmu_build.toolchain import compile_library
+from tests.fmu_build.test_small_component import SMALL
 
 OBJECT = "o/0123/kernel.o"
 LINKER = "ld.lld: error: o/0123/kernel.o: section header table goes past the end of the file"
@@ -39,7 +42,7 @@ class Compiler:
 
     def __call__(self, command: Sequence[str], _folder: str, _stop: Event, _in_use: IO[str]) -> tuple[int, str]:
         self.runs += 1
-        kernel = compiler_cache.object_cache() / OBJECT
+        kernel = toolchain.object_cache() / OBJECT
         if not kernel.exists():
             kernel.parent.mkdir(parents=True)
             kernel.write_bytes(b"right")
@@ -54,9 +57,7 @@ class Compiler:
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of the objects, empty, as a new process finds it."""
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
-    for known in ("_checked", "_emptied"):
-        monkeypatch.setattr(compiler_cache, known, set())
-    return compiler_cache.object_cache()
+    return toolchain.object_cache()
 
 
 def compiled(monkeypatch: pytest.MonkeyPatch, compiler: Compiler) -> bytes:
@@ -64,63 +65,55 @@ def compiled(monkeypatch: pytest.MonkeyPatch, compiler: Compiler) -> bytes:
     return compile_library("unit", {"kernel.c": "int x;"}, {"kernel.h": ""}, targets.native())
 
 
-def damage(cache: Path, content: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Other bytes in the object, found by another process."""
-    (cache / OBJECT).write_bytes(content)
-    monkeypatch.setattr(compiler_cache, "_checked", set())
-
-
-def test_an_object_that_is_not_what_was_written_is_not_linked(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: the bytes of a sound cache; the compiler itself would link the others without a word."""
-    assert compiled(monkeypatch, Compiler()) == b"linked right"
-    damage(cache, b"wrong", monkeypatch)
-    compiler = Compiler()
-    assert compiled(monkeypatch, compiler) == b"linked right"
-    assert compiler.runs == 1
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no digests are kept there")
-def test_what_another_compiler_has_not_finished_is_not_taken_for_damage(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: an object that grows while a second build beside it ends stays, and has its digest when it is whole."""
-    growing = cache / "o/4567/growing.o"
-    with compiler_cache.compiling():
-        growing.parent.mkdir(parents=True)
-        growing.write_bytes(b"half")
-        compiled(monkeypatch, Compiler())
-        assert list(cache.rglob("*.sha256")) == []
-        growing.write_bytes(b"half and half")
-    assert len(list(cache.rglob("*.sha256"))) == 2
-    monkeypatch.setattr(compiler_cache, "_checked", set())
-    compiled(monkeypatch, Compiler())
-    assert growing.read_bytes() == b"half and half"
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="there is no lock")
 def test_a_cache_is_not_emptied_while_a_compiler_works_in_it(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: who finds damage waits; a compiler whose cache disappears never ends."""
-    compiled(monkeypatch, Compiler())
+    """Expected: who stumbles waits; a compiler whose cache disappears never ends."""
+    (cache / OBJECT).parent.mkdir(parents=True)
+    (cache / OBJECT).write_bytes(b"cut")
     with ThreadPoolExecutor() as pool:
-        with compiler_cache.compiling():
-            damage(cache, b"wrong", monkeypatch)
-            other = pool.submit(compiled, monkeypatch, Compiler())
+        with toolchain.compiling():
+            other = pool.submit(compiled, monkeypatch, Compiler(lambda content: LINKER if content == b"cut" else None))
             assert wait([other], 0.3).not_done
-            assert (cache / OBJECT).read_bytes() == b"wrong"
+            assert (cache / OBJECT).read_bytes() == b"cut"
         assert other.result(10) == b"linked right"
 
 
-def test_a_cache_that_the_compiler_stumbles_over_is_made_anew_once(
-    cache: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_cache_that_the_compiler_stumbles_over_is_made_anew(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: a second run in an empty cache, as often as it is damaged; what lies beside it stays."""
+    beside = cache.parent / "fmus"
+    beside.mkdir(parents=True)
+    for _ in range(2):
+        (cache / OBJECT).parent.mkdir(parents=True, exist_ok=True)
+        (cache / OBJECT).write_bytes(b"cut")
+        compiler = Compiler(lambda content: LINKER if content == b"cut" else None)
+        assert compiled(monkeypatch, compiler) == b"linked right"
+        assert compiler.runs == 2
+        assert beside.exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need a right there")
+def test_a_linked_cache_loses_its_link_and_nothing_behind_it(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Expected: a second run in an empty cache; what has no digest, since it was cut before it got one."""
+    elsewhere = tmp_path / "elsewhere"
+    (elsewhere / OBJECT).parent.mkdir(parents=True)
+    (elsewhere / OBJECT).write_bytes(b"cut")
+    cache.parent.mkdir(parents=True)
+    cache.symlink_to(elsewhere)
+    assert compiled(monkeypatch, Compiler(lambda content: LINKER if content == b"cut" else None)) == b"linked right"
+    assert not cache.is_symlink()
+    assert (elsewhere / OBJECT).read_bytes() == b"cut"
+
+
+def test_each_version_of_zig_has_a_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: what another version has left is neither used nor removed."""
     compiled(monkeypatch, Compiler())
-    shutil.rmtree(cache)
-    (cache / OBJECT).parent.mkdir(parents=True)
-    (cache / OBJECT).write_bytes(b"cut")
-    compiler = Compiler(lambda content: LINKER if content == b"cut" else None)
-    assert compiled(monkeypatch, compiler) == b"linked right"
-    assert compiler.runs == 2
+    monkeypatch.setattr(toolchain, "version", lambda _package: "99.1")
+    other = Compiler(lambda _content: LINKER)
+    with pytest.raises(BuildError):
+        compiled(monkeypatch, other)
+    assert toolchain.object_cache() == cache.parent / "zig-99.1"
+    assert (cache / OBJECT).read_bytes() == b"right"
 
 
 def test_a_cache_that_does_not_heal_is_named(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,7 +166,29 @@ def test_a_full_temporary_folder_is_named_with_the_compilers_words(
     assert (cache / OBJECT).exists()
 
 
-# --- the cached unit -----------------------------------------------------------------------------------------------
+# --- finished files --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("damaged", [0, -1])
+def test_a_library_with_a_flipped_bit_is_compiled_anew(
+    damaged: int, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the bytes that the compiler wrote, in both units; a sound library is taken as it is."""
+    compiled_for: list[str] = []
+
+    def quick(_name: str, _units: object, _headers: object, target: targets.Target, *_a: Any, **_k: Any) -> bytes:
+        compiled_for.append(target.name)
+        return b"before " + start_block(SMALL, None) + b" after"
+
+    monkeypatch.setattr(builder, "compile_library", quick)
+    first = [path.read_bytes() for path in build_units(SMALL, tmp_path / "first")]
+    assert len(compiled_for) == 1
+    (library,) = (cache.parent / "libraries").rglob(f"*{targets.native().suffix}")
+    content = bytearray(library.read_bytes())
+    content[damaged] ^= 1
+    library.write_bytes(content)
+    assert [path.read_bytes() for path in build_units(SMALL, tmp_path / "second")] == first
+    assert len(compiled_for) == 2
 
 
 @pytest.fixture

@@ -359,7 +359,7 @@ def test_the_tables_in_c_have_slots_sizes_and_starts() -> None:
         **{"N_SLOTS": 21, "N_VARIABLES": 10, "FIRST_INPUT": 0, "FIRST_STATE": 2, "FIRST_RESULT": 2},
         **{"FIRST_PARAMETER": 8, "FIRST_DERIVATIVE": 16, "TIME": 18},
         "LARGEST_NUMBER": 1e30,
-        **{"HAS_CLOCK": 0, "CLOCK_REFERENCE": 1000, "SCALAR_REFERENCE": 10000},
+        "SCALAR_REFERENCE": 10000,
     }
     source = model_source(SMALL)
     rows = re.findall(r"^    \{(.*)\},$", source, re.M)

@@ -1,6 +1,6 @@
 """Values, refusals, calls out of order, messages: both versions, by FMPy."""
 
-from ctypes import POINTER, byref, c_double, c_size_t, c_uint32, c_void_p
+from ctypes import CFUNCTYPE, POINTER, byref, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint32, c_void_p
 from typing import Any
 
 import numpy as np
@@ -512,6 +512,39 @@ def test_a_reference_with_a_value_of_another_type_is_an_error_and_none_is_nothin
                     continue
                 counted = [] if p.is_fmi2 else [c_size_t(n_values)]
                 assert function(instance, one, c_size_t(n), *arrays, *counted) == expected, (of_type, n, n_values)
+
+
+# The functions of clocks, with the number of vectors that they take besides the references.
+OF_CLOCKS = {
+    **{"GetClock": 1, "SetClock": 1, "GetIntervalDecimal": 2, "SetIntervalDecimal": 1, "GetIntervalFraction": 3},
+    **{"SetIntervalFraction": 2, "GetShiftDecimal": 1, "SetShiftDecimal": 1, "GetShiftFraction": 2},
+    "SetShiftFraction": 2,
+}
+
+
+def test_there_are_no_clocks_and_no_scheduled_execution(fmu3: Fmu) -> None:
+    """Expected: every call is an error with its reason, but one for no clock at all."""
+    with plant(fmu3) as p:
+        instance, one, room = c_void_p(p.fmu.component), byref(c_uint32(1000)), byref((c_double * 4)())
+        for name, vectors in OF_CLOCKS.items():
+            function = p.fmu.dll[f"fmi3{name}"]
+            assert function(instance, one, c_size_t(1), *[room] * vectors) == ERROR, name
+            assert p.messages[-1].text.startswith(f"fmi3{name}: the unit has no variables of this type")
+            assert function(instance, None, c_size_t(0), *[None] * vectors) == OK, name
+        for name, arguments in (("EnterStepMode", ()), ("ActivateModelPartition", (c_uint32(1000), c_double(0.0)))):
+            assert p.fmu.dll[f"fmi3{name}"](instance, *arguments) == ERROR
+            assert p.messages[-1].text == f"fmi3{name}: not offered by this unit"
+        instantiate = p.fmu.dll["fmi3InstantiateScheduledExecution"]
+        instantiate.restype, token = c_void_p, fmu3.description.instantiationToken.encode()
+        said = list[tuple[int, bytes]]()
+        logger = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)(
+            lambda _e, status, _c, text: said.append((status, text))
+        )
+        assert instantiate(b"plant", token, None, c_bool(False), c_bool(False), None, logger, None, None, None) is None
+        words = (
+            b"instantiation: Scheduled Execution is not offered by this unit; it has Model Exchange and Co-Simulation"
+        )
+        assert said == [(ERROR, words)]
 
 
 def test_every_function_of_the_standard_is_exported(fmu: Fmu) -> None:

@@ -9,12 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.fmu_build.compiler_cache import compiler_environment, compiling
 from gough_stewart.fmu_build.component import Component
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.tables import start_source
-from gough_stewart.fmu_build.toolchain import place_of
+from gough_stewart.fmu_build.toolchain import compiler_environment, compiling, place_of
 from gough_stewart.model.platform_toml import load_preset
 
 HOSTS = Path(__file__).parent / "hosts"

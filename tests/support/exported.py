@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.compiler_cache import compiler_environment, compiling
+from gough_stewart.fmu_build.toolchain import compiler_environment, compiling
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment

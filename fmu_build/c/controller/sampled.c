@@ -1,4 +1,12 @@
-#include "sampled.h"
+/* A sampled controller as a component. The controller itself is generated plain C, controller.h and controller.c;
+   controller_table.h has the slots of its variables.
+
+   The controller is called at start_time + k sample_time / STEPS_A_SAMPLE; a step is a sample, unless it carries drives
+   or sensors of its machine, with shorter steps. The inputs of a step determine the forces from output_delay samples
+   later on, independent of the communication steps: output_delay is at least 1, so outputs have no direct feedthrough.
+   A step at a communication point belongs to the communication step that begins there, after the importer has set the
+   inputs. */
+#include "component.h"
 
 #include <float.h>
 #include <math.h>
@@ -6,6 +14,42 @@
 #include <string.h>
 
 #include "communication.h"
+#include "controller.h"
+#include "controller_table.h"
+#include "message.h"
+#include "model.h"
+
+#define AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1)
+/* The outputs that wait in the delay line: actuator_force, force_limited, and rate_limited if there is one. */
+#define N_DELAYED (HAS_RATE_LIMITED ? 18 : 12)
+#define N_PLANNED (MOST_OUTPUT_DELAY * STEPS_A_SAMPLE)
+
+/* The complete state. It has doubles only, since a saved state is a copy of them in this order. */
+typedef struct {
+    double time;
+    double start_time;
+    double stop_time; /* infinite if there is none */
+    double inputs[AT_LEAST_ONE(N_INPUTS)];
+    double input_rates[AT_LEAST_ONE(N_INPUTS)]; /* du/dt from the current time on */
+    double output_delay;                        /* samples from the inputs to the outputs */
+    double acting[N_DELAYED];                   /* the outputs since the last step */
+    double planned[N_PLANNED][N_DELAYED];       /* the outputs of step k at k modulo N_PLANNED */
+    double input_status;                        /* of the last step but the one that is due, like the forces */
+    double input_bad_time;
+    controller_memory memory;                   /* with the number of steps taken, `samples` */
+    controller_parameters p;
+} controller_state;
+
+_Static_assert(sizeof(controller_parameters) == N_PARAMETERS * sizeof(double), "the table has the controller's parameters");
+_Static_assert(sizeof(controller_memory) % sizeof(double) == 0, "the memory is a vector of doubles");
+
+struct component {
+    controller_state s;
+    /* derived from the parameters */
+    int is_prepared;
+    controller_coefficients coefficients;
+    char message[MESSAGE_SIZE];
+};
 
 const size_t COMPONENT_SIZE = sizeof(component);
 const size_t N_SAVED = sizeof(controller_state) / sizeof(double);
@@ -51,7 +95,7 @@ const char *component_message(const component *c)
 
 static int is_output_delay(double value)
 {
-    return value >= LEAST_OUTPUT_DELAY && value <= MOST_OUTPUT_DELAY && floor(value) == value;
+    return value >= 1 && value <= MOST_OUTPUT_DELAY && floor(value) == value;
 }
 
 outcome component_check(component *c, int slot, double value)
@@ -69,7 +113,6 @@ outcome component_check(component *c, int slot, double value)
 
 void component_put(component *c, int slot, double value)
 {
-    FORGET_TICK(c);
     if (slot == OUTPUT_DELAY)
         c->s.output_delay = value;
     else if (!is_parameter(slot))
@@ -85,11 +128,6 @@ void component_put_input_rate(component *c, int slot, double rate)
 
 outcome component_get(component *c, int slot, double *value)
 {
-#if HAS_CLOCK
-    int is_report = slot == INPUT_STATUS || slot == INPUT_BAD_TIME;
-    if (c->s.is_ticking != 0 && (is_report || (slot >= FIRST_RESULT && slot < FIRST_RESULT + N_RESULTS)))
-        return get_at_tick(c, slot, value);
-#endif
     if (slot == TIME)
         *value = c->s.time;
     else if (slot == OUTPUT_DELAY)
@@ -161,23 +199,27 @@ double component_time(const component *c)
     return c->s.time;
 }
 
-double step_period(const component *c)
+/* Time from step to step of the controller. */
+static double step_period(const component *c)
 {
     return c->s.p.sample_time / STEPS_A_SAMPLE;
 }
 
-double next_step(const component *c)
+/* Time of its next step. */
+static double next_step(const component *c)
 {
     return c->s.start_time + c->s.memory.samples * step_period(c);
 }
 
-double clock_slack(const component *c, double time)
+/* Tolerance for the accumulated rounding of an importer's clock. */
+static double clock_slack(const component *c, double time)
 {
     double rounding = fmax(1e-6 * step_period(c), 1e-9 * fmax(1, fabs(time)));
     return fmin(rounding, 0.05 * step_period(c));
 }
 
-outcome check_resolution(component *c, double end)
+/* Whether the steps can be resolved up to this time. */
+static outcome check_resolution(component *c, double end)
 {
     double latest = fmax(fabs(c->s.start_time), end);
     if (step_period(c) < 1e3 * DBL_EPSILON * latest) {
@@ -190,12 +232,14 @@ outcome check_resolution(component *c, double end)
 
 /* ---- a step --------------------------------------------------------------------------------------------------- */
 
-double *planned_at(component *c, double step)
+/* The outputs that a step determines; steps count from 0. */
+static double *planned_at(component *c, double step)
 {
     return c->s.planned[(size_t)fmod(step, N_PLANNED)];
 }
 
-outcome take_step(component *c, controller_memory *memory, double outputs[N_DELAYED])
+/* One step with the present inputs: its outputs, and the memory after it, which is undefined after a failure. */
+static outcome take_step(component *c, controller_memory *memory, double outputs[N_DELAYED])
 {
     double force[6];
     unsigned char limited[6];
@@ -221,6 +265,97 @@ outcome take_step(component *c, controller_memory *memory, double outputs[N_DELA
     return DONE;
 }
 
+/* ---- a communication step ------------------------------------------------------------------------------------- */
+
+static int is_due(const component *c)
+{
+    return next_step(c) <= c->s.time + clock_slack(c, c->s.time);
+}
+
+static outcome check_samples(component *c, double end)
+{
+    if (check_resolution(c, end) != DONE)
+        return NOT_POSSIBLE;
+    if (!((end - next_step(c)) / step_period(c) < MOST_SAMPLES)) {
+        write_message(c->message, "communication step to %.12g s rejected; it has more than %d samples of %g s; "
+                                  "use shorter steps", end, MOST_SAMPLES, step_period(c));
+        return NOT_POSSIBLE;
+    }
+    return DONE;
+}
+
+static outcome check_inputs(component *c)
+{
+    if (all_finite(c->s.inputs, N_INPUTS))
+        return DONE;
+    write_message(c->message, "at time %.12g s: an input is not finite; its derivative is too large", c->s.time);
+    return NOT_POSSIBLE;
+}
+
+static outcome take_sample(component *c)
+{
+    if (check_inputs(c) != DONE)
+        return NOT_POSSIBLE;
+    if (!(c->s.memory.samples > 0))
+        memcpy(c->s.acting, c->s.p.start_force, sizeof c->s.p.start_force);
+    return take_step(c, &c->s.memory, planned_at(c, c->s.memory.samples));
+}
+
+static void advance(component *c, double time)
+{
+    for (int k = 0; k < N_INPUTS; k++)
+        c->s.inputs[k] += c->s.input_rates[k] * (time - c->s.time);
+    c->s.time = time;
+    if (c->s.memory.samples > 0 && is_due(c)) { /* reports do not wait in the delay line */
+        c->s.input_status = c->s.memory.input_status;
+        c->s.input_bad_time = c->s.memory.input_bad_time;
+    }
+    /* until the first command has passed the delay line, the start forces act */
+    double late = c->s.output_delay * STEPS_A_SAMPLE;
+    if (c->s.memory.samples >= late && is_due(c))
+        memcpy(c->s.acting, planned_at(c, c->s.memory.samples - late), sizeof c->s.acting);
+}
+
+static outcome run(component *c, double end, const step_observer *observer)
+{
+    while (c->s.time < end) {
+        outcome sampled = is_due(c) ? take_sample(c) : DONE;
+        if (sampled != DONE)
+            return sampled;
+        double due = next_step(c), time = due < end - clock_slack(c, end) ? due : end;
+        if (time <= c->s.time) /* more than one sample is due */
+            continue;
+        advance(c, time);
+        if (observer) {
+            double requested_end = end;
+            observer->notice(observer->context, time, &requested_end);
+            if (requested_end < end)
+                end = fmax(requested_end, time);
+        }
+    }
+    return check_inputs(c); /* a state that is not finite could not be restored */
+}
+
+outcome component_step(component *c, double time, double step, const step_observer *observer, double *reached)
+{
+    *reached = c->s.time;
+    outcome done = check_step(c->s.time, c->s.stop_time, time, step, c->message);
+    if (done == DONE)
+        done = component_check_parameters(c);
+    if (done == DONE)
+        done = check_samples(c, time + step);
+    if (done != DONE)
+        return done;
+    controller_state before = c->s;
+    done = run(c, time + step, observer);
+    if (done != DONE) {
+        c->s = before;
+        return done;
+    }
+    *reached = c->s.time;
+    return DONE;
+}
+
 /* ---- saved states --------------------------------------------------------------------------------------------- */
 
 void component_save(const component *c, double saved[])
@@ -242,12 +377,11 @@ int component_can_restore(const double saved[])
     for (int slot = FIRST_PARAMETER; slot < FIRST_PARAMETER + N_PARAMETERS; slot++)
         if (expected_of_slot(slot, get_parameter(&c, slot)))
             return 0;
-    return IS_POSSIBLE_TICK(c.s) && is_output_delay(c.s.output_delay) && c.s.memory.samples >= 0;
+    return is_output_delay(c.s.output_delay) && c.s.memory.samples >= 0;
 }
 
 void component_restore(component *c, const double saved[])
 {
     memcpy(&c->s, saved, sizeof c->s);
     c->is_prepared = 0;
-    FORGET_TICK(c);
 }

@@ -165,11 +165,6 @@ void machine_take(int64_t *block)
     plan_take(&o->plan, (double)(sample * every) * o->with.plant_step);
 }
 
-int64_t machine_first(const int64_t *block)
-{
-    return own_of((int64_t *)block)->with.first_row;
-}
-
 int64_t machine_ended(const int64_t *block)
 {
     return own_of((int64_t *)block)->with.ended[0];

@@ -38,8 +38,6 @@ MACHINE_OFFERED int64_t machine_turn(int64_t *block);
 /* Poles, modes and margins of the linear loop as it is now, in MACHINE_TURN_RESULTS, see turning.h. Returns 0, or 1 if there
    are none. */
 MACHINE_OFFERED int64_t machine_margins(int64_t *block);
-/* Index of the first row that the last call kept. */
-MACHINE_OFFERED int64_t machine_first(const int64_t *block);
 /* The row at which it ended, or -1; and why: 0, or a FAILURE of lanes_table.h. */
 MACHINE_OFFERED int64_t machine_ended(const int64_t *block);
 MACHINE_OFFERED int64_t machine_failure(const int64_t *block);

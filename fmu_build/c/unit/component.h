@@ -50,19 +50,6 @@ outcome component_step(component *c, double time, double step, const step_observ
 
 double component_time(const component *c);
 
-/* For a component with a clock, which ticks at the start time and after every interval. One without uses the stubs in
-   clockless.c. */
-double component_interval(const component *c);
-/* Before the end of initialization, which checks it. */
-void component_set_interval(component *c, double interval);
-/* At a tick: until `component_end_tick`, results are those of the present inputs and parameters. */
-outcome component_begin_tick(component *c);
-int component_is_ticking(const component *c);
-/* The state becomes that after the tick; results stay until the next one. */
-outcome component_end_tick(component *c);
-/* A whole tick at `time`, which becomes the current time. */
-outcome component_tick(component *c, double time);
-
 /* For external integrators and for derivatives. A component without continuous states uses the stubs in stateless.c.
    Vectors have N_STATES elements: */
 outcome component_set_time(component *c, double time);

@@ -76,13 +76,8 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                             .intermediate_update = (any_function)intermediateUpdate,
                             .may_return_early = earlyReturnAllowed,
                             .logs = loggingOn};
-    if (eventModeUsed && !HAS_CLOCK) {
+    if (eventModeUsed) {
         report(&request, STATUS_ERROR, "%s: event mode is not offered by this unit (hasEventMode is false)", __func__);
-        return NULL;
-    }
-    if (!eventModeUsed && HAS_CLOCK) {
-        report(&request, STATUS_ERROR, "%s: this unit has a clock, which ticks in event mode; expected eventModeUsed, or "
-                                       "the unit without a clock", __func__);
         return NULL;
     }
     if (!has_array(&request, __func__, requiredIntermediateVariables, nRequiredIntermediateVariables,
@@ -91,7 +86,7 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
     for (size_t k = 0; k < nRequiredIntermediateVariables; k++) {
         fmi3ValueReference reference = requiredIntermediateVariables[k];
         int first, size;
-        if (HAS_CLOCK || !slots_of_reference(reference, &first, &size) || variable_of(first)->role > RESULT) {
+        if (!slots_of_reference(reference, &first, &size) || variable_of(first)->role > RESULT) {
             report(&request, STATUS_ERROR,
                    "%s: value reference %lu is not available in intermediate updates; expected an input or output",
                    __func__, (unsigned long)reference);
@@ -108,17 +103,20 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
                                                fmi3LockPreemptionCallback lockPreemption,
                                                fmi3UnlockPreemptionCallback unlockPreemption)
 {
+    (void)instanceName;
+    (void)instantiationToken;
     (void)resourcePath;
     (void)visible;
-    (void)clockUpdate; /* no clock is an output or counts down */
-    (void)lockPreemption; /* there is one partition, which shares nothing */
+    (void)clockUpdate;
+    (void)lockPreemption;
     (void)unlockPreemption;
     fmi_instance request = {.layer = &FMI_3,
-                            .kind = SCHEDULED_EXECUTION,
                             .environment = instanceEnvironment,
                             .logger = (any_function)logMessage,
                             .logs = loggingOn};
-    return new_instance(&request, instanceName, instantiationToken);
+    report(&request, STATUS_ERROR, "instantiation: Scheduled Execution is not offered by this unit; it has %sCo-Simulation",
+           N_STATES > 0 ? "Model Exchange and " : "");
+    return NULL;
 }
 
 void fmi3FreeInstance(fmi3Instance instance)
@@ -291,7 +289,7 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte seriali
     return AS_FMI3(deserialize(instance, __func__, serializedState, size, FMUState));
 }
 
-/* ---- events (of clocks) --------------------------------------------------------------------------------------- */
+/* ---- events --------------------------------------------------------------------------------------------------- */
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance)
 {
@@ -316,9 +314,6 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
     for (int k = 0; k < 5; k++)
         if (!has_array(instance, __func__, flags[k], 1, "a flag"))
             return fmi3Error;
-    fmi_status updated = update_discrete(instance, __func__);
-    if (updated != STATUS_OK)
-        return AS_FMI3(updated);
     for (int k = 0; k < 5; k++)
         *flags[k] = fmi3False;
     *nextEventTime = 0;
@@ -399,11 +394,6 @@ fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nConti
 
 /* ---- co-simulation -------------------------------------------------------------------------------------------- */
 
-fmi3Status fmi3EnterStepMode(fmi3Instance instance)
-{
-    return AS_FMI3(enter_step(instance, __func__));
-}
-
 fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference valueReferences[],
                                     size_t nValueReferences, const fmi3Int32 orders[], fmi3Float64 values[],
                                     size_t nValues)
@@ -448,56 +438,49 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     return AS_FMI3(stepped);
 }
 
-/* ---- clocks --------------------------------------------------------------------------------------------------- */
+/* ---- not offered: clocks, step mode after events, structural parameters --------------------------------------- */
 
-fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                        fmi3Clock values[])
-{
-    return AS_FMI3(get_clocks(instance, __func__, valueReferences, nValueReferences, values));
-}
-
-fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                        const fmi3Clock values[])
-{
-    return AS_FMI3(set_clocks(instance, __func__, valueReferences, nValueReferences, values));
-}
-
-fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                  size_t nValueReferences, fmi3Float64 intervals[],
-                                  fmi3IntervalQualifier qualifiers[])
-{
-    if (instance && !has_array(instance, __func__, qualifiers, nValueReferences, "qualifiers"))
-        return fmi3Error;
-    fmi_status got = get_intervals(instance, __func__, valueReferences, nValueReferences, intervals);
-    for (size_t k = 0; got == STATUS_OK && k < nValueReferences; k++)
-        qualifiers[k] = fmi3IntervalUnchanged; /* it is that of modelDescription.xml, or the importer's */
-    return AS_FMI3(got);
-}
-
-fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                               size_t nValueReferences, fmi3Float64 shifts[])
-{
-    return AS_FMI3(get_shifts(instance, __func__, valueReferences, nValueReferences, shifts));
-}
-
-fmi3Status fmi3SetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                  size_t nValueReferences, const fmi3Float64 intervals[])
-{
-    return AS_FMI3(set_intervals(instance, __func__, valueReferences, nValueReferences, intervals));
-}
-
-fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
-                                      fmi3Float64 activationTime)
-{
-    return AS_FMI3(activate(instance, __func__, clockReference, activationTime));
-}
-
-/* ---- not offered: structural parameters, clocks counted in fractions ------------------------------------------ */
+/* A function of clocks, of which there are none: its vectors are read for no reference. */
+#define OF_CLOCKS(name, unused, ...)                                                                                   \
+    fmi3Status name(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,        \
+                    __VA_ARGS__)                                                                                       \
+    {                                                                                                                  \
+        (void)valueReferences;                                                                                         \
+        unused;                                                                                                        \
+        return AS_FMI3(no_such_type(instance, __func__, nValueReferences));                                            \
+    }
+OF_CLOCKS(fmi3GetClock, (void)values, fmi3Clock values[])
+OF_CLOCKS(fmi3SetClock, (void)values, const fmi3Clock values[])
+OF_CLOCKS(fmi3GetIntervalDecimal, ((void)intervals, (void)qualifiers), fmi3Float64 intervals[],
+          fmi3IntervalQualifier qualifiers[])
+OF_CLOCKS(fmi3SetIntervalDecimal, (void)intervals, const fmi3Float64 intervals[])
+OF_CLOCKS(fmi3GetIntervalFraction, ((void)counters, (void)resolutions, (void)qualifiers), fmi3UInt64 counters[],
+          fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[])
+OF_CLOCKS(fmi3SetIntervalFraction, ((void)counters, (void)resolutions), const fmi3UInt64 counters[],
+          const fmi3UInt64 resolutions[])
+OF_CLOCKS(fmi3GetShiftDecimal, (void)shifts, fmi3Float64 shifts[])
+OF_CLOCKS(fmi3SetShiftDecimal, (void)shifts, const fmi3Float64 shifts[])
+OF_CLOCKS(fmi3GetShiftFraction, ((void)counters, (void)resolutions), fmi3UInt64 counters[], fmi3UInt64 resolutions[])
+OF_CLOCKS(fmi3SetShiftFraction, ((void)counters, (void)resolutions), const fmi3UInt64 counters[],
+          const fmi3UInt64 resolutions[])
 
 static fmi3Status not_offered(const fmi_instance *i, const char *function)
 {
     is_allowed(i, function, CALL_NOT_OFFERED);
     return fmi3Error;
+}
+
+fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
+                                      fmi3Float64 activationTime)
+{
+    (void)clockReference;
+    (void)activationTime;
+    return not_offered(instance, __func__);
+}
+
+fmi3Status fmi3EnterStepMode(fmi3Instance instance)
+{
+    return not_offered(instance, __func__);
 }
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance)
@@ -508,51 +491,4 @@ fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance)
 fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance)
 {
     return not_offered(instance, __func__);
-}
-
-fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                   size_t nValueReferences, fmi3UInt64 counters[], fmi3UInt64 resolutions[],
-                                   fmi3IntervalQualifier qualifiers[])
-{
-    (void)valueReferences;
-    (void)counters;
-    (void)resolutions;
-    (void)qualifiers;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
-}
-
-fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                size_t nValueReferences, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
-{
-    (void)valueReferences;
-    (void)counters;
-    (void)resolutions;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
-}
-
-fmi3Status fmi3SetIntervalFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                   size_t nValueReferences, const fmi3UInt64 counters[],
-                                   const fmi3UInt64 resolutions[])
-{
-    (void)valueReferences;
-    (void)counters;
-    (void)resolutions;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
-}
-
-fmi3Status fmi3SetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                               size_t nValueReferences, const fmi3Float64 shifts[])
-{
-    (void)valueReferences;
-    (void)shifts;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
-}
-
-fmi3Status fmi3SetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                size_t nValueReferences, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
-{
-    (void)valueReferences;
-    (void)counters;
-    (void)resolutions;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences));
 }

@@ -29,14 +29,13 @@ static const char *name_of_mode(fmi_mode mode)
     case STEP: return "step mode";
     case INTERMEDIATE: return "intermediate update mode";
     case TERMINATED: return "the terminated state";
-    case ACTIVATION: return "clock activation mode";
     }
     return "an unknown mode";
 }
 
 const char *name_of_kind(fmi_kind kind)
 {
-    return kind == MODEL_EXCHANGE ? "Model Exchange" : kind == CO_SIMULATION ? "Co-Simulation" : "Scheduled Execution";
+    return kind == MODEL_EXCHANGE ? "Model Exchange" : "Co-Simulation";
 }
 
 /* Errors are always logged, as in FMI 2.0 (2.1.3) and in FMI 3.0 from 3.0.3 on (2.2.3). */
@@ -147,11 +146,6 @@ fmi_instance *new_instance(const fmi_instance *request, const char *name, const 
         report(request, STATUS_ERROR, "instantiation: Model Exchange is not offered by this unit; it has Co-Simulation");
         return NULL;
     }
-    if (request->kind == SCHEDULED_EXECUTION && !HAS_CLOCK) {
-        report(request, STATUS_ERROR, "instantiation: Scheduled Execution is not offered by this unit; it has %sCo-Simulation",
-               N_STATES > 0 ? "Model Exchange and " : "");
-        return NULL;
-    }
     size_t length = strlen(name) + 1;
     fmi_instance *i = malloc(sizeof *i + COMPONENT_SIZE + length);
     if (!i) {
@@ -190,7 +184,7 @@ fmi_status exit_initialization(fmi_instance *i, const char *function)
         return STATUS_ERROR;
     if (component_begin(i->core) != DONE)
         return report(i, STATUS_ERROR, "%s: %s", function, component_message(i->core));
-    i->mode = i->kind == SCHEDULED_EXECUTION ? ACTIVATION : i->kind == MODEL_EXCHANGE || HAS_CLOCK ? EVENT : STEP;
+    i->mode = i->kind == MODEL_EXCHANGE ? EVENT : STEP;
     return STATUS_OK;
 }
 

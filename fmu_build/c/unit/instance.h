@@ -96,20 +96,6 @@ fmi_status enter_continuous(fmi_instance *i, const char *function);
 fmi_status reset(fmi_instance *i, const char *function);
 fmi_status do_step(fmi_instance *i, const char *function, double time, double step, const step_observer *observer);
 
-/* Clocks (clocks.c); `clocks` are value references. */
-fmi_status set_clocks(fmi_instance *i, const char *function, const uint32_t clocks[], size_t n, const _Bool active[]);
-fmi_status get_clocks(const fmi_instance *i, const char *function, const uint32_t clocks[], size_t n, _Bool active[]);
-fmi_status get_intervals(const fmi_instance *i, const char *function, const uint32_t clocks[], size_t n,
-                         double intervals[]);
-fmi_status set_intervals(fmi_instance *i, const char *function, const uint32_t clocks[], size_t n,
-                         const double intervals[]);
-fmi_status get_shifts(const fmi_instance *i, const char *function, const uint32_t clocks[], size_t n, double shifts[]);
-/* Ends the tick of an active clock. */
-fmi_status update_discrete(fmi_instance *i, const char *function);
-fmi_status enter_step(fmi_instance *i, const char *function);
-/* Scheduled execution: a whole tick. */
-fmi_status activate(fmi_instance *i, const char *function, uint32_t clock, double time);
-
 /* Model exchange */
 fmi_status set_time(fmi_instance *i, const char *function, double time);
 fmi_status set_continuous_states(fmi_instance *i, const char *function, const double x[], size_t n);

@@ -5,60 +5,52 @@
 
 #include "model.h"
 
-typedef enum { MODEL_EXCHANGE = 1, CO_SIMULATION = 2, SCHEDULED_EXECUTION = 4 } fmi_kind;
+typedef enum { MODEL_EXCHANGE = 1, CO_SIMULATION = 2 } fmi_kind;
 
 typedef enum {
     INSTANTIATED = 1,
     INITIALIZATION = 2,
-    EVENT = 4,       /* model exchange; co-simulation of a unit with a clock */
+    EVENT = 4,       /* model exchange */
     CONTINUOUS = 8,  /* model exchange: "continuous-time mode" */
     STEP = 16,       /* co-simulation: "step mode", in FMI 2.0 "slave initialized" */
     INTERMEDIATE = 32, /* co-simulation, FMI 3.0: in the callback of a step */
-    TERMINATED = 64,
-    ACTIVATION = 128 /* scheduled execution: "clock activation mode" */
+    TERMINATED = 64
 } fmi_mode;
 
 #define BEFORE_START (INSTANTIATED | INITIALIZATION)
-#define RUNNING (EVENT | CONTINUOUS | STEP | ACTIVATION)
+#define RUNNING (EVENT | CONTINUOUS | STEP)
 #define BETWEEN_CALLS (BEFORE_START | RUNNING | TERMINATED)
 #define ANY_MODE (BETWEEN_CALLS | INTERMEDIATE)
 #define NEVER 0
 
 /* a component without continuous states has nothing to integrate, and its outputs have no derivatives */
 #define IF_CONTINUOUS(modes) (N_STATES > 0 ? (modes) : NEVER)
-/* only a unit with a clock has events in co-simulation; its inputs belong to the clock */
-#define IF_CLOCKED(bits) (HAS_CLOCK ? (bits) : NEVER)
-#define INPUT_MODES (HAS_CLOCK ? BEFORE_START | EVENT | ACTIVATION : BEFORE_START | RUNNING | INTERMEDIATE)
 
 #define FOR_ME MODEL_EXCHANGE
 #define FOR_CS CO_SIMULATION
-#define FOR_SE SCHEDULED_EXECUTION
 #define BOTH (FOR_ME | FOR_CS)
-#define ALL_KINDS (BOTH | FOR_SE)
 
 /* clang-format off */
 /* call, allowed for these kinds, may return Discard for these kinds, allowed in these modes */
 #define CALLS(ROW)                                                                                               \
-    ROW(CALL_SET_LOGGING,           ALL_KINDS, NEVER,  BETWEEN_CALLS)                                            \
-    ROW(CALL_RESET,                 ALL_KINDS, NEVER,  BETWEEN_CALLS)                                            \
-    ROW(CALL_FMU_STATE,             ALL_KINDS, NEVER,  BETWEEN_CALLS)                                            \
+    ROW(CALL_SET_LOGGING,           BOTH,      NEVER,  BETWEEN_CALLS)                                            \
+    ROW(CALL_RESET,                 BOTH,      NEVER,  BETWEEN_CALLS)                                            \
+    ROW(CALL_FMU_STATE,             BOTH,      NEVER,  BETWEEN_CALLS)                                            \
     ROW(CALL_SET_EXPERIMENT,        BOTH,      NEVER,  INSTANTIATED)                                             \
-    ROW(CALL_ENTER_INITIALIZATION,  ALL_KINDS, NEVER,  INSTANTIATED)                                             \
-    ROW(CALL_EXIT_INITIALIZATION,   ALL_KINDS, NEVER,  INITIALIZATION)                                           \
-    ROW(CALL_TERMINATE,             ALL_KINDS, NEVER,  RUNNING)                                                  \
-    ROW(CALL_GET,                   ALL_KINDS, FOR_ME, ANY_MODE)                                                 \
-    ROW(CALL_SET,                   ALL_KINDS, BOTH,   BEFORE_START | RUNNING | INTERMEDIATE)                    \
-    ROW(CALL_SET_INPUT,             ALL_KINDS, BOTH,   INPUT_MODES)                                              \
-    ROW(CALL_SET_START,             ALL_KINDS, BOTH,   BEFORE_START)                                             \
-    ROW(CALL_SET_TUNABLE,           ALL_KINDS, BOTH,   BEFORE_START | EVENT | STEP | ACTIVATION)                 \
+    ROW(CALL_ENTER_INITIALIZATION,  BOTH,      NEVER,  INSTANTIATED)                                             \
+    ROW(CALL_EXIT_INITIALIZATION,   BOTH,      NEVER,  INITIALIZATION)                                           \
+    ROW(CALL_TERMINATE,             BOTH,      NEVER,  RUNNING)                                                  \
+    ROW(CALL_GET,                   BOTH,      FOR_ME, ANY_MODE)                                                 \
+    ROW(CALL_SET,                   BOTH,      BOTH,   BEFORE_START | RUNNING | INTERMEDIATE)                    \
+    ROW(CALL_SET_START,             BOTH,      BOTH,   BEFORE_START)                                             \
+    ROW(CALL_SET_TUNABLE,           BOTH,      BOTH,   BEFORE_START | EVENT | STEP)                              \
     ROW(CALL_SENSITIVITY,           BOTH,      NEVER,  IF_CONTINUOUS(INITIALIZATION | RUNNING | TERMINATED))     \
     ROW(CALL_SET_INPUT_RATES,       FOR_CS,    NEVER,  BEFORE_START | STEP)                                      \
     ROW(CALL_GET_OUTPUT_RATES,      FOR_CS,    NEVER,  IF_CONTINUOUS(STEP | INTERMEDIATE | TERMINATED))          \
     ROW(CALL_DO_STEP,               FOR_CS,    FOR_CS, STEP)                                                     \
     ROW(CALL_STEP_STATUS,           FOR_CS,    FOR_CS, STEP | TERMINATED)                                        \
-    ROW(CALL_ENTER_EVENT,           FOR_ME | IF_CLOCKED(FOR_CS), NEVER, CONTINUOUS | IF_CLOCKED(STEP))           \
-    ROW(CALL_UPDATE_DISCRETE,       FOR_ME | IF_CLOCKED(FOR_CS), NEVER, EVENT)                                   \
-    ROW(CALL_ENTER_STEP,            FOR_CS,    NEVER,  IF_CLOCKED(EVENT))                                        \
+    ROW(CALL_ENTER_EVENT,           FOR_ME,    NEVER,  CONTINUOUS)                                               \
+    ROW(CALL_UPDATE_DISCRETE,       FOR_ME,    NEVER,  EVENT)                                                    \
     ROW(CALL_ENTER_CONTINUOUS,      FOR_ME,    NEVER,  EVENT)                                                    \
     ROW(CALL_COMPLETED_STEP,        FOR_ME,    NEVER,  CONTINUOUS)                                               \
     ROW(CALL_SET_TIME,              FOR_ME,    NEVER,  EVENT | CONTINUOUS)                                       \
@@ -66,12 +58,8 @@ typedef enum {
     ROW(CALL_GET_CONTINUOUS_STATES, FOR_ME,    FOR_ME, BEFORE_START | EVENT | CONTINUOUS | TERMINATED)           \
     ROW(CALL_GET_NUMBERS,           FOR_ME,    NEVER,  BEFORE_START | EVENT | CONTINUOUS)                        \
     ROW(CALL_EVALUATE_DISCRETE,     FOR_ME,    NEVER,  INITIALIZATION | EVENT)                                   \
-    ROW(CALL_CLOCK,                 FOR_CS,    NEVER,  IF_CLOCKED(EVENT))                                        \
-    ROW(CALL_GET_INTERVAL,          FOR_CS | FOR_SE, NEVER, IF_CLOCKED(INITIALIZATION | EVENT | ACTIVATION))     \
-    ROW(CALL_SET_INTERVAL,          FOR_CS | FOR_SE, NEVER, IF_CLOCKED(INITIALIZATION))                          \
-    ROW(CALL_ACTIVATE,              FOR_SE,    NEVER,  IF_CLOCKED(ACTIVATION))                                   \
-    /* there are no structural parameters, no asynchronous steps */                                              \
-    ROW(CALL_NOT_OFFERED,           ALL_KINDS, NEVER,  NEVER)
+    /* there are no clocks, no structural parameters, no asynchronous steps */                                   \
+    ROW(CALL_NOT_OFFERED,           BOTH,      NEVER,  NEVER)
 /* clang-format on */
 
 #define AS_NAME(name, kinds, discards, modes) name,

@@ -153,11 +153,9 @@ fmi_status serialize(const fmi_instance *i, const char *function, const void *sa
 static int is_possible(const saved_state *s)
 {
     int modes = BEFORE_START | TERMINATED;
-    modes |= s->kind == MODEL_EXCHANGE ? EVENT | CONTINUOUS
-             : s->kind == CO_SIMULATION ? STEP | IF_CLOCKED(EVENT) : ACTIVATION;
+    modes |= s->kind == MODEL_EXCHANGE ? EVENT | CONTINUOUS : STEP;
     int mode = (int)s->mode;
-    int is_offered = s->kind == CO_SIMULATION || (s->kind == MODEL_EXCHANGE && N_STATES > 0) ||
-                     (s->kind == SCHEDULED_EXECUTION && HAS_CLOCK);
+    int is_offered = s->kind == CO_SIMULATION || (s->kind == MODEL_EXCHANGE && N_STATES > 0);
     if (!is_offered || !(mode & modes) || (mode & (mode - 1)))
         return 0;
     return component_can_restore(s->numbers);

@@ -54,11 +54,11 @@ fmi_status get_values(fmi_instance *i, const char *function, const uint32_t refe
 static fmi_call call_to_set(const fmi_instance *i, int slot)
 {
     switch (role_at(slot)) {
-    case INPUT: return CALL_SET_INPUT;
+    case INPUT: return CALL_SET;
     case STATE: return i->mode == CONTINUOUS ? CALL_SET_CONTINUOUS_STATES : CALL_SET_START;
     case FIXED_PARAMETER: return CALL_SET_START;
     case TUNABLE_PARAMETER:
-        return i->mode == CONTINUOUS && i->layer->tunes_continuously ? CALL_SET_INPUT : CALL_SET_TUNABLE;
+        return i->mode == CONTINUOUS && i->layer->tunes_continuously ? CALL_SET : CALL_SET_TUNABLE;
     default: return CALL_NOT_OFFERED;
     }
 }

@@ -144,7 +144,7 @@ def test_export(notes: Notes, is_default: bool) -> None:
 
     notes.replace("harness.export.export.export", act=act)
     more = () if is_default else (
-        *("--as", "c, clocked, ssp,fmu", "--fmi", "3.0", "--ssp-fmi", "3.0"),
+        *("--as", "c, ssp,fmu", "--fmi", "3.0", "--ssp-fmi", "3.0"),
         *("--target", "x86_64-windows", "--target", "aarch64-linux"),
         *("--reference", "inputs", "--safe-force", "zero", "--frozen", "50,1.5 mm", "--anyway", "--real", "float"),
         *("--with", "sensors, drives", "--set", "loop.duration=0.7", "--set", "loop.delay=2", "--out", "there"),
@@ -153,7 +153,7 @@ def test_export(notes: Notes, is_default: bool) -> None:
     (chosen,), given = notes.one("export")
     loop = (chosen.loop.duration, chosen.loop.delay)
     versions, targets = list(given.pop("fmi")), given.pop("targets")
-    assert list(given.pop("forms")) == (["fmu"] if is_default else ["fmu", "c", "ssp", "clocked"])
+    assert list(given.pop("forms")) == (["fmu"] if is_default else ["fmu", "c", "ssp"])
     if is_default:
         assert (loop, versions, targets) == ((2.0, 1), ["2.0", "3.0"], ["native"])
         other: dict[str, Any] = {"out": Path(), "reference": "inside", "safe_force": "feedforward", "real": "double"}
@@ -164,11 +164,11 @@ def test_export(notes: Notes, is_default: bool) -> None:
         other = {"out": Path("there"), "reference": "inputs", "safe_force": "zero", "real": "float"}
         other |= {"ssp_fmi": "3.0", "frozen": (50, 0.0015), "anyway": True}
         assert given == {**other, "parts": ("drives", "sensors")}
-        # the C at once; the FMUs; an SSP with two FMUs, and itself; the FMU with a clock
-        total = 1 + number_of_steps(["3.0"], targets) + 1 + 3 * number_of_steps(["2.0"], targets)
+        # the C at once; the FMUs; an SSP with two FMUs, and itself
+        total = 1 + number_of_steps(["3.0"], targets) + 1 + 2 * number_of_steps(["2.0"], targets)
     assert done.stderr == "warning: take care\n"
     where = "." if is_default else "there"
-    forms = "FMU" if is_default else "FMU, C, SSP and clocked FMU"
+    forms = "FMU" if is_default else "FMU, C and SSP"
     was_set = [] if is_default else ["set: loop.duration = 0.7 (file: 2 s), loop.delay = 2 (file: 1)"]
     lines = [f"Written as {forms}; it is stable", "heave step", *was_set]
     said(done, *lines, f"Done in T s. Wrote to {where} (4 kB):")

@@ -64,7 +64,7 @@ def test_everything_around_the_controller_is_named_and_nothing_else() -> None:
 
 
 def test_an_experiment_that_is_complete_in_its_forms_lacks_nothing() -> None:
-    hosts: tuple[Host, ...] = ("c", "fmu", "clocked", "ssp")
+    hosts: tuple[Host, ...] = ("c", "fmu", "ssp")
     for host in hosts:
         assert left_out(experiment_of("circle"), host) == []
     assert left_out(experiment_of("circle", {"limits.stroke": "ignore"}), "c") == []

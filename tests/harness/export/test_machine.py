@@ -45,9 +45,10 @@ class Machine:
     def __init__(self, block: Block, law: Any = None) -> None:
         self._c = ctypes.CDLL(str(machine_library(machine_c(law, block.variant))))
         self._c.machine_field.restype = ctypes.c_void_p
-        for name in ("open", "run", "first", "ended", "failure"):
+        for name in ("open", "run", "ended", "failure"):
             getattr(self._c, f"machine_{name}").restype = ctypes.c_int64
         self.words = block.words.copy()
+        self.row = 0  # the next one
         self.status = int(self("open", len(self.words)))
 
     def __call__(self, name: str, *numbers: int) -> Any:
@@ -64,13 +65,12 @@ class Machine:
     def run(self, rows: int) -> dict[str, NDArray[Any]]:
         """All rows from the present one on."""
         found: dict[str, list[NDArray[Any]]] = {name: [] for name in SIZES}
-        row = 0
-        while row < rows:
-            end = int(self("run", rows))
-            first = int(self("first"))
+        end = 0
+        while end < rows:
+            first, end = self.row, int(self("run", rows))
             for name, size in SIZES.items():
                 found[name].append(self.field(name, (end - first) * size).reshape(-1, size).copy())
-            row = end
+            self.row = end
         return {name: np.concatenate(each) for name, each in found.items()}
 
 
