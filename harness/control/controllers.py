@@ -249,7 +249,7 @@ class PID(SixChannels):
 
 
 class PythonController(ControllerChoice):
-    """A controller from a Python file, which is executed anew for each run and each member of an ensemble.
+    """A controller from a Python file, which is executed once for a run, or for all members of an ensemble.
 
     `name` ("controller") is a class, a discrete python-control system, a `LinearController`, or an object or function
     that is called with a `Sample`; `factory` instead of it is a function that makes one. Class and factory are called

@@ -176,9 +176,10 @@ def fresh_controller(controller: Controller) -> LinearController | UnitControlle
     ControllerError
         The maker fails, or makes something that is not a controller.
     """
-    if not isinstance(controller, Maker):
-        return controller
-    made = controller.make()
+    return _made(controller.make()) if isinstance(controller, Maker) else controller
+
+
+def _made(made: Any) -> LinearController | ControlFunction:
     if isinstance(made, LinearController):
         return made
     if inspect.isclass(made):
@@ -189,8 +190,8 @@ def fresh_controller(controller: Controller) -> LinearController | UnitControlle
 
 
 def linear_of(controller: Controller | None) -> LinearController | None:
-    """The linear controller that it is or makes; None if it is none."""
-    found = None if controller is None else fresh_controller(controller)
+    """The linear controller that it is or makes; None if it is none, which the next run then gets."""
+    found = _made(controller.peek()) if isinstance(controller, Maker) else controller
     return found if isinstance(found, LinearController) else None
 
 

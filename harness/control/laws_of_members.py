@@ -5,7 +5,7 @@ A member's forces do not depend on the other members, to the last bit.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import FunctionType, MappingProxyType
+from types import MappingProxyType
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -20,8 +20,8 @@ from gough_stewart.harness.control.laws import (
     fresh_controller,
 )
 from gough_stewart.harness.control.linear_law import LinearLaw
+from gough_stewart.harness.control.python.casadi_function import is_casadi_function
 from gough_stewart.harness.control.python.makers import Copied, Maker, name_of
-from gough_stewart.harness.control.python.shared_memory import Watch, functions_in
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, SharedMemoryError
 from gough_stewart.harness.plants import signals
@@ -90,14 +90,14 @@ class LinearLaws:
 
 
 def law_of(controller: Controller, sample_time: float, jacobians: FloatArray, known: Known | None = None) -> LawFrom:
-    """`laws_of` one member, whose function may have memory.
+    """`laws_of` one member.
 
     Raises
     ------
     ControllerError
         The controller has another sample time, or its maker fails.
     """
-    make = laws_of([controller], sample_time, jacobians, () if known is None else (known,), may_remember=True)
+    make = laws_of([controller], sample_time, jacobians, () if known is None else (known,))
 
     def law_from(reference: FloatArray, measured: FloatArray) -> Law:
         law = make(reference, measured)
@@ -114,8 +114,6 @@ def laws_of(
     jacobians: FloatArray,
     known: Sequence[Known] = (),
     copies: int = 0,
-    *,
-    may_remember: bool = False,
 ) -> LawFrom:
     """Make the laws of N members from references (30,) or (N, 30) and signals (N, 24) of the first sample.
 
@@ -133,8 +131,6 @@ def laws_of(
         What each member's loop tells its controller; left out, nothing.
     copies
         How many copies of the last member follow, which fill up a vector: they get its forces.
-    may_remember
-        Functions may have memory; otherwise they are watched, since members share them.
 
     Raises
     ------
@@ -158,14 +154,13 @@ def laws_of(
         _check_alike([each for each in made if each is not None])
         some = next((each for each in made if isinstance(each, LinearController)), None)
         if some is None:
-            watches = [Watch(each) for each in _shared(controllers, made)] if known and not may_remember else []
+            _check_fresh(controllers, made)
             told: Sequence[Known | None] = known or [None] * len(made)
             own = [
                 None if each is None else FunctionLaw(cast("ControlFunction", each), of_member)
                 for each, of_member in zip(made, told, strict=True)
             ]
-            samples = min((len(each.planned) for each in known), default=0)
-            return SeparateLaws(own, failures, copies, watches, samples)
+            return SeparateLaws(own, failures, copies)
         # a member without a controller ends at once; until then it counts with that of another
         linear = [each if isinstance(each, LinearController) else some for each in made]
         linear += [linear[-1]] * copies
@@ -197,33 +192,31 @@ def _fresh(controller: Controller, sample_time: float) -> LinearController | Con
     return made
 
 
-def _shared(
-    controllers: Sequence[Controller], made: Sequence[LinearController | ControlFunction | None]
-) -> list[FunctionType]:
-    """The functions that members share, and that must have no memory.
+def _check_fresh(controllers: Sequence[Controller], made: Sequence[LinearController | ControlFunction | None]) -> None:
+    """Refuse a factory that gives two members the same object; a CasADi function keeps nothing itself.
 
     Raises
     ------
     SharedMemoryError
-        A factory that gave two members the same object.
+        Names both members.
     """
-    found = dict[int, FunctionType]()
     owners = dict[int, int]()
-    for member, (controller, own) in enumerate(zip(controllers, made, strict=True)):
-        if own is None or isinstance(own, FunctionType):
-            pass
-        elif owners.setdefault(id(own), member) != member and isinstance(controller, Maker):
+    for member, (controller, law) in enumerate(zip(controllers, made, strict=True)):
+        if law is None or not isinstance(controller, Maker) or is_casadi_function(law):
+            continue
+        owner = owners.setdefault(id(law), member)
+        if owner != member:
             raise SharedMemoryError(
-                f"members {owners[id(own)]} and {member} got the same {name_of(own)}; expected a factory that makes a "
-                "new controller at each call"
+                f"members {owner} and {member} got the same {name_of(law)}; expected a factory that makes a new "
+                "controller at each call"
             )
-        if isinstance(controller, Copied):
-            found |= {id(each): each for each in functions_in(controller.original)}
-        elif isinstance(own, FunctionType) and (not isinstance(controller, Maker) or id(own) in owners):
-            found[id(own)] = own
-        if own is not None:
-            owners.setdefault(id(own), member)
-    return list(found.values())
+
+
+def shared_by_members(controller: Controller | None) -> Any:
+    """A function, which all members call, or an object, whose copies share the functions in it; None of others."""
+    shared = controller.original if isinstance(controller, Copied) else controller
+    is_safe = shared is None or isinstance(shared, LinearController | UnitController | Maker)
+    return None if is_safe or is_casadi_function(shared) else shared
 
 
 def _with_copies(failures: Mapping[int, ControllerError], members: int, copies: int) -> dict[int, ControllerError]:
@@ -249,7 +242,7 @@ def _structure(controller: Controller) -> str:
 
 
 class SeparateLaws:
-    """Members' own laws, called one by one; `watches` see whether functions that members share keep memory."""
+    """Members' own laws, called one by one."""
 
     may_overrun = False
 
@@ -258,11 +251,8 @@ class SeparateLaws:
         laws: Sequence[MemberLaw | None],
         failures: Mapping[int, ControllerError] = MappingProxyType({}),
         copies: int = 0,
-        watches: Sequence[Watch] = (),
-        samples: int = 0,
     ) -> None:
         self._laws, self._not_made, self._copies = laws, failures, copies
-        self._watches, self._samples = watches, samples
         self._forces = np.zeros((len(laws) + copies, N_LEGS))
         self.failures: dict[int, ControllerError] = {}
         self.used = tuple(name for name in signals.NAMES if any(law is not None and name in law.used for law in laws))
@@ -309,8 +299,4 @@ class SeparateLaws:
         n = len(self._laws)
         self._forces[n:] = self._forces[n - 1]
         self.failures = _with_copies(failures, n, self._copies)
-        # often at first, then less and less, and at the end: to pickle takes longer than most laws
-        if (k + 1) & k == 0 or k == self._samples - 1:
-            for watch in self._watches:
-                watch.check()
         return self._forces

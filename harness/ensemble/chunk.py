@@ -1,6 +1,6 @@
 """A chunk of an ensemble: some members, prepared, run in parallel, and reduced."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -8,6 +8,8 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.control.laws import linear_of
+from gough_stewart.harness.control.laws_of_members import shared_by_members
+from gough_stewart.harness.control.python.makers import name_of
 from gough_stewart.harness.ensemble.columns import (
     CAUSE,
     ENDED,
@@ -21,7 +23,13 @@ from gough_stewart.harness.ensemble.columns import (
     VARIED,
 )
 from gough_stewart.harness.ensemble.oscillations import LegErrors, oscillation_columns, oscillations
-from gough_stewart.harness.errors import ControllerError, ExperimentError, RecordError, UnstableLoopError
+from gough_stewart.harness.errors import (
+    ControllerError,
+    ExperimentError,
+    RecordError,
+    SharedMemoryError,
+    UnstableLoopError,
+)
 from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.plan import Plan
@@ -57,6 +65,8 @@ def chunk(plan: Plan, first: int, last: int, threads: int = 1) -> Chunk:
     ------
     GoughStewartError
         An error that concerns all members of this experiment.
+    SharedMemoryError
+        As `check_memory`.
     """
     members = plan.prepared
     draws = members.draws(first, last)
@@ -65,29 +75,76 @@ def chunk(plan: Plan, first: int, last: int, threads: int = 1) -> Chunk:
     if not len(batch):
         metrics, nothing = _none(members, first)
         return Chunk(_rows(first, draws.columns, found, (), (), metrics), nothing, "")
-    running = batch.in_parallel(members.stepping)
-    timing = batch.timing[0]
-    bands = Bands(_signals(members), timing, len(batch), first)
+    run = _run(members, batch, first, threads)
+    check_memory(batch, run[:2], lambda one: _run(members, one, first, threads)[:2])
+    columns, ended = run.columns, list(run.outcomes)
+    if members.choice.margins:
+        judged = margins_of([batch.member(k) for k in range(len(batch))])
+        for k, cause in enumerate(judged.pop(CAUSE)):
+            ended[k] = ended[k]._replace(cause=ended[k].cause or cause)
+        columns |= judged
+    own = oscillations(batch, ended, run.errors, threads)
+    return Chunk(_rows(first, draws.columns, found, ended, own, columns), run.bands.samples(), run.features)
+
+
+class _Run(NamedTuple):
+    """A run of N members, reduced."""
+
+    outcomes: tuple[Outcome, ...]  # N
+    columns: dict[str, FloatArray]  # metrics (N,)
+    bands: Bands
+    errors: LegErrors
+    features: str
+
+
+def _run(members: Members, batch: Batch, first: int, threads: int) -> _Run:
+    n, running, timing = len(batch), batch.in_parallel(members.stepping), batch.timing[0]
+    bands = Bands(_signals(members), timing, n, first)
     errors = LegErrors(timing)
     folds = [*folds_of_loop(running.loop, limits_of_members(batch, running.size)), bands, errors]
     rows_in_blocks = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
     with running.plant:
         outcomes = observe_all(running.plant, running.law_from, running.loop, rows_in_blocks, threads)
         steps = {
-            INTEGRATION_ERROR: running.plant.integration_error[: len(batch)],
-            INTERNAL_STEPS: running.plant.internal_steps[: len(batch)],
+            INTEGRATION_ERROR: running.plant.integration_error[:n],
+            INTERNAL_STEPS: running.plant.internal_steps[:n],
         }
         features = running.plant.features
-    columns = {name: values[: len(batch)] for name, values in columns_of(rows_in_blocks.results()).items()}
-    columns |= steps
-    ended = list(outcomes[: len(batch)])
-    if members.choice.margins:
-        judged = margins_of([batch.member(k) for k in range(len(batch))])
-        for k, cause in enumerate(judged.pop(CAUSE)):
-            ended[k] = ended[k]._replace(cause=ended[k].cause or cause)
-        columns |= judged
-    own = oscillations(batch, ended, errors, threads)
-    return Chunk(_rows(first, draws.columns, found, ended, own, columns), bands.samples(), features)
+    columns = {name: values[:n] for name, values in columns_of(rows_in_blocks.results()).items()}
+    return _Run(outcomes[:n], columns | steps, bands, errors, features)
+
+
+Results = tuple[Sequence[Outcome], Mapping[str, FloatArray]]
+
+
+def check_memory(batch: Batch, results: Results, again: Callable[[Batch], Results]) -> None:
+    """Run the first member again if members may share the memory of its controller: it must give the same bits.
+
+    What a function keeps from its first call on, and never changes, is not found.
+
+    Parameters
+    ----------
+    results
+        Outcomes and metrics of all members.
+    again
+        Runs others.
+
+    Raises
+    ------
+    SharedMemoryError
+        It gives others.
+    """
+    controller = shared_by_members(batch.controller[0])
+    if controller is None:
+        return
+    outcomes, columns = again(batch.take([0]))
+    differ = [k for k, values in columns.items() if not np.array_equal(values[:1], results[1][k][:1], equal_nan=True)]
+    if differ or outcomes[0] != results[0][0]:
+        raise SharedMemoryError(
+            f"the first member gave other results when it ran again ({', '.join(differ[:3]) or OUTCOME}): "
+            f"{name_of(controller)} keeps memory, which all members share; use a factory: a class or function, called "
+            "as make(platform, sample_time), that makes a controller for each member"
+        )
 
 
 def _signals(members: Members) -> Sequence[str]:

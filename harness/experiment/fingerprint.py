@@ -1,19 +1,22 @@
 """What a plan says of a controller from Python, so that another one is noticed."""
 
+import dis
 import hashlib
 import inspect
 import pickle
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
-from types import CodeType, FunctionType, MethodType, ModuleType
+from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
 
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.python.makers import name_of
-from gough_stewart.harness.control.python.shared_memory import values_of
 from gough_stewart.harness.control.state_space import is_control_system
+
+_PACKAGE = __name__.partition(".")[0]
 
 
 def fingerprint(controller: Any) -> str:
@@ -44,9 +47,12 @@ def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
         yield from _parts(thing.__func__, seen)
     elif isinstance(thing, FunctionType):
         yield from _of_code(thing.__code__)
-        for name, value in values_of(thing):
+        for name, value in _held_by(thing):
             yield name.encode()
-            yield from _of_value(value)
+            if isinstance(value, FunctionType):
+                yield from _parts(value, seen)
+            else:
+                yield from _of_value(value)
     elif inspect.isclass(thing):
         yield from _of_class(thing, seen)
     elif isinstance(thing, LinearController):
@@ -58,6 +64,31 @@ def _parts(thing: Any, seen: set[int]) -> Iterator[bytes]:
         if not is_control_system(thing):
             yield from _parts(type(thing), seen)
         yield from _of_value(thing)
+
+
+def _held_by(function: FunctionType) -> Iterator[tuple[str, Any]]:
+    """What a function encloses and reads, its defaults and attributes: values, and functions of the same module.
+
+    Objects of this package, such as platforms, do not count: they are constant, but keep what they compute on demand.
+    """
+    code, known = function.__code__, function.__globals__
+    held: list[tuple[str, Any]] = [(name, known[name]) for name in sorted(_globals_of(code) & known.keys())]
+    for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
+        with suppress(ValueError):  # not bound yet
+            held.append((name, cell.cell_contents))
+    held += [("default", value) for value in function.__defaults__ or ()]
+    held += [*(function.__kwdefaults__ or {}).items(), *vars(function).items()]
+    for name, value in held:
+        is_ours = type(value).__module__.partition(".")[0] == _PACKAGE
+        is_elsewhere = isinstance(value, FunctionType) and value.__globals__ is not known
+        if not (is_ours or is_elsewhere or isinstance(value, type | ModuleType | BuiltinFunctionType)):
+            yield name, value
+
+
+def _globals_of(code: CodeType) -> set[str]:
+    """The globals that code names, with the functions inside it."""
+    names = {step.argval for step in dis.get_instructions(code) if step.opname.endswith(("_GLOBAL", "_NAME"))}
+    return names.union(*(_globals_of(inner) for inner in code.co_consts if isinstance(inner, CodeType)))
 
 
 def _of_class(thing: type, seen: set[int]) -> Iterator[bytes]:

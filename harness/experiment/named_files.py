@@ -1,11 +1,13 @@
 """The files that an experiment names: what is in them, and their names from another folder."""
 
+import ast
 import hashlib
 import os
+from collections.abc import Iterator
+from importlib.machinery import PathFinder
 from pathlib import Path
 
 from gough_stewart.harness.control.controllers import PythonController
-from gough_stewart.harness.control.python.private_modules import files_beside
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.motion.recorded.recording import recording_path
@@ -21,9 +23,44 @@ def digests(experiment: Experiment) -> dict[str, str]:
     names = set(file_names(experiment).values())
     if isinstance(experiment.controller, PythonController) and experiment.controller.file is not None:
         file = experiment.folder / experiment.controller.file
-        names |= {_from(each, experiment.folder) for each in files_beside(file) if each != file}
+        names |= {_from(path, experiment.folder) for path in _files_beside(file)}
     paths = {name: experiment.folder / name for name in sorted(names)}
     return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in paths.items() if path.is_file()}
+
+
+def _files_beside(file: Path) -> set[Path]:
+    """The modules and packages beside a Python file that import statements reach, and files that texts in them name.
+
+    Of a package all modules count.
+    """
+    folder, seen, waiting = file.parent, set[Path](), [file]
+    while waiting:
+        path = waiting.pop()
+        if path in seen:
+            continue
+        seen.add(path)
+        try:
+            nodes = list(ast.walk(ast.parse(path.read_bytes()))) if path.suffix == ".py" else []
+        except (OSError, SyntaxError, ValueError):
+            continue  # executing it says so
+        for name in _imported(nodes):
+            spec = PathFinder.find_spec(name, [str(folder)])
+            if spec is not None and spec.submodule_search_locations is not None:
+                waiting += [module for place in spec.submodule_search_locations for module in Path(place).rglob("*.py")]
+            elif spec is not None and spec.origin is not None:
+                waiting.append(Path(spec.origin))
+        texts = (node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
+        waiting += [folder / text for text in texts if os.path.isfile(folder / text)]  # noqa: PTH113 - of any text
+    return seen - {file}
+
+
+def _imported(nodes: list[ast.AST]) -> Iterator[str]:
+    """The top-level names of import statements, also of those inside functions."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module.partition(".")[0]
 
 
 def _from(file: Path, folder: Path) -> str:

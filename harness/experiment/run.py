@@ -7,11 +7,11 @@ from types import FunctionType
 from typing import Any
 
 from gough_stewart.harness.control.python.makers import name_of
-from gough_stewart.harness.control.python.shared_memory import Watch
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.analysis import growing_of
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.fingerprint import fingerprint
 from gough_stewart.harness.experiment.named_files import digests
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.recording import member_of, record_of, records_of
@@ -92,7 +92,7 @@ def run(
     """
     chosen = experiment_of(experiment, settings)
     replaced = [name for name, given in (("controller", controller), ("injection", injection)) if given is not None]
-    watch = Watch(controller) if isinstance(controller, FunctionType) else None
+    before = fingerprint(controller) if isinstance(controller, FunctionType) else ""
     if member is None:
         own, prepared = chosen, prepare(chosen, controller, injection)
     elif injection is not None:
@@ -113,10 +113,10 @@ def run(
         record = run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
     if growing:
         record.metadata.setdefault("warnings", []).extend(growing)
-    if watch is not None and (changed := watch.changed()):
+    if before and fingerprint(controller) != before:
         text = (
-            f"the function {name_of(controller)} keeps memory: the run has changed {changed}, and another run goes on "
-            "from there; use a class or factory"
+            f"the function {name_of(controller)} keeps memory, which the run has changed, and another run goes on from "
+            "there; use a class or factory"
         )
         record.metadata.setdefault("warnings", []).append(text)
     if warn is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from gough_stewart.harness.control.faults import CUT, N_FAULTS, Cut, NoCoefficients
 from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLaws
 from gough_stewart.harness.control.linear_law import LinearLaw
-from gough_stewart.harness.errors import ControllerError, PlantError, SharedMemoryError
+from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.actuators import Drives
 from gough_stewart.harness.loop.compiled import run_compiled
 from gough_stewart.harness.loop.law_library import compiled_form
@@ -64,9 +64,7 @@ def observe(
     ------
     ControllerError
         The controller of a plant of one platform gave no forces at its first sample, otherwise an outcome; or wrong
-        loop shape.
-    SharedMemoryError
-        Members share a controller with memory.
+        loop shape; or a factory gave two members the same controller.
     PlantError
         The plant refuses a request before the first row; later this ends the run.
     """
@@ -84,7 +82,7 @@ def observe(
         with np.errstate(over="ignore") if is_alone else np.errstate(all="ignore"):
             _run(several, law_from, loop, watch, progress, threads)
     except (StepError, ControllerError, PlantError) as error:
-        if not outcomes.rows or isinstance(error, SharedMemoryError):
+        if not outcomes.rows:
             raise
         watch.check()
         outcomes.end(True, "diverged" if isinstance(error, StepError) else "stopped", str(error))

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members, margins_of
+from gough_stewart.harness.ensemble.chunk import SIZE, Results, check_memory, limits_of_members, margins_of
 from gough_stewart.harness.ensemble.columns import MARGINS
 from gough_stewart.harness.ensemble.local import cores
 from gough_stewart.harness.errors import TuningError
@@ -112,6 +112,8 @@ class Candidates:
         ------
         TuningError
             A metric that the runs do not have.
+        SharedMemoryError
+            As `check_memory`.
         """
         names = [goal.metric, *(condition.metric for condition in goal.conditions), *further]
         numbers = np.full((len(points), self.members.count, len(names)), np.nan)
@@ -127,12 +129,15 @@ class Candidates:
                 reasons.setdefault(part[at][0], str(found.errors[at]))
             if not len(found.batch):
                 continue
-            values, ended = self._run(found.batch, names)
-            for at, row, (status, cause) in zip(found.numbers.tolist(), values, ended, strict=True):
+            outcomes, columns = results = self._run(found.batch, names)
+            check_memory(found.batch, results, lambda one: self._run(one, names))
+            unknown = np.full(len(outcomes), np.nan)  # margins are not part of runs
+            rows = np.stack([columns.get(name, unknown) for name in names], axis=1)
+            for at, row, outcome in zip(found.numbers.tolist(), rows, outcomes, strict=True):
                 c, k = part[at]
-                numbers[c, k], completed[c, k] = row, status == "completed"
-                if status != "completed":
-                    reasons.setdefault(c, cause)
+                numbers[c, k], completed[c, k] = row, outcome.status == "completed"
+                if outcome.status != "completed":
+                    reasons.setdefault(c, str(outcome.cause))
             if progress is not None:
                 progress(len(found.batch))
         for at in [at for at, name in enumerate(names) if name.startswith(MARGINS)]:
@@ -169,19 +174,15 @@ class Candidates:
                 found.append(np.nan)
         return found
 
-    def _run(self, batch: Batch, names: Sequence[str]) -> tuple[FloatArray, list[tuple[str, str]]]:
-        """Metrics (n, names) and outcomes."""
+    def _run(self, batch: Batch, names: Sequence[str]) -> Results:
+        """Outcomes and metrics of members."""
         n, running = len(batch), batch.in_parallel(self.members.stepping)
         folds = folds_of_loop(running.loop, limits_of_members(batch, running.size), names)
         rows = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
         with running.plant:
             outcomes = observe_all(running.plant, running.law_from, running.loop, rows, cores())
             self.integration_error = max(self.integration_error, float(np.max(running.plant.integration_error[:n])))
-        columns = columns_of(rows.results())
-        unknown = np.full(n, np.nan)  # margins are not part of runs
-        return np.stack([columns.get(name, unknown)[:n] for name in names], axis=1), [
-            (outcome.status, str(outcome.cause)) for outcome in outcomes[:n]
-        ]
+        return outcomes[:n], {name: values[:n] for name, values in columns_of(rows.results()).items()}
 
 
 def members_for(experiment: Experiment, members: int, seed: int | None, controller: Any = None) -> Members:

@@ -76,16 +76,9 @@ class Pid:
         self.before = error
         return self.kp * error + 5 * self.kp * self.integral + self.kd * change
 
-# the same in globals: its own, and those of a module beside it
-sum_of_errors = np.zeros(6)
-
+# the same in globals of a module beside it, which all members share
 def in_globals(sample):
-    global sum_of_errors
-    error = LEGS * (sample.reference["leg_length"] - sample.measured["leg_length"])
-    sum_of_errors = sum_of_errors + 1e-3 * error
-    change = 0 * error if remembered.get("error") is None else (error - remembered["error"]) / 1e-3
-    remembered["error"] = error
-    return 8e4 * error + 5 * 8e4 * sum_of_errors + 9e3 * change
+    return remembered.setdefault("pid", Pid(None, 1e-3))(sample)
 
 def make(platform, sample_time, kp=8e4, kd=9e3):
     return Pid(platform, sample_time, kp, kd)
@@ -97,5 +90,4 @@ NAMED: dict[str, dict[str, str]] = {
     "class": {"name": "Pid"},
     "factory": {"factory": "make"},
     "object": {"name": "as_object"},
-    "function": {"name": "in_globals"},
 }

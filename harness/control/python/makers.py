@@ -46,9 +46,6 @@ class Maker(ABC):
     def _make(self) -> Any:
         """As `make`."""
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_ahead": ()}
-
 
 @dataclass(frozen=True)
 class Design:

@@ -1,6 +1,6 @@
-"""Controllers from Python files: what a file may name, with modules, globals and files of its own."""
+"""Controllers in Python: what a file may name, with modules and files of its own; what it takes and gives."""
 
-import gc
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.control.controllers import PythonController
-from gough_stewart.harness.control.laws import LinearController, fresh_controller, linear_of
-from gough_stewart.harness.control.python.makers import Maker
-from gough_stewart.harness.control.python.private_modules import files_beside
-from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.file import experiment_from
+from gough_stewart.harness.experiment.named_files import digests
 
 T = 0.002
-PLATFORM = gs.load_preset("motion_base")
+MASS = gs.load_preset("motion_base").platform_mass
+REST: dict[str, Any] = {
+    "reference": {"type": "hold"},
+    "loop": {"duration": 3 * T, "sample_time": T, "plant_step": T},
+    "actuators": {"force_limit": "none"},
+}
 
 
 def write(folder: Path, **files: str) -> Path:
@@ -29,60 +30,57 @@ def write(folder: Path, **files: str) -> Path:
     return folder / "mine.py"
 
 
-def made(file: Path, **keys: Any) -> Any:
-    """A fresh controller of a file."""
-    return fresh_controller(PythonController(file=file.name, **keys).controller(PLATFORM, T, file.parent))
+def forces(file: Path, **keys: Any) -> list[list[float]]:
+    """What its controller commands at the samples of a run."""
+    controller = {"type": "python", "file": str(file), "feedforward": "none", **keys}
+    found = gs.run("heave_step", {**REST, "controller": controller})["controller.force"][:3]
+    return [row.tolist() for row in found]
 
 
-def value(file: Path, **keys: Any) -> Any:
-    """What its controller gives at a sample."""
-    return made(file, **keys)(None)
+def at_first(file: Path, **keys: Any) -> list[float]:
+    return forces(file, **keys)[0]
 
 
-LINEAR = "import control, numpy as np\n{} = control.ss([], [], [], 3 * np.eye(6), True)\n"
+OF_CLASS = "class C:\n def __init__(self, platform, T): self.T = T\n def __call__(self, sample): return [self.T] * 6\n"
+OF_DATA = (
+    "from __future__ import annotations\nfrom dataclasses import dataclass\n@dataclass\nclass C:\n platform: object\n"
+    " sample_time: float\n a: float = 2.0\n def __call__(self, sample): return [self.a] * 6\n"
+)
+# a dataclass looks for its module among the loaded ones
+LATE = (
+    "from __future__ import annotations\nfrom dataclasses import dataclass\ndef make(platform, T):\n @dataclass\n"
+    " class C:\n  a: float = 8.0\n return lambda sample: [C().a] * 6\n"
+)
+LINEAR = "import control, numpy as np\n{} = control.ss([], [], [], np.zeros((6, 6)), True)\n"
 
 
 @pytest.mark.parametrize(
     ("text", "keys", "expected"),
     [
-        ("def controller(sample): return 'function'", {}, "function"),
-        ("class C:\n def __call__(self, sample): return 'object'\nmine = C()", {"name": "mine"}, "object"),
-        ("class C:\n def step(self, sample): return 'method'\nmine = C().step", {"name": "mine"}, "method"),
-        (
-            "class C:\n def __init__(self, platform, T): self.T = T\n def __call__(self, sample): return self.T\n",
-            {"name": "C"},
-            T,
-        ),
-        ("def make(platform, T, a=1):\n return lambda sample: (platform.platform_mass, T, a)", {"factory": "make"},
-         (PLATFORM.platform_mass, T, 1)),
-        ("from functools import partial\nmake = partial(lambda platform, T, *, a: lambda sample: a, a=5)",
+        ("def controller(sample): return [1] * 6", {}, 1),
+        ("import numpy as np\ndef controller(sample): return np.full(6, 200, dtype=np.uint8)", {}, 200),
+        ("class C:\n def __call__(self, sample): return [2] * 6\nmine = C()", {"name": "mine"}, 2),
+        ("class C:\n def step(self, sample): return [3] * 6\nmine = C().step", {"name": "mine"}, 3),
+        (OF_CLASS, {"name": "C"}, T),
+        ("def make(platform, T, a=1): return lambda sample: [platform.platform_mass + a] * 6", {"factory": "make"},
+         MASS + 1),
+        ("from functools import partial\nmake = partial(lambda platform, T, *, a: lambda sample: [a] * 6, a=5)",
          {"factory": "make"}, 5),
-        ("from __future__ import annotations\nfrom dataclasses import dataclass\n@dataclass\nclass C:\n"
-         " platform: object\n sample_time: float\n a: float = 2.0\n def __call__(self, sample): return self.a",
-         {"name": "C", "parameters": {"a": 7.0}}, 7.0),
+        ("def make(platform, T, *, a, **rest): return lambda sample: [a + rest['b']] * 6",
+         {"factory": "make", "parameters": {"a": 4, "b": 2}}, 6),
+        (OF_DATA, {"name": "C", "parameters": {"a": 7.0}}, 7),
+        (LATE, {"factory": "make"}, 8),
+        (LINEAR.format("controller"), {}, 0),
+        ("import gough_stewart as gs\n" + LINEAR.format("it") + "controller = gs.LinearController(it)", {}, 0),
+        ("def make(platform, T):\n " + LINEAR.format("it").replace("\n", "\n ") + "return it", {"factory": "make"}, 0),
     ],
 )  # fmt: skip
-def test_a_file_may_name_any_kind_of_controller(text: str, keys: Any, expected: Any, tmp_path: Path) -> None:
-    assert value(write(tmp_path, mine=text), **keys) == expected
-
-
-@pytest.mark.parametrize(
-    ("text", "keys"),
-    [
-        (LINEAR.format("controller"), {}),
-        ("import gough_stewart as gs\n" + LINEAR.format("it") + "controller = gs.LinearController(it)", {}),
-        ("def make(platform, T):\n  " + LINEAR.format("it").replace("\n", "\n  ") + "return it", {"factory": "make"}),
-    ],
-)
-def test_a_file_may_name_or_make_a_linear_controller(text: str, keys: Any, tmp_path: Path) -> None:
-    """Expected: three times the error; the loop runs it in matrices, and margins know it."""
-    found = PythonController(file=write(tmp_path, mine=text).name, **keys).controller(PLATFORM, T, tmp_path)
-    linear = linear_of(found)
-    assert isinstance(linear, LinearController)
-    assert np.array_equal(linear.system.D, 3 * np.eye(6))
+def test_a_file_may_name_any_kind_of_controller(text: str, keys: Any, expected: float, tmp_path: Path) -> None:
+    assert at_first(write(tmp_path, mine=text), **keys) == [expected] * 6
 
 
 PID = "class Pid:\n def __init__(self, platform, T, kp, *, ki=0.0): pass\n def __call__(self, sample): pass\n"
+MAKE = "def make(platform, T): return "
 
 
 @pytest.mark.parametrize(
@@ -94,6 +92,12 @@ PID = "class Pid:\n def __init__(self, platform, T, kp, *, ki=0.0): pass\n def _
         (PID, {"factory": "Pid", "parameters": {"kp": 1, "platform": 3}}, "accepts kp, ki; found 'platform'"),
         ("def make(platform, T): pass", {"factory": "make", "parameters": {"a": 1}},
          r"make\(\) accepts no parameters; found 'a'$"),
+        ("def make(platform, T, *, gain, **rest): pass", {"factory": "make"}, "accepts gain; missing gain, add it to"),
+        ("def make(platform, T, **rest): pass", {"factory": "make", "parameters": {"a": 1, "platform": 4}},
+         r"make\(\) accepts no parameters; found 'platform'"),
+        ("def controller(a, b, c, /): pass", {}, r"takes \(a, b, c, /\); expected a function of one Sample"),
+        ("controller = dict", {}, "class dict failed with TypeError: dict expected at most 1 argument"),
+        ("controller = max", {}, r"the control function failed at time 0 s with (Type|Value)Error"),
         ("class C: pass", {"name": "C"}, r"class C takes \(\); expected to be called as make\(platform, sample_time"),
         ("def controller(sample): pass", {"parameters": {"a": 1}},
          "parameters: a are for a class or factory; 'controller' is neither"),
@@ -101,77 +105,70 @@ PID = "class Pid:\n def __init__(self, platform, T, kp, *, ki=0.0): pass\n def _
         ("def controller(): pass", {}, r"takes \(\); expected a function of one Sample, or a class or factory"),
         ("make = 3", {"factory": "make"}, "factory = 'make' is 3; expected a function or class"),
         ("controller = 3", {}, "controller is int; expected a control.StateSpace"),
+        (MAKE + "None", {"factory": "make"}, "controller is NoneType; expected a control.StateSpace"),
+        (MAKE + "int", {"factory": "make"}, "a factory gave the class int; expected an object"),
+        (MAKE + "1 / 0", {"factory": "make"}, r"make\(\) failed with ZeroDivisionError"),
+        (MAKE + "exit(3)", {"factory": "make"}, r"make\(\) failed with SystemExit: 3"),
+        ("def controller(sample): return [1.0] * 5", {},
+         r"returned \[1\.0, 1\.0, 1\.0, 1\.0, 1\.0\] at time 0 s; expected 6 forces"),
+        *[(f"import numpy as np\ndef controller(sample): return {wrong}", {}, "at time 0 s; expected 6 forces")
+          for wrong in ("None", "np.ones((6, 1))", "['1'] * 6", "[1j] * 6", "[True] * 6", "[[1], [1, 2]]")],
+        ("", {"name": "a", "factory": "b"}, "expected name or factory, not both"),
+        ("", {}, "mine.py: defines no 'controller'; expected the controller under that name"),
+        ("from json import nothing", {}, "mine.py: fails with ImportError: cannot import name 'nothing' from 'json'"),
+        ("import gone", {}, "mine.py: fails with ModuleNotFoundError: No module named 'gone'"),
     ],
 )  # fmt: skip
 def test_what_does_not_fit_is_named(text: str, keys: Any, message: str, tmp_path: Path) -> None:
-    with pytest.raises(ControllerError, match=message):
-        PythonController(file=write(tmp_path, mine=text).name, **keys).controller(PLATFORM, T, tmp_path)
+    loaded, paths, here = set(sys.modules), list(sys.path), Path.cwd()
+    with pytest.raises(gs.GoughStewartError, match=message):
+        forces(write(tmp_path, mine=text), **keys)
+    assert not {name for name in set(sys.modules) - loaded if "mine" in name}
+    assert (paths, here) == (sys.path, Path.cwd())
 
 
-@pytest.mark.parametrize(
-    ("result", "message"),
-    [
-        ("None", "controller is NoneType; expected a control.StateSpace"),
-        ("int", "a factory gave the class int; expected an object"),
-        ("1 / 0", r"make\(\) failed with ZeroDivisionError"),
-        ("exit(3)", r"make\(\) failed with SystemExit: 3"),
-    ],
-)
-def test_a_factory_that_makes_no_controller_says_so(result: str, message: str, tmp_path: Path) -> None:
-    with pytest.raises(ControllerError, match=message):
-        made(write(tmp_path, mine=f"def make(platform, T): return {result}"), factory="make")
-
-
-def test_name_and_factory_exclude_each_other() -> None:
-    with pytest.raises(ControllerError, match="expected name or factory, not both"):
-        PythonController(file="mine.py", name="a", factory="b")
-
-
-COUNTS = "import aside\nn = 0\ndef controller(sample):\n global n\n n += 1\n aside.n += 1\n return n, aside.n\n"
-
-
-def test_each_controller_has_globals_of_its_own_and_modules_beside_it_too(tmp_path: Path) -> None:
-    """Expected: three controllers of one file count alone, in the file and in the module beside it."""
-    file = write(tmp_path, mine=COUNTS, aside="n = 0")
-    maker = PythonController(file="mine.py").controller(PLATFORM, T, tmp_path)
-    assert isinstance(maker, Maker)
-    one, two = (fresh_controller(maker) for _ in range(2))
-    assert [one(None), one(None), two(None), one(None)] == [(1, 1), (2, 2), (1, 1), (3, 3)]  # type: ignore[operator, arg-type]
-    assert value(file) == (1, 1)
+def test_each_run_executes_the_file_and_the_modules_beside_it(tmp_path: Path) -> None:
+    """Expected: what the globals count begins anew, though a run goes on counting."""
+    count = (
+        "import aside\nn = 0\ndef controller(sample):\n global n\n n += 1\n aside.n += 2\n return [n, aside.n] * 3\n"
+    )
+    file = write(tmp_path, mine=count, aside="n = 0")
+    for _ in range(2):
+        assert forces(file) == [[1, 2] * 3, [2, 4] * 3, [3, 6] * 3]
 
 
 def test_helpers_of_one_name_in_two_folders_do_not_meet(tmp_path: Path) -> None:
-    """Expected: each its own, in turn, also where the import is made late; and no trace for others."""
-    text = "import aside\ndef controller(sample):\n import aside as late\n from aside import n\n return late.n, n\n"
-    files = [write(tmp_path / name, mine=text, aside=f"n = {name!r}") for name in ("a", "b")]
-    controllers = [made(file) for file in files]
-    assert [c(None) for c in (*controllers, *controllers)] == [("a", "a"), ("b", "b")] * 2
-    assert "aside" not in sys.modules
-    assert str(tmp_path / "a") not in sys.path
+    """Expected: each its own, in turn, also where a factory imports late, and no trace for others."""
+    text = "import aside, plain.leaf\ndef make(platform, T):\n import aside as late, pack.part\n"
+    text += " return lambda sample: [aside.n, late.n, pack.part.n, plain.leaf.n, 0, 0]\n"
+    before = set(sys.modules)
+    for n in (1, 2, 1):
+        one = f"n = {n}"
+        file = write(tmp_path / str(n), mine=text, aside=one, plain__leaf=one, pack____init__="", pack__part=one)
+        assert at_first(file, factory="make") == [n, n, n, n, 0, 0]
+    assert not {"aside", "pack", "pack.part", "plain", "plain.leaf"} & (set(sys.modules) - before)
 
 
 def test_packages_beside_a_file_and_relative_imports_work(tmp_path: Path) -> None:
     file = write(
         tmp_path,
-        mine="import pack.part\nfrom pack import part as p, deep\nfrom pack.deep.end import *\nimport plain.leaf\n"
-        "def controller(sample): return pack.part.a, p.a, deep.end.z, z, plain.leaf.b, pack.__name__.count('pack')\n",
+        mine="import pack.part\nfrom pack import part as p, deep\nfrom pack.deep.end import *\n"
+        "def controller(sample): return [pack.part.a, p.a, deep.end.z, z, 0, 0]\n",
         pack____init__="from . import part\nfrom .deep import end\n",
         pack__part="from .deep.end import z\na = z + 1\n",
     )
-    (tmp_path / "pack/deep").mkdir()
-    (tmp_path / "pack/deep/__init__.py").write_text("")
-    (tmp_path / "pack/deep/end.py").write_text("z = 5\n")
-    (tmp_path / "plain").mkdir()
-    (tmp_path / "plain/leaf.py").write_text("import mine\nb = mine.__name__.endswith('.mine')\n")
-    assert value(file) == (6, 6, 5, 5, True, 1)
+    write(tmp_path / "pack", deep____init__="", deep__end="z = 5\n")
+    assert at_first(file) == [6, 6, 5, 5, 0, 0]
 
 
-def test_a_module_beside_the_file_comes_before_an_installed_one_and_only_there(tmp_path: Path) -> None:
-    """Expected: as when Python runs a file; what the file imports from elsewhere still gets the installed one."""
-    file = write(tmp_path, mine="import json, plistlib\ndef controller(sample): return json.own", json="own = 4")
-    assert value(file) == 4
-    import json
-
+def test_a_module_beside_the_file_comes_before_an_installed_one_but_never_before_this_package(tmp_path: Path) -> None:
+    """Expected: as when Python runs a file; everybody else still has the installed one."""
+    text = (
+        "import json, gough_stewart\ndef controller(sample): return [json.own, 0 + hasattr(gough_stewart, 'run')] * 3\n"
+    )
+    file = write(tmp_path, mine=text, json="own = 4", gough_stewart="")
+    assert at_first(file) == [4, 1] * 3
+    assert sys.modules["json"] is json
     assert not hasattr(json, "own")
 
 
@@ -180,92 +177,63 @@ def test_a_changed_helper_is_read_again_even_within_the_same_second(
 ) -> None:
     """Of the same size and time: `__pycache__` would not see it, and is not written."""
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
-    file = write(tmp_path, mine="from aside import n\ndef controller(sample): return n", aside="n = 1")
-    assert value(file) == 1
-    write(tmp_path, aside="n = 2")
-    assert value(file) == 2
+    for n in (1, 2):
+        file = write(tmp_path, mine="from aside import n\ndef controller(sample): return [n] * 6", aside=f"n = {n}")
+        assert at_first(file) == [n] * 6
     assert not (tmp_path / "__pycache__").exists()
+    assert not sys.dont_write_bytecode
 
 
 def test_relative_file_names_resolve_beside_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: at import, in the factory, and at a sample; elsewhere the working folder is as before."""
-    (tmp_path / "there").mkdir()
+    """Expected: at import and in the factory; elsewhere the working folder is as before."""
+    text = "import numpy as np, os\na = float(np.loadtxt('n.txt'))\ndef make(platform, T):\n"
+    text += " b = float(np.loadtxt('n.txt'))\n return lambda sample: [a, b, len(os.getcwd()), 0, 0, 0]\n"
+    file = write(tmp_path / "there", mine=text)
     (tmp_path / "there/n.txt").write_text("3\n")
     (tmp_path / "n.txt").write_text("9\n")
-    text = "import numpy as np\na = np.loadtxt('n.txt')\ndef make(platform, T):\n b = float(open('n.txt').read())\n"
-    text += " return lambda sample: (a, b, float(np.loadtxt('n.txt')))\n"
-    file = write(tmp_path / "there", mine=text.replace("open('n.txt').read()", "np.loadtxt('n.txt')"))
     monkeypatch.chdir(tmp_path)
-    assert value(file, factory="make") == (3, 3, 3)
-    assert Path.cwd() == tmp_path
+    assert at_first(file, factory="make") == [3, 3, len(str(tmp_path)), 0, 0, 0]
 
 
-def test_a_module_that_is_missing_is_named_as_the_user_knows_it(tmp_path: Path) -> None:
-    file = write(tmp_path, mine="from aside import nothing", aside="n = 1")
-    with pytest.raises(ControllerError, match=r"cannot import name 'nothing' from 'aside'"):
-        made(file)
-    with pytest.raises(ControllerError, match=r"fails with ModuleNotFoundError: No module named 'gone'"):
-        made(write(tmp_path, mine="import gone"))
+def experiment(folder: Path, **keys: Any) -> Any:
+    """An experiment beside the file, whose machine and clocks are not those of the design."""
+    whole = {
+        **REST,
+        "title": "told",
+        "platform": {"preset": "motion_base", "parameters": {"platform_mass": 1000.0}},
+        "plant": {"parameters": {"platform_mass": 1300.0}},
+        "controller": {"type": "python", "file": "mine.py", **keys},
+        "loop": {"duration": 0.02, "sample_time": 0.005, "plant_step": 0.0025},
+    }
+    return experiment_from(whole).from_file("told", folder)
 
 
-def test_modules_of_controllers_that_are_gone_are_forgotten(tmp_path: Path) -> None:
-    """Expected: ten thousand members leave nothing behind; a running controller keeps its own."""
-    file = write(tmp_path, mine=COUNTS, aside="n = 0")
-
-    def own() -> int:
-        gc.collect()
-        return sum(str(getattr(module, "__file__", "")).startswith(str(tmp_path)) for module in [*sys.modules.values()])
-
-    controller = made(file)
-    assert own() == 2
-    assert [made(file)(None) for _ in range(5)] == [(1, 1)] * 5
-    assert own() == 2
-    assert controller(None) == (1, 1)
-    del controller
-    assert own() == 0
-
-
-def test_this_package_is_never_taken_for_a_module_beside_the_file(tmp_path: Path) -> None:
-    file = write(tmp_path, mine="import gough_stewart\ndef controller(sample): return gough_stewart", gough_stewart="")
-    assert value(file) is gs
+def test_a_maker_is_told_the_nominal_model_and_the_sample_time(tmp_path: Path) -> None:
+    text = "def make(platform, sample_time, a, words):\n return lambda sample: ["
+    text += "platform.platform_mass, sample_time, a, len(words), sample.platform.platform_mass, 0]"
+    write(tmp_path, mine=text)
+    told = experiment(tmp_path, factory="make", parameters={"a": 4, "words": "six"})
+    record = gs.run(told, {"controller.parameters.a": 5})
+    assert record["controller.force"][0].tolist() == [1000.0, 0.005, 5, 3, 1000.0, 0]
 
 
 def test_files_that_count_are_those_that_imports_and_texts_reach(tmp_path: Path) -> None:
     """Expected: also through others, from packages, inside functions; not what lies there without a reference."""
-    file = write(
+    write(
         tmp_path,
         mine="import numpy, a\ndef controller(sample):\n from pack.part import x\n open('gains/k.csv')\n",
-        a="import b\nname = 'b.csv'",
-        b="",
+        a="import b\nname = 'b.csv', 'no file', '\\0'",
+        b="syntax error",
         unused="",
         pack____init__="",
         pack__part="",
-        pack__other="from a import name",
+        pack__other="from plain import name",
+        plain__leaf="",
     )
     for name in ("b.csv", "gains/k.csv", "unused.csv"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("1")
-    found = {path.relative_to(tmp_path).as_posix() for path in files_beside(file)}
-    packages = {"pack/__init__.py", "pack/part.py", "pack/other.py"}
-    assert found == {"mine.py", "a.py", "b.py", "b.csv", "gains/k.csv", *packages}
-
-
-def test_a_maker_is_told_the_nominal_model_and_the_sample_time(tmp_path: Path) -> None:
-    """Expected: of the experiment, where machine and clocks are others; and the keywords of its file."""
-    write(
-        tmp_path,
-        mine="def make(platform, sample_time, a, words):\n"
-        " return lambda sample: [platform.platform_mass, sample_time, a, len(words), sample.platform.platform_mass, 0]",
-    )
-    experiment = {
-        "title": "told",
-        "platform": {"preset": "motion_base", "parameters": {"platform_mass": 1000.0}},
-        "plant": {"parameters": {"platform_mass": 1300.0}},
-        "reference": {"type": "hold"},
-        "controller": {"type": "python", "file": "mine.py", "factory": "make", "parameters": {"a": 4, "words": "six"}},
-        "loop": {"duration": 0.02, "sample_time": 0.005, "plant_step": 0.0025},
-        "actuators": {"force_limit": "none"},
-    }
-    whole = experiment_from(experiment).from_file("told", tmp_path)
-    record = gs.run(whole, {"controller.parameters.a": 5})
-    assert record["controller.force"][0].tolist() == [1000.0, 0.005, 5, 3, 1000.0, 0]
+    packages = {"pack/__init__.py", "pack/part.py", "pack/other.py", "plain/leaf.py"}
+    found = digests(experiment(tmp_path))
+    assert found.keys() == {"mine.py", "a.py", "b.py", "b.csv", "gains/k.csv", *packages}
+    assert all(np.fromiter(map(len, found.values()), int) == 64)

@@ -1,9 +1,5 @@
 """Experiments run whole: plants agree, feedforward pays, records say what happened."""
 
-import importlib
-import pickle
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +9,7 @@ import pytest
 
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.control.controllers import PythonController
-from gough_stewart.harness.control.laws import LinearController, fresh_controller
+from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.file import experiment_from, shipped_experiment
@@ -169,18 +165,6 @@ def test_a_controller_from_a_python_file(tmp_path: Path) -> None:
     }
     record = run(experiment_from(values).from_file("mine", tmp_path))
     assert record["controller.force[1]"].tolist() == pytest.approx([0, 0.005, 0.01, 0.015, 0.015])
-
-
-def test_a_controller_file_may_hold_dataclasses_and_its_controller_goes_to_another_process(tmp_path: Path) -> None:
-    """Expected: 3 N per second, here and from a pickle; the module hides none of the same name."""
-    lines = ["from __future__ import annotations", "from dataclasses import dataclass", "@dataclass", "class Ramp:"]
-    lines += ["    slope: float", "    def __call__(self, sample):", "        return [self.slope * sample.time] * 6"]
-    (tmp_path / "json.py").write_text("\n".join([*lines, "controller = Ramp(3.0)"]))
-    ramp = fresh_controller(PythonController(file="json.py").controller(load_preset("liu2000"), 1e-3, tmp_path))
-    assert "dumps" in dir(importlib.import_module("json"))
-    code = "import pickle, sys; print(pickle.load(sys.stdin.buffer)(type('Sample', (), {'time': 2.0})))"
-    done = subprocess.run([sys.executable, "-c", code], input=pickle.dumps(ramp), capture_output=True, check=False)
-    assert done.stdout.decode().strip() == str([6.0] * 6), done.stderr.decode()
 
 
 @pytest.mark.parametrize(
