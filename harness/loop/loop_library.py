@@ -16,7 +16,6 @@ from gough_stewart.harness.control.faults import Cut, Freeze
 from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.folds import AT, ROW_PARTS
-from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.plants.lanes import CompiledLanes
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.platform import LARGEST_NUMBER
@@ -86,7 +85,7 @@ def components_header() -> str:
 
     sizes: dict[str, Any] = {
         "LARGEST_COMMAND": LARGEST_NUMBER,
-        "FIRST_LENGTH": LENGTHS.start,
+        "FIRST_LENGTH": AT["leg_length"].start,
         "FIRST_ANGLE": AT["orientation"].start,
         "N_POSE": AT["velocity"].start,
         **{f"ROW_{name}": place for name, place in ROW_PARTS.items()},

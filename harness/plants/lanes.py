@@ -10,7 +10,6 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.lanes import CONTROLLED, WIDTH, Failure, LanesLibrary, lanes_library
 from gough_stewart.harness.errors import PlantError
@@ -92,15 +91,6 @@ class CompiledLanes:
         self.library.lanes_results(reference(batch), ctypes.c_void_p(out.ctypes.data))
 
 
-def seed_streams(library: ctypes.CDLL, entropy: Sequence[Sequence[int]], words: NDArray[np.int64]) -> None:
-    """See `LanesPlant.seed_streams`."""
-    flat = np.array([part for each in entropy for part in each], np.uint32)
-    sizes = np.array([len(each) for each in entropy], np.int64)
-    numbers = (ctypes.c_int64(each) for each in (len(sizes), words.strides[0] // words.itemsize))
-    at = [ctypes.c_void_p(each.ctypes.data) for each in (flat, sizes, words)]
-    library.loop_seed(*at[:2], *numbers, at[2])
-
-
 def reference(batch: Batch) -> Any:
     """The argument of the library's functions; it must live as long as the batch is used."""
     states = batch.states
@@ -180,10 +170,6 @@ class LanesPlant(Plant):
     def loop_run(self) -> Callable[..., int] | None:
         """The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`."""
         return self._kernel.loop_run
-
-    def seed_streams(self, entropy: Sequence[Sequence[int]], words: NDArray[np.int64]) -> None:
-        """Write streams of random numbers into rows (4, n or more); see `loop_seed` of c/loop."""
-        seed_streams(self._kernel.library, entropy, words)
 
     def begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state; they do not run."""
