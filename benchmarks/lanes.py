@@ -21,7 +21,7 @@ from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.harness.plants.lane_batch import rows
-from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, lanes_plant, reference
+from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant, reference
 from gough_stewart.model import interface, traced
 from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
 from gough_stewart.model.platform_toml import load_preset
@@ -55,7 +55,7 @@ def plant_of(members: int) -> LanesPlant:
         State(platform.home_position + rng.uniform(-0.1, 0.1, 3), *rng.uniform(-0.1, 0.1, (3, 3)))
         for platform in platforms
     ]
-    return lanes_plant(platforms, starts, substeps=1, compiler=True)
+    return lanes_plant(platforms, starts, substeps=1)
 
 
 def scalar_kernel(folder: Path) -> ctypes.CDLL:
@@ -75,8 +75,6 @@ def microseconds_a_member(members: int, rounds: int, folder: Path) -> Mapping[st
     """Seconds per call of each row."""
     plant = plant_of(members)
     batch, code = plant._batch, plant._kernel
-    if not isinstance(code, CompiledLanes):
-        raise TypeError("expected the machine code")
     signals, results = (rows(len(names), batch.blocks) for names in (range(24), interface.RESULT_COLUMNS))
     rates, library, of = rows(N_STATES, batch.blocks), code.library, reference(batch)
     scalar = scalar_kernel(folder)

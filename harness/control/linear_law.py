@@ -4,14 +4,13 @@ What a controller gets, `inputs_of`, and what task space makes of the legs, `dis
 the arrays of a run, for CasADi symbols and for small signals.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.state_space import Solve
-from gough_stewart.harness.control.sums import MatrixProducts, Product
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray
@@ -75,13 +74,14 @@ class MapsOfPose:
         return np.asarray(self._J_inverse.T @ wrench)
 
 
-class _Turn(NamedTuple):
-    """(y, x, u) of a sample, and the product that gives the next y and x; samples alternate between two buffers."""
+def product_of_members(columns_first: FloatArray, vectors: FloatArray) -> FloatArray:
+    """M v (rows, N), a new array, of matrices (columns, rows, N) or (columns, rows, 1) and vectors (columns, N).
 
-    y: FloatArray  # views, which take as long to make as the arithmetic
-    x: FloatArray
-    inputs: tuple[FloatArray, ...]  # of the parts of u
-    step: Callable[[], None]
+    Column by column in ascending order, so that a member's bits do not depend on the others: BLAS sums in an order that
+    depends on the sizes, and so does NumPy but along the first axis of arrays with several elements in the others.
+    """
+    terms = np.multiply(columns_first, vectors[:, np.newaxis], order="C")
+    return np.asarray(np.add.reduce(terms, axis=0))
 
 
 class LinearParts(NamedTuple):
@@ -128,22 +128,16 @@ class LinearLaw:
         self._A, self._positions = A, signals.positions(first.signals)
         matrices = np.concatenate([np.concatenate([C, D], axis=2), np.concatenate([A, B], axis=2)], axis=1)
         self._matrices = matrices
-        product, m = Product(matrices, n_members), N_LEGS + n
-        one, other = np.zeros((2, m + first.system.ninputs, n_members))
-        size = len(signals.positions(first.signals))
-
-        def parts_of(u: FloatArray) -> tuple[FloatArray, ...]:
-            return tuple(np.split(u, [size, 2 * size])[: first.kinds])  # views, see `inputs_of`
-
-        self._now, self._next = (
-            _Turn(now[:N_LEGS], now[N_LEGS:m], parts_of(now[m:]), product.of(now[N_LEGS:], following[:m]))
-            for now, following in ((one, other), (other, one))
-        )
+        self._by_column = np.ascontiguousarray(np.moveaxis(matrices, 0, -1).swapaxes(0, 1))
+        self._xu = np.zeros((n + first.system.ninputs, n_members))
+        self._x, size = self._xu[:n], len(self._positions)
+        # views, see `inputs_of`: making one takes Python as long as the arithmetic
+        self._inputs = tuple(np.split(self._xu[n:], [size, 2 * size])[: first.kinds])
         self.used = first.signals
         self._kinds = first.kinds
         self._at = as_slice(self._positions)
         self._angles = np.flatnonzero(np.isin(self._positions, signals.positions(["orientation"])))
-        self._maps = _MapsOfSamples(jacobians, n_members) if first.space == "task" else None
+        self._maps = _MapsOfSamples(jacobians) if first.space == "task" else None
         self._lengths = measured.T[self._at].copy()
         self._pose = np.zeros_like(self._lengths)
         self._start(reference, measured)
@@ -159,12 +153,10 @@ class LinearLaw:
     ) -> FloatArray:
         """As `Law`."""
         self._feed(k, reference, measured, excess.T, due)
-        now, following = self._now, self._next
-        now.step()
-        if due is not None:
-            np.copyto(following.x, now.x, where=~due)
-        self._now, self._next = following, now
-        return (following.y if self._maps is None else self._maps.to_force(following.y)).T
+        found = product_of_members(self._by_column, self._xu)
+        np.copyto(self._x, found[N_LEGS:], where=True if due is None else due)
+        force = found[:N_LEGS]
+        return (force if self._maps is None else self._maps.to_force(force)).T
 
     @property
     def parts(self) -> LinearParts:
@@ -174,8 +166,8 @@ class LinearLaw:
 
     @property
     def state(self) -> FloatArray:
-        """A view of x (N, n), valid until the sample after the next."""
-        return self._now.x.T
+        """A copy of x (N, n)."""
+        return self._x.copy().T
 
     def _feed(
         self, k: int, reference: FloatArray, measured: FloatArray, excess: FloatArray, due: BoolArray | None
@@ -192,33 +184,31 @@ class LinearLaw:
         elif self._angles.size:  # in the turns of their references
             y = y.copy()
             y[self._angles] = nearest_angle(y[self._angles], r[self._angles])
-        for place, part in zip(self._now.inputs, inputs_of(self._kinds, r, y, excess), strict=True):
+        for place, part in zip(self._inputs, inputs_of(self._kinds, r, y, excess), strict=True):
             place[...] = part
 
     def _start(self, reference: FloatArray, measured: FloatArray) -> None:
         """Set the steady state under constant inputs."""
-        n = len(self._now.x)
+        n = len(self._x)
         self._feed(0, reference, measured, np.zeros((N_LEGS, 1)), None)
-        self._now.step()
-        forcing = self._next.x.T  # (N, n)
+        forcing = product_of_members(self._by_column, self._xu)[N_LEGS:].T  # (N, n)
         A = np.broadcast_to(self._A, (len(forcing), n, n))
         poles = np.diagonal(A, axis1=1, axis2=2)
         free = integrates(poles)
         x = np.where(free, 0.0, forcing / np.where(free, 1.0, 1 - poles))
         for member in np.flatnonzero((A - poles[:, None] * np.eye(n)).any(axis=(1, 2))).tolist():
             x[member] = rest(A[member], integrators(integrating_modes(A[member])), forcing[member])
-        self._now.x[...] = x.T
+        self._x[...] = x.T
 
 
 class _MapsOfSamples:
     """The leg maps of N members in the reference pose of sample `k`; a `LegMaps`."""
 
-    def __init__(self, jacobians: FloatArray, n_members: int) -> None:
+    def __init__(self, jacobians: FloatArray) -> None:
         # (n, 6, 6, N), or (n, 6, 6, 1) if common to all members
         each = jacobians if jacobians.ndim == 4 else jacobians[:, None]
         self._J = np.ascontiguousarray(np.moveaxis(each, 1, -1))
         self._J_inverse = np.ascontiguousarray(np.moveaxis(np.linalg.inv(each), 1, -1))
-        self._times = MatrixProducts(N_LEGS, n_members)
         self.k = 0
 
     @property
@@ -227,13 +217,13 @@ class _MapsOfSamples:
         return self._J, self._J_inverse
 
     def to_pose(self, change: FloatArray) -> FloatArray:
-        return self._times(self._J_inverse[self.k], change)
+        return product_of_members(self._J_inverse[self.k].swapaxes(0, 1), change)
 
     def to_wrench(self, force: FloatArray) -> FloatArray:
-        return self._times(self._J[self.k].swapaxes(0, 1), force)
+        return product_of_members(self._J[self.k], force)
 
     def to_force(self, wrench: FloatArray) -> FloatArray:
-        return self._times(self._J_inverse[self.k].swapaxes(0, 1), wrench)
+        return product_of_members(self._J_inverse[self.k], wrench)
 
 
 def rest(A: Any, integrating: FloatArray, forcing: Any, solve: Solve = np.linalg.solve) -> Any:

@@ -14,9 +14,7 @@ from gough_stewart.harness.ensemble.passing import packed, unpacked
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.plan import Plan
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.self_test import loop_kernel
 from gough_stewart.harness.plants.isolated import Isolated
-from gough_stewart.model.variant import IDEAL
 
 # The first member, and the one after the last.
 Range = tuple[int, int]
@@ -40,7 +38,7 @@ def processes_for(chunks: int, number: int, experiment: Experiment, controller: 
     Of loops in machine code threads share the work, but for what Python does for each chunk.
     """
     is_linear = isinstance(controller, LinearController) if controller is not None else not experiment.controller.code
-    return min(number, chunks // (_CHUNKS_A_PROCESS if is_linear and loop_kernel(IDEAL) is not None else 1))
+    return min(number, chunks // (_CHUNKS_A_PROCESS if is_linear else 1))
 
 
 class Worker:

@@ -18,8 +18,8 @@ from gough_stewart.harness.experiment.stages import Planned
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.law_library import are_traced
 from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
+from gough_stewart.harness.loop.loop_library import loop_kernel
 from gough_stewart.harness.loop.seeds import Seed, Seeds, as_numbers
-from gough_stewart.harness.loop.self_test import loop_kernel
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.reach import LegMotion
@@ -180,24 +180,25 @@ class Batch:
             shape=() if n == 1 else (n,),
         )
 
-    def in_parallel(self, stepping: Stepping, compiler: bool | None = None) -> InParallel:
+    def in_parallel(self, stepping: Stepping) -> InParallel:
         """All of them as one plant and one loop.
 
         Raises
         ------
         ControllerError
             Members that cannot run in parallel; names the difference.
+        BuildError, OSError
+            There is no machine code of the loop, as `loop_library`.
         """
         n, timing = len(self), self.timing[0]
-        kernel = loop_kernel(Variant.of(self.machine[0])) if compiler is not False else None
         values = self.controller.values
-        runs_in_c = kernel is not None and (
-            all(each is None or isinstance(each, LinearController) for each in values) or are_traced(values)
-        )
+        is_linear = all(each is None or isinstance(each, LinearController) for each in values)
+        runs_in_c = is_linear or are_traced(values)
         copies = 0 if runs_in_c else -n % LANES
         filled = self.take([*range(n), *[n - 1] * copies])
         machines = Platforms.of(filled.machine.values)[filled.machine.of]
-        plant = lanes_plant(machines, list(filled.start), **stepping._asdict(), compiler=compiler, kernel=kernel)
+        kernel = loop_kernel(Variant.of(self.machine[0]))
+        plant = lanes_plant(machines, list(filled.start), **stepping._asdict(), kernel=kernel)
         law_from, controllers = None, [each for each in self.controller if each is not None]
         if controllers:
             flat = filled.planned.arrays(

@@ -23,11 +23,13 @@ from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.law_library import CompiledLaw
 from gough_stewart.harness.loop.loop import Loop, failure_of_forces
 from gough_stewart.harness.loop.loop_library import coefficients_of
+from gough_stewart.harness.loop.noise import streams_of
 from gough_stewart.harness.loop.rows import AllRows, Rows
-from gough_stewart.harness.loop.sensors import Noise, noise_of
+from gough_stewart.harness.loop.sensors import deviations_of
 from gough_stewart.harness.loop.watch import Watch
 from gough_stewart.harness.plants import lane_batch, signals
 from gough_stewart.harness.plants.lanes import LanesPlant, reference
+from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
@@ -61,9 +63,7 @@ MEMORY = (
     *(
         "signals",
         "measured",
-        "noise",
         "streams",
-        "readings",
         "memory",
         "next",
         "pose",
@@ -284,8 +284,7 @@ class CompiledLoop:
     def _set_sensors(self, law: LinearLaw | CompiledLaw | None) -> None:
         c, sensors = self._c, self._loop.sensors
         used = () if law is None else law.used
-        noise = noise_of(sensors, used)
-        self._memory("noise", signals.SIZE)
+        noise = deviations_of(sensors, used)
         self._set_noise(noise)
         steps = np.zeros((signals.SIZE, self._n))
         senses = np.zeros(signals.SIZE, np.int64)
@@ -301,20 +300,15 @@ class CompiledLoop:
             found = [coefficients_of(Sensor, {"quantisation": step}, np.nan) for step in steps]
             c.sensors = self._table(np.concatenate(found)[None])
 
-    def _set_noise(self, noise: Mapping[str, Noise]) -> None:
-        c, elements = self._c, [signals.positions([name]) for name in noise]
-        c.n_noisy = len(noise)
-        streams = self._memory("streams", 4 * len(noise)).view(np.int64)
-        c.readings = self._pointer(np.zeros(self._plant.batch.blocks, np.int64))
-        if noise:
+    def _set_noise(self, deviations: Mapping[str, PerMember]) -> None:
+        c, elements = self._c, [signals.positions([name]) for name in deviations]
+        c.n_noisy = len(deviations)
+        streams = self._memory("streams", 4).view(np.int64)
+        if deviations:
+            streams[:, : self._n] = streams_of(self._loop.sensors.seed)
             c.noisy = self._pointer(np.array([(at[0], len(at)) for at in elements], np.int64))
-            deviations = [np.broadcast_to(each.deviation, (self._n,)) for each in noise.values()]
-            c.deviations = self._table(np.array(deviations, dtype=float)[None])
-            for k, each in enumerate(noise.values()):
-                own = streams[4 * k : 4 * k + 4]
-                self._plant.seed_streams(each.entropy, own)
-                if len(each.entropy) < self._n:  # one stream for all
-                    own[:, 1 : self._n] = own[:, :1]
+            of_members = [np.broadcast_to(each, (self._n,)) for each in deviations.values()]
+            c.deviations = self._table(np.array(of_members, dtype=float)[None])
 
     def _set_actuators(self) -> None:
         c, actuators, step = self._c, self._loop.actuators, self._loop.timing

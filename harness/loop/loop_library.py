@@ -16,7 +16,7 @@ from gough_stewart.harness.control.faults import Cut, Freeze
 from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.folds import AT, ROW_PARTS
-from gough_stewart.harness.loop.loop import LENGTHS
+from gough_stewart.harness.plants.lanes import CompiledLanes
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.rotations import rotation_between
@@ -50,6 +50,18 @@ def loop_library(variant: Variant = IDEAL) -> LanesLibrary:
     return machine_code(*loop_code(variant))
 
 
+@cache
+def loop_kernel(variant: Variant) -> CompiledLanes:
+    """What runs loops of plants of a variant in machine code.
+
+    Raises
+    ------
+    BuildError, OSError
+        As `loop_library`.
+    """
+    return CompiledLanes(loop_library(variant))
+
+
 def loop_code(variant: Variant = IDEAL) -> MachineCode:
     """Name, sources and their state."""
 
@@ -73,7 +85,7 @@ def components_header() -> str:
 
     sizes: dict[str, Any] = {
         "LARGEST_COMMAND": LARGEST_NUMBER,
-        "FIRST_LENGTH": LENGTHS.start,
+        "FIRST_LENGTH": AT["leg_length"].start,
         "FIRST_ANGLE": AT["orientation"].start,
         "N_POSE": AT["velocity"].start,
         **{f"ROW_{name}": place for name, place in ROW_PARTS.items()},

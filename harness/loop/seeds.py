@@ -18,31 +18,6 @@ def stream(seed: Seed, purpose: int) -> Generator:
     return np.random.default_rng([seed, purpose])
 
 
-def entropy_of(seed: Seed, purpose: int) -> list[int]:
-    """The 32-bit words of entropy and spawn keys from which `stream` is seeded, as NumPy assembles them.
-
-    The lowest word of a number first; entropy is filled up to four words if there are keys.
-    """
-    if not isinstance(seed, SeedSequence):
-        return [*_parts(seed), *_parts(purpose)]
-    entropy: Any = seed.entropy
-    own = [part for each in np.ravel(np.asarray(entropy, dtype=object)).tolist() for part in _parts(each)]
-    keys = [part for key in (*seed.spawn_key, purpose) for part in _parts(key)]
-    return [*own, *[0] * (_POOL - len(own)), *keys]
-
-
-# Words of a SeedSequence's pool.
-_POOL = 4
-
-
-def _parts(number: int) -> list[int]:
-    """A number >= 0 in 32-bit words."""
-    found = [int(number) % (1 << 32)]
-    while number := int(number) >> 32:
-        found.append(number % (1 << 32))
-    return found
-
-
 def as_numbers(seed: Seeds) -> Any:
     """A seed as plain types: itself, or a sequence's entropy and its spawn key."""
     if isinstance(seed, tuple):

@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
 from gough_stewart.harness.control.faults import Freeze, NoCoefficients
 from gough_stewart.harness.control.sensor import Sensor, SensorCoefficients
-from gough_stewart.harness.loop.seeds import Seeds, entropy_of, stream
+from gough_stewart.harness.loop.noise import standard_normal, streams_of
+from gough_stewart.harness.loop.seeds import Seeds
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.harness.plants.plant import BoolArray
@@ -113,45 +113,26 @@ class _Noise:
     """White noise of one signal (size, N), or (size, 1) common to all members."""
 
     def __init__(self, sensors: Sensors, name: str) -> None:
-        purpose = signals.NAMES.index(name)
-        seeds = sensors.seed if isinstance(sensors.seed, tuple) else (sensors.seed,)
-        self._purpose, self._seeds = purpose, seeds
-        self._streams: list[np.random.Generator] = []  # made when they are needed: most controllers use one signal
-        self._deviation = sensors.noise[name]
-        # drawn member by member, and kept with the members last
-        self._normal = np.zeros((len(seeds), _BLOCK, signals.VARIABLES[purpose].size))
-        members = np.broadcast_shapes((len(seeds),), np.shape(self._deviation))
-        self._scaled = np.zeros((*self._normal.shape[1:], *members))
+        self._streams, self._deviation = streams_of(sensors.seed), sensors.noise[name]
+        at = signals.positions([name])
+        self._elements = range(int(at[0]), int(at[-1]) + 1)
+        self._scaled: FloatArray = np.zeros((0, 0, 0))
         self._block = -1
 
     def __call__(self, k: int) -> FloatArray:
-        """Noise of reading k; k stays the same or increases by one."""
+        """Noise of reading k."""
         block, row = divmod(k, _BLOCK)
         if block != self._block:
-            self._streams = self._streams or [stream(seed, self._purpose) for seed in self._seeds]
-            for member, each in enumerate(self._streams):
-                each.standard_normal(out=self._normal[member])
-            np.multiply(np.moveaxis(self._normal, 0, -1), self._deviation, out=self._scaled)
+            readings = range(block * _BLOCK, (block + 1) * _BLOCK)
+            self._scaled = standard_normal(self._streams, readings, self._elements) * self._deviation
             self._block = block
         noise: FloatArray = self._scaled[row]
         return noise
 
 
-class Noise(NamedTuple):
-    """The noise of one signal, for hosts that draw the same numbers themselves."""
-
-    deviation: PerMember
-    entropy: list[list[int]]  # of each member's stream, or of the common one; see `entropy_of`
-
-
-def noise_of(sensors: Sensors, names: Iterable[str]) -> dict[str, Noise]:
-    """The noise of those of some signals that have any."""
-    seeds = sensors.seed if isinstance(sensors.seed, tuple) else (sensors.seed,)
-    purposes = {name: signals.NAMES.index(name) for name in names if _has_noise(sensors, name)}
-    return {
-        name: Noise(sensors.noise[name], [entropy_of(seed, purpose) for seed in seeds])
-        for name, purpose in purposes.items()
-    }
+def deviations_of(sensors: Sensors, names: Iterable[str]) -> dict[str, PerMember]:
+    """The standard deviations of those of some signals that have any noise."""
+    return {name: sensors.noise[name] for name in names if _has_noise(sensors, name)}
 
 
 def _has_noise(sensors: Sensors, name: str) -> bool:
@@ -160,7 +141,6 @@ def _has_noise(sensors: Sensors, name: str) -> bool:
 
 def _sensor(sensors: Sensors, name: str) -> tuple[SensorCoefficients, "_Noise | None"] | None:
     """The coefficients and the noise of a signal's sensor; None for an ideal one."""
-    # one random stream per signal: noise on one does not change the noise on the others
     noise = _Noise(sensors, name) if _has_noise(sensors, name) else None
     step = np.asarray(sensors.quantisation.get(name, 0.0), dtype=float)
     coefficients = Sensor.without_idle(Sensor.prepare({"quantisation": step}))

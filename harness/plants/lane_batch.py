@@ -1,9 +1,9 @@
-"""The members of a plant of many platforms in memory, and the kernel that steps them."""
+"""The members of a plant of many platforms in memory."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,30 +93,6 @@ class Batch:
 def rows(size: int, blocks: int) -> FloatArray:
     """Zeros (size, 8 `blocks`) with a stride of an odd number of vectors: see c/lanes/lanes.h."""
     return np.zeros((size, (blocks | 1) * WIDTH))[:, : blocks * WIDTH]
-
-
-class LaneKernel(Protocol):
-    """Steps a batch. Members that do not run, or fail, stay exactly as they were."""
-
-    features: str
-
-    def check(self, batch: Batch) -> int:
-        """The number of members that cannot start a motion in their state."""
-
-    def step(self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None) -> int:
-        """Do RK4 substeps of this size [s] and compute the signals at their end; the number of failed members.
-
-        Poses are checked, and errors estimated as in c/lanes/lanes.h.
-        """
-
-    def advance(self, batch: Batch, duration: float, tolerance: float, signals: FloatArray | None = None) -> int:
-        """Do a step with error-controlled internal steps and compute the signals; the number of failed members."""
-
-    def signals(self, batch: Batch, out: FloatArray) -> None:
-        """The first part of the results (24, M)."""
-
-    def results(self, batch: Batch, out: FloatArray) -> None:
-        """All results (N_RESULTS, M)."""
 
 
 @cache

@@ -1,24 +1,20 @@
-"""A plant of many platforms, stepped together with internal steps of their own, eight in a vector, or by NumPy.
+"""A plant of many platforms, stepped together with internal steps of their own, eight in a vector.
 
 A member's bits depend only on its own numbers, not on the number or choice of the other members.
 """
 
 import ctypes
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.lanes import CONTROLLED, WIDTH, Failure, LanesLibrary, lanes_library
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.lane_batch import Batch, LaneKernel, rows
-from gough_stewart.harness.plants.numpy_lanes import NumpyLanes
+from gough_stewart.harness.plants.lane_batch import Batch, rows
 from gough_stewart.harness.plants.parameter_changes import changed_parameter, refuse_impossible
 from gough_stewart.harness.plants.plant import BoolArray, Plant
 from gough_stewart.harness.plants.signals import N_LEGS
@@ -51,7 +47,16 @@ class _CBatch(ctypes.Structure):
 
 
 class CompiledLanes:
-    """The library of `fmu_build.lanes`; it releases the GIL while it works."""
+    """The library of `fmu_build.lanes` or of c/loop; it releases the GIL while it works.
+
+    Members that do not run, or fail, stay exactly as they were. Poses are checked, and errors estimated, as in
+    c/lanes/lanes.h.
+
+    Attributes
+    ----------
+    features
+        The processor features it was compiled for: equal texts mean equal bits.
+    """
 
     def __init__(self, library: LanesLibrary) -> None:
         self.features = library.features
@@ -62,37 +67,28 @@ class CompiledLanes:
                 each.restype = ctypes.c_int64
 
     def check(self, batch: Batch) -> int:
-        """See `LaneKernel`."""
+        """The number of members that cannot start a motion in their state."""
         return int(self.library.lanes_check(reference(batch)))
 
     def step(self, batch: Batch, size: float, substeps: int, signals: FloatArray | None = None) -> int:
-        """See `LaneKernel`."""
+        """Do RK4 substeps of this size [s] and compute the signals at their end; the number of failed members."""
         out = ctypes.c_void_p(None if signals is None else signals.ctypes.data)
         numbers = ctypes.c_double(size), ctypes.c_int64(substeps)
         return int(self.library.lanes_step(reference(batch), *numbers, out))
 
     def advance(self, batch: Batch, duration: float, tolerance: float, signals: FloatArray | None = None) -> int:
-        """See `LaneKernel`."""
+        """Do a step with error-controlled internal steps and compute the signals; the number of failed members."""
         out = ctypes.c_void_p(None if signals is None else signals.ctypes.data)
         numbers = ctypes.c_double(duration), ctypes.c_double(tolerance)
         return int(self.library.lanes_advance(reference(batch), *numbers, out))
 
     def signals(self, batch: Batch, out: FloatArray) -> None:
-        """See `LaneKernel`."""
+        """Write the first part of the results (24, M)."""
         self.library.lanes_signals(reference(batch), ctypes.c_void_p(out.ctypes.data))
 
     def results(self, batch: Batch, out: FloatArray) -> None:
-        """See `LaneKernel`."""
+        """Write all results (N_RESULTS, M)."""
         self.library.lanes_results(reference(batch), ctypes.c_void_p(out.ctypes.data))
-
-
-def seed_streams(library: ctypes.CDLL, entropy: Sequence[Sequence[int]], words: NDArray[np.int64]) -> None:
-    """See `LanesPlant.seed_streams`."""
-    flat = np.array([part for each in entropy for part in each], np.uint32)
-    sizes = np.array([len(each) for each in entropy], np.int64)
-    numbers = (ctypes.c_int64(each) for each in (len(sizes), words.strides[0] // words.itemsize))
-    at = [ctypes.c_void_p(each.ctypes.data) for each in (flat, sizes, words)]
-    library.loop_seed(*at[:2], *numbers, at[2])
 
 
 def reference(batch: Batch) -> Any:
@@ -117,8 +113,8 @@ class LanesPlant(Plant):
     substeps, tolerance
         RK4 steps per plant step; or, if that is None, the tolerance of error-controlled internal steps, each member's
         own.
-    compiled, features
-        Whether machine code steps it, and the processor features it was compiled for: equal texts mean equal bits.
+    features
+        Of its machine code, see `CompiledLanes`.
     integration_error
         The largest estimate so far (N,), max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and
         absolute in SI units: the sum of the internal steps' errors in a plant step, or, with substeps, of their
@@ -131,7 +127,7 @@ class LanesPlant(Plant):
 
     def __init__(
         self,
-        kernel: LaneKernel,
+        kernel: CompiledLanes,
         platforms: Sequence[Platform],
         starts: Sequence[State],
         substeps: int | None,
@@ -139,7 +135,7 @@ class LanesPlant(Plant):
     ) -> None:
         self.shape = (len(platforms),)
         self.substeps, self.tolerance = substeps, tolerance
-        self.compiled, self.features = isinstance(kernel, CompiledLanes), kernel.features
+        self.features = kernel.features
         self._kernel, self._platforms = kernel, Platforms.of(platforms)
         self._variant = Variant.of(self._platforms[0])
         self.columns = self._variant.columns
@@ -173,12 +169,7 @@ class LanesPlant(Plant):
     @property
     def loop_run(self) -> Callable[..., int] | None:
         """The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`."""
-        return self._kernel.loop_run if isinstance(self._kernel, CompiledLanes) else None
-
-    def seed_streams(self, entropy: Sequence[Sequence[int]], words: NDArray[np.int64]) -> None:
-        """Write streams of random numbers into rows (4, n or more); see `loop_seed` of c/loop."""
-        assert isinstance(self._kernel, CompiledLanes)  # whoever has the loop's machine code
-        seed_streams(self._kernel.library, entropy, words)
+        return self._kernel.loop_run
 
     def begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state; they do not run."""
@@ -292,8 +283,7 @@ def lanes_plant(
     *,
     substeps: int | None = None,
     tolerance: float = DEFAULT_TOLERANCE,
-    compiler: bool | None = None,
-    kernel: LaneKernel | None = None,
+    kernel: CompiledLanes | None = None,
 ) -> LanesPlant:
     """Many platforms as a plant, each in its own start state at time 0.
 
@@ -303,11 +293,8 @@ def lanes_plant(
         RK4 steps per plant step; None for error-controlled steps.
     tolerance
         Of error-controlled steps, relative, and absolute in SI units.
-    compiler
-        True: machine code for this processor, compiled with `zig cc` or taken from the cache. False: NumPy, slower.
-        None: NumPy if there is no compiler, with a warning.
     kernel
-        What steps them, in place of `compiler`.
+        The machine code that steps them; without it that of the plants alone.
 
     Raises
     ------
@@ -315,8 +302,8 @@ def lanes_plant(
         No platforms, another number of starts, or an invalid number of substeps or tolerance.
     PlatformError
         Some stick or give, and others do not.
-    BuildError
-        `compiler` is True, and the library cannot be built.
+    BuildError, OSError
+        There is no machine code, and it cannot be built, as `lanes_library`.
     """
     if not platforms or len(platforms) != len(starts):
         raise PlantError(
@@ -333,7 +320,7 @@ def lanes_plant(
         raise PlantError(f"tolerance is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}")
     if substeps is not None and not (isinstance(substeps, int) and 1 <= substeps <= MOST_SUBSTEPS):
         raise PlantError(f"substeps is {substeps!r}; expected a whole number from 1 to {MOST_SUBSTEPS}")
-    return LanesPlant(kernel or _kernel(compiler, variant), platforms, starts, substeps, tolerance)
+    return LanesPlant(kernel or _of_plants_alone(variant), platforms, starts, substeps, tolerance)
 
 
 def _variant_of(platforms: Platforms) -> Variant:
@@ -356,26 +343,9 @@ def _variant_of(platforms: Platforms) -> Variant:
     return first
 
 
-def _kernel(compiler: bool | None, variant: Variant) -> LaneKernel:
-    if compiler is False:
-        return NumpyLanes()
-    try:
-        return _compiled(variant)
-    except (BuildError, OSError) as error:
-        if compiler:
-            raise
-        _warn(str(error))
-        return NumpyLanes()
-
-
 @cache
-def _compiled(variant: Variant) -> CompiledLanes:
+def _of_plants_alone(variant: Variant) -> CompiledLanes:
     return CompiledLanes(lanes_library(variant))
-
-
-@cache
-def _warn(reason: str) -> None:
-    warnings.warn(f"many platforms are stepped by NumPy, some fifty times slower: {reason}", stacklevel=2)
 
 
 def failure_of(batch: Batch, k: int, begin: float, substeps: int | None, tolerance: float) -> StepError:

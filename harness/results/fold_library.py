@@ -4,7 +4,6 @@ from functools import cache
 
 import numpy as np
 
-from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.folds import FoldKernel, folds_sources
 from gough_stewart.fmu_build.lanes import MachineCode, machine_code
 from gough_stewart.fmu_build.source_state import state_of_files
@@ -20,12 +19,15 @@ _OWN = (
 
 
 @cache
-def metric_kernels() -> FoldKernels | None:
-    """The machine code of all metrics for this processor; None without a compiler, with the same numbers by NumPy."""
-    try:
-        return FoldKernels(machine_code(*folds_code()).path)
-    except (BuildError, OSError):
-        return None
+def metric_kernels() -> FoldKernels:
+    """The machine code of all metrics for this processor.
+
+    Raises
+    ------
+    BuildError, OSError
+        As `machine_code`.
+    """
+    return FoldKernels(machine_code(*folds_code()).path)
 
 
 def folds_code() -> MachineCode:

@@ -17,6 +17,7 @@
 
 typedef double lanes;
 typedef int64_t mask;
+typedef uint64_t words;
 typedef double anywhere;
 typedef int64_t mask_anywhere;
 
@@ -106,6 +107,7 @@ typedef __typeof__((lanes)0.0 == (lanes)0.0) mask;
 typedef __typeof__(((mask)0)[0]) whole;
 typedef double anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
 typedef whole mask_anywhere __attribute__((ext_vector_type(WIDTH), aligned(8)));
+typedef uint64_t words __attribute__((ext_vector_type(WIDTH)));
 typedef uint8_t flags __attribute__((ext_vector_type(WIDTH), aligned(1)));
 
 #define LANE(x, lane) (x)[lane]

@@ -103,32 +103,21 @@ static void end(vector *v, mask which, int64_t failure, int64_t row)
         }
 }
 
-/* The noise of a reading, which is the last one or follows it. */
-static void draw_noise(const vector *v, int64_t reading)
+/* The noise (24) of a reading: 0 where there is none. */
+static void draw_noise(const vector *v, int64_t reading, lanes noise[])
 {
     const loop *w = v->with;
-    const int64_t stride = v->of->stride;
-    if (!w->n_noisy || w->readings[v->first / WIDTH] > reading)
-        return;
-    w->readings[v->first / WIDTH] = reading + 1;
+    words stream[4];
+    for (int i = 0; i < N_SIGNALS; i++)
+        noise[i] = (lanes)0.0;
+    for (int i = 0; w->n_noisy && i < 4; i++)
+        stream[i] = (words)*(const mask_anywhere *)(w->streams + i * v->of->stride + v->first);
     for (int64_t k = 0; k < w->n_noisy; k++) {
-        lanes deviation = at(v, &w->deviations, 0, k), x[MOST_ELEMENTS];
-        int64_t n = w->noisy[2 * k + 1];
-        for (int64_t i = 0; i < n; i++)
-            x[i] = (lanes)0.0;
-        for (int lane = 0; lane < v->live; lane++) {
-            int64_t *words = w->streams + 4 * k * stride + v->first + lane;
-            stream s = {(uint64_t)words[0], (uint64_t)words[stride], (uint64_t)words[2 * stride],
-                        (uint64_t)words[3 * stride]};
-            if (!HOLDS(v->plant.running, lane))
-                continue;
-            for (int64_t i = 0; i < n; i++)
-                LANE(x[i], lane) = next_normal(&s);
-            words[0] = (int64_t)s.high;
-            words[stride] = (int64_t)s.low;
-        }
-        for (int64_t i = 0; i < n; i++)
-            remember(v, w->noise, w->noisy[2 * k] + i, x[i] * deviation);
+        lanes deviation = at(v, &w->deviations, 0, k);
+        int64_t first = w->noisy[2 * k], n = w->noisy[2 * k + 1];
+        normals(stream, reading, first, n, noise + first);
+        for (int64_t i = first; i < first + n; i++)
+            noise[i] = noise[i] * deviation;
     }
 }
 
@@ -143,7 +132,8 @@ static void draw_noise(const vector *v, int64_t reading)
 static void read_sensors(const vector *v, int64_t reading, int64_t n, const int64_t *used, mask whose)
 {
     const loop *w = v->with;
-    draw_noise(v, reading);
+    lanes noise[N_SIGNALS];
+    draw_noise(v, reading, noise);
     for (int64_t i = 0; i < n; i++) {
         int64_t element = used[i];
         lanes now = remembered(v, w->signals, element);
@@ -153,10 +143,9 @@ static void read_sensors(const vector *v, int64_t reading, int64_t n, const int6
 #endif
         if (SENSES(w->senses[element])) {
             lanes c[SENSOR_COEFFICIENTS];
-            lanes noise = remembered(v, w->noise, element);
             for (int k = 0; k < SENSOR_COEFFICIENTS; k++)
                 c[k] = at(v, &w->sensors, 0, element * SENSOR_COEFFICIENTS + k);
-            component_sensor(c, &now, &noise, &now);
+            component_sensor(c, &now, &noise[element], &now);
         }
         if (w->frozen) {
             lanes last = remembered(v, w->held, element), frozen = remembered(v, w->frozen, element), found;
@@ -564,22 +553,21 @@ int64_t loop_run(const batch *of, const loop *with, int64_t first, int64_t end, 
     return 1;
 }
 
-void loop_normals(int64_t words[4], int64_t n, double *normals)
+void loop_noise(const int64_t *streams, int64_t n, int64_t reading, int64_t readings, int64_t element,
+                int64_t elements, double *noise)
 {
-    stream s = {(uint64_t)words[0], (uint64_t)words[1], (uint64_t)words[2], (uint64_t)words[3]};
-    for (int64_t i = 0; i < n; i++)
-        normals[i] = next_normal(&s);
-    words[0] = (int64_t)s.high;
-    words[1] = (int64_t)s.low;
-}
-
-void loop_seed(const uint32_t *entropy, const int64_t *sizes, int64_t n, int64_t stride, int64_t *words)
-{
-    for (int64_t k = 0; k < n; k++) {
-        stream s = seeded(entropy, sizes[k]);
-        const uint64_t found[] = {s.high, s.low, s.increment_high, s.increment_low};
+    for (int64_t first = 0; first < n; first += WIDTH) {
+        int live = n - first < WIDTH ? (int)(n - first) : WIDTH;
+        words stream[4];
+        lanes x[N_SIGNALS];
         for (int i = 0; i < 4; i++)
-            words[i * stride + k] = (int64_t)found[i];
-        entropy += sizes[k];
+            for (int lane = 0; lane < WIDTH; lane++)
+                LANE(stream[i], lane) = (uint64_t)streams[i * n + first + (lane < live ? lane : 0)];
+        for (int64_t k = 0; k < readings; k++) {
+            normals(stream, reading + k, element, elements, x);
+            for (int64_t i = 0; i < elements; i++)
+                for (int lane = 0; lane < live; lane++)
+                    noise[(k * elements + i) * n + first + lane] = LANE(x[i], lane);
+        }
     }
 }

@@ -92,9 +92,7 @@ typedef struct {
     /* memory of the members, (size, M) as the states of the batch */
     double *signals;     /* 24: at the present row */
     double *measured;    /* 24 */
-    double *noise;       /* 24: of the present reading, 0 where there is none */
-    int64_t *streams;    /* 4 n_noisy: of random numbers, see noise.h */
-    int64_t *readings;   /* (blocks): whose noise has been drawn */
+    int64_t *streams;    /* 4: of the noise, words of 32 bits, see noise.h */
     double *memory;      /* n_states + size of u: x and u; of a user's law what law.h says */
     double *next;        /* 6 + n_states: y and the next x */
     double *pose;        /* 6: in task space */
@@ -130,11 +128,9 @@ typedef struct {
    At a row: readings; if a sample is due, the command; the drives; the row is kept; its limits are checked. */
 OFFERED int64_t loop_run(const batch *of, const loop *with, int64_t first, int64_t end, int64_t to, int64_t most_work);
 
-/* The next normal numbers of a stream, which goes on: see noise.h. */
-OFFERED void loop_normals(int64_t words[4], int64_t n, double *normals);
-
-/* `n` streams (4, n), in rows that are `stride` apart, from the entropy of each, one after the other: a number of 32-bit
-   words each, as NumPy's SeedSequence assembles them. */
-OFFERED void loop_seed(const uint32_t *entropy, const int64_t *sizes, int64_t n, int64_t stride, int64_t *words);
+/* Standard normal numbers (readings, elements, n) of `n` streams (4, n), words of 32 bits: those of `elements` from
+   `element` on, of `readings` from `reading` on; see noise.h. */
+OFFERED void loop_noise(const int64_t *streams, int64_t n, int64_t reading, int64_t readings, int64_t element,
+                        int64_t elements, double *noise);
 
 #endif

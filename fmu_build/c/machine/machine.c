@@ -187,11 +187,6 @@ int64_t machine_margins(int64_t *block)
     return block[2] ? turn_margins(&o->turned, &o->with) : 1;
 }
 
-void machine_seed(const uint32_t *entropy, int64_t n, int64_t words[4])
-{
-    loop_seed(entropy, &n, 1, 1, words);
-}
-
 void *machine_field(int64_t *block, int64_t field)
 {
     return field < 0 || field >= MACHINE_N_FIELDS ? 0 : place(block, block[MACHINE_FIELDS + field]);

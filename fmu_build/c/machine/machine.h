@@ -41,9 +41,6 @@ MACHINE_OFFERED int64_t machine_margins(int64_t *block);
 /* The row at which it ended, or -1; and why: 0, or a FAILURE of lanes_table.h. */
 MACHINE_OFFERED int64_t machine_ended(const int64_t *block);
 MACHINE_OFFERED int64_t machine_failure(const int64_t *block);
-/* A stream of noise from `n` words of entropy, as NumPy's SeedSequence assembles them; MACHINE_STREAMS holds one for each
-   signal with noise. */
-MACHINE_OFFERED void machine_seed(const uint32_t *entropy, int64_t n, int64_t words[4]);
 /* What a field holds, by its number of machine_fields.h, such as MACHINE_INPUTS; NULL if the machine has none. */
 MACHINE_OFFERED void *machine_field(int64_t *block, int64_t field);
 

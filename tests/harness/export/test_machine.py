@@ -24,9 +24,8 @@ from gough_stewart.harness.experiment.schema import ChangeChoice
 from gough_stewart.harness.export import machine
 from gough_stewart.harness.export.machine import Block, machine_block, machine_c, machine_of
 from gough_stewart.harness.export.plan import kinds
+from gough_stewart.harness.loop.noise import streams_of
 from gough_stewart.harness.loop.run import Run, simulate
-from gough_stewart.harness.loop.seeds import entropy_of
-from gough_stewart.harness.plants.signals import NAMES
 from tests.harness.loop import test_compiled_laws as laws
 from tests.harness.loop.test_compiled_loop import ALL, CASES, STEPPING, batch_of
 from tests.support.uneven_loops import experiment_of as uneven_experiment
@@ -352,10 +351,7 @@ def test_another_seed_gives_other_noise() -> None:
     for seed in (None, 3, 4):
         one = Machine(block)
         if seed is not None:
-            entropy = np.array(entropy_of(seed, NAMES.index("leg_length")), np.uint32)
-            words = one.field("streams", 4).view(np.int64)
-            at = [ctypes.c_void_p(each.ctypes.data) for each in (entropy, words)]
-            one._c.machine_seed(at[0], ctypes.c_int64(len(entropy)), at[1])
+            one.field("streams", 4).view(np.int64)[:] = streams_of(seed)[:, 0]
         rows.append(one.run(ROWS)["row_signals"])
     assert np.array_equal(rows[0], rows[1])
     assert np.abs(rows[2] - rows[0]).max() > 1e-8

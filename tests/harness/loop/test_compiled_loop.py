@@ -8,9 +8,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields
+from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -19,17 +20,18 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from gough_stewart.fmu_build import lanes
 from gough_stewart.fmu_build.lanes import loop_sources
 from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.loop import compiled, loop_library, self_test
+from gough_stewart.harness.loop import compiled, loop_library
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
 from gough_stewart.harness.plants.signals import positions
-from gough_stewart.model.variant import IDEAL
+from gough_stewart.model.process import installed
 from tests.support.uneven_loops import experiment_of as uneven_experiment
 
 STEPPING = Stepping(tolerance=1e-9)
@@ -330,18 +332,19 @@ def test_rows_reach_observers_in_blocks_without_gaps() -> None:
         assert np.array_equal(before[-1], after[0])
 
 
-def test_a_library_that_computes_something_else_is_named_and_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: with 1 N more on a leg, a warning with the share of the largest force, and NumPy's loop."""
-    self_test.loop_kernel.cache_clear()
-    original = self_test._forces
-    monkeypatch.setattr(self_test, "_forces", lambda platform, kernel: original(platform, kernel) + (kernel is None))
-    monkeypatch.setattr(self_test, "_is_noted", lambda _library: False)
-    with pytest.warns(UserWarning, match=r"differ by 0\.0\d+ of the largest one from NumPy's; loops run in NumPy"):
-        assert self_test.loop_kernel(IDEAL) is None
-    assert gs.run("heave_step", {"loop.duration": 0.01}).metadata["host"] == "Python"
-    monkeypatch.undo()
-    self_test.loop_kernel.cache_clear()
-    assert gs.run("heave_step", {"loop.duration": 0.01}).metadata["host"].startswith("compiled, ")
+@pytest.mark.parametrize("call", [gs.run, gs.ensemble])
+def test_without_machine_code_and_compiler_an_error_names_the_remedy(
+    call: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the extra that brings a compiler, and no other loop instead."""
+    monkeypatch.setattr(installed, "find_spec", lambda name: None if name == "ziglang" else find_spec(name))
+    monkeypatch.setattr(lanes, "_carried", lambda *_: None)
+    loop_library.loop_kernel.cache_clear()
+    loop_library.loop_library.cache_clear()
+    with pytest.raises(
+        gs.GoughStewartError, match=r"not installed: ziglang \(to compile\); .*gough-stewart\[compile\]"
+    ):
+        call("heave_step", {"ensemble": {"members": 2, "platform_mass": {"uniform": [900, 1100]}}})
 
 
 @pytest.mark.evidence

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gough_stewart.harness.loop.sensors import Encoders, Readings, Sensors
+from gough_stewart.harness.loop.sensors import Readings, Sensors
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.vectors import FloatArray
 
@@ -54,16 +54,6 @@ def test_no_element_and_no_row_has_the_noise_of_another() -> None:
     noise = measured(Sensors(DEVIATIONS), np.zeros((n, signals.SIZE)))
     both = np.concatenate([noise[:-1], noise[1:]], axis=1)
     assert np.abs(np.corrcoef(both.T) - np.eye(48)).max() < 5 / np.sqrt(n)
-
-
-def test_noise_is_one_stream_of_normal_numbers_for_each_signal() -> None:
-    """Expected: NumPy's generator of (seed, number of the signal), drawn at once for more readings than a block."""
-    encoders, n = Encoders(Sensors(DEVIATIONS, seed=6), None), 150
-    found = np.array([encoders(k, np.zeros((1, signals.SIZE)), k)[0].copy() for k in range(n)])
-    for k, name in enumerate(signals.NAMES):
-        at = COLUMNS[name]
-        expected = DEVIATIONS[name] * np.random.default_rng([6, k]).standard_normal((n, len(at)))
-        np.testing.assert_array_equal(found[:, at], expected)
 
 
 @pytest.mark.parametrize("name", signals.NAMES)

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.lanes import lanes_library
+from gough_stewart.fmu_build.lanes import Failure, lanes_library
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.harness.plants import lanes, signals
+from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lane_batch import Batch
 from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant
 from gough_stewart.harness.plants.model import ModelPlant
@@ -23,7 +22,6 @@ from gough_stewart.model.kinematics import leg_geometry, scaled_jacobian_of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_inputs, random_platform
 from tests.support.uneven import INPUTS, STATE, UNEVEN
@@ -31,12 +29,6 @@ from tests.support.uneven import INPUTS, STATE, UNEVEN
 STEP = 2e-3
 # Members of which no two are alike; one vector and a part of another.
 N = 11
-
-
-@pytest.fixture(params=[True, False], ids=["compiled", "numpy"])
-def compiler(request: pytest.FixtureRequest) -> bool:
-    """Either kernel."""
-    return bool(request.param)
 
 
 @pytest.fixture(params=[{"substeps": 2}, {"tolerance": 1e-9}], ids=["fixed", "controlled"])
@@ -96,7 +88,7 @@ def _reference() -> FloatArray:
 def test_a_run_is_that_of_the_stepping_model() -> None:
     """Expected: the reference, states and signals within 1e-8."""
     platforms, starts, inputs = _members(N)
-    found = _run(lanes_plant(platforms, starts, substeps=16, compiler=True), inputs, 10)
+    found = _run(lanes_plant(platforms, starts, substeps=16), inputs, 10)
     for member, expected in enumerate(_reference()):
         n = signals.SIZE
         assert np.abs(found[member, :n] - expected[:n]).max() < 1e-8
@@ -106,52 +98,36 @@ def test_a_run_is_that_of_the_stepping_model() -> None:
             assert np.abs(own_value - value).max() < 1e-7 * (1 + np.abs(value).max()), name
 
 
-def test_numpy_and_machine_code_do_the_same(steps: dict[str, Any]) -> None:
-    """Expected: the same steps but for rounding, also of the error and after a change of parameters."""
-    platforms, starts, inputs = _members(N)
-    plants = [lanes_plant(platforms, starts, **steps, compiler=compiler) for compiler in (True, False)]
-    some = np.arange(N) % 2 == 0
-    for plant in plants:
-        _run(plant, inputs, 2)
-        plant.set_parameters_of(some, {"platform_mass": 1.3 * np.array([each.platform_mass for each in platforms])})
-    compiled, numpy = (_run(plant, inputs, 3, first=2) for plant in plants)
-    for name, value in interface.unpack(interface.RESULTS, numpy).items():
-        difference = np.abs(interface.unpack(interface.RESULTS, compiled)[name] - value)
-        assert (difference <= 1e-11 * (1 + np.abs(value).reshape(N, -1).max())).all(), name
-    np.testing.assert_allclose(plants[0].integration_error, plants[1].integration_error, rtol=1e-4, atol=1e-14)
-    np.testing.assert_array_equal(plants[0].internal_steps, plants[1].internal_steps)
-
-
-def test_signals_are_the_head_of_the_results(compiler: bool) -> None:
+def test_signals_are_the_head_of_the_results() -> None:
     """Expected: two functions, the one without the dynamics."""
     platforms, starts, inputs = _members(N)
-    plant = lanes_plant(platforms, starts, substeps=2, compiler=compiler)
+    plant = lanes_plant(platforms, starts, substeps=2)
     results = _run(plant, inputs, 3)
     assert plant.signals().shape == (N, signals.SIZE)
     np.testing.assert_allclose(plant.signals(), results[:, : signals.SIZE], rtol=1e-13, atol=1e-14)
     assert plant.shape == (N,)
-    assert plant.compiled == compiler
+    assert plant.features == lanes_library().features
 
 
-def test_it_begins_in_its_starts_held_as_at_home(compiler: bool) -> None:
+def test_it_begins_in_its_starts_held_as_at_home() -> None:
     """Expected: the starts, and of members at home the accelerations of a platform that is held: none."""
     platforms, starts, _ = _members(N)
     rest = np.zeros(3)
     starts[3] = State(platforms[3].home_position, platforms[3].home_orientation, rest, rest)
-    results = lanes_plant(platforms, starts, substeps=1, compiler=compiler).results()
+    results = lanes_plant(platforms, starts, substeps=1).results()
     np.testing.assert_array_equal(results[:, :12], [start.to_vector() for start in starts])
     acceleration = slice(signals.SIZE, signals.SIZE + 6)
     assert np.abs(results[3, acceleration]).max() < 1e-9 < np.abs(results[4, acceleration]).max()
 
 
-def test_a_member_has_the_same_bits_in_any_company(compiler: bool, steps: dict[str, Any]) -> None:
+def test_a_member_has_the_same_bits_in_any_company(steps: dict[str, Any]) -> None:
     """Expected: those of the member alone; in ten, in a thousand and in another order."""
-    n = 1000 if compiler else 40
+    n = 1000
     platforms, starts, inputs = _members(n)
 
     def run(members: Sequence[int]) -> tuple[FloatArray, ...]:
         chosen = [platforms[k] for k in members], [starts[k] for k in members]
-        plant = lanes_plant(*chosen, **steps, compiler=compiler)
+        plant = lanes_plant(*chosen, **steps)
         return (
             plant.results(),
             _run(plant, inputs[list(members)], 4),
@@ -165,10 +141,10 @@ def test_a_member_has_the_same_bits_in_any_company(compiler: bool, steps: dict[s
             np.testing.assert_array_equal(found, expected[members])
 
 
-def test_frozen_members_stay_to_the_last_bit_while_others_go_on(compiler: bool, steps: dict[str, Any]) -> None:
+def test_frozen_members_stay_to_the_last_bit_while_others_go_on(steps: dict[str, Any]) -> None:
     """Expected: states as they were, and the run of the others as if nobody had been frozen."""
     platforms, starts, inputs = _members(N)
-    plant, free = (lanes_plant(platforms, starts, **steps, compiler=compiler) for _ in range(2))
+    plant, free = (lanes_plant(platforms, starts, **steps) for _ in range(2))
     before = _run(plant, inputs, 3)[:, : signals.SIZE]
     frozen = np.arange(N) % 3 == 1
     plant.freeze(frozen)
@@ -214,16 +190,14 @@ QUANTITIES = {
 
 @pytest.mark.usefixtures("quiet")
 @pytest.mark.parametrize("kind", QUANTITIES)
-def test_a_member_that_cannot_go_on_stays_as_it_was_and_others_go_on(
-    kind: str, compiler: bool, steps: dict[str, Any]
-) -> None:
+def test_a_member_that_cannot_go_on_stays_as_it_was_and_others_go_on(kind: str, steps: dict[str, Any]) -> None:
     """Expected: an error with quantity and time of this member alone, once; the run of the others without it."""
     platforms, starts, inputs = _members(N)
-    free = lanes_plant(platforms, starts, **steps, compiler=compiler)
+    free = lanes_plant(platforms, starts, **steps)
     expected = _run(free, inputs, 2)
     platforms[5] = UNEVEN
     starts[5], inputs[5] = _bad(kind)
-    plant = lanes_plant(platforms, starts, **steps, compiler=compiler)
+    plant = lanes_plant(platforms, starts, **steps)
     plant.set_inputs(inputs)
     with pytest.raises(MembersError) as caught:
         plant.do_step(0.0, STEP)
@@ -234,7 +208,7 @@ def test_a_member_that_cannot_go_on_stays_as_it_was_and_others_go_on(
     np.testing.assert_array_equal(plant.signals()[5, :12], starts[5].to_vector())
     # it is frozen now; forces of the first step were those of the others
     others = np.arange(N) != 5
-    again = lanes_plant(platforms, starts, **steps, compiler=compiler)
+    again = lanes_plant(platforms, starts, **steps)
     again.freeze(~others)
     found = _run(again, inputs, 2)
     np.testing.assert_array_equal(found[others], expected[others])
@@ -243,17 +217,17 @@ def test_a_member_that_cannot_go_on_stays_as_it_was_and_others_go_on(
 
 
 @pytest.mark.usefixtures("quiet")
-def test_a_motion_that_overflows_says_so(compiler: bool) -> None:
+def test_a_motion_that_overflows_says_so() -> None:
     """Expected: a motion that is not finite, under forces that are finite."""
     start, u = _bad("nan")
     u[4] = 1e300
-    plant = lanes_plant([UNEVEN], [start], substeps=2, compiler=compiler)
+    plant = lanes_plant([UNEVEN], [start], substeps=2)
     plant.set_inputs(u[None])
     with pytest.raises(MembersError, match="the motion is not finite; it needs more than 2 substeps"):
         plant.do_step(0.0, STEP)
 
 
-def test_poses_near_a_singular_one_are_refused_from_the_limit_on(compiler: bool) -> None:
+def test_poses_near_a_singular_one_are_refused_from_the_limit_on() -> None:
     """Expected: condition numbers from NumPy's inverse, of poses on both sides of where det J changes its sign."""
 
     def jacobian(yaw: float) -> FloatArray:
@@ -266,7 +240,7 @@ def test_poses_near_a_singular_one_are_refused_from_the_limit_on(compiler: bool)
     clear = np.abs(np.log10(numbers / 1e8)) > 0.01  # rounding decides at the limit itself
     rest = np.zeros(3)
     starts = [State(UNEVEN.home_position, np.array([0.0, 0.0, yaw]), rest, rest) for yaw in yaws]
-    plant = lanes_plant([UNEVEN] * len(yaws), starts, substeps=1, compiler=compiler)
+    plant = lanes_plant([UNEVEN] * len(yaws), starts, substeps=1)
     with pytest.raises(MembersError) as caught:
         plant.do_step(0.0, 1e-9)
     refused = np.isin(np.arange(len(yaws)), [k for k, error in caught.value.failures.items() if error.time == 0])
@@ -275,16 +249,16 @@ def test_poses_near_a_singular_one_are_refused_from_the_limit_on(compiler: bool)
 
 
 @pytest.mark.usefixtures("quiet")
-def test_a_singular_pose_that_is_passed_within_a_substep_is_noticed(compiler: bool) -> None:
+def test_a_singular_pose_that_is_passed_within_a_substep_is_noticed() -> None:
     """Expected: a turn by two radians, across the singular pose of the test above, leaves legs on the other side."""
     start, u = _bad("singular")
-    plant = lanes_plant([UNEVEN], [start], substeps=1, compiler=compiler)
+    plant = lanes_plant([UNEVEN], [start], substeps=1)
     plant.set_inputs(u[None])
     with pytest.raises(MembersError, match=r"passed since the last internal step"):
         plant.do_step(0.0, STEP)
 
 
-def test_a_start_with_a_leg_too_short_for_its_parts_fails_in_the_first_step(compiler: bool) -> None:
+def test_a_start_with_a_leg_too_short_for_its_parts_fails_in_the_first_step() -> None:
     """Expected: the stepping model's words, of this member alone."""
     rest = np.zeros(3)
     low = State(np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.0, 0.3]), rest, rest)
@@ -292,7 +266,7 @@ def test_a_start_with_a_leg_too_short_for_its_parts_fails_in_the_first_step(comp
     longer = replace(UNEVEN, leg_lower_com=2.2)
     with pytest.raises(PlatformError, match="leg_lower_com") as expected:
         ModelPlant(longer, low).do_step(0.0, STEP)
-    plant = lanes_plant([UNEVEN, longer], [home, low], substeps=4, compiler=compiler)
+    plant = lanes_plant([UNEVEN, longer], [home, low], substeps=4)
     with pytest.raises(MembersError) as caught:
         plant.do_step(0.0, STEP)
     assert list(caught.value.failures) == [1]
@@ -302,7 +276,7 @@ def test_a_start_with_a_leg_too_short_for_its_parts_fails_in_the_first_step(comp
 def test_parameters_change_in_mid_run_for_those_that_are_meant() -> None:
     """Expected: the runs of stepping models that get the same changes."""
     platforms, starts, inputs = _members(N)
-    plant = lanes_plant(platforms, starts, substeps=16, compiler=True)
+    plant = lanes_plant(platforms, starts, substeps=16)
     heavier = np.array([1.5 * platform.platform_mass for platform in platforms])
     some = np.arange(N) % 2 == 0
     heavier_of_some = np.where(some, 2.0 * heavier, np.nan)
@@ -367,7 +341,7 @@ def test_the_error_is_estimated_and_falls_with_the_fourth_order() -> None:
     exact = _after(smooth, STATE, INPUTS.to_vector(), 0.1, 1e-13)
     true, estimated = [], []
     for substeps in (4, 8, 16):
-        plant = lanes_plant([smooth], [STATE], substeps=substeps, compiler=True)
+        plant = lanes_plant([smooth], [STATE], substeps=substeps)
         plant.set_inputs(INPUTS.to_vector()[None])
         plant.do_step(0.0, 0.1)
         true.append(_distance(plant, exact))
@@ -379,14 +353,12 @@ def test_the_error_is_estimated_and_falls_with_the_fourth_order() -> None:
     np.testing.assert_allclose(np.array(true[:-1]) / true[1:], 16, rtol=0.25)
 
 
-@pytest.mark.parametrize(
-    ("tolerance", "compiler"), [(1e-6, True), (1e-6, False), (1e-8, True), (1e-10, True), (1e-12, True)]
-)
-def test_controlled_steps_hold_their_tolerance_over_a_long_step(tolerance: float, compiler: bool) -> None:
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-8, 1e-10, 1e-12])
+def test_controlled_steps_hold_their_tolerance_over_a_long_step(tolerance: float) -> None:
     """Expected: the stepping model at a tight tolerance, within the sum of errors; more steps for finer tolerances."""
     u = INPUTS.to_vector()
     exact = _after(UNEVEN, STATE, u, 0.1, 1e-13)
-    plant = lanes_plant([UNEVEN], [STATE], tolerance=tolerance, compiler=compiler)
+    plant = lanes_plant([UNEVEN], [STATE], tolerance=tolerance)
     plant.set_inputs(u[None])
     plant.do_step(0.0, 0.1)
     taken, bound = float(plant.internal_steps[0]), float(plant.integration_error[0])
@@ -394,7 +366,7 @@ def test_controlled_steps_hold_their_tolerance_over_a_long_step(tolerance: float
     assert bound > 0.01 * taken * tolerance  # not far more steps than it takes
     assert _distance(plant, exact) < 2 * bound
     # local errors of order 5: a hundredth of the tolerance takes 100^(1/5) = 2.5 times as many
-    finer = lanes_plant([UNEVEN], [STATE], tolerance=max(tolerance / 100, 1e-13), compiler=True)
+    finer = lanes_plant([UNEVEN], [STATE], tolerance=max(tolerance / 100, 1e-13))
     finer.set_inputs(u[None])
     finer.do_step(0.0, 0.1)
     assert 1.3 < finer.internal_steps[0] / taken < 4
@@ -405,7 +377,7 @@ def test_controlled_steps_have_order_four() -> None:
     smooth = replace(UNEVEN, leg_coulomb_friction=0.0)
     true = []
     for size in (0.02, 0.01, 0.005):
-        plant = lanes_plant([smooth], [STATE], tolerance=1e-3, compiler=True)
+        plant = lanes_plant([smooth], [STATE], tolerance=1e-3)
         plant.set_inputs(INPUTS.to_vector()[None])
         plant.do_step(0.0, size)
         assert plant.internal_steps[0] == 1
@@ -413,12 +385,12 @@ def test_controlled_steps_have_order_four() -> None:
     np.testing.assert_allclose(np.array(true[:-1]) / true[1:], 32, rtol=0.2)
 
 
-def test_a_stiff_member_takes_small_steps_and_its_neighbours_do_not(compiler: bool) -> None:
+def test_a_stiff_member_takes_small_steps_and_its_neighbours_do_not() -> None:
     """Expected: the stepping model; as many steps for the others as without it; sizes carry over to the next step."""
     u = np.concatenate([UNEVEN.home_actuator_force, np.zeros(6)]) + INPUTS.to_vector()
     sticky = replace(UNEVEN, leg_coulomb_friction=60.0, leg_friction_velocity=1e-3)
     start = State(UNEVEN.home_position, UNEVEN.home_orientation, np.zeros(3), np.zeros(3))
-    plant = lanes_plant([UNEVEN, sticky, UNEVEN], [start] * 3, tolerance=1e-8, compiler=compiler)
+    plant = lanes_plant([UNEVEN, sticky, UNEVEN], [start] * 3, tolerance=1e-8)
     plant.set_inputs(np.stack([u] * 3))
     taken = [np.zeros(3)]
     for k in range(3):
@@ -436,7 +408,7 @@ def test_a_stiff_member_takes_small_steps_and_its_neighbours_do_not(compiler: bo
 
 @pytest.mark.usefixtures("quiet")
 @pytest.mark.parametrize("torque", [1e6, 1e9, 1e12])
-def test_a_first_size_that_gives_no_numbers_is_too_large(torque: float, compiler: bool) -> None:
+def test_a_first_size_that_gives_no_numbers_is_too_large(torque: float) -> None:
     """Expected: the singular pose that the stepping model reaches, not a motion without numbers.
 
     The first internal step tries all of 0.1 s, in which angles are far beyond those whose sine is known.
@@ -445,7 +417,7 @@ def test_a_first_size_that_gives_no_numbers_is_too_large(torque: float, compiler
     u = np.concatenate([UNEVEN.home_actuator_force, np.zeros(3), torque * np.array([0.3, 1.0, 0.2])])
     with pytest.raises(StepError) as expected:
         _after(UNEVEN, start, u, 0.1, 1e-9)
-    plant = lanes_plant([UNEVEN], [start], tolerance=1e-9, compiler=compiler)
+    plant = lanes_plant([UNEVEN], [start], tolerance=1e-9)
     plant.set_inputs(u[None])
     with pytest.raises(MembersError) as caught:
         plant.do_step(0.0, 0.1)
@@ -458,8 +430,8 @@ def test_a_member_that_needs_too_many_steps_says_so_and_others_go_on() -> None:
     """Expected: after 10,000 internal steps of one plant step: the cause in words; the others as without it."""
     u = np.concatenate([UNEVEN.home_actuator_force, np.zeros(6)]) + INPUTS.to_vector()
     hopeless = replace(UNEVEN, leg_coulomb_friction=5e3, leg_friction_velocity=1e-7)
-    plant = lanes_plant([UNEVEN, hopeless], [STATE] * 2, tolerance=1e-12, compiler=True)
-    free = lanes_plant([UNEVEN], [STATE], tolerance=1e-12, compiler=True)
+    plant = lanes_plant([UNEVEN, hopeless], [STATE] * 2, tolerance=1e-12)
+    free = lanes_plant([UNEVEN], [STATE], tolerance=1e-12)
     for each, forces in ((plant, np.stack([u, u])), (free, u[None])):
         each.set_inputs(forces)
     with pytest.raises(MembersError) as caught:
@@ -495,7 +467,7 @@ def test_the_largest_estimate_along_the_run_is_kept() -> None:
     assert seen[1] <= seen[2] <= seen[3]
 
 
-def test_no_step_of_a_run_is_overlooked(compiler: bool) -> None:
+def test_no_step_of_a_run_is_overlooked() -> None:
     """Expected: the largest distance of any step from the stepping model, which starts each step in the same state.
 
     Forces jump, and legs with Coulomb friction reverse, between the multiples of any interval.
@@ -503,7 +475,7 @@ def test_no_step_of_a_run_is_overlooked(compiler: bool) -> None:
     n, steps, size = 3, 40, 8e-3
     platforms, starts, inputs = _members(n)
     platforms = [replace(each, leg_coulomb_friction=3.0, leg_friction_velocity=2e-3) for each in platforms]
-    plant = lanes_plant(platforms, starts, substeps=1, compiler=compiler)
+    plant = lanes_plant(platforms, starts, substeps=1)
     largest = np.zeros(n)
     for k in range(steps):
         forces = inputs.copy()
@@ -541,22 +513,6 @@ def test_wrong_use_is_refused() -> None:
         lanes_plant([UNEVEN], [STATE], substeps=1).set_inputs(np.zeros(12))
 
 
-def test_without_a_compiler_numpy_steps_and_says_so_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: a warning with the reason, one for all plants; with `compiler=True` the error itself."""
-
-    def failing(_variant: Variant) -> None:
-        raise BuildError("no compiler today")
-
-    monkeypatch.setattr(lanes, "_compiled", failing)
-    lanes._warn.cache_clear()
-    with pytest.warns(UserWarning, match="NumPy.*no compiler today") as warned:
-        plants = [lanes_plant([UNEVEN], [STATE], substeps=1) for _ in range(2)]
-    assert len(warned) == 1
-    assert not any(plant.compiled for plant in plants)
-    with pytest.raises(BuildError):
-        lanes_plant([UNEVEN], [STATE], substeps=1, compiler=True)
-
-
 def _failing(at: dict[int, str]) -> tuple[list[Platform], list[State], FloatArray]:
     """The usual members with some of them on their way to a pose or a number that ends a motion."""
     platforms, starts, inputs = _members(N)
@@ -567,14 +523,14 @@ def _failing(at: dict[int, str]) -> tuple[list[Platform], list[State], FloatArra
 
 
 @pytest.mark.usefixtures("quiet")
-def test_each_of_many_failures_is_told_with_its_own_data(compiler: bool) -> None:
+def test_each_of_many_failures_is_told_with_its_own_data() -> None:
     """Expected: of five members by hand: quantity, value, time and words; at a later step than the first.
 
     A pitch of 1.568 rad passes 90° less 1e-3 rad after 0.2 ms at 4 rad/s, in the first substep of 0.5 ms.
     """
     at = {1: "nan", 3: "pitch", 4: "infinite", 8: "collapsed", 10: "singular"}
     platforms, starts, inputs = _failing(at)
-    plant = lanes_plant(platforms, starts, substeps=4, compiler=compiler)
+    plant = lanes_plant(platforms, starts, substeps=4)
     held = np.array([np.concatenate([each.home_actuator_force, np.zeros(6)]) for each in platforms])
     plant.set_inputs(held)
     with pytest.raises(MembersError) as caught:
@@ -610,13 +566,13 @@ def test_each_of_many_failures_is_told_with_its_own_data(compiler: bool) -> None
 
 
 @pytest.mark.parametrize("leg", range(6))
-def test_the_leg_that_has_collapsed_is_named(leg: int, compiler: bool) -> None:
+def test_the_leg_that_has_collapsed_is_named(leg: int) -> None:
     """Expected: its number and length, of the second of two members."""
     rest = np.zeros(3)
     joint = UNEVEN.base_points[leg] - UNEVEN.platform_points[leg]
     starts = [State(UNEVEN.home_position, UNEVEN.home_orientation, rest, rest)]
     starts.append(State(joint + np.array([3e-4, 0.0, 4e-4]), rest, rest, rest))
-    plant = lanes_plant([UNEVEN, UNEVEN], starts, substeps=1, compiler=compiler)
+    plant = lanes_plant([UNEVEN, UNEVEN], starts, substeps=1)
     with pytest.raises(MembersError) as caught:
         plant.do_step(0.0, 1e-6)
     ((k, error),) = caught.value.failures.items()
@@ -624,28 +580,21 @@ def test_the_leg_that_has_collapsed_is_named(leg: int, compiler: bool) -> None:
     assert error.value == pytest.approx(5e-4, rel=1e-9)
 
 
-def test_pitches_of_either_sign_end_a_motion_at_the_limit(compiler: bool) -> None:
+def test_pitches_of_either_sign_end_a_motion_at_the_limit() -> None:
     """Expected: 1e-3 rad below 90°, from both sides and of both signs, of four members at once."""
     rest, far = np.zeros(3), np.pi / 2 - 1e-3
     pitches = [far - 1e-6, -far + 1e-6, far + 1e-6, -far - 1e-6]
     starts = [State(UNEVEN.home_position, np.array([0.0, pitch, 0.0]), rest, rest) for pitch in pitches]
-    plant = lanes_plant([UNEVEN] * 4, starts, substeps=1, compiler=compiler)
+    plant = lanes_plant([UNEVEN] * 4, starts, substeps=1)
     with pytest.raises(MembersError) as caught:
         plant.do_step(0.0, 1e-9)
     assert {k: error.value for k, error in caught.value.failures.items()} == {2: pitches[2], 3: pitches[3]}
     assert {error.time for error in caught.value.failures.values()} == {0.0}
 
 
-def test_each_kernel_says_how_it_was_made() -> None:
-    """Expected: the features that the library names, or NumPy."""
-    by_machine, by_numpy = (lanes_plant([UNEVEN], [STATE], substeps=1, compiler=each) for each in (True, False))
-    assert (by_machine.compiled, by_machine.features) == (True, lanes_library().features)
-    assert (by_numpy.compiled, by_numpy.features) == (False, "NumPy")
-
-
 @pytest.mark.usefixtures("quiet")
-def test_both_kernels_check_alike_and_only_those_that_run() -> None:
-    """Expected: count, reasons, places and sides by machine code, over states good and bad; others untouched."""
+def test_states_are_checked_of_those_that_run_only() -> None:
+    """Expected: of states made bad, what was done to them; the sides of det J by NumPy; others untouched."""
     rng = np.random.default_rng(2)
     platforms, starts, _ = _members(16)
     x = np.array([start.to_vector() for start in starts])
@@ -657,21 +606,23 @@ def test_both_kernels_check_alike_and_only_those_that_run() -> None:
         x[member, 4] = -1.5705
     running = np.where(np.isin(np.arange(16), [6, 10, 13]), 0, -1)
     sides = rng.choice([-1.0, 0.0, 1.0], 16)
-    batches = []
-    for compiler in (True, False):
-        plant = lanes_plant(platforms, starts, substeps=1, compiler=compiler)
-        batch = plant._batch
-        batch.states[:] = batch.padded(x)
-        batch.running[:] = running
-        batch.side[:] = sides
-        batches.append((plant._kernel.check(batch), batch))
-    (count, one), (other_count, other) = batches
-    assert other_count == count == np.count_nonzero(one.failure)
-    for name in ("failure", "side", "failed_after", "reached"):
-        np.testing.assert_array_equal(getattr(other, name), getattr(one, name), err_msg=name)
-    assert not one.failure[running == 0].any()
-    assert one.failure[[4, 5, 9, 12]].all()
-    assert len(set(one.failure.tolist())) >= 5
+    plant = lanes_plant(platforms, starts, substeps=1)
+    batch = plant._batch
+    batch.states[:] = batch.padded(x)
+    batch.running[:] = running
+    batch.side[:] = sides
+    assert plant._kernel.check(batch) == np.count_nonzero(batch.failure)
+    expected = {4: Failure.PITCHED, 5: Failure.NOT_FINITE, 9: Failure.COLLAPSED + 4, 12: Failure.PITCHED}
+    assert {k: batch.failure[k] for k in expected} == expected
+    untouched = running == 0
+    assert not batch.failure[untouched].any()
+    np.testing.assert_array_equal(batch.side[untouched], sides[untouched])
+    for k in np.flatnonzero(running & ~np.isin(np.arange(16), list(expected))):
+        legs = leg_geometry(platforms[k], x[k, :3], x[k, 3:6])
+        side = np.sign(np.linalg.det(scaled_jacobian_of_legs(legs)[0]))
+        passed = sides[k] not in (0, side)
+        assert batch.failure[k] == (Failure.PASSED_SINGULAR if passed else Failure.GOES_ON), k
+        assert batch.side[k] == (sides[k] if passed else side), k
 
 
 def test_a_batch_holds_each_parameter_of_each_member_in_its_place() -> None:
@@ -718,7 +669,7 @@ def test_plants_that_cannot_be_made_are_refused_in_whole_sentences(
     assert str(caught.value) == text
 
 
-def test_substeps_from_one_to_the_most_are_taken_and_used(compiler: bool) -> None:
+def test_substeps_from_one_to_the_most_are_taken_and_used() -> None:
     """Expected: the end of one step of classical RK4 by hand, over the whole step; 1024 differ from it."""
     inputs = Inputs(*INPUTS)
 
@@ -737,25 +688,23 @@ def test_substeps_from_one_to_the_most_are_taken_and_used(compiler: bool) -> Non
     by_hand = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
     ends = []
     for substeps in (1, 1024):
-        plant = lanes_plant([UNEVEN, UNEVEN], [STATE, STATE], substeps=substeps, compiler=compiler)
+        plant = lanes_plant([UNEVEN, UNEVEN], [STATE, STATE], substeps=substeps)
         assert plant.substeps == substeps
         plant.set_inputs(np.stack([np.zeros(12), INPUTS.to_vector()]))
-        if substeps == 1 or compiler:
-            plant.do_step(0.0, h)
-            ends.append(plant.signals()[1, :12].copy())
+        plant.do_step(0.0, h)
+        ends.append(plant.signals()[1, :12].copy())
     assert ends[0] == pytest.approx(by_hand, abs=1e-11)
-    if compiler:
-        assert np.abs(ends[1] - by_hand).max() > 1e-9
+    assert np.abs(ends[1] - by_hand).max() > 1e-9
 
 
-def test_short_legs_are_told_of_members_that_start_only(compiler: bool) -> None:
+def test_short_legs_are_told_of_members_that_start_only() -> None:
     """Expected: of three with a leg too short, with different parts, the two that are not frozen."""
     rest = np.zeros(3)
     low = State(np.array([0.0, 0.0, 0.6]), np.array([0.0, 0.0, 0.3]), rest, rest)
     home = State(UNEVEN.home_position, UNEVEN.home_orientation, rest, rest)
     parts: tuple[dict[str, Any], ...] = ({"leg_lower_com": 2.2}, {}, {"leg_upper_com": 2.1}, {"leg_lower_com": 2.0})
     platforms = [replace(UNEVEN, **part) for part in parts]
-    plant = lanes_plant(platforms, [low, home, low, low], substeps=1, compiler=compiler)
+    plant = lanes_plant(platforms, [low, home, low, low], substeps=1)
     plant.freeze(np.array([False, False, False, True]))
     with pytest.raises(MembersError) as caught:
         plant.do_step(0.0, 1e-6)
@@ -779,16 +728,16 @@ def test_a_centre_of_mass_is_within_the_shortest_leg_of_the_start(part: str) -> 
     shortest = float(leg_geometry(UNEVEN, start.position, start.orientation).length.min())
     sizes: list[dict[str, Any]] = [{part: factor * shortest} for factor in (0.99, 1.01)]
     platforms = [replace(UNEVEN, **size) for size in sizes]
-    plant = lanes_plant(platforms, [start, start], substeps=1, compiler=False)
+    plant = lanes_plant(platforms, [start, start], substeps=1)
     with pytest.raises(MembersError) as caught:
         plant.do_step(0.0, 1e-6)
     assert {k: error.quantity for k, error in caught.value.failures.items()} == {1: part}
 
 
-def test_a_plant_of_many_gives_arrays_of_its_members_alone(compiler: bool) -> None:
+def test_a_plant_of_many_gives_arrays_of_its_members_alone() -> None:
     """Expected: N rows, before and after a step; inputs of another number of members are refused by shape."""
     platforms, starts, inputs = _members(N)
-    plant = lanes_plant(platforms, starts, substeps=1, compiler=compiler)
+    plant = lanes_plant(platforms, starts, substeps=1)
     for k in range(2):
         assert plant.signals().shape == (N, 24)
         assert plant.results().shape == (N, 50)
@@ -798,16 +747,16 @@ def test_a_plant_of_many_gives_arrays_of_its_members_alone(compiler: bool) -> No
     with pytest.raises(InterfaceError, match=r"^inputs: have shape \(10, 12\); expected \(11, 12\)$"):
         plant.set_inputs(inputs[:10])
     own = [np.concatenate([each.home_actuator_force, np.zeros(6)]) for each in platforms]
-    fresh = lanes_plant(platforms, starts, substeps=1, compiler=compiler)
+    fresh = lanes_plant(platforms, starts, substeps=1)
     assert pytest.approx(np.array(own), rel=1e-9, abs=1e-9) == fresh._batch.inputs[:, :N].T
 
 
-def test_a_kernel_steps_with_or_without_signals(compiler: bool, steps: dict[str, Any]) -> None:
+def test_a_kernel_steps_with_or_without_signals(steps: dict[str, Any]) -> None:
     """Expected: the same states, to the last bit; signals where they are asked for."""
     platforms, starts, inputs = _members(N)
     batches = []
     for with_signals in (True, False):
-        plant = lanes_plant(platforms, starts, **steps, compiler=compiler)
+        plant = lanes_plant(platforms, starts, **steps)
         plant.set_inputs(inputs)
         out, kernel, batch = plant._signals if with_signals else None, plant._kernel, plant._batch
         failed = kernel.step(batch, 1e-3, 2, out) if "substeps" in steps else kernel.advance(batch, 2e-3, 1e-9, out)

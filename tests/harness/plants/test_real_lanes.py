@@ -1,4 +1,4 @@
-"""Many platforms that stick or give: each as the stepping model has it, in NumPy and in machine code.
+"""Many platforms that stick or give: each as the stepping model has it.
 
 Expected values are those of the stepping model at a tolerance of 1e-11, which steps by halves and wholes of its own.
 """
@@ -14,8 +14,8 @@ from gough_stewart.harness.ensemble.chunk import chunk
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.plan import plan_of
+from gough_stewart.harness.loop.loop_library import loop_kernel
 from gough_stewart.harness.loop.run import Run, simulate
-from gough_stewart.harness.loop.self_test import loop_kernel
 from gough_stewart.harness.plants.lanes import LanesPlant, Stepping, lanes_plant
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.model.errors import InterfaceError, PlatformError
@@ -68,31 +68,26 @@ def _member(friction: str, springs: bool, k: int) -> tuple[Platform, State]:
     return platform, (STATE if k else _rest(platform))
 
 
-def _plant(friction: str, springs: bool, tolerance: float, compiled: bool) -> LanesPlant:
+def _plant(friction: str, springs: bool, tolerance: float) -> LanesPlant:
     platforms, starts = zip(*(_member(friction, springs, k) for k in range(2)), strict=True)
-    kernel = loop_kernel(Variant.of(platforms[0])) if compiled else None
-    return lanes_plant(platforms, starts, tolerance=tolerance, compiler=False, kernel=kernel)
+    kernel = loop_kernel(Variant.of(platforms[0]))
+    return lanes_plant(platforms, starts, tolerance=tolerance, kernel=kernel)
 
 
 def _inputs(friction: str, springs: bool) -> FloatArray:
     return np.stack([_forces(_member(friction, springs, k)[0]) for k in range(2)], axis=1)
 
 
-CASES = [
-    ("elasto_plastic", False, False),
-    ("smooth", True, False),
-    ("elasto_plastic", True, True),
-    ("lugre", True, True),
-]
+CASES = [("elasto_plastic", False), ("smooth", True), ("elasto_plastic", True), ("lugre", True)]
 
 
-@pytest.mark.parametrize(("friction", "springs", "compiled"), CASES)
-def test_members_are_the_model(friction: str, springs: bool, compiled: bool) -> None:
+@pytest.mark.parametrize(("friction", "springs"), CASES)
+def test_members_are_the_model(friction: str, springs: bool) -> None:
     """Poses within the tolerance, with a payload that comes in between; columns are the model's."""
     expected = _reference(friction, springs)
     platform = _member(friction, springs, 0)[0]
     names = Variant.of(platform).columns
-    plant = _plant(friction, springs, 1e-8, compiled)
+    plant = _plant(friction, springs, 1e-8)
     assert plant.columns == names
     found = _stepped(plant, _inputs(friction, springs), 13.0)
     gap = np.abs(found - expected) / (1 + np.abs(expected).max(axis=0))
@@ -112,23 +107,11 @@ def test_the_error_falls_with_the_tolerance() -> None:
     """Against the model: a thousandth of the tolerance is at most a hundredth of the error."""
     expected, gaps = _reference("elasto_plastic", True), []
     for tolerance in (1e-5, 1e-8):
-        plant = _plant("elasto_plastic", True, tolerance, True)
+        plant = _plant("elasto_plastic", True, tolerance)
         found = _stepped(plant, _inputs("elasto_plastic", True), 13.0)
         gaps.append(np.abs(found - expected)[..., :12].max())
         assert np.abs(found - expected)[..., :6].max() < tolerance
     assert gaps[1] < 0.01 * gaps[0]
-
-
-def test_numpy_and_machine_code_do_the_same() -> None:
-    """The same steps but for rounding."""
-    plants = [_plant("elasto_plastic", True, 1e-6, compiled) for compiled in (True, False)]
-    inputs = _inputs("elasto_plastic", True)
-    compiled, numpy = (_stepped(plant, inputs) for plant in plants)
-    assert plants[0].compiled
-    np.testing.assert_array_equal(plants[0].internal_steps, plants[1].internal_steps)
-    np.testing.assert_allclose(compiled[..., :24], numpy[..., :24], rtol=0, atol=1e-10)
-    scale = 1 + np.abs(numpy).max(axis=(0, 1))
-    assert (np.abs(compiled - numpy) / scale).max() < 1e-8
 
 
 def test_a_member_has_the_same_bits_in_any_company() -> None:
@@ -138,7 +121,7 @@ def test_a_member_has_the_same_bits_in_any_company() -> None:
 
     def run(members: list[int]) -> FloatArray:
         chosen = [platforms[k] for k in members]
-        plant = lanes_plant(chosen, [_rest(each) for each in chosen], tolerance=1e-6, compiler=False, kernel=kernel)
+        plant = lanes_plant(chosen, [_rest(each) for each in chosen], tolerance=1e-6, kernel=kernel)
         return _stepped(plant, inputs[:, members])
 
     every = run([*range(11)])
@@ -149,7 +132,7 @@ def test_a_member_has_the_same_bits_in_any_company() -> None:
 def test_motors_follow_a_payload_at_the_start_and_stay_later() -> None:
     """As in the model, rule 11: where the springs carry it; F/k by the platform's statics."""
     platform, heavy = real_platform("elasto_plastic", True), real_platform("elasto_plastic", True, platform_mass=30.0)
-    plant = lanes_plant([platform] * 2, [_rest(platform)] * 2, compiler=False)
+    plant = lanes_plant([platform] * 2, [_rest(platform)] * 2)
     plant.set_parameters_of(np.array([True, False]), {"platform_mass": 30.0})
     names = BOTH.columns
     motors = slice(names.index("motor_position[1]"), names.index("motor_position[6]") + 1)
@@ -166,7 +149,7 @@ def test_motors_follow_a_payload_at_the_start_and_stay_later() -> None:
 
 
 def test_an_ideal_plant_has_no_friction_that_sticks_to_change() -> None:
-    plant = lanes_plant([UNEVEN], [STATE], compiler=False)
+    plant = lanes_plant([UNEVEN], [STATE])
     with pytest.raises(InterfaceError, match="leg_static_friction: cannot be set during a run"):
         plant.set_parameters({"leg_static_friction": 3.0})
 
@@ -178,12 +161,12 @@ def test_platforms_of_two_kinds_are_refused() -> None:
         (sticking, giving, "leg_stiffness", "it has friction that sticks and legs that give"),
     ):
         with pytest.raises(PlatformError, match=f"{name}: gives platform 2 other states: {text}"):
-            lanes_plant([first, first, second], [STATE] * 3, compiler=False)
+            lanes_plant([first, first, second], [STATE] * 3)
 
 
 def test_steps_of_a_fixed_size_are_refused() -> None:
     with pytest.raises(PlantError, match="with friction that sticks and rigid legs has no steps of a fixed size"):
-        lanes_plant([real_platform("lugre")], [STATE], substeps=8, compiler=False)
+        lanes_plant([real_platform("lugre")], [STATE], substeps=8)
 
 
 def _experiment(**tables: Any) -> gs.Experiment:
@@ -216,14 +199,15 @@ def _experiment(**tables: Any) -> gs.Experiment:
     )
 
 
-def test_members_of_an_ensemble_are_runs_on_the_model() -> None:
-    """In machine code and in NumPy's loop: all columns of members, with what varies, changes and disturbs."""
+def test_members_of_an_ensemble_are_runs_on_the_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In machine code and row by row: all columns of members, with what varies, changes and disturbs."""
     batch = Members(_experiment()).prepared(0, 3).batch
     motors = slice(BOTH.columns.index("motor_position[1]"), BOTH.columns.index("motor_position[6]") + 1)
     runs: list[Run] = []
-    for compiler in (None, False):
-        running = batch.in_parallel(Stepping(1e-7), compiler)
-        assert running.plant.compiled == (compiler is None)
+    for is_row_by_row in (False, True):
+        running = batch.in_parallel(Stepping(1e-7))
+        if is_row_by_row:
+            monkeypatch.setattr(LanesPlant, "loop_run", None)
         runs.append(simulate(running.plant, running.law_from, running.loop))
     for k in range(3):
         own = batch.member(k)
@@ -240,6 +224,7 @@ def test_members_of_an_ensemble_are_runs_on_the_model() -> None:
             read = run.measured[:, 12:18] - run.results[:-1:4, 12:18]
             assert np.abs(read - bent[: len(read)]).max() < 1e-9
             assert np.abs(bent).max() > 1e-6
+    assert [run.host == "Python" for run in runs] == [False, True]
     # what varies, varies
     stretch = [
         run.results[-1, BOTH.columns.index("motor_position[1]")] for run in (runs[0].of_member(k) for k in range(3))
