@@ -12,6 +12,10 @@
 @end
    Work per step, @WORK_IS@: @WORK@.
    Constants in flash: @CONSTANTS@.
+@if path
+   The law of the time along the path is rounded: in double precision the forces of the motion differ by at most
+   @PATH_DEVIATION@ of the largest from those of a run.
+@end
 @if notes
 
    The loop:
