@@ -118,7 +118,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None
     by_value = is_table or home is not None
     facts: dict[str, str | bool] = {
         "CONSTANTS": f"{constant_bytes(designed, table, 8 if home is None else 4)} bytes, besides those in the code",
-        "PATH_DEVIATION": _path_deviation(designed) if is_table else "",
+        **_path_deviation(designed),
         "P": prefix.upper(),
         "REFERENCE": "reference, " if designed.reference_inputs else "",
         "p": prefix,
@@ -305,9 +305,17 @@ def _table(reference: Piecewise, functions: Traced, home: Home | None) -> str:
     return f"{function}\n{path_source(reference, path, home)}"
 
 
-def _path_deviation(designed: Designed) -> str:
+def _path_deviation(designed: Designed) -> dict[str, str]:
+    """What the header states of a motion along a path."""
     path = path_of(designed.reference)
-    return "" if path is None else f"{path_deviation(designed, designed.reference, path):.2g}"  # type: ignore[arg-type]
+    if path is None:
+        return {}
+    found = path_deviation(designed.platform, designed.reference, path)  # type: ignore[arg-type]
+    return {
+        "PATH_FORCE": f"{found.force:.2g}",
+        "PATH_LENGTH": f"{found.leg_length:.2g}",
+        "PATH_VELOCITY": f"{found.leg_velocity:.2g}",
+    }
 
 
 def constant_bytes(designed: Designed, table: str, size: int) -> int:

@@ -1,8 +1,8 @@
 """C source of a motion along a path: its splines, and its time law at the knots, in both precisions.
 
 The harness plays a path as quintics between the knots of its time law. There are thousands of them; the path's splines
-and the law at its knots are a tenth of that. What the law keeps in single precision changes forces by less than 1e-6 of
-the largest, see `path_deviation`. A table of the platform's coordinates would be larger: along a fastest path,
+and the law at its knots are a tenth of that. What the law keeps in 32 bits changes forces by less than 1e-6 of the
+largest, see `path_deviation`. A table of the platform's coordinates would be larger: along a fastest path,
 accelerations have a kink or jump at every knot, and 1e-6 of the forces takes 380 kB of six coordinates.
 """
 
@@ -13,18 +13,21 @@ import numpy as np
 
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.designed import Designed
 from gough_stewart.harness.export.relative import Home
 from gough_stewart.harness.export.single import halves
 from gough_stewart.harness.export.table_source import first_step, parted
 from gough_stewart.harness.export.texts import filled, number, numbers, read
+from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, coordinates_of, smaller
 from gough_stewart.harness.motion.paths.polynomials import Polynomials
 from gough_stewart.harness.motion.paths.time_law import Averaged, Quintic, Stretched, TimedPath, TimeLaw
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 _TEXT = read("path.c")
-# Instants at which forces are compared.
+# Of the path parameter, which is at most 1, in 32 bits with a sign: a float of that size would move legs by 30 nm.
+_UNIT = 2.0**-31
+# Instants at which motions are compared.
 _COMPARED = 20_000
 
 
@@ -33,7 +36,7 @@ class KnotTable(NamedTuple):
 
     times: FloatArray  # since the start [s]
     piece: FloatArray  # number of the spline's piece
-    values: FloatArray  # path parameter since that piece began
+    values: FloatArray  # path parameter since that piece began, in units of 2⁻³¹
     rates: FloatArray  # [1/s]
     accelerations: FloatArray  # [1/s²]
 
@@ -100,21 +103,33 @@ def path_source(reference: Piecewise, source: TimedPath, home: Home | None = Non
             "TIMES": numbers(high),
             "TIMES_LOW": numbers(low),
             "FIRST_KNOTS": ", ".join(map(str, np.searchsorted(table.piece, np.arange(len(begins))).tolist())),
-            "VALUES": numbers(table.values),
+            "UNIT": number(_UNIT),
+            "VALUES": ", ".join(map(str, table.values.astype(int).tolist())),
             "RATES": numbers(table.rates),
             "CHANGES": numbers(table.accelerations),
         }
     return filled(_TEXT, facts)
 
 
-def path_deviation(designed: Designed, reference: Polynomials, source: TimedPath) -> float:
-    """How far the forces along a path as C has it are from those of the harness, of the largest: computed torque."""
+class PathDeviation(NamedTuple):
+    """What a motion along a path in C is off the one in a run, at most."""
+
+    force: float  # computed torque, of the largest
+    leg_length: float  # [m]
+    leg_velocity: float  # [m/s]
+
+
+def path_deviation(platform: Platform, reference: Polynomials, source: TimedPath) -> PathDeviation:
+    """Of a motion along a path as C has it in double precision."""
     times = source.start + np.linspace(0, 1, _COMPARED + 1)[1:-1] * source.law.duration
-    found, expected = (
-        feedforward("computed_torque", designed.platform, motion)
-        for motion in (_as_exported(source, times), reference(times))
+    motions = _as_exported(source, times), reference(times)
+    forces = [feedforward("computed_torque", platform, motion) for motion in motions]
+    legs = [legs_of(platform, motion) for motion in motions]
+    return PathDeviation(
+        float(np.abs(forces[0] - forces[1]).max() / np.abs(forces[1]).max()),
+        float(np.abs(legs[0].leg_length - legs[1].leg_length).max()),
+        float(np.abs(legs[0].leg_velocity - legs[1].leg_velocity).max()),
     )
-    return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
 def _as_exported(source: TimedPath, times: FloatArray) -> Motion:
@@ -129,7 +144,7 @@ def _as_exported(source: TimedPath, times: FloatArray) -> Motion:
     jerk = np.zeros(len(times))
     if isinstance(law, Averaged):
         jerk = np.diff(table.accelerations)[knot] / np.diff(table.times)[knot]
-    value = begins[table.piece[knot]] + table.values[knot]
+    value = begins[table.piece[knot]] + _UNIT * table.values[knot]
     value = value + since * (rate + since * (acceleration / 2 + since * jerk / 6))
     return source.along(value, rate + since * (acceleration + since * jerk / 2), acceleration + since * jerk)
 
@@ -138,7 +153,8 @@ def _at_knots(source: TimedPath) -> KnotTable:
     knots, (begins, _) = source.law.knots, source.path.pieces
     at = source.law(knots)
     piece = np.searchsorted(begins, at.value, side="right") - 1
-    return KnotTable(knots, piece, *(parted(part)[0] for part in (at.value - begins[piece], at.rate, at.acceleration)))
+    value = np.rint((at.value - begins[piece]) / _UNIT)
+    return KnotTable(knots, piece, value, parted(at.rate)[0], parted(at.acceleration)[0])
 
 
 def _unstretched(law: TimeLaw) -> TimeLaw:

@@ -18,15 +18,17 @@ static const double SPLINES[N_SPLINES][6][N_POWERS] = {
 @SPLINES@
 };
 @if stepwise
-/* At the knots of the law: time since the start; path parameter since the spline's piece began, its rate and
-   acceleration. And the first knot in each piece. */
+/* At the knots of the law: time since the start; path parameter since the spline's piece began, in a unit that resolves
+   more than a float of the same size; its rate and acceleration. And the first knot in each piece. */
+#include <stdint.h>
+#define LAW_UNIT @UNIT@
 enum { N_KNOTS = @N_KNOTS@ };
 static const int FIRST_KNOT[N_SPLINES] = {@FIRST_KNOTS@};
 static const double LAW_TIME[N_KNOTS] = {@TIMES@};
 @if single
 static const double LAW_TIME_LOW[N_KNOTS] = {@TIMES_LOW@};
 @end
-static const float LAW_VALUE[N_KNOTS] = {@VALUES@};
+static const int32_t LAW_VALUE[N_KNOTS] = {@VALUES@};
 static const float LAW_RATE[N_KNOTS] = {@RATES@};
 static const float LAW_CHANGE[N_KNOTS] = {@CHANGES@};
 @end
@@ -77,7 +79,7 @@ static void table_at(double time, double pose[6], double rate[6], double acceler
 @end
         while (piece + 1 < N_SPLINES && FIRST_KNOT[piece + 1] <= knot)
             ++piece;
-        since = (double)LAW_VALUE[knot] + after * (first_rate + after * (first_change / 2 + after * jerk / 6));
+        since = (double)LAW_VALUE[knot] * LAW_UNIT + after * (first_rate + after * (first_change / 2 + after * jerk / 6));
         speed = first_rate + after * (first_change + after * jerk / 2);
         change = first_change + after * jerk;
         if (piece + 1 < N_SPLINES && since >= SPLINE_AT[piece + 1] - SPLINE_AT[piece]) {

@@ -13,8 +13,8 @@
    Work per step, @WORK_IS@: @WORK@.
    Constants in flash: @CONSTANTS@.
 @if path
-   The law of the time along the path is rounded: in double precision the forces of the motion differ by at most
-   @PATH_DEVIATION@ of the largest from those of a run.
+   The motion along the path differs from that of a run, in double precision: its computed torque by at most
+   @PATH_FORCE@ of the largest, leg lengths by @PATH_LENGTH@ m, leg velocities by @PATH_VELOCITY@ m/s.
 @end
 @if notes
 
