@@ -16,7 +16,7 @@ from gough_stewart.harness.export.designed import Designed
 from gough_stewart.harness.export.forms import Real
 from gough_stewart.harness.export.laws import FunctionLaw
 from gough_stewart.harness.export.operations import operations_of, words_of
-from gough_stewart.harness.export.path_source import path_of, path_source
+from gough_stewart.harness.export.path_source import path_deviation, path_of, path_source
 from gough_stewart.harness.export.ranges import Range, words_of_ranges
 from gough_stewart.harness.export.relative import Home, home_of
 from gough_stewart.harness.export.settings import Setting
@@ -118,6 +118,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None
     by_value = is_table or home is not None
     facts: dict[str, str | bool] = {
         "CONSTANTS": f"{constant_bytes(designed, table, 8 if home is None else 4)} bytes, besides those in the code",
+        **_path_deviation(designed),
         "P": prefix.upper(),
         "REFERENCE": "reference, " if designed.reference_inputs else "",
         "p": prefix,
@@ -171,7 +172,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None
         "inputs_ahead": designed.reference_inputs and forward,
         "constant": has_constant,
         "excess": uses_excess,
-        "between": "between(" in table,
+        "path": is_table and functions.path is not None,
         "drives": functions.drives is not None,
         "sensors": functions.sensors is not None,
         "steps": parts.has_steps,
@@ -304,11 +305,24 @@ def _table(reference: Piecewise, functions: Traced, home: Home | None) -> str:
     return f"{function}\n{path_source(reference, path, home)}"
 
 
+def _path_deviation(designed: Designed) -> dict[str, str]:
+    """What the header states of a motion along a path."""
+    path = path_of(designed.reference)
+    if path is None:
+        return {}
+    found = path_deviation(designed.platform, designed.reference, path)  # type: ignore[arg-type]
+    return {
+        "PATH_FORCE": f"{found.force:.2g}",
+        "PATH_LENGTH": f"{found.leg_length:.2g}",
+        "PATH_VELOCITY": f"{found.leg_velocity:.2g}",
+    }
+
+
 def constant_bytes(designed: Designed, table: str, size: int) -> int:
     """Bytes of constant data: designed values of the parameters, ranges, home where it is subtracted, tables."""
     parameters = sum(s.variable.size for s in designed.settings)
     ranges = (2 if size == 8 else 3) * interface.size_of((*designed.measured, *designed.reference_variables))
-    return size * (parameters + ranges + table_source.numbers_in(table))
+    return size * (parameters + ranges) + table_source.array_bytes(table, size)
 
 
 def zero_is_a_reference(designed: Designed) -> bool:

@@ -1,8 +1,9 @@
-"""C source of a motion along a path: the quintics of the harness, computed again from the path and its time law.
+"""C source of a motion along a path: its splines, and its time law at the knots, in both precisions.
 
 The harness plays a path as quintics between the knots of its time law. There are thousands of them; the path's splines
-and the law from which they were made are a tenth of that. At every time the code finds the piece, evaluates the motion
-at its ends, and joins them by the same quintic.
+and the law at its knots are a tenth of that. What the law keeps in 32 bits changes forces by less than 1e-6 of the
+largest, see `path_deviation`. A table of the platform's coordinates would be larger: along a fastest path,
+accelerations have a kink or jump at every knot, and 1e-6 of the forces takes 380 kB of six coordinates.
 """
 
 from typing import Any, NamedTuple
@@ -10,31 +11,39 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
+from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.relative import Home
 from gough_stewart.harness.export.single import halves
 from gough_stewart.harness.export.table_source import first_step, parted
 from gough_stewart.harness.export.texts import filled, number, numbers, read
-from gough_stewart.harness.motion.motion import ROUNDING, Piecewise, coordinates_of, smaller
-from gough_stewart.harness.motion.paths.polynomials import PIECES, SHORT, SHORTEST, Polynomials
-from gough_stewart.harness.motion.paths.time_law import Averaged, Quintic, Stepwise, Stretched, TimedPath, TimeLaw
+from gough_stewart.harness.motion.limits.reach import legs_of
+from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, coordinates_of, smaller
+from gough_stewart.harness.motion.paths.polynomials import Polynomials
+from gough_stewart.harness.motion.paths.time_law import Averaged, Quintic, Stretched, TimedPath, TimeLaw
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
 
-_TEXT, _SINGLE = read("path.c"), read("path_single.c")
+_TEXT = read("path.c")
+# Of the path parameter, which is at most 1, in 32 bits with a sign: a float of that size would move legs by 30 nm.
+_UNIT = 2.0**-31
+# Instants at which motions are compared.
+_COMPARED = 20_000
 
 
-class Law(NamedTuple):
-    """A time law taken apart."""
+class KnotTable(NamedTuple):
+    """A time law at its knots, as C keeps it; each (n,)."""
 
-    steps: Stepwise | None  # None for a quintic law
-    window: float  # over which it is averaged [s], 0 without
-    stretch: float
-    duration: float  # without the stretch [s]
+    times: FloatArray  # since the start [s]
+    piece: FloatArray  # number of the spline's piece
+    values: FloatArray  # path parameter since that piece began, in units of 2⁻³¹
+    rates: FloatArray  # [1/s]
+    accelerations: FloatArray  # [1/s²]
 
 
 def path_of(reference: object) -> TimedPath | None:
-    """The path that a motion follows by a law that C has; None if it is another motion."""
-    source = reference.source if isinstance(reference, Polynomials) else None
-    return None if source is None or _taken_apart(source.law) is None else source
+    """The path that a motion follows; None if it is another motion."""
+    return reference.source if isinstance(reference, Polynomials) else None
 
 
 def path_function(source: TimedPath, home: Home | None = None) -> casadi.Function:
@@ -60,88 +69,95 @@ def path_function(source: TimedPath, home: Home | None = None) -> casadi.Functio
 
 
 def path_source(reference: Piecewise, source: TimedPath, home: Home | None = None) -> str:
-    """The splines, the law, and their evaluation; `motion_of_path` stands before it.
-
-    In single precision the path is evaluated at the time itself, since differences of poses at the ends of a short
-    piece are rounding; the law then is a table of its own values at the knots, for the same reason.
-    """
-    law = _taken_apart(source.law)
-    assert law is not None
+    """The splines, the law, and their evaluation; `motion_of_path` stands before it."""
     begins, pieces = source.path.pieces
+    end, start = (reference.end, 0.0), (source.start, 0.0)
     if home is not None:
+        end, start = halves(reference.end), halves(source.start)
         pieces = pieces.copy()
         pieces[:, :3, -1] -= home.position
     rows = ["    {" + ", ".join("{" + numbers(each) + "}" for each in piece) + "}," for piece in pieces]
+    law = _unstretched(source.law)
     facts: dict[str, str | bool] = {
-        "END": number(reference.end),
+        "END": number(end[0]),
+        "END_LOW": number(end[1]),
         "ROUNDING": number(ROUNDING),
-        "START": number(source.start),
-        "STRETCH": number(law.stretch),
-        "DURATION": number(law.duration),
-        "N_KNOTS": str(PIECES + 1),
-        "LONGEST": number(law.duration / PIECES),
-        "SHORT": number(SHORT / law.stretch),
-        "SHORTEST": number(SHORTEST / law.stretch),
+        "START": number(start[0]),
+        "START_LOW": number(start[1]),
+        "DURATION": number(source.law.duration),
         "N_SPLINES": str(len(begins)),
         "N_POWERS": str(pieces.shape[2]),
         "SPLINE_AT": numbers(begins),
         "SPLINES": "\n".join(rows),
-        "SPLINE_STEP": str(first_step(len(begins))),
-        "stepwise": law.steps is not None,
-        "averaged": law.window > 0,
+        "STEP": str(first_step(len(begins))),
+        "stepwise": not isinstance(law, Quintic),
+        "averaged": isinstance(law, Averaged),
+        "single": home is not None,
     }
-    if home is not None:
-        return filled(_SINGLE, facts | _in_single(reference, source, law))
-    if law.steps is not None:
-        knots = law.steps.knots
+    if not isinstance(law, Quintic):
+        table = _at_knots(source)
+        high, low = (table.times, table.times) if home is None else parted(table.times)
         facts |= {
-            "N_KNOTS": str(len(knots)),
-            "STEP": str(first_step(len(knots))),
-            "WINDOW": number(law.window),
-            "TIMES": numbers(knots),
-            "VALUES": numbers(law.steps.grid),
-            "RATES": numbers(np.sqrt(law.steps.squared_rate)),
-            "AREAS": numbers(law.steps.integral(knots)),
+            "N_KNOTS": str(len(table.times)),
+            "STEP": str(first_step(len(table.times) - 1)),
+            "TIMES": numbers(high),
+            "TIMES_LOW": numbers(low),
+            "FIRST_KNOTS": ", ".join(map(str, np.searchsorted(table.piece, np.arange(len(begins))).tolist())),
+            "UNIT": number(_UNIT),
+            "VALUES": ", ".join(map(str, table.values.astype(int).tolist())),
+            "RATES": numbers(table.rates),
+            "CHANGES": numbers(table.accelerations),
         }
     return filled(_TEXT, facts)
 
 
-def _in_single(reference: Piecewise, source: TimedPath, law: Law) -> dict[str, str | bool]:
-    """Times as sums of two numbers, and the law at every knot."""
-    (end, end_low), (start, start_low) = halves(reference.end), halves(source.start)
-    facts: dict[str, str | bool] = {
-        "END": number(end),
-        "END_LOW": number(end_low),
-        "START_HIGH": number(start),
-        "START_LOW": number(start_low),
-        "DURATION": number(source.law.duration),
-    }
-    if law.steps is None:
-        return facts
-    knots = source.law.knots
-    at = source.law(knots)
-    high, low = parted(knots)
-    begins, _ = source.path.pieces
-    piece = np.searchsorted(begins, at.value, side="right") - 1
-    return facts | {
-        "N_KNOTS": str(len(knots)),
-        "STEP": str(first_step(len(knots) - 1)),
-        "TIMES": numbers(high),
-        "TIMES_LOW": numbers(low),
-        "FIRST_KNOTS": ", ".join(map(str, np.searchsorted(piece, np.arange(len(begins))).tolist())),
-        "VALUES": numbers(at.value - begins[piece]),
-        "RATES": numbers(at.rate),
-        "CHANGES": numbers(at.acceleration),
-    }
+class PathDeviation(NamedTuple):
+    """What a motion along a path in C is off the one in a run, at most."""
+
+    force: float  # computed torque, of the largest
+    leg_length: float  # [m]
+    leg_velocity: float  # [m/s]
 
 
-def _taken_apart(law: TimeLaw) -> Law | None:
-    stretch, window = 1.0, 0.0
-    while isinstance(law, Stretched):
-        stretch, law = stretch * law.factor, law.law
-    duration = law.duration
+def path_deviation(platform: Platform, reference: Polynomials, source: TimedPath) -> PathDeviation:
+    """Of a motion along a path as C has it in double precision."""
+    times = source.start + np.linspace(0, 1, _COMPARED + 1)[1:-1] * source.law.duration
+    motions = _as_exported(source, times), reference(times)
+    forces = [feedforward("computed_torque", platform, motion) for motion in motions]
+    legs = [legs_of(platform, motion) for motion in motions]
+    return PathDeviation(
+        float(np.abs(forces[0] - forces[1]).max() / np.abs(forces[1]).max()),
+        float(np.abs(legs[0].leg_length - legs[1].leg_length).max()),
+        float(np.abs(legs[0].leg_velocity - legs[1].leg_velocity).max()),
+    )
+
+
+def _as_exported(source: TimedPath, times: FloatArray) -> Motion:
+    """What path.c computes in double precision."""
+    law = _unstretched(source.law)
+    if isinstance(law, Quintic):
+        return source(times)
+    table, (begins, _) = _at_knots(source), source.path.pieces
+    knot = np.searchsorted(table.times[:-1], times - source.start, side="right") - 1
+    since = times - source.start - table.times[knot]
+    rate, acceleration = table.rates[knot], table.accelerations[knot]
+    jerk = np.zeros(len(times))
     if isinstance(law, Averaged):
-        window, law = law.window, law.law
-    if isinstance(law, Stepwise):
-        return Law(law, window, stretch, duration)
-    return Law(None, 0.0, stretch, duration) if isinstance(law, Quintic) else None
+        jerk = np.diff(table.accelerations)[knot] / np.diff(table.times)[knot]
+    value = begins[table.piece[knot]] + _UNIT * table.values[knot]
+    value = value + since * (rate + since * (acceleration / 2 + since * jerk / 6))
+    return source.along(value, rate + since * (acceleration + since * jerk / 2), acceleration + since * jerk)
+
+
+def _at_knots(source: TimedPath) -> KnotTable:
+    knots, (begins, _) = source.law.knots, source.path.pieces
+    at = source.law(knots)
+    piece = np.searchsorted(begins, at.value, side="right") - 1
+    value = np.rint((at.value - begins[piece]) / _UNIT)
+    return KnotTable(knots, piece, value, parted(at.rate)[0], parted(at.acceleration)[0])
+
+
+def _unstretched(law: TimeLaw) -> TimeLaw:
+    while isinstance(law, Stretched):
+        law = law.law
+    return law

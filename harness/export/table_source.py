@@ -13,10 +13,10 @@ from gough_stewart.model.vectors import FloatArray
 _TEXT = read("table.c")
 
 
-def numbers_in(text: str) -> int:
-    """How many numbers the constant arrays of a text have."""
-    arrays = re.findall(r"^static const double \w+(?:\[\w+\])+ = \{(.*?)\};", text, re.M | re.S)
-    return sum(len(re.findall(r"[^\s{},]+", array)) for array in arrays)
+def array_bytes(text: str, size: int) -> int:
+    """What the constant arrays of a text take; a double in it takes `size` bytes, a float or an integer 4."""
+    arrays = re.findall(r"^static const (\w+) \w+(?:\[\w+\])+ = \{(.*?)\};", text, re.M | re.S)
+    return sum((size if kind == "double" else 4) * len(re.findall(r"[^\s{},]+", array)) for kind, array in arrays)
 
 
 def table_of(reference: Piecewise, home: Home | None = None) -> str:

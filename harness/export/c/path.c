@@ -1,27 +1,36 @@
-/* A path by its splines of positions and rotation vectors, six per piece, highest power first; and its time law. */
+/* A path by its splines of positions and rotation vectors, highest power first; and its time law.
+@if single
+   Positions are relative to home.
+@end
+   */
 #define TABLE_END @END@
 #define TABLE_ROUNDING @ROUNDING@
-#define PATH_START @START@
-#define LAW_STRETCH @STRETCH@
 #define LAW_DURATION @DURATION@
-#define LONGEST_PIECE @LONGEST@
-#define SHORT_PIECE @SHORT@
-#define SHORTEST_PIECE @SHORTEST@
-enum { N_SPLINES = @N_SPLINES@, N_POWERS = @N_POWERS@, N_KNOTS = @N_KNOTS@ };
+@if single
+#define TABLE_END_LOW @END_LOW@
+#define PATH_START pair_of(@START@, @START_LOW@)
+@else
+#define PATH_START @START@
+@end
+enum { N_SPLINES = @N_SPLINES@, N_POWERS = @N_POWERS@ };
 static const double SPLINE_AT[N_SPLINES] = {@SPLINE_AT@};
 static const double SPLINES[N_SPLINES][6][N_POWERS] = {
 @SPLINES@
 };
 @if stepwise
-/* At the knots of the law: time, path parameter and its rate. */
+/* At the knots of the law: time since the start; path parameter since the spline's piece began, in a unit that resolves
+   more than a float of the same size; its rate and acceleration. And the first knot in each piece. */
+#include <stdint.h>
+#define LAW_UNIT @UNIT@
+enum { N_KNOTS = @N_KNOTS@ };
+static const int FIRST_KNOT[N_SPLINES] = {@FIRST_KNOTS@};
 static const double LAW_TIME[N_KNOTS] = {@TIMES@};
-static const double LAW_VALUE[N_KNOTS] = {@VALUES@};
-static const double LAW_RATE[N_KNOTS] = {@RATES@};
+@if single
+static const double LAW_TIME_LOW[N_KNOTS] = {@TIMES_LOW@};
 @end
-@if averaged
-/* The integral of the path parameter; the law is its mean over a window. */
-#define LAW_WINDOW @WINDOW@
-static const double LAW_AREA[N_KNOTS] = {@AREAS@};
+static const int32_t LAW_VALUE[N_KNOTS] = {@VALUES@};
+static const float LAW_RATE[N_KNOTS] = {@RATES@};
+static const float LAW_CHANGE[N_KNOTS] = {@CHANGES@};
 @end
 
 /* The last of n ascending values that is not above `at`, or the first; `step` is the largest power of 2 below n. */
@@ -33,56 +42,66 @@ static int last_below(const double *values, int n, int step, double at)
     return found;
 }
 
-@if stepwise
-/* Path parameter, rate, acceleration and integral after a knot; before the first, which is -1, at rest at 0. */
-static void law_after(int knot, double time, double at[4])
+/* x, y, z, roll, pitch, yaw and their first and second derivatives, by the path itself. */
+@if single
+static void table_at(pair time, double pose[6], double rate[6], double acceleration[6])
 {
-    double since, rate, change;
-    memset(at, 0, 4 * sizeof at[0]);
-    if (knot < 0) return;
-    since = time - LAW_TIME[knot];
-    rate = LAW_RATE[knot];
-    change = knot + 1 < N_KNOTS ? (LAW_RATE[knot + 1] - rate) / (LAW_TIME[knot + 1] - LAW_TIME[knot]) : 0;
-    at[0] = LAW_VALUE[knot] + since * (rate + since * change / 2);
-    at[1] = rate + since * change;
-    at[2] = change;
-@if averaged
-    at[3] = LAW_AREA[knot] + since * (LAW_VALUE[knot] + since * (rate / 2 + since * change / 6));
-@end
-}
-
-@end
-/* Pose, rate and acceleration at a time of the law, by its values after the knots `own` and, a window ago, `before`. */
-static void path_at(int own, int before, double time, double pose[6], double rate[6], double acceleration[6])
+    const pair end = pair_of(TABLE_END, TABLE_END_LOW);
+    const int is_before = pair_less(time, PATH_START), is_over = pair_less(pair_sum(end, pair_of(TABLE_ROUNDING, 0)), time);
+    pair at = pair_less(end, time) ? end : time;
+@else
+static void table_at(double time, double pose[6], double rate[6], double acceleration[6])
 {
-    double spline[6], slope[6], bend[6], speed, change, value, since;
-    int k, j, piece;
+    const int is_before = time < PATH_START, is_over = time > TABLE_END + TABLE_ROUNDING;
+    const double at = is_before ? 0 : (time > TABLE_END ? TABLE_END : time) - PATH_START;
+@end
+    double spline[6], slope[6], bend[6], speed, change, since;
+    int k, j, piece = 0;
+@if single
+    at = is_before ? pair_of(0, 0) : pair_sum(at, pair_minus(PATH_START));
+@end
 @if stepwise
-    double now[4];
+    {
+@if single
+        const int knot = last_below(LAW_TIME, N_KNOTS - 1, @STEP@, at.high);
+        const double after = pair_value(pair_sum(at, pair_minus(pair_of(LAW_TIME[knot], LAW_TIME_LOW[knot]))));
+        const double length = (LAW_TIME[knot + 1] - LAW_TIME[knot]) + (LAW_TIME_LOW[knot + 1] - LAW_TIME_LOW[knot]);
+@else
+        const int knot = last_below(LAW_TIME, N_KNOTS - 1, @STEP@, at);
+        const double after = at - LAW_TIME[knot], length = LAW_TIME[knot + 1] - LAW_TIME[knot];
+@end
+        const double first_rate = (double)LAW_RATE[knot], first_change = (double)LAW_CHANGE[knot];
 @if averaged
-    double then[4];
-    law_after(own, time, now);
-    law_after(before, time - LAW_WINDOW, then);
-    value = (now[3] - then[3]) / LAW_WINDOW;
-    speed = (now[0] - then[0]) / LAW_WINDOW;
-    change = (now[1] - then[1]) / LAW_WINDOW;
+        const double jerk = length > 0 ? ((double)LAW_CHANGE[knot + 1] - first_change) / length : 0;
 @else
-    (void)before;
-    law_after(own, time, now);
-    value = now[0];
-    speed = now[1];
-    change = now[2];
+        const double jerk = 0;
+        (void)length;
 @end
+        while (piece + 1 < N_SPLINES && FIRST_KNOT[piece + 1] <= knot)
+            ++piece;
+        since = (double)LAW_VALUE[knot] * LAW_UNIT + after * (first_rate + after * (first_change / 2 + after * jerk / 6));
+        speed = first_rate + after * (first_change + after * jerk / 2);
+        change = first_change + after * jerk;
+        if (piece + 1 < N_SPLINES && since >= SPLINE_AT[piece + 1] - SPLINE_AT[piece]) {
+            since -= SPLINE_AT[piece + 1] - SPLINE_AT[piece];
+            ++piece;
+        }
+    }
 @else
-    const double t = time / LAW_DURATION;
-    (void)own;
-    (void)before;
-    value = t * t * t * (10 + t * (6 * t - 15));
-    speed = 30 * t * t * (1 - t) * (1 - t) / LAW_DURATION;
-    change = 60 * t * (1 - t) * (1 - 2 * t) / LAW_DURATION / LAW_DURATION;
+    {
+@if single
+        const double t = pair_value(at) / LAW_DURATION;
+@else
+        const double t = at / LAW_DURATION;
 @end
-    piece = last_below(SPLINE_AT, N_SPLINES, @SPLINE_STEP@, value);
-    since = value - SPLINE_AT[piece];
+        since = t * t * t * (10 + t * (6 * t - 15));
+        speed = 30 * t * t * (1 - t) * (1 - t) / LAW_DURATION;
+        change = 60 * t * (1 - t) * (1 - 2 * t) / LAW_DURATION / LAW_DURATION;
+        piece = last_below(SPLINE_AT, N_SPLINES, @STEP@, since);
+        since -= SPLINE_AT[piece];
+    }
+@end
+    if (is_before || is_over) speed = change = 0;
     for (k = 0; k < 6; ++k) {
         double half = 0;
         spline[k] = slope[k] = 0;
@@ -94,61 +113,4 @@ static void path_at(int own, int before, double time, double pose[6], double rat
         bend[k] = 2 * half;
     }
     motion_of_path(spline, slope, bend, &speed, &change, pose, rate, acceleration);
-}
-
-/* x, y, z, roll, pitch, yaw and their first and second derivatives: between the knots of the law a quintic. */
-static void table_at(double time, double pose[6], double rate[6], double acceleration[6])
-{
-    double ends[2][3][6], left, right, h, t, parts;
-    const double moves = time >= PATH_START && time <= TABLE_END + TABLE_ROUNDING ? 1 : 0;
-    const double at = between(0, (time - PATH_START) / LAW_STRETCH, LAW_DURATION);
-    int k, own = 0, before = -1;
-@if stepwise
-    own = last_below(LAW_TIME, N_KNOTS, @STEP@, at);
-@if averaged
-    if (at >= LAW_WINDOW) before = last_below(LAW_TIME, N_KNOTS, @STEP@, at - LAW_WINDOW);
-    if (before == N_KNOTS - 1) before = N_KNOTS - 2;
-    left = LAW_TIME[own];
-    right = own + 1 < N_KNOTS ? LAW_TIME[own + 1] : LAW_DURATION;
-    if (before >= 0 && LAW_TIME[before] + LAW_WINDOW > left) left = LAW_TIME[before] + LAW_WINDOW;
-    if (LAW_TIME[before + 1] + LAW_WINDOW < right) right = LAW_TIME[before + 1] + LAW_WINDOW;
-@else
-    if (own == N_KNOTS - 1) own = N_KNOTS - 2;
-    left = LAW_TIME[own];
-    right = LAW_TIME[own + 1];
-@end
-@else
-    left = 0;
-    right = LAW_DURATION;
-@end
-    /* long pieces are divided */
-    parts = ceil((1 - 1e-9) * (right - left) / LONGEST_PIECE);
-    if (parts > 1) {
-        h = (right - left) / parts;
-        left += h * between(0, floor((at - left) / h), parts - 1);
-        right = left + h;
-    }
-    h = right - left;
-    t = h > 0 ? (at - left) / h : 0;
-    path_at(own, before, left, ends[0][0], ends[0][1], ends[0][2]);
-    path_at(own, before, right, ends[1][0], ends[1][1], ends[1][2]);
-    for (k = 0; k < 6; ++k) {
-        const double v0 = ends[0][1][k] * h, v1 = ends[1][1][k] * h;
-        const double a0 = ends[0][2][k] * h * h / 2, a1 = ends[1][2][k] * h * h / 2;
-        const double p0 = ends[0][0][k], way = ends[1][0][k] - p0;
-        double c3 = 10 * way - 6 * v0 - 4 * v1 - 3 * a0 + a1;
-        double c4 = -15 * way + 8 * v0 + 7 * v1 + 3 * a0 - 2 * a1;
-        double c5 = 6 * way - 3 * v0 - 3 * v1 - a0 + a1;
-        if (h < SHORT_PIECE) { /* the way is mostly rounding; and in the shortest pieces the change of the rate */
-            const double faster = v1 - v0;
-            c3 = h < SHORTEST_PIECE ? (a1 - a0) / 3 : faster - 2 * (2 * a0 + a1) / 3;
-            c4 = h < SHORTEST_PIECE ? 0 : (a0 + a1 - faster) / 2;
-            c5 = 0;
-        }
-        pose[k] = p0 + t * (v0 + t * (a0 + t * (c3 + t * (c4 + t * c5))));
-        rate[k] = v0 + t * (2 * a0 + t * (3 * c3 + t * (4 * c4 + t * 5 * c5)));
-        acceleration[k] = 2 * a0 + t * (6 * c3 + t * (12 * c4 + t * 20 * c5));
-        rate[k] = h > 0 ? moves * rate[k] / (h * LAW_STRETCH) : 0;
-        acceleration[k] = h > 0 ? moves * acceleration[k] / (h * h * LAW_STRETCH * LAW_STRETCH) : 0;
-    }
 }

@@ -76,12 +76,6 @@ static double sign(double x)
 @if pairs
 @PAIRS@
 @end
-@if between
-static double between(double low, double value, double high)
-{
-    return value < low ? low : value > high ? high : value;
-}
-@end
 @TABLE@@FUNCTIONS@
 @if table
 /* The motion at a time; after its end the platform is at rest. */

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, coordinates_of, motion_of
-from gough_stewart.harness.motion.paths.time_law import TimedPath
+from gough_stewart.harness.motion.paths.time_law import TimedPath, TimeLaw
 from gough_stewart.model.vectors import FloatArray
 
 # A quintic in τ from 0 to 1 from value, rate and second derivative at both ends, highest power first.
@@ -67,7 +67,10 @@ def polynomials_of(motion: TimedPath) -> Polynomials:
 
     Accelerations may jump at the knots. The error between them is some 1e-12 m.
     """
-    knots = _refined(motion.law.knots)
+    knots = motion.law.knots
+    if motion.path.degree == 3:  # its third derivative jumps at the poses
+        knots = np.unique(np.concatenate([knots, _times_at(motion.law, motion.path.at[1:-1])]))
+    knots = _refined(knots)
     # accelerations at both ends of a piece, evaluated inside it
     left, right = motion.since_start(knots[:-1]), motion.since_start(np.nextafter(knots[1:], 0))
     h = np.diff(knots)[:, None]
@@ -86,6 +89,16 @@ def polynomials_of(motion: TimedPath) -> Polynomials:
         waiting[0, :, 5] = sides[0][0][0]
         begins, pieces = np.append(0.0, begins), np.concatenate([waiting, pieces])
     return Polynomials(begins, pieces, motion.end, motion)
+
+
+def _times_at(law: TimeLaw, values: FloatArray) -> FloatArray:
+    """When a law's path parameter passes values (n,) [s], by bisection to rounding."""
+    before, after = np.zeros(len(values)), np.full(len(values), law.duration)
+    for _ in range(60):
+        middle = (before + after) / 2
+        is_before = law(middle).value < values
+        before, after = np.where(is_before, middle, before), np.where(is_before, after, middle)
+    return after
 
 
 def _refined(knots: FloatArray) -> FloatArray:

@@ -18,6 +18,7 @@ from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.experiment.file import experiment_from, experiment_names, load_experiment
 from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.path_source import path_of
 from gough_stewart.model.vectors import FloatArray
 from tests.support.exported import (
     KD,
@@ -193,7 +194,10 @@ def test_controllers_of_shipped_experiments_give_the_forces_of_the_harness(name:
     assert seen[1:].all()
     for real in REALS:
         forces = Exported(made, real).forces(measured_by(run, made))
-        assert largest_difference(forces[seen], expected[seen]) < TOLERANCE[real], real
+        if path_of(made.reference) is None:
+            assert largest_difference(forces[seen], expected[seen]) < TOLERANCE[real], real
+        else:  # whose time law is rounded
+            assert np.abs(forces - expected).max() < max(1e-6, TOLERANCE[real]) * np.abs(expected).max(), real
         assert not forces[~seen].any()
 
 
