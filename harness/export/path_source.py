@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.export import symbols
@@ -35,7 +36,7 @@ class KnotTable(NamedTuple):
     """A time law at its knots, as C keeps it; each (n,)."""
 
     times: FloatArray  # since the start [s]
-    piece: FloatArray  # number of the spline's piece
+    piece: NDArray[np.intp]  # number of the spline's piece
     values: FloatArray  # path parameter since that piece began, in units of 2⁻³¹
     rates: FloatArray  # [1/s]
     accelerations: FloatArray  # [1/s²]

@@ -363,7 +363,8 @@ def test_an_fmu_with_drives_has_one_loop_with_the_whole_delay() -> None:
 def test_readings_later_than_the_samples_are_in_the_judged_delay() -> None:
     """Expected: of readings each 4 ms a sample of 1 ms has one at most 3 ms old; an SSP without sensors reads at it."""
     settings = {"sensors.sample_time": 0.004, "sensors.quantisation": {}}
-    for form, part, late in (("ssp", "sensors", 0.003), ("ssp", "drives", 0.0), ("c", "drives", 0.003)):
+    cases: list[tuple[Host, Part, float]] = [("ssp", "sensors", 0.003), ("ssp", "drives", 0), ("c", "drives", 0.003)]
+    for form, part, late in cases:
         loops, _ = judged(settings, form, (part,))
         assert [loop.nominal.loop.late for loop in loops] == [pytest.approx(late)], (form, part)
 
