@@ -139,13 +139,13 @@ def test_each_run_executes_the_file_and_the_modules_beside_it(tmp_path: Path) ->
 
 def test_helpers_of_one_name_in_two_folders_do_not_meet(tmp_path: Path) -> None:
     """Expected: each its own, in turn, also where a factory imports late, and no trace for others."""
-    text = "import aside, plain.leaf\ndef make(platform, T):\n import aside as late, pack.part\n"
-    text += " return lambda sample: [aside.n, late.n, pack.part.n, plain.leaf.n, 0, 0]\n"
+    text = "import aside, plain.leaf\naside.seen = 5\ndef make(platform, T):\n import aside as late, pack.part\n"
+    text += " return lambda sample: [aside.n, late.n, pack.part.n, plain.leaf.n, late.seen, 0]\n"
     before = set(sys.modules)
     for n in (1, 2, 1):
         one = f"n = {n}"
         file = write(tmp_path / str(n), mine=text, aside=one, plain__leaf=one, pack____init__="", pack__part=one)
-        assert at_first(file, factory="make") == [n, n, n, n, 0, 0]
+        assert at_first(file, factory="make") == [n, n, n, n, 5, 0]
     assert not {"aside", "pack", "pack.part", "plain", "plain.leaf"} & (set(sys.modules) - before)
 
 
