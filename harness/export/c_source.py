@@ -113,12 +113,12 @@ def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None
     safe, parts = designed.faults.safe_force, designed.carried
     written = "".join(_functions(designed, functions, prefix, home))
     is_table = is_table and is_moving
+    path = path_of(designed.reference) if is_table else None
     table = _table(designed.reference, functions, home) if is_table else ""  # type: ignore[arg-type]
     uses_time = _uses(law, "time") or (is_timed and is_moving)
     by_value = is_table or home is not None
     facts: dict[str, str | bool] = {
         "CONSTANTS": f"{constant_bytes(designed, table, 8 if home is None else 4)} bytes, besides those in the code",
-        **_path_deviation(designed),
         "P": prefix.upper(),
         "REFERENCE": "reference, " if designed.reference_inputs else "",
         "p": prefix,
@@ -172,7 +172,7 @@ def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None
         "inputs_ahead": designed.reference_inputs and forward,
         "constant": has_constant,
         "excess": uses_excess,
-        "path": is_table and functions.path is not None,
+        "path": path is not None,
         "drives": functions.drives is not None,
         "sensors": functions.sensors is not None,
         "steps": parts.has_steps,
@@ -190,6 +190,9 @@ def _facts(designed: Designed, functions: Traced, prefix: str, home: Home | None
         "sign": "sign(" in written,
     }
     facts |= conditions
+    if path is not None:
+        text = path_deviation(designed.platform, designed.reference, path)  # type: ignore[arg-type]
+        facts["PATH_DEVIATION"] = fill(text, 118, initial_indent="   ", subsequent_indent="   ")
     if facts["pairs"]:
         facts["PAIRS"] = pairs_source(filled(SOURCE, {**facts, "PAIRS": ""}))
     return facts
@@ -303,19 +306,6 @@ def _table(reference: Piecewise, functions: Traced, home: Home | None) -> str:
         return table_source.table_of(reference, home)
     function = function_source(functions.path, "static void ", conditions=True)
     return f"{function}\n{path_source(reference, path, home)}"
-
-
-def _path_deviation(designed: Designed) -> dict[str, str]:
-    """What the header states of a motion along a path."""
-    path = path_of(designed.reference)
-    if path is None:
-        return {}
-    found = path_deviation(designed.platform, designed.reference, path)  # type: ignore[arg-type]
-    return {
-        "PATH_FORCE": f"{found.force:.2g}",
-        "PATH_LENGTH": f"{found.leg_length:.2g}",
-        "PATH_VELOCITY": f"{found.leg_velocity:.2g}",
-    }
 
 
 def constant_bytes(designed: Designed, table: str, size: int) -> int:

@@ -6,11 +6,11 @@ largest, see `path_deviation`. A table of the platform's coordinates would be la
 accelerations have a kink or jump at every knot, and 1e-6 of the forces takes 380 kB of six coordinates.
 """
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.export import symbols
@@ -19,9 +19,9 @@ from gough_stewart.harness.export.single import halves
 from gough_stewart.harness.export.table_source import first_step, parted
 from gough_stewart.harness.export.texts import filled, number, numbers, read
 from gough_stewart.harness.motion.limits.reach import legs_of
-from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, coordinates_of, smaller
+from gough_stewart.harness.motion.motion import ROUNDING, Piecewise, coordinates_of, smaller
 from gough_stewart.harness.motion.paths.polynomials import Polynomials
-from gough_stewart.harness.motion.paths.time_law import Averaged, Quintic, Stretched, TimedPath, TimeLaw
+from gough_stewart.harness.motion.paths.time_law import AlongPath, Averaged, Quintic, Stretched, TimedPath, TimeLaw
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -33,13 +33,28 @@ _COMPARED = 20_000
 
 
 class KnotTable(NamedTuple):
-    """A time law at its knots, as C keeps it; each (n,)."""
+    """A time law at its knots in 32-bit numbers, as C has it; each (n,)."""
 
-    times: FloatArray  # since the start [s]
-    piece: NDArray[np.intp]  # number of the spline's piece
-    values: FloatArray  # path parameter since that piece began, in units of 2⁻³¹
+    knots: FloatArray  # since the start [s]
+    begins: FloatArray  # path parameter at which the spline's piece begins
+    values: FloatArray  # path parameter since then, in units of 2⁻³¹
     rates: FloatArray  # [1/s]
     accelerations: FloatArray  # [1/s²]
+    jerks: FloatArray  # from a knot to the next [1/s³] (n − 1,)
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return float(self.knots[-1])
+
+    def __call__(self, time: FloatArray) -> AlongPath:
+        """At times (n,) [s], as C computes in double precision."""
+        knot = np.searchsorted(self.knots[:-1], time, side="right") - 1
+        since, jerk = time - self.knots[knot], self.jerks[knot]
+        rate, acceleration = self.rates[knot], self.accelerations[knot]
+        value = self.begins[knot] + _UNIT * self.values[knot]
+        value = value + since * (rate + since * (acceleration / 2 + since * jerk / 6))
+        return AlongPath(value, rate + since * (acceleration + since * jerk / 2), acceleration + since * jerk)
 
 
 def path_of(reference: object) -> TimedPath | None:
@@ -97,13 +112,13 @@ def path_source(reference: Piecewise, source: TimedPath, home: Home | None = Non
     }
     if not isinstance(law, Quintic):
         table = _at_knots(source)
-        high, low = (table.times, table.times) if home is None else parted(table.times)
+        high, low = (table.knots, table.knots) if home is None else parted(table.knots)
         facts |= {
-            "N_KNOTS": str(len(table.times)),
-            "STEP": str(first_step(len(table.times) - 1)),
+            "N_KNOTS": str(len(table.knots)),
+            "STEP": str(first_step(len(table.knots) - 1)),
             "TIMES": numbers(high),
             "TIMES_LOW": numbers(low),
-            "FIRST_KNOTS": ", ".join(map(str, np.searchsorted(table.piece, np.arange(len(begins))).tolist())),
+            "FIRST_KNOTS": ", ".join(map(str, np.searchsorted(table.begins, begins).tolist())),
             "UNIT": number(_UNIT),
             "VALUES": ", ".join(map(str, table.values.astype(int).tolist())),
             "RATES": numbers(table.rates),
@@ -112,50 +127,30 @@ def path_source(reference: Piecewise, source: TimedPath, home: Home | None = Non
     return filled(_TEXT, facts)
 
 
-class PathDeviation(NamedTuple):
-    """What a motion along a path in C is off the one in a run, at most."""
-
-    force: float  # computed torque, of the largest
-    leg_length: float  # [m]
-    leg_velocity: float  # [m/s]
-
-
-def path_deviation(platform: Platform, reference: Polynomials, source: TimedPath) -> PathDeviation:
-    """Of a motion along a path as C has it in double precision."""
+def path_deviation(platform: Platform, reference: Polynomials, source: TimedPath) -> str:
+    """What rounding of the law costs in double precision, for the header."""
+    exported = source if isinstance(_unstretched(source.law), Quintic) else replace(source, law=_at_knots(source))
     times = source.start + np.linspace(0, 1, _COMPARED + 1)[1:-1] * source.law.duration
-    motions = _as_exported(source, times), reference(times)
+    motions = exported(times), reference(times)
     forces = [feedforward("computed_torque", platform, motion) for motion in motions]
-    legs = [legs_of(platform, motion) for motion in motions]
-    return PathDeviation(
-        float(np.abs(forces[0] - forces[1]).max() / np.abs(forces[1]).max()),
-        float(np.abs(legs[0].leg_length - legs[1].leg_length).max()),
-        float(np.abs(legs[0].leg_velocity - legs[1].leg_velocity).max()),
+    force = np.abs(forces[0] - forces[1]).max() / np.abs(forces[1]).max()
+    length, velocity = (
+        np.abs(a - b).max() for a, b in zip(*(legs_of(platform, each) for each in motions), strict=True)
     )
-
-
-def _as_exported(source: TimedPath, times: FloatArray) -> Motion:
-    """What path.c computes in double precision."""
-    law = _unstretched(source.law)
-    if isinstance(law, Quintic):
-        return source(times)
-    table, (begins, _) = _at_knots(source), source.path.pieces
-    knot = np.searchsorted(table.times[:-1], times - source.start, side="right") - 1
-    since = times - source.start - table.times[knot]
-    rate, acceleration = table.rates[knot], table.accelerations[knot]
-    jerk = np.zeros(len(times))
-    if isinstance(law, Averaged):
-        jerk = np.diff(table.accelerations)[knot] / np.diff(table.times)[knot]
-    value = begins[table.piece[knot]] + _UNIT * table.values[knot]
-    value = value + since * (rate + since * (acceleration / 2 + since * jerk / 6))
-    return source.along(value, rate + since * (acceleration + since * jerk / 2), acceleration + since * jerk)
+    return (
+        f"The motion along the path differs from that of a run, in double precision: its computed torque by at most "
+        f"{force:.2g} of the largest, leg lengths by {length:.2g} m, leg velocities by {velocity:.2g} m/s."
+    )
 
 
 def _at_knots(source: TimedPath) -> KnotTable:
     knots, (begins, _) = source.law.knots, source.path.pieces
     at = source.law(knots)
-    piece = np.searchsorted(begins, at.value, side="right") - 1
-    value = np.rint((at.value - begins[piece]) / _UNIT)
-    return KnotTable(knots, piece, value, parted(at.rate)[0], parted(at.acceleration)[0])
+    begin = begins[np.searchsorted(begins, at.value, side="right") - 1]
+    rates, accelerations = parted(at.rate)[0], parted(at.acceleration)[0]
+    is_linear = isinstance(_unstretched(source.law), Averaged)
+    jerks = is_linear * np.diff(accelerations) / np.diff(knots)
+    return KnotTable(knots, begin, np.rint((at.value - begin) / _UNIT), rates, accelerations, jerks)
 
 
 def _unstretched(law: TimeLaw) -> TimeLaw:

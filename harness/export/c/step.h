@@ -13,8 +13,7 @@
    Work per step, @WORK_IS@: @WORK@.
    Constants in flash: @CONSTANTS@.
 @if path
-   The motion along the path differs from that of a run, in double precision: its computed torque by at most
-   @PATH_FORCE@ of the largest, leg lengths by @PATH_LENGTH@ m, leg velocities by @PATH_VELOCITY@ m/s.
+@PATH_DEVIATION@
 @end
 @if notes
 

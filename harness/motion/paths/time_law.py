@@ -174,11 +174,8 @@ class TimedPath:
 
     def since_start(self, time: FloatArray) -> Motion:
         """The motion at times (n,) [s] of the time law."""
-        return self.along(*self.law(time))
-
-    def along(self, value: FloatArray, rate: FloatArray, acceleration: FloatArray) -> Motion:
-        """The motion at path parameters (n,) with their rates [1/s] and accelerations [1/s²]."""
-        motion = self.path(value).motion(rate, acceleration)
+        at = self.law(time)
+        motion = self.path(at.value).motion(at.rate, at.acceleration)
         if self.amplitude == 1:
             return motion
         return smaller(motion, self.amplitude, np.concatenate([self.path.position[0], self.path.orientation[0]]))
