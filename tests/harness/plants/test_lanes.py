@@ -617,7 +617,7 @@ def test_states_are_checked_of_those_that_run_only() -> None:
     untouched = running == 0
     assert not batch.failure[untouched].any()
     np.testing.assert_array_equal(batch.side[untouched], sides[untouched])
-    for k in np.flatnonzero(running & ~np.isin(np.arange(16), list(expected))):
+    for k in np.flatnonzero(running & ~np.isin(np.arange(16), list(expected))).tolist():
         legs = leg_geometry(platforms[k], x[k, :3], x[k, 3:6])
         side = np.sign(np.linalg.det(scaled_jacobian_of_legs(legs)[0]))
         passed = sides[k] not in (0, side)
