@@ -68,7 +68,9 @@ class UserFolder:
         """
         name = f"{_PACKAGE}_file_{file.stem}"
         loader = SourceFileLoader(name, str(self.path / file.name))
-        module = module_from_spec(ModuleSpec(name, loader, origin=loader.path))
+        spec = ModuleSpec(name, loader, origin=loader.path)
+        spec.has_location = True  # so that it has a __file__
+        module = module_from_spec(spec)
         self._modules[name] = module  # dataclasses look for it among the loaded ones
         with self.inside():
             loader.exec_module(module)

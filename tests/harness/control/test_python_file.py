@@ -59,6 +59,7 @@ LINEAR = "import control, numpy as np\n{} = control.ss([], [], [], np.zeros((6, 
     [
         ("def controller(sample): return [1] * 6", {}, 1),
         ("import numpy as np\ndef controller(sample): return np.full(6, 200, dtype=np.uint8)", {}, 200),
+        ("from pathlib import Path\nn = len(Path(__file__).name)\ndef controller(sample): return [n] * 6", {}, 7),
         ("class C:\n def __call__(self, sample): return [2] * 6\nmine = C()", {"name": "mine"}, 2),
         ("class C:\n def step(self, sample): return [3] * 6\nmine = C().step", {"name": "mine"}, 3),
         (OF_CLASS, {"name": "C"}, T),
