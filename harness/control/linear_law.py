@@ -80,8 +80,9 @@ def product_of_members(columns_first: FloatArray, vectors: FloatArray) -> FloatA
     Column by column in ascending order, so that a member's bits do not depend on the others: BLAS sums in an order that
     depends on the sizes, and so does NumPy but along the first axis of arrays with several elements in the others.
     """
-    terms = np.multiply(columns_first, vectors[:, np.newaxis], order="C")
-    return np.asarray(np.add.reduce(terms, axis=0))
+    with np.errstate(invalid="ignore"):  # infinity times 0: the host names what is no number
+        terms = np.multiply(columns_first, vectors[:, np.newaxis], order="C")
+        return np.asarray(np.add.reduce(terms, axis=0))
 
 
 class LinearParts(NamedTuple):

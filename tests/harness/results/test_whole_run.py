@@ -29,7 +29,7 @@ from tests.support.uneven import UNEVEN
 MACHINE = replace(
     UNEVEN,
     leg_length_min=2.6,
-    leg_length_max=3.45,
+    leg_length_max=3.44,
     leg_velocity_max=0.25,
     actuator_force_max=90.0,
     actuator_power_max=20.0,
