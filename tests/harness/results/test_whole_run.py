@@ -375,5 +375,5 @@ def test_figures_show_the_columns_of_the_record_with_their_limits(record: gs.Rec
         values = np.concatenate([actual.get_ydata(), reference.get_ydata()])
         # with 5 % of room on both sides; farther limits would flatten the lines
         low, high, span = values.min(), values.max(), 1.1 * np.ptp(values)
-        near = [limit for limit in (2.6, 3.45) if low - 2.05 * span < limit < high + 2.05 * span]
+        near = [limit for limit in (2.6, 3.44) if low - 2.05 * span < limit < high + 2.05 * span]
         assert [float(line.get_ydata()[0]) for line in limit_lines] == near
