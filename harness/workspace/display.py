@@ -1,5 +1,6 @@
 """How a workspace is displayed: names, units and scales of its coordinates, results and border."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -28,13 +29,14 @@ class Shown:
 
     unit: str
     factor: float
+    more_digits: int = 0  # than a large machine needs
 
     def text(self, value: float, digits: int = 4) -> str:
         """A value in SI units, as text with the unit."""
         space = "" if self.unit in ("", "°") else " "
         # avoids −0 and rounding errors of degrees
         size = round(value * self.factor, 9) + 0.0 if np.isfinite(value) else value
-        return f"{number_text(size, digits)}{space}{unit_text(self.unit)}"
+        return f"{number_text(size, digits + self.more_digits)}{space}{unit_text(self.unit)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +60,12 @@ def shown_coordinate(workspace: Workspace, name: str) -> Shown:
 
 
 def shown_length(workspace: Workspace) -> Shown:
-    """How to display lengths: in m, or in mm for a small platform."""
-    return Shown("mm", 1e3) if workspace.platform.characteristic_length < _SMALL else Shown("m", 1.0)
+    """How to display lengths: in m, or in mm for a small platform; a thousandth of the stroke is seen."""
+    platform, more = workspace.platform, 0
+    if platform.leg_length_min is not None and platform.leg_length_max is not None:
+        stroke = platform.leg_length_max - platform.leg_length_min
+        more = max(0, math.ceil(math.log10(1e3 * platform.characteristic_length / stroke)) - 4)
+    return Shown("mm", 1e3, more) if platform.characteristic_length < _SMALL else Shown("m", 1.0, more)
 
 
 def results_of(workspace: Workspace) -> list[Result]:

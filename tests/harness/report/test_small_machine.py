@@ -87,3 +87,12 @@ def test_a_requirement_in_nanometres_is_told_in_them(tmp_path: Path) -> None:
     value = f"{1e9 * rms:.4g} nm"
     assert f"({value}, " in said
     assert "< 0.001 mm" in said  # elsewhere as ever
+
+
+def test_a_workspace_tells_home_to_a_thousandth_of_the_stroke(tmp_path: Path) -> None:
+    """Expected: the height of the home pose in steps of 0.1 µm at a stroke of 100 µm, not of 10 µm."""
+    gs.save_platform(NANO, tmp_path / "nano.toml")
+    said = " ".join(
+        invoke("workspace", "--platform", str(tmp_path / "nano.toml"), "--out", str(tmp_path)).output.split()
+    )
+    assert f"z {1e3 * NANO.home_position[2]:.4f} mm" in said
