@@ -144,7 +144,7 @@ def test_a_path_through_half_a_turn_is_that_through_zero(timing: Any) -> None:
     """Expected: the check of the machine as shipped, from a yaw of −5° to 6° around home, 0 between knots."""
     poses = [[0, 0, 0, 0, 0, np.radians(yaw)] for yaw in (-5, 6)]
     path = {"type": "path", "relative_to": "home", "timing": timing, "poses": poses}
-    changes = {"reference": path, "loop.duration": 4.0, "loop.sample_time": 0.01}
+    changes = {"reference": path, "loop.duration": 4.0, "loop.sample_time": 0.004}
     found = [
         dict(shown(gs.check("heave_step", machine("heave_step", frame) | changes).report()))
         for frame in (AS_SHIPPED, HALF, BACK)
