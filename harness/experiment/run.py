@@ -156,7 +156,9 @@ def run_prepared(
     with opening as opened, prepared.law_in_a_run() as law_from:
         done = simulate(opened, law_from, prepared.loop, progress)
         done = done.of_member(0) if getattr(opened, "shape", ()) else done
-        remarks = opened.remarks() if hasattr(opened, "remarks") else ""
+        # an FMU that hangs, so that the run was interrupted, would not answer
+        may_ask = hasattr(opened, "remarks") and done.outcome.status != "interrupted"
+        remarks = opened.remarks() if may_ask else ""
     circumstances: dict[str, Any] = {
         "title": experiment.title,
         "plant": name,

@@ -181,7 +181,7 @@ def test_the_worst_members_are_found_by_their_numbers() -> None:
         assert row[:2] == (member, "diverged" if member == 100 else "completed")
         assert row[2:] == (found.values("stroke.margin")[k], *(found.values(name)[k] for name in INPUTS))
     page = page_of(ensemble_report(found, "stroke.margin", None, {worst[0]: "", worst[1]: "b&c/r.html"})).decode()
-    assert f'<a href="b&amp;c/r.html">{worst[1]}</a>' in page
+    assert f'<a href="b%26c/r.html">{worst[1]}</a>' in page
     assert f">{worst[0]}</th>" in page
 
 
