@@ -51,6 +51,6 @@ def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: FmiType) -> NDArray[np.floa
         except (FMICallException, RuntimeError) as error:
             reason = "; ".join(text for text in (unit.take_messages(), str(error)) if text)
             raise StepError(who, float("nan"), float("nan"), reason) from error
-        if unit.is_alarmed or len(result) != len(case.time):
+        if unit.messages or len(result) != len(case.time):
             raise StepError(f"{who}: rows", len(result), float(result["time"][-1]), unit.take_messages())
         return np.concatenate([np.asarray(result[c]).reshape(len(result), -1) for c in columns], axis=1)
