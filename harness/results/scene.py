@@ -60,7 +60,7 @@ def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FR
         flags=tuple(Flag(name, _any_until_next(record, rows, name)) for name in FLAGS if f"flag.{name}" in record),
         rows=record.table.height,
         run=run,
-        decimals=4 + math.ceil(-math.log10(fineness_of(platform))),
+        decimals=max(4, 3 + round(-math.log10(fineness_of(platform)))),
     )
 
 
