@@ -39,7 +39,8 @@ class Watch:
 
         Signals (N, 24), and the same with the legs' at the motors' side.
         """
-        given = np.concatenate([now, at_motors[:, signals.LEGS]], axis=1)
+        # of rigid legs both sides are the same array
+        given = now if at_motors is now else np.concatenate([now, at_motors[:, signals.LEGS]], axis=1)
         if self.rows.motors.size:
             self.rows.motors[self.rows.count + 1] = given.T[signals.SIZE :]
         if members.all_below(given.T, LARGEST_NUMBER):
