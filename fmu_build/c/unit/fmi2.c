@@ -4,10 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "instance.h"
-#include "saved.h"
-
-#define AS_FMI2(result) ((fmi2Status)(result))
+#define FMI(name) fmi2##name
+#define FMI_STATE(verb, rest) fmi2##verb##FMUstate##rest
+#define FMI_DESERIALIZE fmi2DeSerializeFMUstate
+#define FMI_GET_DERIVATIVES fmi2GetDerivatives
+#include "functions.h"
 
 static int slots_of_reference(uint32_t reference, int *first, int *size)
 {
@@ -19,7 +20,7 @@ static int slots_of_reference(uint32_t reference, int *first, int *size)
 static void deliver(const fmi_instance *i, fmi_status status, const char *category, const char *message)
 {
     /* `message` is the format and contains no '%' */
-    ((fmi2CallbackLogger)i->logger)(i->environment, i->name, AS_FMI2(status), category, message);
+    ((fmi2CallbackLogger)i->logger)(i->environment, i->name, AS_FMI(status), category, message);
 }
 
 static const fmi_layer FMI_2 = {.token = START.tokens[0], .resolve = slots_of_reference, .deliver = deliver,
@@ -30,11 +31,6 @@ static const fmi_layer FMI_2 = {.token = START.tokens[0], .resolve = slots_of_re
 const char *fmi2GetTypesPlatform(void)
 {
     return fmi2TypesPlatform;
-}
-
-const char *fmi2GetVersion(void)
-{
-    return fmi2Version;
 }
 
 fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
@@ -60,54 +56,28 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     return new_instance(&request, instanceName, fmuGUID);
 }
 
-void fmi2FreeInstance(fmi2Component c)
-{
-    free(c);
-}
-
-fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
-                               const fmi2String categories[])
-{
-    return AS_FMI2(set_logging(c, __func__, loggingOn != fmi2False, nCategories, categories));
-}
-
 fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance, fmi2Real startTime,
                                fmi2Boolean stopTimeDefined, fmi2Real stopTime)
 {
-    return AS_FMI2(set_experiment(c, __func__, CALL_SET_EXPERIMENT, toleranceDefined, tolerance, startTime,
+    return AS_FMI(set_experiment(c, __func__, CALL_SET_EXPERIMENT, toleranceDefined, tolerance, startTime,
                                   stopTimeDefined, stopTime));
 }
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
-    return AS_FMI2(change_mode(c, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION));
-}
-
-fmi2Status fmi2ExitInitializationMode(fmi2Component c)
-{
-    return AS_FMI2(exit_initialization(c, __func__));
-}
-
-fmi2Status fmi2Terminate(fmi2Component c)
-{
-    return AS_FMI2(change_mode(c, __func__, CALL_TERMINATE, TERMINATED));
-}
-
-fmi2Status fmi2Reset(fmi2Component c)
-{
-    return AS_FMI2(reset(c, __func__));
+    return AS_FMI(change_mode(c, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION));
 }
 
 /* ---- values --------------------------------------------------------------------------------------------------- */
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[])
 {
-    return AS_FMI2(get_values(c, __func__, vr, nvr, value, ONE_EACH));
+    return AS_FMI(get_values(c, __func__, vr, nvr, value, ONE_EACH));
 }
 
 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Real value[])
 {
-    return AS_FMI2(set_values(c, __func__, vr, nvr, value, ONE_EACH));
+    return AS_FMI(set_values(c, __func__, vr, nvr, value, ONE_EACH));
 }
 
 #define ONLY_REALS(name, type)                                                                                         \
@@ -115,7 +85,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
     {                                                                                                                  \
         (void)vr;                                                                                                      \
         (void)value;                                                                                                   \
-        return AS_FMI2(no_such_type(c, __func__, nvr));                                                                \
+        return AS_FMI(no_such_type(c, __func__, nvr));                                                                \
     }
 ONLY_REALS(fmi2GetInteger, fmi2Integer)
 ONLY_REALS(fmi2GetBoolean, fmi2Boolean)
@@ -128,49 +98,11 @@ fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReferenc
                                         const fmi2ValueReference vKnown_ref[], size_t nKnown,
                                         const fmi2Real dvKnown[], fmi2Real dvUnknown[])
 {
-    return AS_FMI2(get_directional_derivative(c, __func__, vUnknown_ref, nUnknown, vKnown_ref, nKnown, dvKnown,
+    return AS_FMI(get_directional_derivative(c, __func__, vUnknown_ref, nUnknown, vKnown_ref, nKnown, dvKnown,
                                               ONE_EACH, dvUnknown, ONE_EACH));
 }
 
-/* ---- saved states --------------------------------------------------------------------------------------------- */
-
-fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *FMUstate)
-{
-    return AS_FMI2(save_state(c, __func__, FMUstate));
-}
-
-fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate FMUstate)
-{
-    return AS_FMI2(restore_state(c, __func__, FMUstate));
-}
-
-fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *FMUstate)
-{
-    return AS_FMI2(free_state(c, __func__, FMUstate));
-}
-
-fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate FMUstate, size_t *size)
-{
-    return AS_FMI2(serialized_size(c, __func__, FMUstate, size));
-}
-
-fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byte serializedState[], size_t size)
-{
-    return AS_FMI2(serialize(c, __func__, FMUstate, (unsigned char *)serializedState, size));
-}
-
-fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte serializedState[], size_t size,
-                                   fmi2FMUstate *FMUstate)
-{
-    return AS_FMI2(deserialize(c, __func__, (const unsigned char *)serializedState, size, FMUstate));
-}
-
 /* ---- model exchange ------------------------------------------------------------------------------------------- */
-
-fmi2Status fmi2EnterEventMode(fmi2Component c)
-{
-    return AS_FMI2(change_mode(c, __func__, CALL_ENTER_EVENT, EVENT));
-}
 
 fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
 {
@@ -181,75 +113,25 @@ fmi2Status fmi2NewDiscreteStates(fmi2Component c, fmi2EventInfo *info)
     return fmi2OK;
 }
 
-fmi2Status fmi2EnterContinuousTimeMode(fmi2Component c)
-{
-    return AS_FMI2(enter_continuous(c, __func__));
-}
-
-fmi2Status fmi2CompletedIntegratorStep(fmi2Component c, fmi2Boolean noSetFMUStatePriorToCurrentPoint,
-                                       fmi2Boolean *enterEventMode, fmi2Boolean *terminateSimulation)
-{
-    (void)noSetFMUStatePriorToCurrentPoint;
-    fmi_instance *i = c;
-    if (!i || !has_array(i, __func__, enterEventMode, 1, "enterEventMode") ||
-        !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation"))
-        return fmi2Error;
-    int terminates = 0;
-    fmi_status done = completed_step(i, __func__, &terminates);
-    *enterEventMode = fmi2False;
-    *terminateSimulation = terminates ? fmi2True : fmi2False;
-    return AS_FMI2(done);
-}
-
-fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time)
-{
-    return AS_FMI2(set_time(c, __func__, time));
-}
-
-fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t nx)
-{
-    return AS_FMI2(set_continuous_states(c, __func__, x, nx));
-}
-
-fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx)
-{
-    return AS_FMI2(get_derivatives(c, __func__, derivatives, nx));
-}
-
-fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real eventIndicators[], size_t ni)
-{
-    return AS_FMI2(get_event_indicators(c, __func__, eventIndicators, ni));
-}
-
-fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx)
-{
-    return AS_FMI2(get_continuous_states(c, __func__, x, nx));
-}
-
-fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real x_nominal[], size_t nx)
-{
-    return AS_FMI2(get_nominals(c, __func__, x_nominal, nx));
-}
-
 /* ---- co-simulation -------------------------------------------------------------------------------------------- */
 
 fmi2Status fmi2SetRealInputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                        const fmi2Integer order[], const fmi2Real value[])
 {
-    return AS_FMI2(set_input_rates(c, __func__, vr, nvr, order, value));
+    return AS_FMI(set_input_rates(c, __func__, vr, nvr, order, value));
 }
 
 fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                         const fmi2Integer order[], fmi2Real value[])
 {
-    return AS_FMI2(get_output_rates(c, __func__, vr, nvr, order, value, ONE_EACH));
+    return AS_FMI(get_output_rates(c, __func__, vr, nvr, order, value, ONE_EACH));
 }
 
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
                       fmi2Boolean noSetFMUStatePriorToCurrentPoint)
 {
     (void)noSetFMUStatePriorToCurrentPoint;
-    return AS_FMI2(do_step(c, __func__, currentCommunicationPoint, communicationStepSize, NULL));
+    return AS_FMI(do_step(c, __func__, currentCommunicationPoint, communicationStepSize, NULL));
 }
 
 fmi2Status fmi2CancelStep(fmi2Component c)
@@ -265,7 +147,7 @@ static fmi2Status check_status(fmi_instance *i, const char *function, int is_of_
         return fmi2Error;
     if (is_of_type)
         return fmi2OK;
-    return AS_FMI2(report(i, STATUS_DISCARD, "%s: no such status, since steps are never pending", function));
+    return AS_FMI(report(i, STATUS_DISCARD, "%s: no such status, since steps are never pending", function));
 }
 
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value)
@@ -273,7 +155,7 @@ fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *va
     fmi_instance *i = c;
     fmi2Status checked = check_status(i, __func__, s == fmi2DoStepStatus, value);
     if (checked == fmi2OK)
-        *value = AS_FMI2(i->step_status);
+        *value = AS_FMI(i->step_status);
     return checked;
 }
 

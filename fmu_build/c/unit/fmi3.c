@@ -3,11 +3,13 @@
 #include "fmi3Functions.h"
 
 #include <stdlib.h>
+#include <string.h>
 
-#include "instance.h"
-#include "saved.h"
-
-#define AS_FMI3(result) ((fmi3Status)(result))
+#define FMI(name) fmi3##name
+#define FMI_STATE(verb, rest) fmi3##verb##FMUState##rest
+#define FMI_DESERIALIZE fmi3DeserializeFMUState
+#define FMI_GET_DERIVATIVES fmi3GetContinuousStateDerivatives
+#include "functions.h"
 
 static int slots_of_reference(uint32_t reference, int *first, int *size)
 {
@@ -25,23 +27,12 @@ static int slots_of_reference(uint32_t reference, int *first, int *size)
 
 static void deliver(const fmi_instance *i, fmi_status status, const char *category, const char *message)
 {
-    ((fmi3LogMessageCallback)i->logger)(i->environment, AS_FMI3(status), category, message);
+    ((fmi3LogMessageCallback)i->logger)(i->environment, AS_FMI(status), category, message);
 }
 
 static const fmi_layer FMI_3 = {.token = START.tokens[1], .resolve = slots_of_reference, .deliver = deliver};
 
 /* ---- life cycle ----------------------------------------------------------------------------------------------- */
-
-const char *fmi3GetVersion(void)
-{
-    return fmi3Version;
-}
-
-fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
-                               const fmi3String categories[])
-{
-    return AS_FMI3(set_logging(instance, __func__, loggingOn, nCategories, categories));
-}
 
 fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
                                           fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
@@ -119,32 +110,12 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
     return NULL;
 }
 
-void fmi3FreeInstance(fmi3Instance instance)
-{
-    free(instance);
-}
-
 fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
                                        fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
 {
     fmi_status set = set_experiment(instance, __func__, CALL_ENTER_INITIALIZATION, toleranceDefined, tolerance,
                                     startTime, stopTimeDefined, stopTime);
-    return AS_FMI3(set == STATUS_OK ? change_mode(instance, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION) : set);
-}
-
-fmi3Status fmi3ExitInitializationMode(fmi3Instance instance)
-{
-    return AS_FMI3(exit_initialization(instance, __func__));
-}
-
-fmi3Status fmi3Terminate(fmi3Instance instance)
-{
-    return AS_FMI3(change_mode(instance, __func__, CALL_TERMINATE, TERMINATED));
-}
-
-fmi3Status fmi3Reset(fmi3Instance instance)
-{
-    return AS_FMI3(reset(instance, __func__));
+    return AS_FMI(set == STATUS_OK ? change_mode(instance, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION) : set);
 }
 
 /* ---- values --------------------------------------------------------------------------------------------------- */
@@ -152,13 +123,13 @@ fmi3Status fmi3Reset(fmi3Instance instance)
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                           fmi3Float64 values[], size_t nValues)
 {
-    return AS_FMI3(get_values(instance, __func__, valueReferences, nValueReferences, values, nValues));
+    return AS_FMI(get_values(instance, __func__, valueReferences, nValueReferences, values, nValues));
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                           const fmi3Float64 values[], size_t nValues)
 {
-    return AS_FMI3(set_values(instance, __func__, valueReferences, nValueReferences, values, nValues));
+    return AS_FMI(set_values(instance, __func__, valueReferences, nValueReferences, values, nValues));
 }
 
 #define ONLY_FLOAT64(name, type)                                                                                       \
@@ -167,7 +138,7 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
     {                                                                                                                  \
         (void)valueReferences;                                                                                         \
         (void)values;                                                                                                  \
-        return AS_FMI3(no_such_type(instance, __func__, nValueReferences + nValues));                                  \
+        return AS_FMI(no_such_type(instance, __func__, nValueReferences + nValues));                                  \
     }
 ONLY_FLOAT64(fmi3GetFloat32, fmi3Float32)
 ONLY_FLOAT64(fmi3GetInt8, fmi3Int8)
@@ -198,7 +169,7 @@ fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference valueRe
     (void)valueReferences;
     (void)valueSizes;
     (void)values;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences + nValues));
+    return AS_FMI(no_such_type(instance, __func__, nValueReferences + nValues));
 }
 
 fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
@@ -207,7 +178,7 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueRe
     (void)valueReferences;
     (void)valueSizes;
     (void)values;
-    return AS_FMI3(no_such_type(instance, __func__, nValueReferences + nValues));
+    return AS_FMI(no_such_type(instance, __func__, nValueReferences + nValues));
 }
 
 static fmi3Status no_dimensions(fmi_instance *i, const char *function, fmi3ValueReference reference, size_t *n)
@@ -216,9 +187,9 @@ static fmi3Status no_dimensions(fmi_instance *i, const char *function, fmi3Value
     if (!is_allowed(i, function, CALL_GET) || !has_array(i, function, n, 1, "nDependencies"))
         return fmi3Error;
     if (!slots_of_reference(reference, &first, &size))
-        return AS_FMI3(report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function,
+        return AS_FMI(report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function,
                               (unsigned long)reference));
-    return AS_FMI3(report(i, STATUS_ERROR,
+    return AS_FMI(report(i, STATUS_ERROR,
                           "%s: dependencies do not change at run time; they are in modelDescription.xml", function));
 }
 
@@ -244,7 +215,7 @@ fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueRe
                                         const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
                                         size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity)
 {
-    return AS_FMI3(get_directional_derivative(instance, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed,
+    return AS_FMI(get_directional_derivative(instance, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed,
                                               sensitivity, nSensitivity));
 }
 
@@ -252,49 +223,11 @@ fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueRefere
                                     const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
                                     size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity)
 {
-    return AS_FMI3(get_adjoint_derivative(instance, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed,
+    return AS_FMI(get_adjoint_derivative(instance, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed,
                                           sensitivity, nSensitivity));
 }
 
-/* ---- saved states --------------------------------------------------------------------------------------------- */
-
-fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
-{
-    return AS_FMI3(save_state(instance, __func__, FMUState));
-}
-
-fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState FMUState)
-{
-    return AS_FMI3(restore_state(instance, __func__, FMUState));
-}
-
-fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *FMUState)
-{
-    return AS_FMI3(free_state(instance, __func__, FMUState));
-}
-
-fmi3Status fmi3SerializedFMUStateSize(fmi3Instance instance, fmi3FMUState FMUState, size_t *size)
-{
-    return AS_FMI3(serialized_size(instance, __func__, FMUState, size));
-}
-
-fmi3Status fmi3SerializeFMUState(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[], size_t size)
-{
-    return AS_FMI3(serialize(instance, __func__, FMUState, serializedState, size));
-}
-
-fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte serializedState[], size_t size,
-                                   fmi3FMUState *FMUState)
-{
-    return AS_FMI3(deserialize(instance, __func__, serializedState, size, FMUState));
-}
-
 /* ---- events --------------------------------------------------------------------------------------------------- */
-
-fmi3Status fmi3EnterEventMode(fmi3Instance instance)
-{
-    return AS_FMI3(change_mode(instance, __func__, CALL_ENTER_EVENT, EVENT));
-}
 
 fmi3Status fmi3EvaluateDiscreteStates(fmi3Instance instance)
 {
@@ -322,58 +255,6 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
 
 /* ---- model exchange ------------------------------------------------------------------------------------------- */
 
-fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance)
-{
-    return AS_FMI3(enter_continuous(instance, __func__));
-}
-
-fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
-                                       fmi3Boolean *enterEventMode, fmi3Boolean *terminateSimulation)
-{
-    (void)noSetFMUStatePriorToCurrentPoint;
-    fmi_instance *i = instance;
-    if (!i || !has_array(i, __func__, enterEventMode, 1, "enterEventMode") ||
-        !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation"))
-        return fmi3Error;
-    int terminates = 0;
-    fmi_status done = completed_step(i, __func__, &terminates);
-    *enterEventMode = fmi3False;
-    *terminateSimulation = terminates ? fmi3True : fmi3False;
-    return AS_FMI3(done);
-}
-
-fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time)
-{
-    return AS_FMI3(set_time(instance, __func__, time));
-}
-
-fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[],
-                                   size_t nContinuousStates)
-{
-    return AS_FMI3(set_continuous_states(instance, __func__, continuousStates, nContinuousStates));
-}
-
-fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[],
-                                             size_t nContinuousStates)
-{
-    return AS_FMI3(get_derivatives(instance, __func__, derivatives, nContinuousStates));
-}
-
-fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[], size_t nEventIndicators)
-{
-    return AS_FMI3(get_event_indicators(instance, __func__, eventIndicators, nEventIndicators));
-}
-
-fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[], size_t nContinuousStates)
-{
-    return AS_FMI3(get_continuous_states(instance, __func__, continuousStates, nContinuousStates));
-}
-
-fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t nContinuousStates)
-{
-    return AS_FMI3(get_nominals(instance, __func__, nominals, nContinuousStates));
-}
-
 static fmi3Status get_number(fmi_instance *i, const char *function, size_t *n, size_t number)
 {
     if (!is_allowed(i, function, CALL_GET_NUMBERS) || !has_array(i, function, n, 1, "the number"))
@@ -398,7 +279,7 @@ fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueRefere
                                     size_t nValueReferences, const fmi3Int32 orders[], fmi3Float64 values[],
                                     size_t nValues)
 {
-    return AS_FMI3(get_output_rates(instance, __func__, valueReferences, nValueReferences, orders, values, nValues));
+    return AS_FMI(get_output_rates(instance, __func__, valueReferences, nValueReferences, orders, values, nValues));
 }
 
 /* After an internal step: the importer can read results, set inputs and request an early return. */
@@ -435,7 +316,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     *terminateSimulation = fmi3False;
     *earlyReturn = stepped == STATUS_OK && i->last_successful_time < end;
     *lastSuccessfulTime = i->last_successful_time;
-    return AS_FMI3(stepped);
+    return AS_FMI(stepped);
 }
 
 /* ---- not offered: clocks, step mode after events, structural parameters --------------------------------------- */
@@ -447,7 +328,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     {                                                                                                                  \
         (void)valueReferences;                                                                                         \
         unused;                                                                                                        \
-        return AS_FMI3(no_such_type(instance, __func__, nValueReferences));                                            \
+        return AS_FMI(no_such_type(instance, __func__, nValueReferences));                                            \
     }
 OF_CLOCKS(fmi3GetClock, (void)values, fmi3Clock values[])
 OF_CLOCKS(fmi3SetClock, (void)values, const fmi3Clock values[])

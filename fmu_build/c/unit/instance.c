@@ -74,13 +74,13 @@ int is_allowed(const fmi_instance *i, const char *function, fmi_call call)
     return 0;
 }
 
-fmi_status conclude(const fmi_instance *i, const char *function, fmi_call call, outcome found)
+fmi_status conclude(const fmi_instance *i, const char *function, fmi_call call, outcome result)
 {
-    if (found == DONE)
+    if (result == DONE)
         return STATUS_OK;
     int may_discard = !i->layer->discards_as_listed || ALLOWED[call].discards & (int)i->kind;
     /* in an intermediate update Discard is not allowed */
-    int is_error = found == MISUSE || !may_discard || i->mode == INTERMEDIATE;
+    int is_error = result == MISUSE || !may_discard || i->mode == INTERMEDIATE;
     return report(i, is_error ? STATUS_ERROR : STATUS_DISCARD, "%s: %s", function, component_message(i->core));
 }
 
@@ -99,6 +99,12 @@ int has_length(const fmi_instance *i, const char *function, size_t found, size_t
     report(i, STATUS_ERROR, "%s: found %lu %s; expected %lu", function, (unsigned long)found, name,
            (unsigned long)expected);
     return 0;
+}
+
+int has_states(const fmi_instance *i, const char *function, fmi_call call, const void *x, size_t n)
+{
+    return is_allowed(i, function, call) && has_length(i, function, n, N_STATES, "continuous states") &&
+           has_array(i, function, x, n, "the vector");
 }
 
 fmi_status set_logging(fmi_instance *i, const char *function, int on, size_t n, const char *const categories[])
@@ -124,22 +130,25 @@ fmi_status set_logging(fmi_instance *i, const char *function, int on, size_t n, 
 
 /* ---- life cycle ----------------------------------------------------------------------------------------------- */
 
-static int is_blank(const char *text)
+void begin_anew(fmi_instance *i)
 {
-    return text[strspn(text, " \t\r\n")] == 0;
+    component_reset(i->core);
+    i->mode = INSTANTIATED;
+    i->step_status = STATUS_OK;
+    i->last_successful_time = 0;
 }
 
 fmi_instance *new_instance(const fmi_instance *request, const char *name, const char *token)
 {
-    if (!name || is_blank(name)) {
+    if (!name || name[strspn(name, " \t\r\n")] == 0) {
         report(request, STATUS_ERROR, "instantiation: the instance name is empty; expected a non-empty text");
         return NULL;
     }
-    const char *own = request->layer->token;
-    if (!token || !*own || strcmp(token, own) != 0) {
+    const char *expected = request->layer->token;
+    if (!token || !*expected || strcmp(token, expected) != 0) {
         report(request, STATUS_ERROR,
                "instantiation: wrong token '%s'; expected '%s'; use the modelDescription.xml of this binary",
-               token ? token : "(null)", own);
+               token ? token : "(null)", expected);
         return NULL;
     }
     if (request->kind == MODEL_EXCHANGE && N_STATES == 0) {
@@ -153,13 +162,10 @@ fmi_instance *new_instance(const fmi_instance *request, const char *name, const 
         return NULL;
     }
     *i = *request;
-    i->mode = INSTANTIATED;
     i->categories = ALL;
     i->core = (component *)(void *)(i + 1);
     i->name = memcpy((char *)(i + 1) + COMPONENT_SIZE, name, length);
-    component_reset(i->core);
-    i->step_status = STATUS_OK;
-    i->last_successful_time = 0;
+    begin_anew(i);
     return i;
 }
 
@@ -170,22 +176,11 @@ fmi_status set_experiment(fmi_instance *i, const char *function, fmi_call call, 
         return STATUS_ERROR;
     /* in Model Exchange only the importer uses the tolerance */
     int is_used = tolerance_defined && i->kind == CO_SIMULATION;
-    fmi_status done = conclude(i, function, call,
-                               component_set_experiment(i->core, is_used ? tolerance : DEFAULT_TOLERANCE, start_time,
-                                                    stop_time_defined ? stop_time : INFINITY));
-    if (done == STATUS_OK)
+    outcome result = component_set_experiment(i->core, is_used ? tolerance : DEFAULT_TOLERANCE, start_time,
+                                              stop_time_defined ? stop_time : INFINITY);
+    if (result == DONE)
         i->last_successful_time = start_time;
-    return done;
-}
-
-fmi_status exit_initialization(fmi_instance *i, const char *function)
-{
-    if (!is_allowed(i, function, CALL_EXIT_INITIALIZATION))
-        return STATUS_ERROR;
-    if (component_begin(i->core) != DONE)
-        return report(i, STATUS_ERROR, "%s: %s", function, component_message(i->core));
-    i->mode = i->kind == MODEL_EXCHANGE ? EVENT : STEP;
-    return STATUS_OK;
+    return conclude(i, function, call, result);
 }
 
 fmi_status change_mode(fmi_instance *i, const char *function, fmi_call call, fmi_mode next)
@@ -193,27 +188,6 @@ fmi_status change_mode(fmi_instance *i, const char *function, fmi_call call, fmi
     if (!is_allowed(i, function, call))
         return STATUS_ERROR;
     i->mode = next;
-    return STATUS_OK;
-}
-
-fmi_status enter_continuous(fmi_instance *i, const char *function)
-{
-    if (!is_allowed(i, function, CALL_ENTER_CONTINUOUS))
-        return STATUS_ERROR;
-    if (component_check_parameters(i->core) != DONE)
-        return report(i, STATUS_ERROR, "%s: %s", function, component_message(i->core));
-    i->mode = CONTINUOUS;
-    return STATUS_OK;
-}
-
-fmi_status reset(fmi_instance *i, const char *function)
-{
-    if (!is_allowed(i, function, CALL_RESET))
-        return STATUS_ERROR;
-    component_reset(i->core);
-    i->mode = INSTANTIATED;
-    i->step_status = STATUS_OK;
-    i->last_successful_time = 0;
     return STATUS_OK;
 }
 
@@ -226,68 +200,3 @@ fmi_status do_step(fmi_instance *i, const char *function, double time, double st
     return i->step_status = conclude(i, function, CALL_DO_STEP, stepped);
 }
 
-/* ---- model exchange ------------------------------------------------------------------------------------------- */
-
-fmi_status set_time(fmi_instance *i, const char *function, double time)
-{
-    if (!is_allowed(i, function, CALL_SET_TIME))
-        return STATUS_ERROR;
-    return conclude(i, function, CALL_SET_TIME, component_set_time(i->core, time));
-}
-
-/* For functions of the state vector: whether the call is allowed, with N_STATES elements. */
-static int has_states(const fmi_instance *i, const char *function, fmi_call call, const void *x, size_t n)
-{
-    return is_allowed(i, function, call) && has_length(i, function, n, N_STATES, "continuous states") &&
-           has_array(i, function, x, n, "the vector");
-}
-
-fmi_status set_continuous_states(fmi_instance *i, const char *function, const double x[], size_t n)
-{
-    if (!has_states(i, function, CALL_SET_CONTINUOUS_STATES, x, n))
-        return STATUS_ERROR;
-    return conclude(i, function, CALL_SET_CONTINUOUS_STATES, component_set_states(i->core, x));
-}
-
-fmi_status get_continuous_states(fmi_instance *i, const char *function, double x[], size_t n)
-{
-    if (!has_states(i, function, CALL_GET_CONTINUOUS_STATES, x, n))
-        return STATUS_ERROR;
-    component_get_states(i->core, x);
-    return STATUS_OK;
-}
-
-fmi_status get_derivatives(fmi_instance *i, const char *function, double xdot[], size_t n)
-{
-    if (!has_states(i, function, CALL_GET_CONTINUOUS_STATES, xdot, n))
-        return STATUS_ERROR;
-    return conclude(i, function, CALL_GET_CONTINUOUS_STATES, component_derivatives(i->core, xdot));
-}
-
-fmi_status get_nominals(fmi_instance *i, const char *function, double nominals[], size_t n)
-{
-    if (!has_states(i, function, CALL_GET_CONTINUOUS_STATES, nominals, n))
-        return STATUS_ERROR;
-    memcpy(nominals, NOMINAL_STATES, sizeof(double) * N_STATES);
-    return STATUS_OK;
-}
-
-fmi_status get_event_indicators(fmi_instance *i, const char *function, const double indicators[], size_t n)
-{
-    (void)indicators; /* there are none */
-    if (!is_allowed(i, function, CALL_GET_CONTINUOUS_STATES) || !has_length(i, function, n, 0, "event indicators"))
-        return STATUS_ERROR;
-    return STATUS_OK;
-}
-
-fmi_status completed_step(fmi_instance *i, const char *function, int *terminates)
-{
-    if (!is_allowed(i, function, CALL_COMPLETED_STEP))
-        return STATUS_ERROR;
-    if (component_check_parameters(i->core) != DONE)
-        return report(i, STATUS_ERROR, "%s: %s", function, component_message(i->core));
-    *terminates = component_check_state(i->core) != DONE;
-    if (*terminates)
-        report(i, STATUS_OK, "%s: the simulation must end: %s", function, component_message(i->core));
-    return STATUS_OK;
-}

@@ -59,10 +59,12 @@ int allows(const fmi_instance *i, fmi_call call);
 /* 1 if the instance exists and the call is allowed in its mode; logs an error if not. */
 int is_allowed(const fmi_instance *i, const char *function, fmi_call call);
 /* The status for a component's outcome; logs its message. */
-fmi_status conclude(const fmi_instance *i, const char *function, fmi_call call, outcome found);
+fmi_status conclude(const fmi_instance *i, const char *function, fmi_call call, outcome result);
 /* 0 if the array is NULL but has `n` > 0 elements; logs an error. */
 int has_array(const fmi_instance *i, const char *function, const void *array, size_t n, const char *name);
 int has_length(const fmi_instance *i, const char *function, size_t found, size_t expected, const char *name);
+/* For functions of the state vector: whether the call is allowed, with N_STATES elements. */
+int has_states(const fmi_instance *i, const char *function, fmi_call call, const void *x, size_t n);
 
 fmi_status set_logging(fmi_instance *i, const char *function, int on, size_t n, const char *const categories[]);
 
@@ -88,23 +90,21 @@ fmi_status set_input_rates(fmi_instance *i, const char *function, const uint32_t
                            const int32_t orders[], const double values[]);
 
 /* Life cycle */
+void begin_anew(fmi_instance *i);
 fmi_status set_experiment(fmi_instance *i, const char *function, fmi_call call, int tolerance_defined,
                           double tolerance, double start_time, int stop_time_defined, double stop_time);
-fmi_status exit_initialization(fmi_instance *i, const char *function);
 fmi_status change_mode(fmi_instance *i, const char *function, fmi_call call, fmi_mode next);
-fmi_status enter_continuous(fmi_instance *i, const char *function);
-fmi_status reset(fmi_instance *i, const char *function);
 fmi_status do_step(fmi_instance *i, const char *function, double time, double step, const step_observer *observer);
 
-/* Model exchange */
-fmi_status set_time(fmi_instance *i, const char *function, double time);
-fmi_status set_continuous_states(fmi_instance *i, const char *function, const double x[], size_t n);
-fmi_status get_continuous_states(fmi_instance *i, const char *function, double x[], size_t n);
-fmi_status get_derivatives(fmi_instance *i, const char *function, double xdot[], size_t n);
-fmi_status get_nominals(fmi_instance *i, const char *function, double nominals[], size_t n);
-fmi_status get_event_indicators(fmi_instance *i, const char *function, const double indicators[], size_t n);
-/* `terminates` when the pose is beyond the limits. */
-fmi_status completed_step(fmi_instance *i, const char *function, int *terminates);
+/* Saved states and their serialized form: versioned, without pointers, the same on every machine. */
+fmi_status save_state(fmi_instance *i, const char *function, void **saved);
+fmi_status restore_state(fmi_instance *i, const char *function, const void *saved);
+fmi_status free_state(fmi_instance *i, const char *function, void **saved);
+fmi_status serialized_size(const fmi_instance *i, const char *function, const void *saved, size_t *size);
+fmi_status serialize(const fmi_instance *i, const char *function, const void *saved, unsigned char bytes[],
+                     size_t size);
+fmi_status deserialize(const fmi_instance *i, const char *function, const unsigned char bytes[], size_t size,
+                       void **saved);
 INTERNAL_END
 
 #endif

@@ -1,4 +1,4 @@
-#include "saved.h"
+#include "instance.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -2,28 +2,20 @@
    modes.h does not allow derivatives. */
 #include "component.h"
 
-outcome component_set_time(component *c, double time)
-{
-    (void)c, (void)time;
-    return MISUSE;
-}
+#define NOTHING(name, ...)                                                                                             \
+    outcome name(component *c, __VA_ARGS__)                                                                            \
+    {                                                                                                                  \
+        (void)c;                                                                                                       \
+        return MISUSE;                                                                                                 \
+    }
+#pragma GCC diagnostic ignored "-Wunused-parameter"
 
-void component_get_states(const component *c, double x[])
-{
-    (void)c, (void)x;
-}
-
-outcome component_set_states(component *c, const double x[])
-{
-    (void)c, (void)x;
-    return MISUSE;
-}
-
-outcome component_derivatives(component *c, double xdot[])
-{
-    (void)c, (void)xdot;
-    return MISUSE;
-}
+NOTHING(component_set_time, double time)
+NOTHING(component_set_states, const double x[])
+NOTHING(component_derivatives, double xdot[])
+NOTHING(component_forward, const double dx[], const double du[], const double dp[], double dxdot[], double dy[])
+NOTHING(component_reverse, const double wxdot[], const double wy[], double gx[], double gu[], double gp[])
+NOTHING(component_result_rates, double rates[])
 
 outcome component_check_state(component *c)
 {
@@ -31,22 +23,7 @@ outcome component_check_state(component *c)
     return MISUSE;
 }
 
-outcome component_forward(component *c, const double dx[], const double du[], const double dp[], double dxdot[],
-                          double dy[])
+void component_get_states(const component *c, double x[])
 {
-    (void)c, (void)dx, (void)du, (void)dp, (void)dxdot, (void)dy;
-    return MISUSE;
-}
-
-outcome component_reverse(component *c, const double wxdot[], const double wy[], double gx[], double gu[],
-                          double gp[])
-{
-    (void)c, (void)wxdot, (void)wy, (void)gx, (void)gu, (void)gp;
-    return MISUSE;
-}
-
-outcome component_result_rates(component *c, double rates[])
-{
-    (void)c, (void)rates;
-    return MISUSE;
+    (void)c, (void)x;
 }

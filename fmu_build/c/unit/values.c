@@ -8,13 +8,29 @@ static int role_at(int slot)
     return (int)variable_of(slot)->role;
 }
 
-/* The slots of a reference; logs an error and returns 0 if it is unknown. */
-static int find_slots(const fmi_instance *i, const char *function, uint32_t reference, int *first, int *size)
+/* The slots of known references, one after the other. */
+typedef struct {
+    const fmi_instance *i;
+    const uint32_t *reference, *last;
+    int slot, left; /* the slot at hand, and how many of its reference follow */
+} slot_walk;
+
+static slot_walk slots_of(const fmi_instance *i, const uint32_t references[], size_t n)
 {
-    if (i->layer->resolve(reference, first, size))
-        return 1;
-    report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function, (unsigned long)reference);
-    return 0;
+    slot_walk at = {.i = i, .reference = references, .last = references + n};
+    return at;
+}
+
+static int next_slot(slot_walk *at)
+{
+    if (at->left == 0) {
+        if (at->reference == at->last)
+            return 0;
+        at->i->layer->resolve(*at->reference++, &at->slot, &at->left);
+    } else
+        at->slot++;
+    at->left--;
+    return 1;
 }
 
 /* 1 if all references are known and the array has as many values as they have elements. */
@@ -26,8 +42,10 @@ static int find_all(const fmi_instance *i, const char *function, const uint32_t 
     if (!has_array(i, function, references, n, "value references"))
         return 0;
     for (size_t k = 0; k < n; k++) {
-        if (!find_slots(i, function, references[k], &first, &size))
+        if (!i->layer->resolve(references[k], &first, &size)) {
+            report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function, (unsigned long)references[k]);
             return 0;
+        }
         total += (size_t)size;
     }
     return has_length(i, function, n_values, total, name) && has_array(i, function, values, total, name);
@@ -38,14 +56,10 @@ fmi_status get_values(fmi_instance *i, const char *function, const uint32_t refe
 {
     if (!is_allowed(i, function, CALL_GET) || !find_all(i, function, references, n, values, n_values, "values"))
         return STATUS_ERROR;
-    int first, size;
-    for (size_t k = 0; k < n; k++) {
-        i->layer->resolve(references[k], &first, &size);
-        for (int slot = first; slot < first + size; slot++) {
-            outcome got = component_get(i->core, slot, values++);
-            if (got != DONE)
-                return conclude(i, function, CALL_GET, got);
-        }
+    for (slot_walk at = slots_of(i, references, n); next_slot(&at);) {
+        outcome got = component_get(i->core, at.slot, values++);
+        if (got != DONE)
+            return conclude(i, function, CALL_GET, got);
     }
     return STATUS_OK;
 }
@@ -69,13 +83,13 @@ static fmi_status check_set(fmi_instance *i, const char *function, int slot, dou
     fmi_call needed = call_to_set(i, slot);
     if (allows(i, needed))
         return conclude(i, function, needed, component_check(i->core, slot, value));
-    char name[NAME_SIZE], what[2 * NAME_SIZE];
+    char name[NAME_SIZE], refused[2 * NAME_SIZE];
     write_slot_name(slot, name);
     if (needed == CALL_NOT_OFFERED)
         return report(i, STATUS_ERROR, "%s: %s is computed; only inputs, start values and parameters can be set",
                       function, name);
-    snprintf(what, sizeof what, "%s of %s", function, name);
-    is_allowed(i, what, needed);
+    snprintf(refused, sizeof refused, "%s of %s", function, name);
+    is_allowed(i, refused, needed);
     return STATUS_ERROR;
 }
 
@@ -84,22 +98,14 @@ fmi_status set_values(fmi_instance *i, const char *function, const uint32_t refe
 {
     if (!is_allowed(i, function, CALL_SET) || !find_all(i, function, references, n, values, n_values, "values"))
         return STATUS_ERROR;
-    int first, size;
-    size_t at = 0;
-    for (size_t k = 0; k < n; k++) {
-        i->layer->resolve(references[k], &first, &size);
-        for (int slot = first; slot < first + size; slot++) {
-            fmi_status checked = check_set(i, function, slot, values[at++]);
-            if (checked != STATUS_OK)
-                return checked;
-        }
+    const double *value = values;
+    for (slot_walk at = slots_of(i, references, n); next_slot(&at);) {
+        fmi_status checked = check_set(i, function, at.slot, *value++);
+        if (checked != STATUS_OK)
+            return checked;
     }
-    at = 0;
-    for (size_t k = 0; k < n; k++) {
-        i->layer->resolve(references[k], &first, &size);
-        for (int slot = first; slot < first + size; slot++)
-            component_put(i->core, slot, values[at++]);
-    }
+    for (slot_walk at = slots_of(i, references, n); next_slot(&at);)
+        component_put(i->core, at.slot, *values++);
     return STATUS_OK;
 }
 
@@ -125,6 +131,16 @@ static double *results_of(by_slot *v) { return v->slots + FIRST_RESULT; } /* beg
 static double *parameters_of(by_slot *v) { return v->slots + FIRST_PARAMETER; }
 static double *derivatives_of(by_slot *v) { return v->slots + FIRST_DERIVATIVE; }
 
+static int is_input(int slot)
+{
+    return role_at(slot) == INPUT;
+}
+
+static int is_output(int slot)
+{
+    return slot >= FIRST_RESULT && slot < FIRST_RESULT + N_OUTPUTS;
+}
+
 static int is_known(int slot)
 {
     int role = role_at(slot), parameter = slot - FIRST_PARAMETER;
@@ -141,15 +157,12 @@ static int is_unknown(int slot)
 static int have_roles(const fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                       int (*fits)(int slot), const char *place, const char *expected)
 {
-    int first, size;
-    for (size_t k = 0; k < n; k++) {
-        i->layer->resolve(references[k], &first, &size);
-        if (!fits(first)) {
-            report(i, STATUS_ERROR, "%s: %s is not an allowed %s; expected %s", function, variable_of(first)->name,
+    for (slot_walk at = slots_of(i, references, n); next_slot(&at);)
+        if (!fits(at.slot)) {
+            report(i, STATUS_ERROR, "%s: %s is not an allowed %s; expected %s", function, variable_of(at.slot)->name,
                    place, expected);
             return 0;
         }
-    }
     return 1;
 }
 
@@ -169,22 +182,17 @@ static int may_differentiate(const fmi_instance *i, const char *function, const 
 /* Adds the values, in the order of the references, to their slots. */
 static void scatter(const fmi_instance *i, const uint32_t references[], size_t n, const double values[], by_slot *v)
 {
-    int first, size;
-    for (size_t k = 0; k < n; k++) {
-        i->layer->resolve(references[k], &first, &size);
-        for (int slot = first; slot < first + size; slot++)
-            v->slots[slot] += *values++;
-    }
+    for (slot_walk at = slots_of(i, references, n); next_slot(&at);)
+        v->slots[at.slot] += *values++;
 }
 
-static void gather(const fmi_instance *i, const uint32_t references[], size_t n, const by_slot *v, double values[])
+/* Gives the values of their slots if they are known, and concludes. */
+static fmi_status gather(const fmi_instance *i, const char *function, fmi_call call, outcome result,
+                         const uint32_t references[], size_t n, const by_slot *v, double values[])
 {
-    int first, size;
-    for (size_t k = 0; k < n; k++) {
-        i->layer->resolve(references[k], &first, &size);
-        for (int slot = first; slot < first + size; slot++)
-            *values++ = v->slots[slot];
-    }
+    for (slot_walk at = slots_of(i, references, n); result == DONE && next_slot(&at);)
+        *values++ = v->slots[at.slot];
+    return conclude(i, function, call, result);
 }
 
 fmi_status get_directional_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[],
@@ -196,11 +204,9 @@ fmi_status get_directional_derivative(fmi_instance *i, const char *function, con
         return STATUS_ERROR;
     by_slot direction = {{0}}, change = {{0}};
     scatter(i, knowns, n_knowns, seed, &direction);
-    outcome found = component_forward(i->core, results_of(&direction), inputs_of(&direction),
-                                      parameters_of(&direction), derivatives_of(&change), results_of(&change));
-    if (found == DONE)
-        gather(i, unknowns, n_unknowns, &change, sensitivity);
-    return conclude(i, function, CALL_SENSITIVITY, found);
+    outcome result = component_forward(i->core, results_of(&direction), inputs_of(&direction),
+                                       parameters_of(&direction), derivatives_of(&change), results_of(&change));
+    return gather(i, function, CALL_SENSITIVITY, result, unknowns, n_unknowns, &change, sensitivity);
 }
 
 fmi_status get_adjoint_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
@@ -212,23 +218,22 @@ fmi_status get_adjoint_derivative(fmi_instance *i, const char *function, const u
         return STATUS_ERROR;
     by_slot weights = {{0}}, gradient = {{0}};
     scatter(i, unknowns, n_unknowns, seed, &weights);
-    outcome found = component_reverse(i->core, derivatives_of(&weights), results_of(&weights),
-                                      results_of(&gradient), inputs_of(&gradient), parameters_of(&gradient));
-    if (found == DONE)
-        gather(i, knowns, n_knowns, &gradient, sensitivity);
-    return conclude(i, function, CALL_SENSITIVITY, found);
+    outcome result = component_reverse(i->core, derivatives_of(&weights), results_of(&weights),
+                                       results_of(&gradient), inputs_of(&gradient), parameters_of(&gradient));
+    return gather(i, function, CALL_SENSITIVITY, result, knowns, n_knowns, &gradient, sensitivity);
 }
 
 /* ---- rates of inputs and outputs ------------------------------------------------------------------------------ */
 
-static int is_output(int slot)
+/* 1 if all orders are 1. */
+static int have_order_1(const fmi_instance *i, const char *function, const int32_t orders[], size_t n)
 {
-    return (slot >= FIRST_RESULT && slot < FIRST_RESULT + N_OUTPUTS);
-}
-
-static int is_input(int slot)
-{
-    return role_at(slot) == INPUT;
+    for (size_t k = 0; k < n; k++)
+        if (orders[k] != 1) {
+            report(i, STATUS_ERROR, "%s: order %ld; only order 1 is available", function, (long)orders[k]);
+            return 0;
+        }
+    return 1;
 }
 
 fmi_status get_output_rates(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
@@ -237,39 +242,31 @@ fmi_status get_output_rates(fmi_instance *i, const char *function, const uint32_
     if (!is_allowed(i, function, CALL_GET_OUTPUT_RATES) ||
         !find_all(i, function, references, n, values, n_values, "values") ||
         !has_array(i, function, orders, n, "orders") ||
-        !have_roles(i, function, references, n, is_output, "output", "an output"))
+        !have_roles(i, function, references, n, is_output, "output", "an output") ||
+        !have_order_1(i, function, orders, n))
         return STATUS_ERROR;
-    for (size_t k = 0; k < n; k++)
-        if (orders[k] != 1)
-            return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is available", function, (long)orders[k]);
     by_slot rates = {{0}};
-    outcome found = component_result_rates(i->core, results_of(&rates));
-    if (found == DONE)
-        gather(i, references, n, &rates, values);
-    return conclude(i, function, CALL_GET_OUTPUT_RATES, found);
+    outcome result = component_result_rates(i->core, results_of(&rates));
+    return gather(i, function, CALL_GET_OUTPUT_RATES, result, references, n, &rates, values);
 }
 
+/* A reference has one slot in FMI 2.0, the only version with this function. */
 fmi_status set_input_rates(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                            const int32_t orders[], const double values[])
 {
     if (!is_allowed(i, function, CALL_SET_INPUT_RATES) ||
         !find_all(i, function, references, n, values, ONE_EACH, "values") ||
         !has_array(i, function, orders, n, "orders") ||
-        !have_roles(i, function, references, n, is_input, "input", "an input"))
+        !have_roles(i, function, references, n, is_input, "input", "an input") ||
+        !have_order_1(i, function, orders, n))
         return STATUS_ERROR;
-    int first, size;
-    for (size_t k = 0; k < n; k++) {
-        if (orders[k] != 1)
-            return report(i, STATUS_ERROR, "%s: order %ld; only order 1 is available", function, (long)orders[k]);
-        i->layer->resolve(references[k], &first, &size);
-        fmi_status checked = conclude(i, function, CALL_SET_INPUT_RATES,
-                                      component_check(i->core, first, values[k]));
-        if (checked != STATUS_OK)
-            return checked;
+    const double *value = values;
+    for (slot_walk at = slots_of(i, references, n); next_slot(&at);) {
+        outcome checked = component_check(i->core, at.slot, *value++);
+        if (checked != DONE)
+            return conclude(i, function, CALL_SET_INPUT_RATES, checked);
     }
-    for (size_t k = 0; k < n; k++) {
-        i->layer->resolve(references[k], &first, &size);
-        component_put_input_rate(i->core, first, values[k]);
-    }
+    for (slot_walk at = slots_of(i, references, n); next_slot(&at);)
+        component_put_input_rate(i->core, at.slot, *values++);
     return STATUS_OK;
 }

@@ -1,0 +1,171 @@
+/* The functions that FMI 2.0 and 3.0 have in common. A layer includes this file once, after
+
+   FMI(name)               fmi2name or fmi3name: the prefix of the version
+   FMI_STATE(verb, rest)   its names of the functions for saved states
+   FMI_DESERIALIZE, FMI_GET_DERIVATIVES   functions that it names in another way */
+#include "instance.h"
+
+#define AS_FMI(status) ((FMI(Status))(status))
+
+const char *FMI(GetVersion)(void)
+{
+    return FMI(Version);
+}
+
+/* ---- life cycle ----------------------------------------------------------------------------------------------- */
+
+FMI(Status) FMI(SetDebugLogging)(void *instance, FMI(Boolean) loggingOn, size_t nCategories,
+                                 const FMI(String) categories[])
+{
+    return AS_FMI(set_logging(instance, __func__, loggingOn, nCategories, categories));
+}
+
+void FMI(FreeInstance)(void *instance)
+{
+    free(instance);
+}
+
+FMI(Status) FMI(ExitInitializationMode)(void *instance)
+{
+    fmi_instance *i = instance;
+    if (!is_allowed(i, __func__, CALL_EXIT_INITIALIZATION))
+        return FMI(Error);
+    if (component_begin(i->core) != DONE)
+        return AS_FMI(report(i, STATUS_ERROR, "%s: %s", __func__, component_message(i->core)));
+    i->mode = i->kind == MODEL_EXCHANGE ? EVENT : STEP;
+    return FMI(OK);
+}
+
+FMI(Status) FMI(Terminate)(void *instance)
+{
+    return AS_FMI(change_mode(instance, __func__, CALL_TERMINATE, TERMINATED));
+}
+
+FMI(Status) FMI(Reset)(void *instance)
+{
+    fmi_instance *i = instance;
+    if (!is_allowed(i, __func__, CALL_RESET))
+        return FMI(Error);
+    begin_anew(i);
+    return FMI(OK);
+}
+
+/* ---- saved states --------------------------------------------------------------------------------------------- */
+
+FMI(Status) FMI_STATE(Get, )(void *instance, void **saved)
+{
+    return AS_FMI(save_state(instance, __func__, saved));
+}
+
+FMI(Status) FMI_STATE(Set, )(void *instance, void *saved)
+{
+    return AS_FMI(restore_state(instance, __func__, saved));
+}
+
+FMI(Status) FMI_STATE(Free, )(void *instance, void **saved)
+{
+    return AS_FMI(free_state(instance, __func__, saved));
+}
+
+FMI(Status) FMI_STATE(Serialized, Size)(void *instance, void *saved, size_t *size)
+{
+    return AS_FMI(serialized_size(instance, __func__, saved, size));
+}
+
+FMI(Status) FMI_STATE(Serialize, )(void *instance, void *saved, FMI(Byte) bytes[], size_t size)
+{
+    return AS_FMI(serialize(instance, __func__, saved, (unsigned char *)bytes, size));
+}
+
+FMI(Status) FMI_DESERIALIZE(void *instance, const FMI(Byte) bytes[], size_t size, void **saved)
+{
+    return AS_FMI(deserialize(instance, __func__, (const unsigned char *)bytes, size, saved));
+}
+
+/* ---- model exchange ------------------------------------------------------------------------------------------- */
+
+FMI(Status) FMI(EnterEventMode)(void *instance)
+{
+    return AS_FMI(change_mode(instance, __func__, CALL_ENTER_EVENT, EVENT));
+}
+
+FMI(Status) FMI(EnterContinuousTimeMode)(void *instance)
+{
+    fmi_instance *i = instance;
+    if (!is_allowed(i, __func__, CALL_ENTER_CONTINUOUS))
+        return FMI(Error);
+    if (component_check_parameters(i->core) != DONE)
+        return AS_FMI(report(i, STATUS_ERROR, "%s: %s", __func__, component_message(i->core)));
+    i->mode = CONTINUOUS;
+    return FMI(OK);
+}
+
+/* The simulation must end when the pose is beyond the limits. */
+FMI(Status) FMI(CompletedIntegratorStep)(void *instance, FMI(Boolean) noSetFMUStatePriorToCurrentPoint,
+                                         FMI(Boolean) *enterEventMode, FMI(Boolean) *terminateSimulation)
+{
+    (void)noSetFMUStatePriorToCurrentPoint;
+    fmi_instance *i = instance;
+    if (!i || !has_array(i, __func__, enterEventMode, 1, "enterEventMode") ||
+        !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation"))
+        return FMI(Error);
+    *enterEventMode = *terminateSimulation = FMI(False);
+    if (!is_allowed(i, __func__, CALL_COMPLETED_STEP))
+        return FMI(Error);
+    if (component_check_parameters(i->core) != DONE)
+        return AS_FMI(report(i, STATUS_ERROR, "%s: %s", __func__, component_message(i->core)));
+    *terminateSimulation = component_check_state(i->core) != DONE;
+    if (*terminateSimulation)
+        report(i, STATUS_OK, "%s: the simulation must end: %s", __func__, component_message(i->core));
+    return FMI(OK);
+}
+
+FMI(Status) FMI(SetTime)(void *instance, double time)
+{
+    fmi_instance *i = instance;
+    if (!is_allowed(i, __func__, CALL_SET_TIME))
+        return FMI(Error);
+    return AS_FMI(conclude(i, __func__, CALL_SET_TIME, component_set_time(i->core, time)));
+}
+
+FMI(Status) FMI(SetContinuousStates)(void *instance, const double x[], size_t n)
+{
+    fmi_instance *i = instance;
+    if (!has_states(i, __func__, CALL_SET_CONTINUOUS_STATES, x, n))
+        return FMI(Error);
+    return AS_FMI(conclude(i, __func__, CALL_SET_CONTINUOUS_STATES, component_set_states(i->core, x)));
+}
+
+FMI(Status) FMI(GetContinuousStates)(void *instance, double x[], size_t n)
+{
+    fmi_instance *i = instance;
+    if (!has_states(i, __func__, CALL_GET_CONTINUOUS_STATES, x, n))
+        return FMI(Error);
+    component_get_states(i->core, x);
+    return FMI(OK);
+}
+
+FMI(Status) FMI_GET_DERIVATIVES(void *instance, double derivatives[], size_t n)
+{
+    fmi_instance *i = instance;
+    if (!has_states(i, __func__, CALL_GET_CONTINUOUS_STATES, derivatives, n))
+        return FMI(Error);
+    return AS_FMI(conclude(i, __func__, CALL_GET_CONTINUOUS_STATES, component_derivatives(i->core, derivatives)));
+}
+
+FMI(Status) FMI(GetNominalsOfContinuousStates)(void *instance, double nominals[], size_t n)
+{
+    if (!has_states(instance, __func__, CALL_GET_CONTINUOUS_STATES, nominals, n))
+        return FMI(Error);
+    memcpy(nominals, NOMINAL_STATES, sizeof(double) * N_STATES);
+    return FMI(OK);
+}
+
+FMI(Status) FMI(GetEventIndicators)(void *instance, double indicators[], size_t n)
+{
+    (void)indicators; /* there are none */
+    return is_allowed(instance, __func__, CALL_GET_CONTINUOUS_STATES) &&
+                   has_length(instance, __func__, n, 0, "event indicators")
+               ? FMI(OK)
+               : FMI(Error);
+}
