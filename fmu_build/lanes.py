@@ -220,14 +220,12 @@ def lanes_sources(variant: Variant = IDEAL) -> tuple[dict[str, str], dict[str, s
 
 
 def loop_sources(components: str, variant: Variant = IDEAL) -> tuple[dict[str, str], dict[str, str]]:
-    """Units and headers of c/loop, which includes c/lanes, with the components of the loop as `components.h`."""
+    """Units and headers of c/loop and c/lanes, with the components of the loop as `components.h`."""
     from gough_stewart.fmu_build.sources import c_folder
 
     units, headers = lanes_sources(variant)
     own = c_folder("loop")
-    lanes = units.pop("lanes.c")
-    made = {"lanes.c": lanes, "components.h": components}
-    return {**units, **own.units}, {**headers, **own.headers, **made}
+    return {**units, **own.units}, {**headers, **own.headers, "components.h": components}
 
 
 def law_library(function: Any) -> LanesLibrary:

@@ -106,7 +106,10 @@ def plant_component(
 def _code(variant: Variant) -> Code:
     own = c_folder("plant")
     units = {**own.units, KERNEL_SOURCE: _kernel_source(variant)}
-    return Code(units, {**own.headers, "plant_table.h": plant_header(variant)})
+    headers = {**own.headers, "plant_table.h": plant_header(variant)}
+    if variant.bristles:
+        headers |= {name: c_folder("lanes").headers[name] for name in ("exponential_step.h", "vectors.h")}
+    return Code(units, headers)
 
 
 def _kernel_source(variant: Variant) -> str:

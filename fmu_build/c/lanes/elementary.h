@@ -13,10 +13,7 @@
 /* for larger angles the number of quarter turns could be wrong */
 #define LARGEST_ANGLE 1e6
 
-static inline lanes sq(lanes x)
-{
-    return x * x;
-}
+static inline lanes sq(lanes x) { return x * x; }
 
 /* Adding it leaves the nearest integer in the last bits of the sum. */
 #define ROUNDER 0x1.8p52
@@ -110,73 +107,25 @@ static inline lanes hyperbolic_tangent(lanes x)
 }
 
 /* 1 where a mask holds, else 0: the truth values of the generated code */
-static inline lanes truth(mask which)
-{
-    return choose(which, (lanes)1.0, (lanes)0.0);
-}
-
-static inline lanes is_less(lanes a, lanes b)
-{
-    return truth(a < b);
-}
-
-static inline lanes is_at_most(lanes a, lanes b)
-{
-    return truth(a <= b);
-}
-
-static inline lanes is_equal(lanes a, lanes b)
-{
-    return truth(a == b);
-}
-
-static inline lanes is_other(lanes a, lanes b)
-{
-    return truth(a != b);
-}
-
-static inline lanes is_not(lanes a)
-{
-    return truth(a == 0);
-}
-
-static inline lanes both(lanes a, lanes b)
-{
-    return truth((a != 0) & (b != 0));
-}
-
-static inline lanes either(lanes a, lanes b)
-{
-    return truth((a != 0) | (b != 0));
-}
+static inline lanes truth(mask which) { return choose(which, (lanes)1.0, (lanes)0.0); }
+static inline lanes is_less(lanes a, lanes b) { return truth(a < b); }
+static inline lanes is_at_most(lanes a, lanes b) { return truth(a <= b); }
+static inline lanes is_equal(lanes a, lanes b) { return truth(a == b); }
+static inline lanes is_other(lanes a, lanes b) { return truth(a != b); }
+static inline lanes is_not(lanes a) { return truth(a == 0); }
+static inline lanes both(lanes a, lanes b) { return truth((a != 0) & (b != 0)); }
+static inline lanes either(lanes a, lanes b) { return truth((a != 0) | (b != 0)); }
 
 /* x where a holds, else 0, whatever x is there */
-static inline lanes if_so(lanes a, lanes x)
-{
-    return choose(a != 0, x, (lanes)0.0);
-}
+static inline lanes if_so(lanes a, lanes x) { return choose(a != 0, x, (lanes)0.0); }
 
 /* -1, 0 or 1 */
-static inline lanes sign_of(lanes x)
-{
-    return truth(x > 0) - truth(x < 0);
-}
-
-static inline lanes smaller_of(lanes a, lanes b)
-{
-    return choose(a < b, a, b);
-}
-
-static inline lanes larger_of(lanes a, lanes b)
-{
-    return choose(a > b, a, b);
-}
+static inline lanes sign_of(lanes x) { return truth(x > 0) - truth(x < 0); }
+static inline lanes smaller_of(lanes a, lanes b) { return choose(a < b, a, b); }
+static inline lanes larger_of(lanes a, lanes b) { return choose(a > b, a, b); }
 
 /* x minus the nearest multiple of y, of two the even one */
-static inline lanes remainder_of(lanes x, lanes y)
-{
-    return x - nearest(x / y) * y;
-}
+static inline lanes remainder_of(lanes x, lanes y) { return x - nearest(x / y) * y; }
 
 /* the names in the generated code */
 #define sqrt(x) square_root(x)

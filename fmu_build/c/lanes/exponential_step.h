@@ -1,127 +1,116 @@
-/* The internal step of plants with bristles, which forget fast: dz/dt = v - d z with rates d of up to 1e5/s. It takes the
-   linear part -d z exactly, with d as it is at its begin: ETDRK4 of S. M. Cox, P. C. Matthews, "Exponential Time
-   Differencing for Stiff Systems", J. Comput. Phys. 176(2), 2002, eqs. (26)-(29), as model/exponential.py. For all other
-   states, with d = 0, it is classical RK4.
+/* The step of plants with bristles, which forget fast: dz/dt = v - d z with rates d of up to 1e5/s. It takes the linear
+   part -d z exactly, with d as it is at its begin: ETDRK4 of S. M. Cox, P. C. Matthews, "Exponential Time Differencing for
+   Stiff Systems", J. Comput. Phys. 176(2), 2002, eqs. (26)-(29). For all other states, with d = 0, it is classical RK4.
 
-   Included by lanes.c. */
+   c/lanes steps the members of a vector by it, c/plant one platform: with WIDTH 1. */
+#ifndef EXPONENTIAL_STEP_H
+#define EXPONENTIAL_STEP_H
+
+#include "plant_table.h"
+#include "vectors.h"
 
 /* Below this |z| the functions phi are summed as series, above it taken from exp(z), with at most two digits lost. */
 #define SERIES_BELOW 1.0
 #define TERMS 18
 
-/* exp(z) and phi_1 to phi_3 of z <= 0: phi_(k+1) = (phi_k - 1/k!) / z; the series sum z^j / (j + k)! near 0. */
-static void phi_functions(lanes z, lanes found[4])
+/* exp(z) as phi[0], and phi_1 to phi_4 of z <= 0: phi_(k+1) = (phi_k - 1/k!) / z; the series sum z^j / (j + k)! near 0.
+   A way that no member takes is left out. */
+static void phi_functions(lanes z, lanes phi[5])
 {
+    static const double INVERSE_FACTORIAL[] = {1, 1, 0.5, 1.0 / 6};
     mask is_small = magnitude(z) < SERIES_BELOW;
-    lanes near = choose(is_small, z, (lanes)0.0), far = reciprocal(choose(is_small, (lanes)-1.0, z));
-    lanes third = (lanes)0.0;
-    for (int j = TERMS; j > 3; j--)
-        third = near * (1.0 / j) * (1 + third);
-    third = (1 + third) * (1.0 / 6);
-    lanes second = 0.5 + near * third;
-    found[0] = exp(z);
-    lanes one = (found[0] - 1) * far, two = (one - 1) * far;
-    found[1] = choose(is_small, 1 + near * second, one);
-    found[2] = choose(is_small, second, two);
-    found[3] = choose(is_small, third, (two - 0.5) * far);
+    for (int k = 0; k < 5; k++)
+        phi[k] = (lanes)0.0;
+    if (any(~is_small)) {
+        lanes inverse = reciprocal(choose(is_small, (lanes)-1.0, z));
+        phi[0] = exp(z);
+        for (int k = 0; k < 4; k++)
+            phi[k + 1] = (phi[k] - INVERSE_FACTORIAL[k]) * inverse;
+    }
+    if (any(is_small)) {
+        lanes near = choose(is_small, z, (lanes)0.0), sum = (lanes)0.0;
+        for (int j = TERMS; j > 4; j--)
+            sum = near * (1.0 / j) * (1 + sum);
+        sum = (1 + sum) * (1.0 / 24);
+        phi[4] = choose(is_small, sum, phi[4]);
+        for (int k = 3; k >= 0; k--) {
+            sum = INVERSE_FACTORIAL[k] + near * sum;
+            phi[k] = choose(is_small, sum, phi[k]);
+        }
+    }
 }
 
-/* Of a step h and the rate d of a bristle; those but `whole` and `half` in s. */
+/* Of a step h and the rates d of the bristles; those but `whole` and `half` in s. */
 typedef struct {
-    lanes whole, half;         /* exp(-h d), exp(-h d / 2) */
-    lanes inner;               /* (h / 2) phi_1(-h d / 2) */
-    lanes first, middle, last; /* h (phi_1 - 3 phi_2 + 4 phi_3), h (2 phi_2 - 4 phi_3), h (4 phi_3 - phi_2) */
-    lanes all;                 /* h phi_1 */
+    lanes decay[N_LEGS];  /* d [1/s] */
+    lanes whole[N_LEGS];  /* exp(-h d) */
+    lanes half[N_LEGS];   /* exp(-h d/2) */
+    lanes inner[N_LEGS];  /* (h/2) phi_1(-h d/2) */
+    lanes first[N_LEGS];  /* h (phi_1 - 3 phi_2 + 4 phi_3) */
+    lanes middle[N_LEGS]; /* h (2 phi_2 - 4 phi_3) */
+    lanes last[N_LEGS];   /* h (4 phi_3 - phi_2) */
+    lanes all[N_LEGS];    /* h phi_1 */
 } coefficients;
 
-static void coefficients_of(lanes h, lanes decay, coefficients *c)
+static void find_coefficients(const lanes decay[N_LEGS], lanes h, coefficients *c)
 {
-    lanes of_half[4], of_whole[4];
-    phi_functions(-0.5 * h * decay, of_half);
-    phi_functions(-h * decay, of_whole);
-    c->half = of_half[0];
-    c->inner = 0.5 * h * of_half[1];
-    c->whole = of_whole[0];
-    c->all = h * of_whole[1];
-    c->first = h * (of_whole[1] - 3 * of_whole[2] + 4 * of_whole[3]);
-    c->middle = h * (2 * of_whole[2] - 4 * of_whole[3]);
-    c->last = h * (4 * of_whole[3] - of_whole[2]);
-}
-
-/* x + weight rate, but for the bristles. */
-static void stage(const lanes x[], lanes weight, const lanes rate[], const lanes bristle[], lanes found[])
-{
-    for (int i = 0; i < N_STATES; i++)
-        found[i] = x[i] + weight * rate[i];
-    for (int i = 0; i < N_LEGS; i++)
-        found[X_LEG_BRISTLE + i] = bristle[i];
-}
-
-/* The larger one of two estimates of an error, for a weight of the first and a length h of the step.
-
-   `four` and `five` are the rates of the last stage and at the end, with which there is a solution of order 3 that is
-   (4 - 5) h / 10 away (S. Balac, F. Mahe, "Embedded Runge-Kutta scheme for step-size control in the Interaction Picture
-   method", Comput. Phys. Commun. 184(4), 2013). It may vanish by chance where a leg reverses or breaks away within the
-   step; so of the second difference e2 and the first one e1 of the stages there is e2^3 / (20 (e1 + e2)^2), which falls
-   as h^5, too, see `controlled_step` of plants without bristles. */
-static lanes error_of(const lanes n[5], lanes last, lanes all)
-{
-    lanes e2 = magnitude((n[0] - n[1]) + (n[3] - n[2])), e1 = magnitude(n[3] - n[0]);
-    lanes share = e2 * reciprocal(e1 + e2 + SMALLEST_RATE);
-    return larger(magnitude(last * (n[3] - n[4])), all * e2 * (share * share) * (1.0 / 20));
-}
-
-/* The state at the end of an internal step, what depends on that, the derivatives there as `rate[4]`, and the error, of
-   each element relative to |x| plus its scale. */
-static void controlled_step(const group *g, lanes size, lanes rate[5][N_STATES], lanes end[], posed *there, lanes *error)
-{
-    static const double scales[] = SCALES;
-    const lanes *z = g->x + X_LEG_BRISTLE, *d = g->here.decay;
-    /* deflections in the stages, and their rates without -d z */
-    lanes za[N_LEGS], zb[N_LEGS], zc[N_LEGS], ze[N_LEGS], n[N_LEGS][5], at[N_STATES], sum[N_STATES];
-    lanes nothing = (lanes)0.0; /* NaN if a number is not finite */
-    coefficients c[N_LEGS];
     for (int i = 0; i < N_LEGS; i++) {
-        coefficients_of(size, d[i], &c[i]);
-        n[i][0] = rate[0][X_LEG_BRISTLE + i] + d[i] * z[i];
-        za[i] = c[i].half * z[i] + c[i].inner * n[i][0];
-    }
-    stage(g->x, 0.5 * size, rate[0], za, at);
-    kernel_derivatives(at, g->u, g->p, rate[1]);
-    for (int i = 0; i < N_LEGS; i++) {
-        n[i][1] = rate[1][X_LEG_BRISTLE + i] + d[i] * za[i];
-        zb[i] = c[i].half * z[i] + c[i].inner * n[i][1];
-    }
-    stage(g->x, 0.5 * size, rate[1], zb, at);
-    kernel_derivatives(at, g->u, g->p, rate[2]);
-    for (int i = 0; i < N_LEGS; i++) {
-        n[i][2] = rate[2][X_LEG_BRISTLE + i] + d[i] * zb[i];
-        zc[i] = c[i].half * za[i] + c[i].inner * (2 * n[i][2] - n[i][0]);
-    }
-    stage(g->x, size, rate[2], zc, at);
-    kernel_derivatives(at, g->u, g->p, rate[3]);
-    for (int i = 0; i < N_LEGS; i++) {
-        n[i][3] = rate[3][X_LEG_BRISTLE + i] + d[i] * zc[i];
-        ze[i] = c[i].whole * z[i] + c[i].first * n[i][0] + c[i].middle * (n[i][1] + n[i][2]) + c[i].last * n[i][3];
-    }
-    for (int i = 0; i < N_STATES; i++)
-        sum[i] = rate[0][i] + 2 * (rate[1][i] + rate[2][i]) + rate[3][i];
-    stage(g->x, size * (1.0 / 6), sum, ze, end);
-    look_at(g, end, there);
-    RATES_THERE(*there, end, g->u, g->p, rate[4]);
-    *error = (lanes)0.0;
-    for (int i = 0; i < N_STATES; i++) {
-        int leg = i - X_LEG_BRISTLE;
-        lanes found;
-        if (0 <= leg && leg < N_LEGS) {
-            n[leg][4] = rate[4][i] + d[leg] * ze[leg];
-            found = error_of(n[leg], 0.6 * c[leg].last, c[leg].all);
-        } else {
-            const lanes own[] = {rate[0][i], rate[1][i], rate[2][i], rate[3][i], rate[4][i]};
-            found = error_of(own, 0.1 * size, size);
+        lanes phi[5], of_half[5];
+        c->decay[i] = decay[i];
+#if WIDTH == 1
+        if (decay[i] == 0) { /* a leg that stands: RK4 */
+            c->whole[i] = c->half[i] = 1;
+            c->inner[i] = h / 2;
+            c->first[i] = c->last[i] = h / 6;
+            c->middle[i] = h / 3;
+            c->all[i] = h;
+            continue;
         }
-        *error = larger(found * reciprocal(scales[i] + magnitude(g->x[i])), *error);
-        nothing += (end[i] + rate[4][i]) * 0;
+#endif
+        phi_functions(-h * decay[i], phi);
+        phi_functions(-0.5 * h * decay[i], of_half);
+        c->whole[i] = phi[0];
+        c->half[i] = of_half[0];
+        c->inner[i] = 0.5 * h * of_half[1];
+        c->first[i] = h * (phi[1] - 3 * phi[2] + 4 * phi[3]);
+        c->middle[i] = h * (2 * phi[2] - 4 * phi[3]);
+        c->last[i] = h * (4 * phi[3] - phi[2]);
+        c->all[i] = h * phi[1];
     }
-    *error += nothing;
 }
+
+/* The bristles in the stages of a step: deflections, and their rates without -d z. */
+typedef struct {
+    lanes z[4][N_LEGS], n[4][N_LEGS];
+} bristle_stages;
+
+/* From x with the derivatives `rate[0]` there to `end` after h; `rate` and `bristles` get those of the stages, whose rates
+   are asked for at a share of the step. */
+static void exponential_step(const coefficients *c, lanes h, const lanes x[N_STATES], lanes rate[][N_STATES],
+                             void (*find_rate)(void *owner, lanes share, const lanes x[], lanes rate[]), void *owner,
+                             bristle_stages *bristles, lanes end[N_STATES])
+{
+    static const double SHARES[] = {0.5, 0.5, 1};
+    lanes(*z)[N_LEGS] = bristles->z, (*n)[N_LEGS] = bristles->n, at[N_STATES];
+    memcpy(at, x, sizeof at);
+    for (int stage = 0; stage < 4; stage++) {
+        if (stage > 0)
+            find_rate(owner, (lanes)SHARES[stage - 1], at, rate[stage]);
+        for (int i = 0; i < N_LEGS; i++) {
+            z[stage][i] = at[X_LEG_BRISTLE + i];
+            n[stage][i] = rate[stage][X_LEG_BRISTLE + i] + c->decay[i] * z[stage][i];
+        }
+        for (int i = 0; stage < 3 && i < N_STATES; i++)
+            at[i] = x[i] + (SHARES[stage] * h) * rate[stage][i];
+        for (int i = 0; stage < 3 && i < N_LEGS; i++)
+            at[X_LEG_BRISTLE + i] = stage < 2 ? c->half[i] * z[0][i] + c->inner[i] * n[stage][i]
+                                              : c->half[i] * z[1][i] + c->inner[i] * (2 * n[2][i] - n[0][i]);
+    }
+    for (int i = 0; i < N_STATES; i++)
+        end[i] = x[i] + (h * (1.0 / 6)) * (rate[0][i] + 2 * (rate[1][i] + rate[2][i]) + rate[3][i]);
+    for (int i = 0; i < N_LEGS; i++)
+        end[X_LEG_BRISTLE + i] = c->whole[i] * z[0][i] + c->first[i] * n[0][i] +
+                                 c->middle[i] * (n[1][i] + n[2][i]) + c->last[i] * n[3][i];
+}
+
+#endif

@@ -1,11 +1,12 @@
-#include "lanes.h"
-
 #include "conditioning.h"
-#include "elementary.h"
-#include "lanes_table.h"
+#include "group.h"
 
-/* the generated kernels on `lanes`; included so that the functions above are inlined */
+/* the generated kernels on `lanes`; included so that the functions of elementary.h are inlined */
 #include "lanes_kernel.h"
+
+#if HAS_BRISTLES
+#include "exponential_step.h"
+#endif
 
 #if WIDTH == 1
 #define PREFETCH(at)
@@ -13,42 +14,7 @@
 #define PREFETCH(at) __builtin_prefetch(at)
 #endif
 
-static lanes get(const double *from)
-{
-    return *(const anywhere *)from;
-}
-
-static void put(double *to, lanes x)
-{
-    *(anywhere *)to = x;
-}
-
-/* How far a state is from the pose limits: L_i^2, det K and rho^2, see margins_function of model/traced.py. */
-typedef struct {
-    lanes square[N_LEGS], determinant, size;
-} margins;
-
-/* What depends on a state alone: signals, margins, and what the derivatives of the ideal plant need of it besides the
-   inputs, or the rates of bristles. */
-typedef struct {
-    lanes signals[N_SIGNALS];
-    margins from_limits;
-#if HAS_BRISTLES
-    lanes decay[N_LEGS];
-#elif !HAS_SPRINGS
-    lanes shared[N_SHARED];
-#endif
-} posed;
-
-/* Eight members during a step. */
-typedef struct {
-    const batch *of;
-    int64_t first; /* member */
-    const lanes *p;
-    lanes x[N_STATES], u[N_INPUTS], side;
-    mask running;
-    posed here; /* of x, for error-controlled steps: see `look` */
-} group;
+/* ---- a group of members --------------------------------------------------------------------------------------- */
 
 static void read_rows(lanes rows[], int n, const double *from, int64_t stride)
 {
@@ -62,36 +28,90 @@ static void write_rows(double *to, int n, const lanes rows[], int64_t stride)
         put(to + i * stride, rows[i]);
 }
 
-/* Number of parameters of the geometry, which come first. */
-#define N_GEOMETRY P_PLATFORM_MASS
-
-/* Prefetches a block while the one before it is computed. */
-static void fetch(const batch *of, int64_t block, int parameters)
+void read_group(group *g, const batch *members, int64_t block, int parameters)
 {
-    if (block >= of->blocks)
-        return;
-    for (int i = 0; i < parameters; i++)
-        PREFETCH(of->parameters + (block * N_PARAMETERS + i) * WIDTH);
-    for (int i = 0; i < N_STATES; i++)
-        PREFETCH(of->states + i * of->stride + block * WIDTH);
-}
-
-/* Reads everything but the inputs; `parameters` is the number of parameters needed. */
-static void read_group(group *g, const batch *of, int64_t block, int parameters)
-{
-    fetch(of, block + 1, parameters);
-    g->of = of;
+    int64_t next = block + 1;
+    for (int i = 0; next < members->blocks && i < parameters; i++)
+        PREFETCH(members->parameters + (next * N_PARAMETERS + i) * WIDTH);
+    for (int i = 0; next < members->blocks && i < N_STATES; i++)
+        PREFETCH(members->states + i * members->stride + next * WIDTH);
+    g->members = members;
     g->first = block * WIDTH;
-    g->p = (const lanes *)of->parameters + block * N_PARAMETERS;
-    g->running = *(const mask_anywhere *)(of->running + g->first);
-    g->side = get(of->side + g->first);
-    read_rows(g->x, N_STATES, of->states + g->first, of->stride);
+    g->p = (const lanes *)members->parameters + block * N_PARAMETERS;
+    g->running = *(const mask_anywhere *)(members->running + g->first);
+    g->side = get(members->side + g->first);
+    read_rows(g->x, N_STATES, members->states + g->first, members->stride);
+    if (parameters == N_PARAMETERS)
+        read_rows(g->u, N_INPUTS, members->inputs + g->first, members->stride);
 }
 
-static void read_inputs(group *g)
+static void evaluate(const group *g, const lanes x[], evaluation *there)
 {
-    read_rows(g->u, N_INPUTS, g->of->inputs + g->first, g->of->stride);
+    pose_margins *m = &there->from_limits;
+#if HAS_BRISTLES
+    kernel_posed(x, g->p, there->signals, m->square, &m->determinant, &m->size, there->decay);
+#elif HAS_SPRINGS
+    kernel_posed(x, g->p, there->signals, m->square, &m->determinant, &m->size);
+#else
+    kernel_posed(x, g->p, there->signals, m->square, &m->determinant, &m->size, there->shared);
+#endif
 }
+
+void look(group *g)
+{
+    evaluate(g, g->x, &g->here);
+}
+
+/* The derivatives in a state that has been evaluated. */
+static void find_rates(const group *g, const evaluation *there, const lanes x[], lanes rate[])
+{
+#if HAS_BRISTLES || HAS_SPRINGS
+    (void)there;
+    kernel_derivatives(x, g->u, g->p, rate);
+#else
+    kernel_motion(there->shared, x, g->u, rate);
+#endif
+}
+
+/* Takes the evaluation of another state for members. */
+static void take_evaluation(evaluation *kept, const evaluation *other, mask members)
+{
+    if (!any(~members)) {
+        *kept = *other;
+        return;
+    }
+    lanes *to = (lanes *)kept;
+    const lanes *from = (const lanes *)other;
+    for (size_t i = 0; i < sizeof *kept / sizeof *to; i++)
+        to[i] = choose(members, from[i], to[i]);
+}
+
+/* Writes the states of the members still running; returns how many have failed. */
+static int64_t settle(group *g, mask ran)
+{
+    const batch *members = g->members;
+    int64_t failed = 0;
+    for (int i = 0; i < N_STATES; i++) {
+        double *row = members->states + i * members->stride + g->first;
+        g->x[i] = choose(g->running, g->x[i], get(row));
+        put(row, g->x[i]);
+    }
+    put(members->side + g->first, choose(g->running, g->side, get(members->side + g->first)));
+    for (int lane = 0; lane < WIDTH; lane++)
+        failed += HOLDS(ran, lane) != HOLDS(g->running, lane);
+    return failed;
+}
+
+/* Keeps the errors of a step that are larger than those before. */
+static void keep_errors(const group *g, lanes error)
+{
+    double *kept = g->members->error + g->first;
+    lanes largest = get(kept);
+    error = choose(error == error, error, (lanes)INFINITY);
+    put(kept, choose(g->running, larger_of(error, largest), largest));
+}
+
+/* ---- limits of the pose --------------------------------------------------------------------------------------- */
 
 /* Like check_pose of c/plant/pose_limits.c, for one member: FAILURE_GOES_ON or the reason. */
 static int64_t judge(const group *g, int lane, double *side)
@@ -114,12 +134,12 @@ static int64_t judge(const group *g, int lane, double *side)
     if (!(length[shortest] > SHORTEST_LEG * rho))
         return FAILURE_COLLAPSED + shortest;
     double number = condition_number((const double(*)[N_LEGS])jacobian, &determinant);
-    double here = determinant > 0 ? 1 : -1;
-    if (*side != 0 && *side != here)
+    double new_side = determinant > 0 ? 1 : -1;
+    if (*side != 0 && *side != new_side)
         return FAILURE_PASSED_SINGULAR;
     if (!(number < SINGULAR_CONDITION_NUMBER))
         return FAILURE_SINGULAR;
-    *side = here;
+    *side = new_side;
     return FAILURE_GOES_ON;
 }
 
@@ -127,15 +147,15 @@ static int64_t judge(const group *g, int lane, double *side)
 static void fail(group *g, int lane, int64_t failure, double after, const lanes reached[])
 {
     int64_t member = g->first + lane;
-    g->of->failure[member] = failure;
-    g->of->failed_after[member] = after;
+    g->members->failure[member] = failure;
+    g->members->failed_after[member] = after;
     for (int i = 0; i < N_STATES; i++)
-        g->of->reached[i * g->of->stride + member] = LANE(reached[i], lane);
+        g->members->reached[i * g->members->stride + member] = LANE(reached[i], lane);
     LANE(g->running, lane) = 0;
 }
 
 /* Stops members beyond the pose limits and records the reason. */
-static void check(group *g, lanes after, const margins *from_limits)
+static void check(group *g, lanes after, const pose_margins *from_limits)
 {
     const lanes *square = from_limits->square, det = from_limits->determinant, size = from_limits->size;
     lanes shortest = square[0], product = square[0], nothing = g->x[0] * 0;
@@ -145,23 +165,21 @@ static void check(group *g, lanes after, const margins *from_limits)
     }
     for (int i = 1; i < N_STATES; i++)
         nothing += g->x[i] * 0; /* NaN if one of them is not finite */
-    lanes here = choose(det > 0, (lanes)1.0, (lanes)-1.0);
+    lanes side = choose(det > 0, (lanes)1.0, (lanes)-1.0);
     /* kappa <= 2 / |det J| (|J|_F / sqrt n)^n, as in conditioning.c, where |J|_F^2 <= 2 n, since its rows are
        (u, c x u / rho) and the squares of c / rho add up to n: so det J^2 > (16 / limit)^2 is far from singular */
     lanes least = product * (size * size * size) *
                   ((16 / SINGULAR_CONDITION_NUMBER) * (16 / SINGULAR_CONDITION_NUMBER));
     mask passes = (nothing == 0) & (magnitude(g->x[X_PITCH]) < LARGEST_PITCH) &
-                  (shortest > (SHORTEST_LEG * SHORTEST_LEG) * size) & (det * det > least) & (g->side * here >= 0);
+                  (shortest > (SHORTEST_LEG * SHORTEST_LEG) * size) & (det * det > least) & (g->side * side >= 0);
     mask unsure = g->running & ~passes;
-    g->side = choose(g->running & passes, here, g->side);
-    if (!any(unsure))
-        return;
-    for (int lane = 0; lane < WIDTH; lane++) {
-        double side = LANE(g->side, lane);
+    g->side = choose(g->running & passes, side, g->side);
+    for (int lane = 0; any(unsure) && lane < WIDTH; lane++) {
         if (!HOLDS(unsure, lane))
             continue;
-        int64_t failure = judge(g, lane, &side);
-        LANE(g->side, lane) = side;
+        double judged = LANE(g->side, lane);
+        int64_t failure = judge(g, lane, &judged);
+        LANE(g->side, lane) = judged;
         if (failure != FAILURE_GOES_ON)
             fail(g, lane, failure, LANE(after, lane), g->x);
     }
@@ -169,86 +187,41 @@ static void check(group *g, lanes after, const margins *from_limits)
 
 static void check_now(group *g, lanes after)
 {
-    margins m;
+    pose_margins m;
     kernel_margins(g->x, g->p, m.square, &m.determinant, &m.size);
     check(g, after, &m);
 }
 
-static void look_at(const group *g, const lanes x[], posed *found)
-{
-    margins *m = &found->from_limits;
-#if HAS_BRISTLES
-    kernel_posed(x, g->p, found->signals, m->square, &m->determinant, &m->size, found->decay);
-#elif HAS_SPRINGS
-    kernel_posed(x, g->p, found->signals, m->square, &m->determinant, &m->size);
-#else
-    kernel_posed(x, g->p, found->signals, m->square, &m->determinant, &m->size, found->shared);
-#endif
-}
+/* ---- fixed steps ---------------------------------------------------------------------------------------------- */
 
-/* The derivatives in a state that has been looked at. */
-#if HAS_BRISTLES || HAS_SPRINGS
-#define RATES_THERE(there, x, u, p, rate) kernel_derivatives(x, u, p, rate)
-#else
-#define RATES_THERE(there, x, u, p, rate) kernel_motion((there).shared, x, u, rate)
-#endif
-
-/* Evaluates the state where it has not come by `advance`. */
-static void look(group *g)
+/* x + size sum(weight_j rate_j) */
+static void combine(const group *g, lanes size, int n, const double weights[], lanes rate[][N_STATES], lanes sum[])
 {
-    look_at(g, g->x, &g->here);
-}
-
-/* The larger one of two numbers without NaN. */
-static lanes larger(lanes a, lanes b)
-{
-    return choose(a > b, a, b);
-}
-
-/* Classical RK4: one copy of the kernel in a loop, so that it stays in the instruction cache. */
-static void rk4(const group *g, double size, lanes end[])
-{
-    static const double NEXT[] = {0.5, 0.5, 1}, WEIGHT[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
-    lanes at[N_STATES], rate[N_STATES];
-    for (int i = 0; i < N_STATES; i++)
-        at[i] = end[i] = g->x[i];
-    for (int stage = 0; stage < 4; stage++) {
-        kernel_derivatives(at, g->u, g->p, rate);
-        for (int i = 0; i < N_STATES; i++) {
-            end[i] += (WEIGHT[stage] * size) * rate[i];
-            if (stage < 3)
-                at[i] = g->x[i] + (NEXT[stage] * size) * rate[i];
-        }
-    }
-}
-
-/* Writes the states of the members still running; returns the number that failed. */
-static int64_t settle(group *g, mask ran)
-{
-    const batch *of = g->of;
-    int64_t failed = 0;
     for (int i = 0; i < N_STATES; i++) {
-        double *row = of->states + i * of->stride + g->first;
-        g->x[i] = choose(g->running, g->x[i], get(row));
-        put(row, g->x[i]);
+        lanes slope = (lanes)0.0;
+        for (int j = 0; j < n; j++)
+            slope += weights[j] * rate[j][i];
+        sum[i] = g->x[i] + size * slope;
     }
-    put(of->side + g->first, choose(g->running, g->side, get(of->side + g->first)));
-    for (int lane = 0; lane < WIDTH; lane++)
-        failed += HOLDS(ran, lane) != HOLDS(g->running, lane);
-    return failed;
 }
 
-static void write_signals(const group *g, double *signals)
+/* The rates of an explicit Runge-Kutta method in its stages from `first` on: one copy of the kernel in a loop, so that it
+   stays in the instruction cache. */
+static void find_stages(const group *g, lanes size, int first, int n, const double A[][5], lanes rate[][N_STATES])
 {
-    lanes y[N_SIGNALS];
-    kernel_signals(g->x, g->p, y);
-    write_rows(signals + g->first, N_SIGNALS, y, g->of->stride);
+    lanes at[N_STATES];
+    for (int stage = first; stage < n; stage++) {
+        combine(g, size, stage, A[stage], rate, at);
+        kernel_derivatives(at, g->u, g->p, rate[stage]);
+    }
 }
 
-/* An internal step of Cash-Karp 5(4) of a size: the state at its end, and its error relative to 1 + |x|. */
-static void pair(const group *g, lanes size, lanes end[], lanes *error)
+/* A step of classical RK4; returns its errors, the distance from the solution of order 5 by Cash and Karp. */
+static lanes rk4_step(group *g, double size)
 {
-    static const double A[6][5] = {
+    static const double A4[4][5] = {{0}, {0.5}, {0, 0.5}, {0, 0, 1}};
+    static const double B4[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
+    static const double A5[6][5] = {
         {0},
         {1.0 / 5},
         {3.0 / 40, 9.0 / 40},
@@ -256,104 +229,129 @@ static void pair(const group *g, lanes size, lanes end[], lanes *error)
         {-11.0 / 54, 5.0 / 2, -70.0 / 27, 35.0 / 27},
         {1631.0 / 55296, 175.0 / 512, 575.0 / 13824, 44275.0 / 110592, 253.0 / 4096},
     };
-    static const double B[] = {37.0 / 378, 0, 250.0 / 621, 125.0 / 594, 0, 512.0 / 1771};
-    static const double LOWER[] = {2825.0 / 27648, 0, 18575.0 / 48384, 13525.0 / 55296, 277.0 / 14336, 1.0 / 4};
-    lanes at[N_STATES], rate[6][N_STATES];
-    for (int stage = 0; stage < 6; stage++) {
-        for (int i = 0; i < N_STATES; i++) {
-            lanes sum = (lanes)0.0;
-            for (int j = 0; j < stage; j++)
-                sum += A[stage][j] * rate[j][i];
-            at[i] = g->x[i] + size * sum;
-        }
-        kernel_derivatives(at, g->u, g->p, rate[stage]);
-    }
-    lanes nothing = (lanes)0.0; /* NaN if one of them is not finite */
-    *error = (lanes)0.0;
+    static const double B5[] = {37.0 / 378, 0, 250.0 / 621, 125.0 / 594, 0, 512.0 / 1771};
+    lanes rate[6][N_STATES], better[N_STATES], error = (lanes)0.0, nothing = (lanes)0.0;
+    find_stages(g, (lanes)size, 0, 6, A5, rate);
+    combine(g, (lanes)size, 6, B5, rate, better);
+    find_stages(g, (lanes)size, 1, 4, A4, rate);
+    combine(g, (lanes)size, 4, B4, rate, g->x);
     for (int i = 0; i < N_STATES; i++) {
-        lanes sum = (lanes)0.0, gap = (lanes)0.0;
-        for (int j = 0; j < 6; j++) {
-            sum += B[j] * rate[j][i];
-            gap += (B[j] - LOWER[j]) * rate[j][i];
-        }
-        end[i] = g->x[i] + size * sum;
-        *error = larger(size * magnitude(gap) * reciprocal(1 + magnitude(g->x[i])), *error);
-        nothing += end[i] * 0;
-    }
-    *error += nothing;
-}
-
-/* Keeps the errors of a step that are larger than those before. */
-static void keep_errors(const group *g, lanes error)
-{
-    double *kept = g->of->error + g->first;
-    lanes largest = get(kept);
-    error = choose(error == error, error, (lanes)INFINITY);
-    put(kept, choose(g->running, larger(error, largest), largest));
-}
-
-/* A step of RK4; returns its errors, the distance from Cash-Karp's solution of order 5. */
-static lanes fixed_step(group *g, double size)
-{
-    lanes end[N_STATES], better[N_STATES], error, nothing = (lanes)0.0;
-    rk4(g, size, end);
-    pair(g, (lanes)size, better, &error);
-    error = (lanes)0.0;
-    for (int i = 0; i < N_STATES; i++) {
-        error = larger(magnitude(better[i] - end[i]) * reciprocal(1 + magnitude(end[i])), error);
-        nothing += (better[i] - end[i]) * 0;
-        g->x[i] = end[i];
+        error = larger_of(magnitude(better[i] - g->x[i]) * reciprocal(1 + magnitude(g->x[i])), error);
+        nothing += (better[i] - g->x[i]) * 0;
     }
     return error + nothing;
 }
 
-int64_t lanes_step(const batch *of, double size, int64_t substeps, double *signals)
+int64_t step_fixed(group *g, double size, int64_t substeps)
 {
-    int64_t failed = 0;
-    for (int64_t block = 0; block < of->blocks; block++) {
-        group g;
-        lanes error = (lanes)0.0;
-        read_group(&g, of, block, N_PARAMETERS);
-        read_inputs(&g);
-        mask ran = g.running;
-        for (int64_t k = 1; k <= substeps && any(g.running); k++) {
-            error += fixed_step(&g, size);
-            check_now(&g, (lanes)(k * size));
-        }
-        if (any(ran)) {
-            failed += settle(&g, ran);
-            keep_errors(&g, error);
-        }
-        if (signals)
-            write_signals(&g, signals);
+    lanes error = (lanes)0.0;
+    mask ran = g->running;
+    for (int64_t k = 1; k <= substeps && any(g->running); k++) {
+        error += rk4_step(g, size);
+        check_now(g, (lanes)((double)k * size));
     }
+    int64_t failed = settle(g, ran);
+    keep_errors(g, error);
+    kernel_signals(g->x, g->p, g->here.signals);
     return failed;
 }
+
+/* ---- error-controlled steps ----------------------------------------------------------------------------------- */
+
+#if HAS_BRISTLES
+static void rates_in_stage(void *owner, lanes share, const lanes x[], lanes rate[])
+{
+    const group *g = owner;
+    (void)share; /* the inputs are constant */
+    kernel_derivatives(x, g->u, g->p, rate);
+}
+
+/* The larger one of two estimates of an error, for a weight of the first and a length h of the step.
+
+   `rate[3]` and `rate[4]` are the rates of the last stage and at the end, with which there is a solution of order 3 that
+   is (4 - 5) h / 10 away (S. Balac, F. Mahe, "Embedded Runge-Kutta scheme for step-size control in the Interaction Picture
+   method", Comput. Phys. Commun. 184(4), 2013). It may vanish by chance where a leg reverses or breaks away within the
+   step; so of the second difference e2 and the first one e1 of the stages there is e2^3 / (20 (e1 + e2)^2), which falls
+   as h^5, too, see `controlled_step` of plants without bristles. */
+static lanes error_of(const lanes rate[5], lanes last, lanes all)
+{
+    lanes e2 = magnitude((rate[0] - rate[1]) + (rate[3] - rate[2])), e1 = magnitude(rate[3] - rate[0]);
+    lanes share = e2 * reciprocal(e1 + e2 + SMALLEST_RATE);
+    return larger_of(magnitude(last * (rate[3] - rate[4])), all * e2 * (share * share) * (1.0 / 20));
+}
+
+/* An internal step by exponential_step.h: the state at its end, its evaluation, the derivatives there as `rate[4]`, and the
+   error, of each element relative to |x| plus its scale. */
+static void controlled_step(group *g, lanes size, lanes rate[5][N_STATES], lanes end[], evaluation *there, lanes *error)
+{
+    static const double scales[] = SCALES;
+    lanes nothing = (lanes)0.0; /* NaN if a number is not finite */
+    coefficients c;
+    bristle_stages bristles;
+    find_coefficients(g->here.decay, size, &c);
+    exponential_step(&c, size, g->x, rate, rates_in_stage, g, &bristles, end);
+    evaluate(g, end, there);
+    find_rates(g, there, end, rate[4]);
+    *error = (lanes)0.0;
+    for (int i = 0; i < N_STATES; i++) {
+        int leg = i - X_LEG_BRISTLE, is_bristle = 0 <= leg && leg < N_LEGS;
+        lanes slopes[5], last = 0.1 * size, all = size;
+        for (int k = 0; k < 5; k++)
+            slopes[k] = rate[k][i];
+        if (is_bristle) {
+            for (int k = 0; k < 4; k++)
+                slopes[k] = bristles.n[k][leg];
+            slopes[4] += c.decay[leg] * end[i];
+            last = 0.6 * c.last[leg];
+            all = c.all[leg];
+        }
+        lanes largest = error_of(slopes, last, all);
+        *error = larger_of(largest * reciprocal(scales[i] + magnitude(g->x[i])), *error);
+        nothing += (end[i] + rate[4][i]) * 0;
+    }
+    *error += nothing;
+}
+#else
+/* An internal step by Kutta's 3/8 rule, of order 4, from a state with the derivatives `rate[0]`: the state at its end,
+   its evaluation, the derivatives there as `rate[4]`, and the error.
+
+   With these as fifth stage there is a solution of order 3, e3 = h (k1 - 3 k2 + 3 k3 + 3 k4 - 4 k5) / 24 away (Hairer,
+   Norsett, Wanner, Solving Ordinary Differential Equations I, II.4, exercise 4). It falls as h^4, the second difference
+   e2 = h (k1 - 2 k2 + k3) as h^3 and the first one e1 = h (k2 - k1) as h^2. So their quotients e3^2 / (e3 + e2 / 40) and
+   e2^3 / (15 (e1 + e2)^2) fall as h^5 like the error of order 4, of which both are 2.7 times for x' = a x (DOP853 has
+   such a quotient, too). The larger one is taken, since each may vanish by chance where a leg slips within a step; of each
+   element, relative to 1 + |x|. */
+static void controlled_step(group *g, lanes size, lanes rate[5][N_STATES], lanes end[], evaluation *there, lanes *error)
+{
+    static const double A[4][5] = {{0}, {1.0 / 3}, {-1.0 / 3, 1}, {1, -1, 1}}, B[] = {0.125, 0.375, 0.375, 0.125};
+    lanes nothing = (lanes)0.0; /* NaN if a number is not finite */
+    find_stages(g, size, 1, 4, A, rate);
+    combine(g, size, 4, B, rate, end);
+    evaluate(g, end, there);
+    find_rates(g, there, end, rate[4]);
+    *error = (lanes)0.0;
+    for (int i = 0; i < N_STATES; i++) {
+        const lanes first = rate[1][i] - rate[0][i], next = rate[2][i] - rate[1][i];
+        lanes e3 = magnitude((rate[0][i] + 3 * (next + rate[3][i])) - 4 * rate[4][i]) * (1.0 / 24);
+        lanes e2 = magnitude(next - first), e1 = magnitude(first);
+        lanes one = e3 * e3 * reciprocal(e3 + e2 * (1.0 / 40) + SMALLEST_RATE);
+        lanes share = e2 * reciprocal(e1 + e2 + SMALLEST_RATE), other = e2 * (share * share) * (1.0 / 15);
+        *error = larger_of(size * larger_of(one, other) * reciprocal(1 + magnitude(g->x[i])), *error);
+        nothing += (end[i] + rate[4][i]) * 0;
+    }
+    *error += nothing;
+}
+#endif
 
 /* About 0.9 r^(-1/5) from 0.2 to 5, within 15 %: a size needs no more, and this is the same on all machines. The bits of
    a number, as an integer, are 2^52 (1023 + its logarithm to base 2) but for up to 0.09. */
 static lanes factor_of(lanes r)
 {
-    lanes known = choose(r <= 2000, r, (lanes)2000.0); /* NaN and infinity become 2000 */
-    known = choose(known >= 1e-4, known, (lanes)1e-4);
-    lanes logarithm = from_whole(bits(known)) * 0x1p-52 - 1023;
+    lanes bounded = choose(r <= 2000, r, (lanes)2000.0); /* NaN and infinity become 2000 */
+    bounded = choose(bounded >= 1e-4, bounded, (lanes)1e-4);
+    lanes logarithm = from_whole(bits(bounded)) * 0x1p-52 - 1023;
     lanes power = (1023 - 0.2 * logarithm) * 0x1p52;
-    lanes factor = 0.9 * number(to_whole(power));
-    factor = choose(factor < 5, factor, (lanes)5.0);
-    return choose(factor > 0.2, factor, (lanes)0.2);
-}
-
-/* Takes what is of another state for members. */
-static void keep_posed(posed *kept, const posed *other, mask members)
-{
-    if (!any(~members)) {
-        *kept = *other;
-        return;
-    }
-    lanes *to = (lanes *)kept;
-    const lanes *from = (const lanes *)other;
-    for (size_t i = 0; i < sizeof *kept / sizeof *to; i++)
-        to[i] = choose(members, from[i], to[i]);
+    return larger_of(smaller_of(0.9 * number(to_whole(power)), (lanes)5.0), (lanes)0.2);
 }
 
 /* Sizes of the members' next internal steps: the proposed ones, or what is left, or half of it. */
@@ -363,60 +361,18 @@ static lanes size_of(lanes proposed, lanes left)
     return choose(proposed >= left, left, size);
 }
 
-#if HAS_BRISTLES
-#include "exponential_step.h"
-#else
-/* An internal step by Kutta's 3/8 rule, of order 4, from a state with the derivatives `rate[0]`: the state at its end,
-   what depends on that, the derivatives there as `rate[4]`, and the error.
-
-   With these as fifth stage there is a solution of order 3, e3 = h (k1 - 3 k2 + 3 k3 + 3 k4 - 4 k5) / 24 away (Hairer,
-   Norsett, Wanner, Solving Ordinary Differential Equations I, II.4, exercise 4). It falls as h^4, the second difference
-   e2 = h (k1 - 2 k2 + k3) as h^3 and the first one e1 = h (k2 - k1) as h^2. So their quotients e3^2 / (e3 + e2 / 40) and
-   e2^3 / (15 (e1 + e2)^2) fall as h^5 like the error of order 4, of which both are 2.7 times for x' = a x (DOP853 has
-   such a quotient, too). The larger one is taken, since each may vanish by chance where a leg slips within a step; of each
-   element, relative to 1 + |x|. */
-static void controlled_step(const group *g, lanes size, lanes rate[5][N_STATES], lanes end[], posed *there, lanes *error)
+int64_t step_controlled(group *g, double duration, double tolerance)
 {
-    lanes at[N_STATES], third = size * (1.0 / 3), nothing = (lanes)0.0; /* NaN if one of them is not finite */
-    for (int i = 0; i < N_STATES; i++)
-        at[i] = g->x[i] + third * rate[0][i];
-    kernel_derivatives(at, g->u, g->p, rate[1]);
-    for (int i = 0; i < N_STATES; i++)
-        at[i] = g->x[i] + (size * rate[1][i] - third * rate[0][i]);
-    kernel_derivatives(at, g->u, g->p, rate[2]);
-    for (int i = 0; i < N_STATES; i++)
-        at[i] = g->x[i] + size * ((rate[0][i] - rate[1][i]) + rate[2][i]);
-    kernel_derivatives(at, g->u, g->p, rate[3]);
-    for (int i = 0; i < N_STATES; i++)
-        end[i] = g->x[i] + (size * 0.125) * ((rate[0][i] + rate[3][i]) + 3 * (rate[1][i] + rate[2][i]));
-    look_at(g, end, there);
-    RATES_THERE(*there, end, g->u, g->p, rate[4]);
-    *error = (lanes)0.0;
-    for (int i = 0; i < N_STATES; i++) {
-        const lanes first = rate[1][i] - rate[0][i], next = rate[2][i] - rate[1][i];
-        lanes e3 = magnitude((rate[0][i] + 3 * (next + rate[3][i])) - 4 * rate[4][i]) * (1.0 / 24);
-        lanes e2 = magnitude(next - first), e1 = magnitude(first);
-        lanes one = e3 * e3 * reciprocal(e3 + e2 * (1.0 / 40) + SMALLEST_RATE);
-        lanes share = e2 * reciprocal(e1 + e2 + SMALLEST_RATE), other = e2 * (share * share) * (1.0 / 15);
-        *error = larger(size * larger(one, other) * reciprocal(1 + magnitude(g->x[i])), *error);
-        nothing += (end[i] + rate[4][i]) * 0;
-    }
-    *error += nothing;
-}
-#endif
-
-static void advance(group *g, double duration, double tolerance)
-{
-    const batch *of = g->of;
-    lanes left = (lanes)duration, proposed = get(of->proposed + g->first), taken = get(of->internal_steps + g->first);
+    double *kept_size = g->members->proposed + g->first, *kept_count = g->members->internal_steps + g->first;
+    lanes left = (lanes)duration, proposed = get(kept_size), taken = get(kept_count);
     lanes sum = (lanes)0.0, begin = taken, rate[5][N_STATES];
-    RATES_THERE(g->here, g->x, g->u, g->p, rate[0]);
-    mask is_new = proposed == 0;
-    proposed = choose(is_new, left, proposed);
+    mask ran = g->running;
+    find_rates(g, &g->here, g->x, rate[0]);
+    proposed = choose(proposed == 0, left, proposed);
     while (any(g->running & (left > 0))) {
         mask active = g->running & (left > 0);
         lanes size = choose(active, size_of(proposed, left), (lanes)0.0), end[N_STATES], error;
-        posed there;
+        evaluation there;
         controlled_step(g, size, rate, end, &there, &error);
         lanes ratio = error / tolerance, next = size * factor_of(ratio);
         mask passes = active & (ratio <= 1);
@@ -424,7 +380,7 @@ static void advance(group *g, double duration, double tolerance)
             g->x[i] = choose(passes, end[i], g->x[i]);
             rate[0][i] = choose(passes, rate[4][i], rate[0][i]);
         }
-        keep_posed(&g->here, &there, passes);
+        take_evaluation(&g->here, &there, passes);
         sum = choose(passes, sum + error, sum);
         taken = choose(active, taken + 1, taken);
         /* a step that was shortened to end on time says little of the next one */
@@ -440,39 +396,51 @@ static void advance(group *g, double duration, double tolerance)
                 fail(g, lane, LANE(error, lane) == LANE(error, lane) ? FAILURE_TOO_MANY_STEPS : FAILURE_NOT_FINITE,
                      LANE(after, lane), end);
     }
-    put(of->proposed + g->first, choose(g->running, proposed, get(of->proposed + g->first)));
-    put(of->internal_steps + g->first, choose(g->running, taken, get(of->internal_steps + g->first)));
+    put(kept_size, choose(g->running, proposed, get(kept_size)));
+    put(kept_count, choose(g->running, taken, get(kept_count)));
     keep_errors(g, sum);
+    int64_t failed = settle(g, ran);
+    if (failed)
+        look(g);
+    return failed;
 }
 
-int64_t lanes_advance(const batch *of, double duration, double tolerance, double *signals)
+/* ---- all members ---------------------------------------------------------------------------------------------- */
+
+int64_t lanes_step(const batch *members, double size, int64_t substeps, double *signals)
 {
     int64_t failed = 0;
-    for (int64_t block = 0; block < of->blocks; block++) {
+    for (int64_t block = 0; block < members->blocks; block++) {
         group g;
-        read_group(&g, of, block, N_PARAMETERS);
-        read_inputs(&g);
-        mask ran = g.running;
-        look(&g);
-        if (any(ran)) {
-            advance(&g, duration, tolerance);
-            int64_t of_group = settle(&g, ran);
-            failed += of_group;
-            if (of_group)
-                look(&g);
-        }
+        read_group(&g, members, block, N_PARAMETERS);
+        failed += step_fixed(&g, size, substeps);
         if (signals)
-            write_rows(signals + g.first, N_SIGNALS, g.here.signals, of->stride);
+            write_rows(signals + g.first, N_SIGNALS, g.here.signals, members->stride);
     }
     return failed;
 }
 
-int64_t lanes_check(const batch *of)
+int64_t lanes_advance(const batch *members, double duration, double tolerance, double *signals)
 {
     int64_t failed = 0;
-    for (int64_t block = 0; block < of->blocks; block++) {
+    for (int64_t block = 0; block < members->blocks; block++) {
         group g;
-        read_group(&g, of, block, N_GEOMETRY);
+        read_group(&g, members, block, N_PARAMETERS);
+        look(&g);
+        if (any(g.running))
+            failed += step_controlled(&g, duration, tolerance);
+        if (signals)
+            write_rows(signals + g.first, N_SIGNALS, g.here.signals, members->stride);
+    }
+    return failed;
+}
+
+int64_t lanes_check(const batch *members)
+{
+    int64_t failed = 0;
+    for (int64_t block = 0; block < members->blocks; block++) {
+        group g;
+        read_group(&g, members, block, N_GEOMETRY);
         mask ran = g.running;
         check_now(&g, (lanes)0.0);
         failed += settle(&g, ran);
@@ -480,43 +448,48 @@ int64_t lanes_check(const batch *of)
     return failed;
 }
 
-void lanes_signals(const batch *of, double *signals)
+void lanes_signals(const batch *members, double *signals)
 {
-    for (int64_t block = 0; block < of->blocks; block++) {
+    for (int64_t block = 0; block < members->blocks; block++) {
         group g;
-        read_group(&g, of, block, N_GEOMETRY);
-        write_signals(&g, signals);
+        lanes y[N_SIGNALS];
+        read_group(&g, members, block, N_GEOMETRY);
+        kernel_signals(g.x, g.p, y);
+        write_rows(signals + g.first, N_SIGNALS, y, members->stride);
     }
 }
 
-void lanes_results(const batch *of, double *results)
+void find_results(const group *g, lanes results[])
 {
-    for (int64_t block = 0; block < of->blocks; block++) {
+    kernel_outputs(g->x, g->u, g->p, results);
+}
+
+void lanes_results(const batch *members, double *results)
+{
+    for (int64_t block = 0; block < members->blocks; block++) {
         group g;
         lanes y[N_RESULTS];
-        read_group(&g, of, block, N_PARAMETERS);
-        read_inputs(&g);
-        kernel_outputs(g.x, g.u, g.p, y);
-        write_rows(results + g.first, N_RESULTS, y, of->stride);
+        read_group(&g, members, block, N_PARAMETERS);
+        find_results(&g, y);
+        write_rows(results + g.first, N_RESULTS, y, members->stride);
     }
 }
 
-void lanes_derivatives(const batch *of, double *derivatives)
+void lanes_derivatives(const batch *members, double *derivatives)
 {
-    for (int64_t block = 0; block < of->blocks; block++) {
+    for (int64_t block = 0; block < members->blocks; block++) {
         group g;
         lanes rate[N_STATES];
-        read_group(&g, of, block, N_PARAMETERS);
-        read_inputs(&g);
+        read_group(&g, members, block, N_PARAMETERS);
         kernel_derivatives(g.x, g.u, g.p, rate);
-        write_rows(derivatives + g.first, N_STATES, rate, of->stride);
+        write_rows(derivatives + g.first, N_STATES, rate, members->stride);
     }
 }
 
 void lanes_elementary(int64_t blocks, const double *x, double *y)
 {
     for (int64_t block = 0; block < blocks; block++) {
-        lanes at = get(x + block * WIDTH), found[] = {sin(at), cos(at), tanh(at)};
-        write_rows(y + block * WIDTH, 3, found, blocks * WIDTH);
+        lanes at = get(x + block * WIDTH), values[] = {sin(at), cos(at), tanh(at)};
+        write_rows(y + block * WIDTH, 3, values, blocks * WIDTH);
     }
 }

@@ -27,73 +27,31 @@ typedef int64_t mask_anywhere;
 
 static inline mask bits(lanes x)
 {
-    mask found;
-    memcpy(&found, &x, sizeof found);
-    return found;
+    mask pattern;
+    memcpy(&pattern, &x, sizeof pattern);
+    return pattern;
 }
 
 static inline lanes number(mask x)
 {
-    lanes found;
-    memcpy(&found, &x, sizeof found);
-    return found;
+    lanes value;
+    memcpy(&value, &x, sizeof value);
+    return value;
 }
 
-static inline int any(mask which)
-{
-    return which & 1;
-}
-
-static inline lanes choose(mask which, lanes yes, lanes no)
-{
-    return which & 1 ? yes : no;
-}
-
-static inline mask shifted(mask x, int by)
-{
-    return (mask)((uint64_t)x << by);
-}
-
-static inline lanes magnitude(lanes x)
-{
-    return fabs(x);
-}
-
-static inline lanes reciprocal(lanes x)
-{
-    return 1 / x;
-}
-
-static inline lanes square_root(lanes x)
-{
-    return sqrt(x);
-}
-
-static inline lanes rounded_square_root(lanes x)
-{
-    return sqrt(x);
-}
+static inline int any(mask which) { return which & 1; }
+static inline lanes choose(mask which, lanes yes, lanes no) { return which & 1 ? yes : no; }
+static inline mask shifted(mask x, int by) { return (mask)((uint64_t)x << by); }
+static inline lanes magnitude(lanes x) { return fabs(x); }
+static inline lanes reciprocal(lanes x) { return 1 / x; }
+static inline lanes square_root(lanes x) { return sqrt(x); }
+static inline lanes rounded_square_root(lanes x) { return sqrt(x); }
 
 /* of two the even one; larger numbers are whole, and NaN stays */
-static inline lanes nearest(lanes x)
-{
-    return fabs(x) < 0x1p51 ? (x + 0x1.8p52) - 0x1.8p52 : x;
-}
-
-static inline lanes from_whole(mask x)
-{
-    return (lanes)x;
-}
-
-static inline void put_flags(uint8_t *to, mask x)
-{
-    *to = (uint8_t)(x & 1);
-}
-
-static inline mask to_whole(lanes x)
-{
-    return (mask)x;
-}
+static inline lanes nearest(lanes x) { return fabs(x) < 0x1p51 ? (x + 0x1.8p52) - 0x1.8p52 : x; }
+static inline lanes from_whole(mask x) { return (lanes)x; }
+static inline void put_flags(uint8_t *to, mask x) { *to = (uint8_t)(x & 1); }
+static inline mask to_whole(lanes x) { return (mask)x; }
 
 #else
 
@@ -113,35 +71,17 @@ typedef uint8_t flags __attribute__((ext_vector_type(WIDTH), aligned(1)));
 #define LANE(x, lane) (x)[lane]
 #define HOLDS(which, lane) (which)[lane]
 
-static inline mask bits(lanes x)
-{
-    return __builtin_bit_cast(mask, x);
-}
-
-static inline lanes number(mask x)
-{
-    return __builtin_bit_cast(lanes, x);
-}
-
-static inline int any(mask which)
-{
-    return __builtin_reduce_or(which) != 0;
-}
+static inline mask bits(lanes x) { return __builtin_bit_cast(mask, x); }
+static inline lanes number(mask x) { return __builtin_bit_cast(lanes, x); }
+static inline int any(mask which) { return __builtin_reduce_or(which) != 0; }
 
 static inline lanes choose(mask which, lanes yes, lanes no)
 {
     return number((which & bits(yes)) | (~which & bits(no)));
 }
 
-static inline mask shifted(mask x, int by)
-{
-    return x << by;
-}
-
-static inline lanes magnitude(lanes x)
-{
-    return __builtin_elementwise_abs(x);
-}
+static inline mask shifted(mask x, int by) { return x << by; }
+static inline lanes magnitude(lanes x) { return __builtin_elementwise_abs(x); }
 
 #ifdef __AVX512F__
 /* an estimate of 14 bits and two Newton iterations; a division takes four times as long */
@@ -164,49 +104,23 @@ static inline lanes square_root(lanes x)
     return choose(x == 0, x, s);
 }
 #else
-static inline lanes reciprocal(lanes x)
-{
-    return 1 / x;
-}
-
-static inline lanes square_root(lanes x)
-{
-    return __builtin_elementwise_sqrt(x);
-}
+static inline lanes reciprocal(lanes x) { return 1 / x; }
+static inline lanes square_root(lanes x) { return __builtin_elementwise_sqrt(x); }
 #endif
 
 /* as IEEE rounds it, at the price of a division */
-static inline lanes rounded_square_root(lanes x)
-{
-    return __builtin_elementwise_sqrt(x);
-}
+static inline lanes rounded_square_root(lanes x) { return __builtin_elementwise_sqrt(x); }
 
 /* of two the even one */
-static inline lanes nearest(lanes x)
-{
-    return __builtin_elementwise_roundeven(x);
-}
-
-static inline void put_flags(uint8_t *to, mask x)
-{
-    *(flags *)to = __builtin_convertvector(x, flags);
-}
-
-static inline lanes from_whole(mask x)
-{
-    return __builtin_convertvector(x, lanes);
-}
-
-static inline mask to_whole(lanes x)
-{
-    return __builtin_convertvector(x, mask);
-}
+static inline lanes nearest(lanes x) { return __builtin_elementwise_roundeven(x); }
+static inline void put_flags(uint8_t *to, mask x) { *(flags *)to = __builtin_convertvector(x, flags); }
+static inline lanes from_whole(mask x) { return __builtin_convertvector(x, lanes); }
+static inline mask to_whole(lanes x) { return __builtin_convertvector(x, mask); }
 
 #endif
 
-static inline mask opposite(mask which)
-{
-    return ~which;
-}
+static inline mask opposite(mask which) { return ~which; }
+static inline lanes get(const double *from) { return *(const anywhere *)from; }
+static inline void put(double *to, lanes x) { *(anywhere *)to = x; }
 
 #endif

@@ -126,7 +126,8 @@ typedef struct {
    FAILURE, and its row in `ended`.
 
    At a row: readings; if a sample is due, the command; the drives; the row is kept; its limits are checked. */
-OFFERED int64_t loop_run(const batch *of, const loop *with, int64_t first, int64_t end, int64_t to, int64_t most_work);
+OFFERED int64_t loop_run(const batch *members, const loop *l, int64_t first, int64_t end, int64_t to,
+                         int64_t most_work);
 
 /* Standard normal numbers (readings, elements, n) of `n` streams (4, n), words of 32 bits: those of `elements` from
    `element` on, of `readings` from `reading` on; see noise.h. */

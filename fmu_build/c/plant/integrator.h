@@ -1,5 +1,5 @@
 /* Integration of dx/dt = f(t, x) over a time span: Dormand-Prince 5(4) with error control, or classical RK4. A plant
-   with bristles takes exponential steps instead (exponential.c, fixed_bristles.c). */
+   with bristles takes exponential steps instead (exponential.c). */
 #ifndef INTEGRATOR_H
 #define INTEGRATOR_H
 
@@ -60,7 +60,7 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
 int arrive(const ode *problem, integration_point *at, double t, const double x[N_STATES],
            const double xdot[N_STATES], double *end);
 /* One step of size h from the point to t, which is left where it is: the state there and its derivatives. REACHED_END,
-   NOT_FINITE or TOO_FAST. RK4, or with bristles the steps of fixed_bristles.c. */
+   NOT_FINITE or TOO_FAST. RK4, or with bristles the steps of exponential.c. */
 integration fixed_step(const ode *problem, integration_point *at, double t, double h, double x[N_STATES],
                        double xdot[N_STATES]);
 /* Equal steps, the largest not above `size`. */
