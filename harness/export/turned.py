@@ -150,14 +150,10 @@ def _linear_loop(prepared: Prepared, linear: Any) -> dict[str, Any]:
         prepared.machine, linear, timing.sample_time, float(actuators.lag), *pose, side=loop.sensors.side
     )
     (_, readings), to_force = space_of(prepared.platform, linear, *pose)
-    n, signals, states = plant.nstates, plant.noutputs, linear.system.nstates
+    n, states = plant.nstates, linear.system.nstates
     most = n + N_LEGS * max(int(actuators.delay), MOST_DELAY) + states
-    work = (
-        (states + N_LEGS) * (states + signals)
-        + 2 * (most**2 + most * max(signals, N_LEGS) + most + N_LEGS * _POINTS)
-        + 2 * _POINTS
-        + most**2
-    )
+    both = n + states
+    work = both * (both + 4 * N_LEGS) + 2 * (most**2 + most + N_LEGS * _POINTS) + 2 * _POINTS + most**2
     return {
         "n_plant": n,
         "A": plant.A,

@@ -13,31 +13,27 @@
 #define SERIES_BELOW 1.0
 #define TERMS 18
 
-/* exp(z) as phi[0], and phi_1 to phi_4 of z <= 0: phi_(k+1) = (phi_k - 1/k!) / z; the series sum z^j / (j + k)! near 0.
-   A way that no member takes is left out. */
+/* exp(z) as phi[0], and phi_1 to phi_4 of z <= 0: phi_(k+1) = (phi_k - 1/k!) / z; the series sum z^j / (j + k)! near 0,
+   which is left out if no member needs it. */
 static void phi_functions(lanes z, lanes phi[5])
 {
-    static const double INVERSE_FACTORIAL[] = {1, 1, 0.5, 1.0 / 6};
     mask is_small = magnitude(z) < SERIES_BELOW;
-    for (int k = 0; k < 5; k++)
-        phi[k] = (lanes)0.0;
-    if (any(~is_small)) {
-        lanes inverse = reciprocal(choose(is_small, (lanes)-1.0, z));
-        phi[0] = exp(z);
-        for (int k = 0; k < 4; k++)
-            phi[k + 1] = (phi[k] - INVERSE_FACTORIAL[k]) * inverse;
-    }
-    if (any(is_small)) {
-        lanes near = choose(is_small, z, (lanes)0.0), sum = (lanes)0.0;
-        for (int j = TERMS; j > 4; j--)
-            sum = near * (1.0 / j) * (1 + sum);
-        sum = (1 + sum) * (1.0 / 24);
-        phi[4] = choose(is_small, sum, phi[4]);
-        for (int k = 3; k >= 0; k--) {
-            sum = INVERSE_FACTORIAL[k] + near * sum;
-            phi[k] = choose(is_small, sum, phi[k]);
-        }
-    }
+    lanes inverse = reciprocal(choose(is_small, (lanes)-1.0, z));
+    phi[0] = exp(z);
+    phi[1] = (phi[0] - 1) * inverse;
+    phi[2] = (phi[1] - 1) * inverse;
+    phi[3] = (phi[2] - 0.5) * inverse;
+    phi[4] = (phi[3] - 1.0 / 6) * inverse;
+    if (!any(is_small))
+        return;
+    lanes near = choose(is_small, z, (lanes)0.0), sum = (lanes)0.0;
+    for (int j = TERMS; j > 4; j--)
+        sum = near * (1.0 / j) * (1 + sum);
+    lanes third = (1 + near * (1.0 / 4) * (1 + sum)) * (1.0 / 6), second = 0.5 + near * third;
+    phi[1] = choose(is_small, 1 + near * second, phi[1]);
+    phi[2] = choose(is_small, second, phi[2]);
+    phi[3] = choose(is_small, third, phi[3]);
+    phi[4] = choose(is_small, (1 + sum) * (1.0 / 24), phi[4]);
 }
 
 /* Of a step h and the rates d of the bristles; those but `whole` and `half` in s. */

@@ -323,10 +323,18 @@ static void controlled_step(group *g, lanes size, lanes rate[5][N_STATES], lanes
    element, relative to 1 + |x|. */
 static void controlled_step(group *g, lanes size, lanes rate[5][N_STATES], lanes end[], evaluation *there, lanes *error)
 {
-    static const double A[4][5] = {{0}, {1.0 / 3}, {-1.0 / 3, 1}, {1, -1, 1}}, B[] = {0.125, 0.375, 0.375, 0.125};
-    lanes nothing = (lanes)0.0; /* NaN if a number is not finite */
-    find_stages(g, size, 1, 4, A, rate);
-    combine(g, size, 4, B, rate, end);
+    lanes at[N_STATES], third = size * (1.0 / 3), nothing = (lanes)0.0; /* NaN if a number is not finite */
+    for (int i = 0; i < N_STATES; i++)
+        at[i] = g->x[i] + third * rate[0][i];
+    kernel_derivatives(at, g->u, g->p, rate[1]);
+    for (int i = 0; i < N_STATES; i++)
+        at[i] = g->x[i] + (size * rate[1][i] - third * rate[0][i]);
+    kernel_derivatives(at, g->u, g->p, rate[2]);
+    for (int i = 0; i < N_STATES; i++)
+        at[i] = g->x[i] + size * ((rate[0][i] - rate[1][i]) + rate[2][i]);
+    kernel_derivatives(at, g->u, g->p, rate[3]);
+    for (int i = 0; i < N_STATES; i++)
+        end[i] = g->x[i] + (size * 0.125) * ((rate[0][i] + rate[3][i]) + 3 * (rate[1][i] + rate[2][i]));
     evaluate(g, end, there);
     find_rates(g, there, end, rate[4]);
     *error = (lanes)0.0;

@@ -1,26 +1,23 @@
-#include <float.h>
+/* Poles, modes and margins of the linear loop, as harness/control/margins.py has them. */
+#include <math.h>
 
-#include "complex.h"
+#include "matrices.h"
 #include "turning.h"
 
 #define PI 3.141592653589793
 enum { POINTS = 300, MOST_POINTS = 900, MOST_SIGNALS = N_LEGS * 4, ABOUT = 13 };
-/* as harness/control/margins.py: what counts as converged to the real axis, and factors beyond which there is no limit */
+/* what counts as converged to the real axis, and factors beyond which there is no limit */
 #define FLAT 0.02
 #define BOUNDLESS 1e6
 
-/* The controller F = -(D + C (z - A)^-1 B) y, from the law's entries and the maps of its space. */
+/* The loop broken at the forces, from those that act to those of the law, F = -C x: states of the plant, then of the law;
+   and a delay of some samples, with which L(z) = C (z - A)^-1 B z^-delay. */
 typedef struct {
-    int64_t n, m; /* states, signals */
-    double *A, *B, *C, *D;
-} feedback;
-
-typedef struct {
-    const turning *t;
-    feedback law;
-    int64_t delay;
-    cplx *resolvent, *right; /* for the larger of plant and law */
-} system_of;
+    double sample_time;
+    int64_t n, delay;
+    double *A, *B, *C;                 /* (n, n), (n, 6), (6, n) */
+    double complex *resolvent, *right; /* room for z - A and B */
+} open_loop;
 
 static void clear(double *values, int64_t n)
 {
@@ -28,167 +25,126 @@ static void clear(double *values, int64_t n)
         values[i] = 0;
 }
 
-/* What a measurement puts into the law: of errors y enters with its sign, of readings with the other. */
-static void read_law(const turning *t, const loop *w, feedback *f)
+/* Plant and law in series. Of errors the measurements enter the law with their sign, of readings with the other. */
+static void join(open_loop *s, const turning *t, const loop *l)
 {
-    int64_t n = f->n, m = f->m;
-    double sign = w->kinds == 1 ? 1 : -1;
-    int64_t first = n + (w->kinds == 1 ? 0 : w->size);
-    clear(f->A, n * n + n * m + N_LEGS * n + N_LEGS * m);
-    for (int64_t k = 0; k < w->entries; k++) {
-        int64_t row = w->entry_row[k], column = w->entry_column[k], signal = column - first;
-        double value = w->values.at[k * w->values.element];
-        if (column < n) {
-            if (row >= N_LEGS)
-                f->A[(row - N_LEGS) * n + column] = value;
-            for (int i = 0; row < N_LEGS && i < N_LEGS; i++)
-                f->C[i * n + column] += t->to_force[i * N_LEGS + row] * value;
-        } else if (signal >= 0 && signal < m)
-            for (int64_t j = 0; j < m; j++) {
-                double part = sign * value * t->to_space[signal * m + j];
-                if (row >= N_LEGS)
-                    f->B[(row - N_LEGS) * m + j] += part;
-                for (int i = 0; row < N_LEGS && i < N_LEGS; i++)
-                    f->D[i * m + j] += t->to_force[i * N_LEGS + row] * part;
-            }
-    }
-}
-
-/* x+ = M x of the closed loop: plant, forces under way, law. */
-static void close_loop(const system_of *s, int64_t n, double *M)
-{
-    const turning *t = s->t;
-    const feedback *f = &s->law;
-    int64_t np = t->n_plant, under_way = N_LEGS * s->delay, law = np + under_way;
-    clear(M, n * n);
+    int64_t n = s->n, np = t->n_plant, readings = l->n_states + (l->kinds == 1 ? 0 : l->size);
+    double sign = l->kinds == 1 ? 1 : -1;
+    clear(s->A, n * (n + 2 * N_LEGS)); /* B and C follow */
     for (int64_t i = 0; i < np; i++) {
         for (int64_t j = 0; j < np; j++)
-            M[i * n + j] = t->A[i * np + j];
-        for (int64_t k = 0; k < N_LEGS && s->delay; k++)
-            M[i * n + law - N_LEGS + k] = t->B[i * N_LEGS + k];
+            s->A[i * n + j] = t->A[i * np + j];
+        for (int64_t k = 0; k < N_LEGS; k++)
+            s->B[i * N_LEGS + k] = t->B[i * N_LEGS + k];
     }
-    for (int64_t k = N_LEGS; k < under_way; k++)
-        M[(np + k) * n + np + k - N_LEGS] = 1;
-    /* the force, F = -(C x + D y), goes to the plant or to the first of those under way */
-    for (int64_t k = 0; k < N_LEGS; k++)
+    for (int64_t k = 0; k < l->entries; k++) {
+        int64_t row = l->entry_row[k], column = l->entry_column[k], signal = column - readings;
+        double value = l->values.at[k * l->values.element];
         for (int64_t j = 0; j < n; j++) {
-            double force = 0;
-            if (j < np)
-                for (int64_t q = 0; q < f->m; q++)
-                    force -= f->D[k * f->m + q] * t->C[q * np + j];
-            else if (j >= law)
-                force = -f->C[k * f->n + j - law];
-            if (s->delay)
-                M[(np + k) * n + j] += force;
-            for (int64_t i = 0; i < np && !s->delay; i++)
-                M[i * n + j] += t->B[i * N_LEGS + k] * force;
+            double part = j == np + column ? value : 0; /* of x_j in the law's output or next state */
+            for (int64_t q = 0; j < np && signal >= 0 && signal < l->size && q < l->size; q++)
+                part += sign * value * t->to_space[signal * l->size + q] * t->C[q * np + j];
+            if (row >= N_LEGS)
+                s->A[(np + row - N_LEGS) * n + j] += part;
+            for (int64_t i = 0; row < N_LEGS && i < N_LEGS; i++)
+                s->C[i * n + j] += t->to_force[i * N_LEGS + row] * part;
         }
-    for (int64_t i = 0; i < f->n; i++) {
-        for (int64_t j = 0; j < np; j++)
-            for (int64_t q = 0; q < f->m; q++)
-                M[(law + i) * n + j] += f->B[i * f->m + q] * t->C[q * np + j];
-        for (int64_t j = 0; j < f->n; j++)
-            M[(law + i) * n + law + j] = f->A[i * f->n + j];
     }
 }
 
-/* (z - A)^-1 B, into `right` (n, m) */
-static void resolve(const system_of *s, cplx z, int64_t n, int64_t m, const double *A, const double *B)
+/* x+ = M x of the closed loop (m, m): the states, then the forces under way, the latest first. */
+static void close_loop(const open_loop *s, int64_t m, double *M)
 {
-    for (int64_t i = 0; i < n * n; i++)
-        s->resolvent[i] = cx(-A[i], 0);
+    int64_t n = s->n;
+    clear(M, m * m);
     for (int64_t i = 0; i < n; i++)
-        s->resolvent[i * n + i] = plus(s->resolvent[i * n + i], z);
-    for (int64_t i = 0; i < n * m; i++)
-        s->right[i] = cx(B[i], 0);
-    solve(n, m, s->resolvent, s->right);
+        for (int64_t j = 0; j < n; j++) {
+            M[i * m + j] = s->A[i * n + j];
+            for (int64_t k = 0; !s->delay && k < N_LEGS; k++)
+                M[i * m + j] -= s->B[i * N_LEGS + k] * s->C[k * n + j];
+        }
+    for (int64_t k = 0; s->delay && k < N_LEGS; k++)
+        for (int64_t i = 0; i < n; i++) {
+            M[i * m + m - N_LEGS + k] = s->B[i * N_LEGS + k];
+            M[(n + k) * m + i] = -s->C[k * n + i];
+        }
+    for (int64_t i = n + N_LEGS; i < m; i++)
+        M[i * m + i - N_LEGS] = 1;
 }
 
 /* L (6, 6) at a frequency [rad/s]. */
-static void loop_at(const system_of *s, double omega, cplx L[])
+static void loop_at(const open_loop *s, double omega, double complex L[])
 {
-    const turning *t = s->t;
-    const feedback *f = &s->law;
-    double angle = omega * t->sample_time, late = angle * (double)s->delay;
-    cplx z = cx(cos(angle), sin(angle)), lag = cx(cos(late), -sin(late));
-    cplx P[MOST_SIGNALS * N_LEGS], K[N_LEGS * MOST_SIGNALS];
-    int64_t np = t->n_plant, m = f->m;
-    resolve(s, z, np, N_LEGS, t->A, t->B);
-    for (int64_t q = 0; q < m; q++)
-        for (int64_t k = 0; k < N_LEGS; k++) {
-            cplx sum = cx(0, 0);
-            for (int64_t i = 0; i < np; i++) {
-                cplx x = s->right[i * N_LEGS + k];
-                sum = plus(sum, cx(t->C[q * np + i] * x.re, t->C[q * np + i] * x.im));
-            }
-            P[q * N_LEGS + k] = sum;
-        }
-    if (f->n)
-        resolve(s, z, f->n, m, f->A, f->B);
-    for (int64_t i = 0; i < N_LEGS; i++)
-        for (int64_t q = 0; q < m; q++) {
-            cplx sum = cx(f->D[i * m + q], 0);
-            for (int64_t j = 0; j < f->n; j++) {
-                cplx x = s->right[j * m + q];
-                sum = plus(sum, cx(f->C[i * f->n + j] * x.re, f->C[i * f->n + j] * x.im));
-            }
-            K[i * m + q] = sum;
-        }
+    int64_t n = s->n;
+    double complex z = cexp(I * omega * s->sample_time), lag = cexp(-I * omega * s->sample_time * (double)s->delay);
+    for (int64_t i = 0; i < n * n; i++)
+        s->resolvent[i] = -s->A[i];
+    for (int64_t i = 0; i < n; i++)
+        s->resolvent[i * n + i] += z;
+    for (int64_t i = 0; i < n * N_LEGS; i++)
+        s->right[i] = s->B[i];
+    solve(n, N_LEGS, s->resolvent, s->right);
     for (int64_t i = 0; i < N_LEGS; i++)
         for (int64_t k = 0; k < N_LEGS; k++) {
-            cplx sum = cx(0, 0);
-            for (int64_t q = 0; q < m; q++)
-                sum = plus(sum, product(K[i * m + q], P[q * N_LEGS + k]));
-            L[i * N_LEGS + k] = product(sum, lag);
+            double complex sum = 0;
+            for (int64_t j = 0; j < n; j++)
+                sum += s->C[i * n + j] * s->right[j * N_LEGS + k];
+            L[i * N_LEGS + k] = sum * lag;
         }
 }
 
 /* The loop cut at one leg, the others closed: L_kk - L_ko (1 + L_oo)^-1 L_ok. */
-static cplx one_leg(const cplx L[], int leg)
+static double complex one_leg(const double complex L[], int leg)
 {
     enum { OTHERS = N_LEGS - 1 };
-    cplx M[OTHERS * OTHERS], x[OTHERS], found = L[leg * N_LEGS + leg];
+    double complex M[OTHERS * OTHERS], x[OTHERS], response = L[leg * N_LEGS + leg];
     for (int i = 0; i < OTHERS; i++) {
         int row = i + (i >= leg);
         x[i] = L[row * N_LEGS + leg];
         for (int j = 0; j < OTHERS; j++)
-            M[i * OTHERS + j] = plus(L[row * N_LEGS + j + (j >= leg)], cx(i == j, 0));
+            M[i * OTHERS + j] = L[row * N_LEGS + j + (j >= leg)] + (i == j);
     }
     solve(OTHERS, 1, M, x);
     for (int i = 0; i < OTHERS; i++)
-        found = minus(found, product(L[leg * N_LEGS + i + (i >= leg)], x[i]));
-    return found;
+        response -= L[leg * N_LEGS + i + (i >= leg)] * x[i];
+    return response;
 }
 
-static cplx leg_at(const system_of *s, double omega, int leg)
+static double complex leg_at(const open_loop *s, double omega, int leg)
 {
-    cplx L[N_LEGS * N_LEGS];
+    double complex L[N_LEGS * N_LEGS];
     loop_at(s, omega, L);
     return one_leg(L, leg);
 }
 
 /* sigma(S) or sigma(T) of L. */
-static double size_of_answer(const cplx L[], int of_t)
+static double sensitivity_of(const double complex L[], int is_complementary)
 {
-    cplx M[N_LEGS * N_LEGS], S[N_LEGS * N_LEGS];
+    double complex M[N_LEGS * N_LEGS], answer[N_LEGS * N_LEGS];
     for (int i = 0; i < N_LEGS * N_LEGS; i++) {
-        S[i] = cx(i % (N_LEGS + 1) == 0, 0);
-        M[i] = plus(S[i], L[i]);
+        int unit = i % (N_LEGS + 1) == 0;
+        M[i] = unit + L[i];
+        answer[i] = is_complementary ? L[i] : unit;
     }
-    solve(N_LEGS, N_LEGS, M, S);
-    for (int i = 0; of_t && i < N_LEGS * N_LEGS; i++)
-        S[i] = minus(cx(i % (N_LEGS + 1) == 0, 0), S[i]);
-    return largest_singular_value(N_LEGS, S);
+    solve(N_LEGS, N_LEGS, M, answer);
+    return largest_singular_value(N_LEGS, answer);
+}
+
+static double sensitivity_at(const open_loop *s, double omega, int is_complementary)
+{
+    double complex L[N_LEGS * N_LEGS];
+    loop_at(s, omega, L);
+    return sensitivity_of(L, is_complementary);
 }
 
 /* What changes its sign: the imaginary part, or the logarithm of the size. */
-static double crossing(cplx z, int by_size)
+static double crossing(double complex z, int by_size)
 {
-    return by_size ? log(size_of(z)) : z.im;
+    return by_size ? log(cabs(z)) : cimag(z);
 }
 
 /* Where a leg's response crosses between two frequencies, by false position that halves a value that stays (Illinois). */
-static double crossing_between(const system_of *s, int leg, int by_size, double a, double fa, double b, double fb)
+static double crossing_between(const open_loop *s, int leg, int by_size, double a, double fa, double b, double fb)
 {
     for (int k = 0; k < 60 && b - a > 1e-12 * b; k++) {
         double at = b - fb * (b - a) / (fb - fa);
@@ -210,10 +166,10 @@ static double crossing_between(const system_of *s, int leg, int by_size, double 
     return (a + b) / 2;
 }
 
-static void take_gain(double margins[], cplx z)
+static void take_gain(double margins[], double complex z)
 {
-    double gain = 1 / fabs(z.re);
-    if (!(z.re < 0) || !(fabs(z.im) < FLAT * fabs(z.re)) || !(gain > 1 / BOUNDLESS && gain < BOUNDLESS))
+    double gain = 1 / fabs(creal(z));
+    if (!(creal(z) < 0) || !(fabs(cimag(z)) < FLAT * fabs(creal(z))) || !(gain > 1 / BOUNDLESS && gain < BOUNDLESS))
         return;
     if (gain > 1 && gain < margins[0])
         margins[0] = gain;
@@ -222,17 +178,18 @@ static void take_gain(double margins[], cplx z)
 }
 
 /* The responses of a leg near 0 and at the highest frequency, where they have converged to the real axis. */
-static void take_ends(const system_of *s, int leg, const double omega[], int64_t n, double margins[])
+static void take_ends(const open_loop *s, int leg, const double omega[], int64_t n, double margins[])
 {
     double near[] = {omega[0], omega[n - 1]}, far[] = {omega[0] / 10, omega[n - 1]};
     for (int k = 0; k < 2; k++) {
-        cplx z = leg_at(s, near[k], leg), beyond = leg_at(s, far[k], leg);
-        if (size_of(minus(beyond, z)) <= FLAT * size_of(z) && fabs(z.im) < FLAT * size_of(z))
+        double complex z = leg_at(s, near[k], leg), beyond = leg_at(s, far[k], leg);
+        if (cabs(beyond - z) <= FLAT * cabs(z) && fabs(cimag(z)) < FLAT * cabs(z))
             take_gain(margins, beyond);
     }
 }
 
-static void leg_margins(const system_of *s, int leg, const double omega[], const cplx at[], int64_t n, double margins[])
+static void leg_margins(const open_loop *s, int leg, const double omega[], const double complex at[], int64_t n,
+                        double margins[])
 {
     margins[0] = margins[2] = margins[3] = INFINITY;
     margins[1] = 0;
@@ -243,13 +200,13 @@ static void leg_margins(const system_of *s, int leg, const double omega[], const
             if ((a > 0) == (b > 0) || !(a == a && b == b))
                 continue;
             double w = crossing_between(s, leg, by_size, omega[k], a, omega[k + 1], b);
-            cplx z = leg_at(s, w, leg);
+            double complex z = leg_at(s, w, leg);
             if (!by_size) {
                 take_gain(margins, z);
                 continue;
             }
             /* delay only adds lag: a lead is a lag of 2 pi less it */
-            double lag = atan2(-z.im, -z.re);
+            double lag = carg(-conj(z));
             lag = lag < 0 ? lag + 2 * PI : lag;
             margins[2] = fmin(margins[2], fmin(lag, 2 * PI - lag));
             margins[3] = fmin(margins[3], lag / w);
@@ -259,19 +216,15 @@ static void leg_margins(const system_of *s, int leg, const double omega[], const
 }
 
 /* The largest value between the neighbours of the largest on the grid, by golden sections. */
-static double peak(const system_of *s, int of_t, const double omega[], const double values[], int64_t n)
+static double peak(const open_loop *s, int is_complementary, const double omega[], const double values[], int64_t n)
 {
     int64_t best = 0;
     for (int64_t k = 1; k < n; k++)
         best = values[k] > values[best] ? k : best;
     double a = log(omega[best > 0 ? best - 1 : 0]), b = log(omega[best + 1 < n ? best + 1 : n - 1]), most = values[best];
     for (int k = 0; k < 40; k++) {
-        cplx L[N_LEGS * N_LEGS];
         double x = b - 0.6180339887498949 * (b - a), y = a + 0.6180339887498949 * (b - a);
-        loop_at(s, exp(x), L);
-        double f = size_of_answer(L, of_t);
-        loop_at(s, exp(y), L);
-        double g = size_of_answer(L, of_t);
+        double f = sensitivity_at(s, exp(x), is_complementary), g = sensitivity_at(s, exp(y), is_complementary);
         most = fmax(most, fmax(f, g));
         if (f > g)
             b = y;
@@ -281,24 +234,30 @@ static double peak(const system_of *s, int of_t, const double omega[], const dou
     return most;
 }
 
-static void insert(double omega[], int64_t *n, double value)
+/* log(z) / h of a pole [rad/s]; not a number of one at 0, which a delay has. */
+static double complex rate_of(double complex pole, double h)
 {
-    int64_t k = *n;
-    if (k >= MOST_POINTS)
-        return;
-    for (; k > 0 && omega[k - 1] > value; k--)
-        omega[k] = omega[k - 1];
-    omega[k] = value;
-    (*n)++;
+    return cabs(pole) > 1e-9 ? clog(pole) / h : NAN;
+}
+
+/* Keeps rows (n, size) sorted by their first numbers. */
+static void insert(double rows[], int64_t n, int size, const double row[])
+{
+    int64_t k = n;
+    for (; k > 0 && rows[size * (k - 1)] > row[0]; k--)
+        for (int i = 0; i < size; i++)
+            rows[size * k + i] = rows[size * (k - 1) + i];
+    for (int i = 0; i < size; i++)
+        rows[size * k + i] = row[i];
 }
 
 /* From a thousandth of the slowest pole to half the sample rate, and dense about poles that are lightly damped. */
-static int64_t grid(const system_of *s, const cplx poles[], int64_t n_poles, double omega[])
+static int64_t grid(const open_loop *s, const double complex poles[], int64_t n_poles, double omega[])
 {
-    double h = s->t->sample_time, top = PI / h, slowest = INFINITY;
+    double top = PI / s->sample_time, slowest = INFINITY;
     int64_t n = 0;
     for (int64_t k = 0; k < n_poles; k++) {
-        double size = size_of(poles[k]), rate = size > 1e-9 ? hypot(log(size), atan2(poles[k].im, poles[k].re)) / h : 0;
+        double rate = cabs(rate_of(poles[k], s->sample_time));
         slowest = rate > 1e-6 && rate < slowest ? rate : slowest;
     }
     double low = fmin(slowest / 1000, top / 10);
@@ -306,89 +265,71 @@ static int64_t grid(const system_of *s, const cplx poles[], int64_t n_poles, dou
     for (int k = 0; k < POINTS; k++)
         omega[n++] = low * exp(log(top / low) * k / (POINTS - 1));
     for (int64_t k = 0; k < n_poles; k++) {
-        double size = size_of(poles[k]);
-        if (!(size > 1e-9) || !(poles[k].im > 0))
-            continue;
-        double re = log(size) / h, im = atan2(poles[k].im, poles[k].re) / h;
-        if (fabs(re) > 0.5 * im)
+        double complex rate = rate_of(poles[k], s->sample_time);
+        if (!(cimag(poles[k]) > 0 && fabs(creal(rate)) <= 0.5 * cimag(rate)))
             continue;
         for (int i = 0; i < ABOUT; i++) {
-            double at = im + re * (0.5 * i - 3);
-            if (at > low && at < top)
-                insert(omega, &n, at);
+            double at = cimag(rate) + creal(rate) * (0.5 * i - 3);
+            if (at > low && at < top && n < MOST_POINTS)
+                insert(omega, n++, 1, &at);
         }
     }
     return n;
 }
 
 /* Frequencies and damping ratios of the poles, a pair once, the slowest first. */
-static int64_t modes_of(double h, const cplx poles[], int64_t n, double modes[])
+static int64_t modes_of(double h, const double complex poles[], int64_t n, double modes[])
 {
-    int64_t found = 0;
+    int64_t n_modes = 0;
     for (int64_t k = 0; k < n; k++) {
-        double size = size_of(poles[k]);
-        if (!(size > 1e-9))
-            continue;
-        double re = log(size) / h, im = atan2(poles[k].im, poles[k].re) / h, rate = hypot(re, im);
-        if (im < -1e-9 * rate)
-            continue;
-        int64_t at = found++;
-        for (; at > 0 && modes[2 * (at - 1)] > rate / (2 * PI); at--) {
-            modes[2 * at] = modes[2 * at - 2];
-            modes[2 * at + 1] = modes[2 * at - 1];
-        }
-        modes[2 * at] = rate / (2 * PI);
-        modes[2 * at + 1] = rate > 0 ? -re / rate : 1;
+        double complex rate = rate_of(poles[k], h);
+        double size = cabs(rate), mode[] = {size / (2 * PI), size > 0 ? -creal(rate) / size : 1};
+        if (cimag(rate) >= -1e-9 * size)
+            insert(modes, n_modes++, 2, mode);
     }
-    return found;
+    return n_modes;
 }
 
-int64_t turn_margins(turning *t, const loop *w)
+int64_t turn_margins(turning *t, const loop *l)
 {
-    system_of s = {.t = t, .delay = (int64_t)w->delay.at[0]};
-    feedback *f = &s.law;
-    double omega[MOST_POINTS], *room = t->work, *results = t->results;
-    int64_t n = t->n_plant + N_LEGS * s.delay + w->n_states, biggest = n > w->n_states ? n : w->n_states;
-    if (!t->n_plant || !w->kinds || w->law || n > t->most_states || w->size > MOST_SIGNALS)
+    open_loop s = {.sample_time = t->sample_time, .n = t->n_plant + l->n_states, .delay = (int64_t)l->delay.at[0]};
+    double omega[MOST_POINTS], *results = t->results;
+    int64_t n = s.n, m = n + N_LEGS * s.delay; /* states of the broken and of the closed loop */
+    if (!t->n_plant || !l->kinds || l->law || m > t->most_states || l->size > MOST_SIGNALS)
         return 1;
-    f->n = w->n_states;
-    f->m = w->size;
-    f->A = room;
-    f->B = f->A + f->n * f->n;
-    f->C = f->B + f->n * f->m;
-    f->D = f->C + N_LEGS * f->n;
-    room = f->D + N_LEGS * f->m;
-    s.resolvent = (cplx *)(void *)room;
-    s.right = s.resolvent + biggest * biggest;
-    cplx *poles = s.right + biggest * (f->m > N_LEGS ? f->m : N_LEGS), *legs = poles + n;
+    s.A = t->work;
+    s.B = s.A + n * n;
+    s.C = s.B + n * N_LEGS;
+    s.resolvent = (double complex *)(void *)(s.C + n * N_LEGS);
+    s.right = s.resolvent + m * m;
+    double complex *poles = s.right + n * N_LEGS, *legs = poles + m;
     double *values = (double *)(void *)(legs + N_LEGS * MOST_POINTS), *M = values + 2 * MOST_POINTS;
-    if (M + n * n > t->work + t->n_work)
+    if (M + m * m > t->work + t->n_work)
         return 1;
-    read_law(t, w, f);
-    close_loop(&s, n, M);
-    if (eigenvalues(n, M, s.resolvent, poles))
+    join(&s, t, l);
+    close_loop(&s, m, M);
+    if (eigenvalues(m, M, s.resolvent, poles))
         return 1;
-    double *modes = results + POLES + 2 * t->most_states;
     results[RADIUS] = 0;
-    results[N_POLES] = (double)n;
-    for (int64_t k = 0; k < n; k++) {
-        results[RADIUS] = fmax(results[RADIUS], size_of(poles[k]));
-        results[POLES + 2 * k] = poles[k].re;
-        results[POLES + 2 * k + 1] = poles[k].im;
+    results[N_POLES] = (double)m;
+    for (int64_t k = 0; k < m; k++) {
+        results[RADIUS] = fmax(results[RADIUS], cabs(poles[k]));
+        results[POLES + 2 * k] = creal(poles[k]);
+        results[POLES + 2 * k + 1] = cimag(poles[k]);
     }
-    results[N_MODES] = (double)modes_of(t->sample_time, poles, n, modes);
+    results[N_MODES] = (double)modes_of(t->sample_time, poles, m, results + POLES + 2 * t->most_states);
     for (int k = PEAK_S; k < N_MODES; k++)
         results[k] = NAN;
     if (!(results[RADIUS] < 1))
         return 0;
-    int64_t points = grid(&s, poles, n, omega);
+    int64_t points = grid(&s, poles, m, omega);
     for (int64_t k = 0; k < points; k++) {
-        cplx L[N_LEGS * N_LEGS];
+        double complex L[N_LEGS * N_LEGS];
         loop_at(&s, omega[k], L);
         for (int leg = 0; leg < N_LEGS; leg++)
             legs[leg * MOST_POINTS + k] = one_leg(L, leg);
-        values[k] = size_of_answer(L, 0);
-        values[MOST_POINTS + k] = size_of_answer(L, 1);
+        values[k] = sensitivity_of(L, 0);
+        values[MOST_POINTS + k] = sensitivity_of(L, 1);
     }
     for (int leg = 0; leg < N_LEGS; leg++)
         leg_margins(&s, leg, omega, legs + leg * MOST_POINTS, points, results + LEG_MARGINS + 5 * leg);

@@ -1,6 +1,7 @@
-#include "complex.h"
+#include "matrices.h"
 
 #include <float.h>
+#include <math.h>
 
 /* Scales rows and columns by powers of two to about equal norms (Osborne 1960), without rounding. */
 static void balance(int64_t n, double *a)
@@ -52,81 +53,66 @@ static void reduce(int64_t n, double *a)
         }
         for (int64_t i = k + 1; i < n; i++) {
             double factor = a[i * n + k - 1] / a[k * n + k - 1];
-            if (factor == 0)
-                continue;
-            for (int64_t j = k - 1; j < n; j++)
+            for (int64_t j = k - 1; factor != 0 && j < n; j++)
                 a[i * n + j] -= factor * a[k * n + j];
-            for (int64_t j = 0; j < n; j++)
+            for (int64_t j = 0; factor != 0 && j < n; j++)
                 a[j * n + k] += factor * a[j * n + i];
         }
     }
 }
 
-static cplx root(cplx z)
-{
-    double r = size_of(z), re = sqrt((r + fabs(z.re)) / 2);
-    if (re == 0)
-        return cx(0, 0);
-    double im = z.im / (2 * re);
-    return z.re >= 0 ? cx(re, im) : cx(fabs(im), z.im < 0 ? -re : re);
-}
-
 /* The eigenvalue of the last 2x2 block of rows 0 to m that is nearer to its last element (Wilkinson). */
-static cplx shift_of(int64_t n, int64_t m, const cplx *h)
+static double complex shift_of(int64_t n, int64_t m, const double complex *h)
 {
-    cplx a = h[(m - 1) * n + m - 1], b = h[(m - 1) * n + m], c = h[m * n + m - 1], d = h[m * n + m];
-    cplx half = cx((a.re - d.re) / 2, (a.im - d.im) / 2), bc = product(b, c);
-    cplx r = root(plus(product(half, half), bc));
-    cplx one = plus(half, r), other = minus(half, r), larger = size_of(one) > size_of(other) ? one : other;
-    return size_of(larger) > 0 ? minus(d, quotient(bc, larger)) : d;
+    double complex a = h[(m - 1) * n + m - 1], d = h[m * n + m], bc = h[(m - 1) * n + m] * h[m * n + m - 1];
+    double complex half = (a - d) / 2, root = csqrt(half * half + bc), one = half + root, other = half - root;
+    double complex larger = cabs(one) > cabs(other) ? one : other;
+    return cabs(larger) > 0 ? d - bc / larger : d;
 }
 
 /* A step of QR with shift on rows `low` to `m`, by rotations of neighbouring rows, then columns. */
-static void turn(int64_t n, int64_t low, int64_t m, cplx *h, cplx shift)
+static void turn(int64_t n, int64_t low, int64_t m, double complex *h, double complex shift)
 {
-    cplx cosine[2] = {{0, 0}, {0, 0}}, sine[2] = {{0, 0}, {0, 0}};
+    double complex cosine[2] = {0}, sine[2] = {0};
     for (int64_t i = low; i <= m; i++)
-        h[i * n + i] = minus(h[i * n + i], shift);
+        h[i * n + i] -= shift;
     for (int64_t k = low; k <= m; k++) {
         if (k < m) {
-            cplx x = h[k * n + k], y = h[(k + 1) * n + k];
-            double r = hypot(size_of(x), size_of(y));
-            cosine[k & 1] = r > 0 ? cx(x.re / r, x.im / r) : cx(1, 0);
-            sine[k & 1] = r > 0 ? cx(y.re / r, y.im / r) : cx(0, 0);
-            cplx c = cosine[k & 1], s = sine[k & 1];
+            double complex x = h[k * n + k], y = h[(k + 1) * n + k];
+            double r = hypot(cabs(x), cabs(y));
+            double complex c = cosine[k & 1] = r > 0 ? x / r : 1, s = sine[k & 1] = r > 0 ? y / r : 0;
             for (int64_t j = k; j <= m; j++) {
-                cplx p = h[k * n + j], q = h[(k + 1) * n + j];
-                h[k * n + j] = plus(product(conjugate(c), p), product(conjugate(s), q));
-                h[(k + 1) * n + j] = minus(product(c, q), product(s, p));
+                double complex p = h[k * n + j], q = h[(k + 1) * n + j];
+                h[k * n + j] = conj(c) * p + conj(s) * q;
+                h[(k + 1) * n + j] = c * q - s * p;
             }
         }
         if (k > low) { /* the rotation before this one, on columns, once no row needs them */
-            cplx c = cosine[(k - 1) & 1], s = sine[(k - 1) & 1];
+            double complex c = cosine[(k - 1) & 1], s = sine[(k - 1) & 1];
             for (int64_t i = low; i <= k; i++) {
-                cplx p = h[i * n + k - 1], q = h[i * n + k];
-                h[i * n + k - 1] = plus(product(p, c), product(q, s));
-                h[i * n + k] = minus(product(q, conjugate(c)), product(p, conjugate(s)));
+                double complex p = h[i * n + k - 1], q = h[i * n + k];
+                h[i * n + k - 1] = p * c + q * s;
+                h[i * n + k] = q * conj(c) - p * conj(s);
             }
         }
     }
     for (int64_t i = low; i <= m; i++)
-        h[i * n + i] = plus(h[i * n + i], shift);
+        h[i * n + i] += shift;
 }
 
-int eigenvalues(int64_t n, double *matrix, cplx *h, cplx *values)
+int eigenvalues(int64_t n, double *matrix, double complex *h, double complex *values)
 {
     balance(n, matrix);
     reduce(n, matrix);
     for (int64_t i = 0; i < n; i++)
         for (int64_t j = 0; j < n; j++)
-            h[i * n + j] = cx(j + 1 >= i ? matrix[i * n + j] : 0, 0);
+            h[i * n + j] = j + 1 >= i ? matrix[i * n + j] : 0;
     for (int64_t m = n - 1, tries = 0; m >= 0;) {
         int64_t low = m;
-        while (low > 0) {
-            double near = size_of(h[low * n + low]) + size_of(h[(low - 1) * n + low - 1]);
-            if (size_of(h[low * n + low - 1]) <= DBL_EPSILON * (near > 0 ? near : 1))
+        for (; low > 0; low--) {
+            double near = cabs(h[low * n + low]) + cabs(h[(low - 1) * n + low - 1]);
+            if (cabs(h[low * n + low - 1]) <= DBL_EPSILON * (near > 0 ? near : 1))
                 break;
-            low--;
         }
         if (low == m) {
             values[m] = h[m * n + m];
@@ -137,80 +123,79 @@ int eigenvalues(int64_t n, double *matrix, cplx *h, cplx *values)
         if (++tries > 100)
             return 1;
         /* now and then another shift, for matrices that a step turns into themselves */
-        turn(n, low, m, h, tries % 12 ? shift_of(n, m, h) : plus(h[m * n + m], h[m * n + m - 1]));
+        turn(n, low, m, h, tries % 12 ? shift_of(n, m, h) : h[m * n + m] + h[m * n + m - 1]);
     }
     return 0;
 }
 
-void solve(int64_t n, int64_t m, cplx *M, cplx *R)
+static void swap_rows(int64_t m, double complex *one, double complex *other)
+{
+    for (int64_t j = 0; j < m; j++) {
+        double complex kept = one[j];
+        one[j] = other[j];
+        other[j] = kept;
+    }
+}
+
+void solve(int64_t n, int64_t m, double complex *M, double complex *R)
 {
     for (int64_t k = 0; k < n; k++) {
         int64_t pivot = k;
         for (int64_t i = k + 1; i < n; i++)
-            if (size_of(M[i * n + k]) > size_of(M[pivot * n + k]))
+            if (cabs(M[i * n + k]) > cabs(M[pivot * n + k]))
                 pivot = i;
-        for (int64_t j = k; pivot != k && j < n; j++) {
-            cplx kept = M[pivot * n + j];
-            M[pivot * n + j] = M[k * n + j];
-            M[k * n + j] = kept;
-        }
-        for (int64_t j = 0; pivot != k && j < m; j++) {
-            cplx kept = R[pivot * m + j];
-            R[pivot * m + j] = R[k * m + j];
-            R[k * m + j] = kept;
+        if (pivot != k) {
+            swap_rows(n, M + k * n, M + pivot * n);
+            swap_rows(m, R + k * m, R + pivot * m);
         }
         for (int64_t i = k + 1; i < n; i++) {
-            if (M[i * n + k].re == 0 && M[i * n + k].im == 0)
+            if (M[i * n + k] == 0)
                 continue;
-            cplx factor = quotient(M[i * n + k], M[k * n + k]);
+            double complex factor = M[i * n + k] / M[k * n + k];
             for (int64_t j = k + 1; j < n; j++)
-                M[i * n + j] = minus(M[i * n + j], product(factor, M[k * n + j]));
+                M[i * n + j] -= factor * M[k * n + j];
             for (int64_t j = 0; j < m; j++)
-                R[i * m + j] = minus(R[i * m + j], product(factor, R[k * m + j]));
+                R[i * m + j] -= factor * R[k * m + j];
         }
     }
     for (int64_t k = n - 1; k >= 0; k--)
         for (int64_t j = 0; j < m; j++) {
-            cplx sum = R[k * m + j];
             for (int64_t i = k + 1; i < n; i++)
-                sum = minus(sum, product(M[k * n + i], R[i * m + j]));
-            R[k * m + j] = quotient(sum, M[k * n + k]);
+                R[k * m + j] -= M[k * n + i] * R[i * m + j];
+            R[k * m + j] /= M[k * n + k];
         }
 }
 
 /* (tr P^q)^(1/q) tends to the largest eigenvalue of P = M* M; with q = 2^20 it is too large by at most ln(6)/q. */
-double largest_singular_value(int64_t n, const cplx *M)
+double largest_singular_value(int64_t n, const double complex *M)
 {
-    cplx P[36], next[36];
+    double complex P[36], square[36];
     double exponent = 0, power = 1;
     for (int64_t i = 0; i < n; i++)
         for (int64_t j = 0; j < n; j++) {
-            P[i * n + j] = cx(0, 0);
+            P[i * n + j] = 0;
             for (int64_t k = 0; k < n; k++)
-                P[i * n + j] = plus(P[i * n + j], product(conjugate(M[k * n + i]), M[k * n + j]));
+                P[i * n + j] += conj(M[k * n + i]) * M[k * n + j];
         }
     for (int round = 0;; round++) {
         double trace = 0;
         for (int64_t i = 0; i < n; i++)
-            trace += P[i * n + i].re;
+            trace += creal(P[i * n + i]);
         if (!(trace > 0))
             return trace == 0 ? 0 : NAN;
         exponent += log(trace) / power;
         if (round == 20)
-            break;
-        for (int64_t i = 0; i < n * n; i++)
-            P[i] = cx(P[i].re / trace, P[i].im / trace);
+            return exp(exponent / 2);
         for (int64_t i = 0; i < n; i++)
             for (int64_t j = i; j < n; j++) {
-                cplx sum = cx(0, 0);
+                double complex sum = 0;
                 for (int64_t k = 0; k < n; k++)
-                    sum = plus(sum, product(P[i * n + k], P[k * n + j]));
-                next[i * n + j] = sum;
-                next[j * n + i] = conjugate(sum);
+                    sum += P[i * n + k] * P[k * n + j];
+                square[i * n + j] = sum / (trace * trace);
+                square[j * n + i] = conj(square[i * n + j]);
             }
         for (int64_t i = 0; i < n * n; i++)
-            P[i] = next[i];
+            P[i] = square[i];
         power *= 2;
     }
-    return exp(exponent / 2);
 }
