@@ -456,8 +456,9 @@ def _fields_header(variant: Variant) -> str:
         "N_MOTION": N_MOTION,
         "MOTION_ROUNDING": ROUNDING,
     }
+    parts = {"of.": "members.", "with.": "loop.", "own.": "", "plan.plan_": "plan.", "turn.turn_": "turned."}
     reads = " \\\n    ".join(
-        f"o->{name.removeprefix('own.').replace('plan.plan_', 'plan.').replace('turn.turn_', 'turned.')} = {kind}({k});"
+        f"m->{next(parts[part] + name.removeprefix(part) for part in parts if name.startswith(part))} = {kind}({k});"
         for k, (name, kind) in enumerate(_all_fields())
         if kind != "LAW"
     )

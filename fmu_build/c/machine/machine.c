@@ -13,27 +13,28 @@
 
 /* What is made of a block's fields when it is opened; it stands before them. */
 typedef struct {
-    batch of;
-    loop with;
-    int64_t n_changes, kept;
+    batch members; /* one */
+    loop loop;
+    planned plan; /* kind -1: the loop has tables of all its rows */
+    turning turned;
+    int64_t kept; /* rows that there is room for */
+    /* rows from which on other parameters, inputs and faults hold, and the next of them */
+    int64_t n_changes, next_change;
     const int64_t *change_rows;
     const double *change_parameters, *change_inputs, *change_faults;
-    planned plan; /* kind -1: it has tables */
-    turning turned;
     int64_t forever; /* it has no end: samples beyond the table's are regular, and nothing is injected there */
     int64_t n_samples;
     const int64_t *sample_rows;
     const double *injected;
-    int64_t *clock; /* for the samples of a call */
+    int64_t *clock; /* rows of the samples of a call, and what is injected there */
     double *injections;
-    int64_t next_change;
-} own;
+} machine;
 
-typedef char own_has_room[sizeof(own) <= MACHINE_ROOM * sizeof(int64_t) ? 1 : -1];
+typedef char a_block_has_room[sizeof(machine) <= MACHINE_ROOM * sizeof(int64_t) ? 1 : -1];
 
-static own *own_of(int64_t *block)
+static machine *machine_of(const int64_t *block)
 {
-    return (own *)(void *)(block + MACHINE_HEAD);
+    return (machine *)(void *)(block + MACHINE_HEAD);
 }
 
 static void *place(int64_t *block, int64_t at)
@@ -46,42 +47,38 @@ static void *place(int64_t *block, int64_t at)
 #define NUMBER(k) number(fields[k])
 #define PLACE(k) place(block, fields[k])
 
-static void read_fields(own *o, int64_t *block, const int64_t *fields)
-{
-    MACHINE_READ
-}
-
 int64_t machine_open(int64_t *block, int64_t words)
 {
     if (words < MACHINE_FIELDS || block[0] != MACHINE_VERSION || block[1] != words || block[2])
         return MACHINE_OTHER;
-    own *o = own_of(block);
-    read_fields(o, block, block + MACHINE_FIELDS);
-    if (block[MACHINE_FIELDS + MACHINE_LAW_FIELD]) {
+    machine *m = machine_of(block);
+    const int64_t *fields = block + MACHINE_FIELDS;
+    MACHINE_READ
+    if (fields[MACHINE_LAW_FIELD]) {
 #ifdef MACHINE_HAS_LAW
-        o->with.law = law_step;
+        m->loop.law = law_step;
 #else
         return MACHINE_NO_LAW;
 #endif
     }
-    o->next_change = 0;
+    m->next_change = 0;
     block[2] = 1;
     return MACHINE_OPEN;
 }
 
 /* New parameters, inputs and faults from a row on. */
-static void change(own *o)
+static void change(machine *m)
 {
-    const double *p = o->change_parameters + o->next_change * N_PARAMETERS;
-    const double *u = o->change_inputs + o->next_change * N_INPUTS;
-    memcpy((double *)o->of.parameters, p, N_PARAMETERS * sizeof *p);
-    memcpy((double *)o->of.inputs, u, N_INPUTS * sizeof *u);
-    if (o->with.cut && o->change_faults) {
-        const double *failed = o->change_faults + o->next_change * (N_LEGS + N_SIGNALS);
-        memcpy(o->with.cut, failed, N_LEGS * sizeof *failed);
-        memcpy(o->with.frozen, failed + N_LEGS, N_SIGNALS * sizeof *failed);
+    const double *p = m->change_parameters + m->next_change * N_PARAMETERS;
+    const double *u = m->change_inputs + m->next_change * N_INPUTS;
+    memcpy((double *)m->members.parameters, p, N_PARAMETERS * sizeof *p);
+    memcpy((double *)m->members.inputs, u, N_INPUTS * sizeof *u);
+    if (m->loop.cut && m->change_faults) {
+        const double *failed = m->change_faults + m->next_change * (N_LEGS + N_SIGNALS);
+        memcpy(m->loop.cut, failed, N_LEGS * sizeof *failed);
+        memcpy(m->loop.frozen, failed + N_LEGS, N_SIGNALS * sizeof *failed);
     }
-    o->next_change++;
+    m->next_change++;
 }
 
 /* A table whose first row is that of an index. */
@@ -91,63 +88,63 @@ static const double *beginning(const double *at, int64_t index, int64_t row)
 }
 
 /* Computes the reference of rows and what their samples need. */
-static void plan(own *o, int64_t row, int64_t to)
+static void plan_rows(machine *m, int64_t row, int64_t to)
 {
-    planned *p = &o->plan;
-    loop *w = &o->with;
-    int64_t first = row / w->every, last = (to - 1) / w->every;
+    planned *p = &m->plan;
+    loop *l = &m->loop;
+    int64_t first = row / l->every, last = (to - 1) / l->every;
     for (int64_t k = first; k <= last; k++) {
-        double time = (double)(k * w->every) * w->plant_step;
+        double time = (double)(k * l->every) * l->plant_step;
         plan_by_hand(p, k, time);
-        for (int64_t at = k * w->every; at < to && at < (k + 1) * w->every; at++)
-            plan_reference(p, (double)at * w->plant_step, p->reference + (at - first * w->every) * N_REFERENCE);
+        for (int64_t at = k * l->every; at < to && at < (k + 1) * l->every; at++)
+            plan_reference(p, (double)at * l->plant_step, p->reference + (at - first * l->every) * N_REFERENCE);
         plan_forces(p, time, p->forces + (k - first) * N_LEGS);
         if (p->jacobians)
             plan_maps_at(p, time, p->jacobians + (k - first) * 36, p->inverses + (k - first) * 36);
     }
-    w->reference.at = beginning(p->reference, first * w->every, N_REFERENCE);
-    w->feedforward.at = beginning(p->forces, first, N_LEGS);
+    l->reference.at = beginning(p->reference, first * l->every, N_REFERENCE);
+    l->feedforward.at = beginning(p->forces, first, N_LEGS);
     if (p->jacobians) {
-        w->jacobian.at = beginning(p->jacobians, first, 36);
-        w->inverse.at = beginning(p->inverses, first, 36);
+        l->jacobian.at = beginning(p->jacobians, first, 36);
+        l->inverse.at = beginning(p->inverses, first, 36);
     }
 }
 
 /* Samples and injections of rows that may be beyond the tables. */
-static void go_on(own *o, int64_t row, int64_t to)
+static void sample_rows(machine *m, int64_t row, int64_t to)
 {
-    loop *w = &o->with;
-    int64_t first = row / w->every, last = (to - 1) / w->every;
+    loop *l = &m->loop;
+    int64_t first = row / l->every, last = (to - 1) / l->every;
     for (int64_t k = first; k <= last; k++) {
-        o->clock[k - first] = k < o->n_samples ? o->sample_rows[k] : k * w->every;
-        for (int i = 0; o->injected && i < N_LEGS; i++)
-            o->injections[(k - first) * N_LEGS + i] = k < o->n_samples ? o->injected[k * N_LEGS + i] : 0;
+        m->clock[k - first] = k < m->n_samples ? m->sample_rows[k] : k * l->every;
+        for (int i = 0; m->injected && i < N_LEGS; i++)
+            m->injections[(k - first) * N_LEGS + i] = k < m->n_samples ? m->injected[k * N_LEGS + i] : 0;
     }
-    w->sampled.at = (const int64_t *)((uintptr_t)o->clock - (uintptr_t)first * sizeof(int64_t));
-    if (o->injected)
-        w->injection.at = beginning(o->injections, first, N_LEGS);
+    l->sampled.at = (const int64_t *)((uintptr_t)m->clock - (uintptr_t)first * sizeof(int64_t));
+    if (m->injected)
+        l->injection.at = beginning(m->injections, first, N_LEGS);
 }
 
 int64_t machine_run(int64_t *block, int64_t to)
 {
-    own *o = own_of(block);
-    int64_t row = o->with.at_row[0], most = row + o->kept;
+    machine *m = machine_of(block);
+    int64_t row = m->loop.at_row[0], most = row + m->kept;
     if (!block[2])
         return row;
-    o->with.first_row = row;
+    m->loop.first_row = row;
     to = to < most ? to : most;
-    to = to < o->with.last + 1 ? to : o->with.last + 1;
-    if (o->forever && row < to)
-        go_on(o, row, to);
-    if (o->plan.kind >= 0 && row < to)
-        plan(o, row, to);
+    to = to < m->loop.last + 1 ? to : m->loop.last + 1;
+    if (m->forever && row < to)
+        sample_rows(m, row, to);
+    if (m->plan.kind >= 0 && row < to)
+        plan_rows(m, row, to);
     while (row < to) {
         int64_t stop = to;
-        if (o->next_change < o->n_changes && o->change_rows[o->next_change] == row)
-            change(o);
-        if (o->next_change < o->n_changes && o->change_rows[o->next_change] < to)
-            stop = o->change_rows[o->next_change];
-        while (!loop_run(&o->of, &o->with, 0, 1, stop, INT64_MAX))
+        if (m->next_change < m->n_changes && m->change_rows[m->next_change] == row)
+            change(m);
+        if (m->next_change < m->n_changes && m->change_rows[m->next_change] < to)
+            stop = m->change_rows[m->next_change];
+        while (!loop_run(&m->members, &m->loop, 0, 1, stop, INT64_MAX))
             ;
         row = stop;
     }
@@ -156,35 +153,35 @@ int64_t machine_run(int64_t *block, int64_t to)
 
 void machine_take(int64_t *block)
 {
-    own *o = own_of(block);
-    int64_t every = o->with.every, sample = (o->with.at_row[0] + every - 1) / every;
-    if (!block[2] || o->plan.kind < 0)
+    machine *m = machine_of(block);
+    int64_t every = m->loop.every, sample = (m->loop.at_row[0] + every - 1) / every;
+    if (!block[2] || m->plan.kind < 0)
         return;
     /* at the next sample it has the motion of then, from which it goes on */
-    o->plan.samples[0] = sample + 1;
-    plan_take(&o->plan, (double)(sample * every) * o->with.plant_step);
+    m->plan.samples[0] = sample + 1;
+    plan_take(&m->plan, (double)(sample * every) * m->loop.plant_step);
 }
 
 int64_t machine_ended(const int64_t *block)
 {
-    return own_of((int64_t *)block)->with.ended[0];
+    return machine_of(block)->loop.ended[0];
 }
 
 int64_t machine_failure(const int64_t *block)
 {
-    return own_of((int64_t *)block)->of.failure[0];
+    return machine_of(block)->members.failure[0];
 }
 
 int64_t machine_turn(int64_t *block)
 {
-    own *o = own_of(block);
-    return block[2] ? turn_all(&o->turned, &o->with, &o->plan) : 0;
+    machine *m = machine_of(block);
+    return block[2] ? turn_all(&m->turned, &m->loop, &m->plan) : 0;
 }
 
 int64_t machine_margins(int64_t *block)
 {
-    own *o = own_of(block);
-    return block[2] ? turn_margins(&o->turned, &o->with) : 1;
+    machine *m = machine_of(block);
+    return block[2] ? turn_margins(&m->turned, &m->loop) : 1;
 }
 
 void *machine_field(int64_t *block, int64_t field)

@@ -206,7 +206,7 @@ static void leg_margins(const open_loop *s, int leg, const double omega[], const
                 continue;
             }
             /* delay only adds lag: a lead is a lag of 2 pi less it */
-            double lag = carg(-conj(z));
+            double lag = carg(-z);
             lag = lag < 0 ? lag + 2 * PI : lag;
             margins[2] = fmin(margins[2], fmin(lag, 2 * PI - lag));
             margins[3] = fmin(margins[3], lag / w);

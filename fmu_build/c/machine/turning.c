@@ -15,7 +15,7 @@
 enum { FIRST_OF_LENGTHS = 12, OF_ENCODERS = 6 };
 
 /* Above 0, or from 0 on. */
-static int bounded(const turning *t, const loop *w, int which, double value)
+static int bounded(const turning *t, const loop *l, int which, double value)
 {
     switch (which) {
     case BANDWIDTH:
@@ -24,7 +24,7 @@ static int bounded(const turning *t, const loop *w, int which, double value)
     case QUANTISATION:
         return value >= 0 && value < INFINITY;
     case DELAY:
-        return value >= 0 && value <= (double)w->most_delay && value == floor(value);
+        return value >= 0 && value <= (double)l->most_delay && value == floor(value);
     case FORCE_LIMIT:
         return value > 0;
     case INTEGRAL_TIME:
@@ -80,7 +80,7 @@ static int64_t channel_of(int64_t state, int controllers, int notches, int64_t *
 }
 
 /* The law's entries, from the matrices [C D; A B] of each channel. */
-static void turn_law(const turning *t, const loop *w, const double used[])
+static void turn_law(const turning *t, const loop *l, const double used[])
 {
     int controllers = STATES[t->variant][0], notches = STATES[t->variant][1], states = controllers + notches;
     double channels[N_LEGS][MOST_ELEMENTS_OF_CHANNEL];
@@ -88,54 +88,54 @@ static void turn_law(const turning *t, const loop *w, const double used[])
         const double values[] = {used[i], used[N_LEGS + i], used[2 * N_LEGS + i], used[USED_FILTER], used[USED_TRACKING + i]};
         LAWS[t->variant](values, t->notch, &t->sample_time, channels[i]);
     }
-    for (int64_t k = 0; k < w->entries; k++) {
-        int64_t row = w->entry_row[k], column = w->entry_column[k], own_row = 0, own_column = 0, channel = row;
+    for (int64_t k = 0; k < l->entries; k++) {
+        int64_t row = l->entry_row[k], column = l->entry_column[k], own_row = 0, own_column = 0, channel = row;
         if (row >= N_LEGS) {
             channel = channel_of(row - N_LEGS, controllers, notches, &own_row);
             own_row++;
         }
-        if (column < w->n_states)
+        if (column < l->n_states)
             channel_of(column, controllers, notches, &own_column);
         else
-            own_column = states + (column - w->n_states) / N_LEGS;
-        ((double *)w->values.at)[k * w->values.element] = channels[channel][own_row * (states + w->kinds) + own_column];
+            own_column = states + (column - l->n_states) / N_LEGS;
+        ((double *)l->values.at)[k * l->values.element] = channels[channel][own_row * (states + l->kinds) + own_column];
     }
 }
 
-int64_t turn_all(turning *t, loop *w, planned *plan)
+int64_t turn_all(turning *t, loop *l, planned *plan)
 {
     const double *wanted = t->wanted;
     double used[N_USED];
     if (!t->wanted)
         return 0;
     for (int k = 0; k < N_WANTED; k++)
-        if (!bounded(t, w, k, wanted[k]))
+        if (!bounded(t, l, k, wanted[k]))
             return 1 + k;
     if (t->variant >= 0) {
         turn_gains(t, used);
         int64_t fault = refused(t, used);
         if (fault)
             return fault;
-        turn_law(t, w, used);
+        turn_law(t, l, used);
         memcpy(t->used, used, sizeof used);
     }
-    *(double *)w->delay.at = wanted[DELAY];
+    *(double *)l->delay.at = wanted[DELAY];
     plan->ahead = (wanted[DELAY] + 0.5) * t->sample_time;
-    if (w->limits.at) {
+    if (l->limits.at) {
         double c[LIMIT_COEFFICIENTS];
-        double rate = w->limits.at[2 * w->limits.element] / t->sample_time;
+        double rate = l->limits.at[2 * l->limits.element] / t->sample_time;
         design_limits(wanted + FORCE_LIMIT, &rate, &t->sample_time, c);
         /* the rate stays as it was, to the last bit */
         for (int k = 0; k < 2; k++)
-            ((double *)w->limits.at)[k * w->limits.element] = c[k];
+            ((double *)l->limits.at)[k * l->limits.element] = c[k];
     }
-    if (w->n_noisy && w->sensors.at) {
+    if (l->n_noisy && l->sensors.at) {
         double c[SENSOR_COEFFICIENTS];
-        *(double *)w->deviations.at = wanted[NOISE];
+        *(double *)l->deviations.at = wanted[NOISE];
         design_sensor(wanted + QUANTISATION, &t->sample_time, c);
         for (int i = 0; i < OF_ENCODERS; i++)
             for (int k = 0; k < SENSOR_COEFFICIENTS; k++)
-                ((double *)w->sensors.at)[((FIRST_OF_LENGTHS + i) * SENSOR_COEFFICIENTS + k) * w->sensors.element] = c[k];
+                ((double *)l->sensors.at)[((FIRST_OF_LENGTHS + i) * SENSOR_COEFFICIENTS + k) * l->sensors.element] = c[k];
     }
     return 0;
 }
