@@ -153,7 +153,7 @@ def _linear_loop(prepared: Prepared, linear: Any) -> dict[str, Any]:
     n, states = plant.nstates, linear.system.nstates
     most = n + N_LEGS * max(int(actuators.delay), MOST_DELAY) + states
     both = n + states
-    work = both * (both + 4 * N_LEGS) + 2 * (most**2 + most + N_LEGS * _POINTS) + 2 * _POINTS + most**2
+    work = both * (both + 4 * N_LEGS) + 2 * (most**2 + most + N_LEGS * _POINTS) + 2 * _POINTS
     return {
         "n_plant": n,
         "A": plant.A,

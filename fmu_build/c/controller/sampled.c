@@ -218,19 +218,35 @@ static double clock_slack(const component *c, double time)
     return fmin(rounding, 0.05 * step_period(c));
 }
 
-/* Whether the steps can be resolved up to this time. */
-static outcome check_resolution(component *c, double end)
+static int is_due(const component *c)
 {
-    double latest = fmax(fabs(c->s.start_time), end);
-    if (step_period(c) < 1e3 * DBL_EPSILON * latest) {
-        write_message(c->message, "sample_time = %g s rejected; it is too short to be resolved at time %g s",
-                      c->s.p.sample_time, latest);
-        return NOT_POSSIBLE;
-    }
-    return DONE;
+    return next_step(c) <= c->s.time + clock_slack(c, c->s.time);
 }
 
-/* ---- a step --------------------------------------------------------------------------------------------------- */
+/* ---- a communication step ------------------------------------------------------------------------------------- */
+
+/* Whether the steps can be resolved and counted up to this time. */
+static outcome check_samples(component *c, double end)
+{
+    double latest = fmax(fabs(c->s.start_time), end);
+    if (step_period(c) < 1e3 * DBL_EPSILON * latest)
+        write_message(c->message, "sample_time = %g s rejected; it is too short to be resolved at time %g s",
+                      c->s.p.sample_time, latest);
+    else if (!((end - next_step(c)) / step_period(c) < MOST_SAMPLES))
+        write_message(c->message, "communication step to %.12g s rejected; it has more than %d samples of %g s; "
+                                  "use shorter steps", end, MOST_SAMPLES, step_period(c));
+    else
+        return DONE;
+    return NOT_POSSIBLE;
+}
+
+static outcome check_inputs(component *c)
+{
+    if (all_finite(c->s.inputs, N_INPUTS))
+        return DONE;
+    write_message(c->message, "at time %.12g s: an input is not finite; its derivative is too large", c->s.time);
+    return NOT_POSSIBLE;
+}
 
 /* The outputs that a step determines; steps count from 0. */
 static double *planned_at(component *c, double step)
@@ -239,12 +255,17 @@ static double *planned_at(component *c, double step)
 }
 
 /* One step with the present inputs: its outputs, and the memory after it, which is undefined after a failure. */
-static outcome take_step(component *c, controller_memory *memory, double outputs[N_DELAYED])
+static outcome take_step(component *c)
 {
-    double force[6];
+    controller_memory *memory = &c->s.memory;
+    double force[6], *outputs = planned_at(c, memory->samples);
     unsigned char limited[6];
-    if (!(memory->samples > 0))
+    if (check_inputs(c) != DONE)
+        return NOT_POSSIBLE;
+    if (!(memory->samples > 0)) {
+        memcpy(c->s.acting, c->s.p.start_force, sizeof c->s.p.start_force);
         controller_start(&c->s.p, memory);
+    }
 #if HAS_REFERENCE_INPUTS
     controller_step(&c->s.p, &c->coefficients, memory, c->s.inputs, c->s.inputs + CONTROLLER_N_MEASURED, force, limited);
 #else
@@ -265,42 +286,6 @@ static outcome take_step(component *c, controller_memory *memory, double outputs
     return DONE;
 }
 
-/* ---- a communication step ------------------------------------------------------------------------------------- */
-
-static int is_due(const component *c)
-{
-    return next_step(c) <= c->s.time + clock_slack(c, c->s.time);
-}
-
-static outcome check_samples(component *c, double end)
-{
-    if (check_resolution(c, end) != DONE)
-        return NOT_POSSIBLE;
-    if (!((end - next_step(c)) / step_period(c) < MOST_SAMPLES)) {
-        write_message(c->message, "communication step to %.12g s rejected; it has more than %d samples of %g s; "
-                                  "use shorter steps", end, MOST_SAMPLES, step_period(c));
-        return NOT_POSSIBLE;
-    }
-    return DONE;
-}
-
-static outcome check_inputs(component *c)
-{
-    if (all_finite(c->s.inputs, N_INPUTS))
-        return DONE;
-    write_message(c->message, "at time %.12g s: an input is not finite; its derivative is too large", c->s.time);
-    return NOT_POSSIBLE;
-}
-
-static outcome take_sample(component *c)
-{
-    if (check_inputs(c) != DONE)
-        return NOT_POSSIBLE;
-    if (!(c->s.memory.samples > 0))
-        memcpy(c->s.acting, c->s.p.start_force, sizeof c->s.p.start_force);
-    return take_step(c, &c->s.memory, planned_at(c, c->s.memory.samples));
-}
-
 static void advance(component *c, double time)
 {
     for (int k = 0; k < N_INPUTS; k++)
@@ -319,9 +304,8 @@ static void advance(component *c, double time)
 static outcome run(component *c, double end, const step_observer *observer)
 {
     while (c->s.time < end) {
-        outcome sampled = is_due(c) ? take_sample(c) : DONE;
-        if (sampled != DONE)
-            return sampled;
+        if (is_due(c) && take_step(c) != DONE)
+            return NOT_POSSIBLE;
         double due = next_step(c), time = due < end - clock_slack(c, end) ? due : end;
         if (time <= c->s.time) /* more than one sample is due */
             continue;

@@ -4,13 +4,7 @@
 #ifndef FOLDS_H
 #define FOLDS_H
 
-#include <stdint.h>
-
-#if defined(_WIN32)
-#define OFFERED __declspec(dllexport)
-#else
-#define OFFERED __attribute__((visibility("default")))
-#endif
+#include "vectors.h"
 
 /* Items by row, element and member, as distances between them; that of members is 0 if all have the same. */
 typedef struct {

@@ -3,13 +3,7 @@
 #ifndef LANES_H
 #define LANES_H
 
-#include <stdint.h>
-
-#if defined(_WIN32)
-#define OFFERED __declspec(dllexport)
-#else
-#define OFFERED __attribute__((visibility("default")))
-#endif
+#include "vectors.h"
 
 /* M = 8 `blocks` members. In an array (size, M) the members are contiguous, and rows are `stride` numbers apart. A power
    of two is unfavourable, since rows would evict each other from the cache. */

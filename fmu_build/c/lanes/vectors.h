@@ -9,6 +9,13 @@
 #include <stdint.h>
 #include <string.h>
 
+/* what a library of vectors exports */
+#if defined(_WIN32)
+#define OFFERED __declspec(dllexport)
+#else
+#define OFFERED __attribute__((visibility("default")))
+#endif
+
 #ifndef WIDTH
 #define WIDTH 8
 #endif

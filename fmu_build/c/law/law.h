@@ -2,13 +2,7 @@
 #ifndef LAW_H
 #define LAW_H
 
-#include <stdint.h>
-
-#if defined(_WIN32)
-#define OFFERED __declspec(dllexport)
-#else
-#define OFFERED __attribute__((visibility("default")))
-#endif
+#include "vectors.h"
 
 /* From `memory` (N_MEMORY, 8): its states, all signals of the reference, all readings, the time of the sample, the
    accelerations of the reference, and coefficients; to `next` (6 + states, 8): forces and the next states. Rows are

@@ -16,21 +16,16 @@ typedef struct {
     double sample_time;
     int64_t n, delay;
     double *A, *B, *C;                 /* (n, n), (n, 6), (6, n) */
-    double complex *resolvent, *right; /* room for z - A and B */
+    double complex *resolvent, *right; /* room for z - A, or the closed loop, and for B */
 } open_loop;
-
-static void clear(double *values, int64_t n)
-{
-    for (int64_t i = 0; i < n; i++)
-        values[i] = 0;
-}
 
 /* Plant and law in series. Of errors the measurements enter the law with their sign, of readings with the other. */
 static void join(open_loop *s, const turning *t, const loop *l)
 {
     int64_t n = s->n, np = t->n_plant, readings = l->n_states + (l->kinds == 1 ? 0 : l->size);
     double sign = l->kinds == 1 ? 1 : -1;
-    clear(s->A, n * (n + 2 * N_LEGS)); /* B and C follow */
+    for (int64_t i = 0; i < n * (n + 2 * N_LEGS); i++)
+        s->A[i] = 0; /* B and C follow */
     for (int64_t i = 0; i < np; i++) {
         for (int64_t j = 0; j < np; j++)
             s->A[i * n + j] = t->A[i * np + j];
@@ -53,10 +48,11 @@ static void join(open_loop *s, const turning *t, const loop *l)
 }
 
 /* x+ = M x of the closed loop (m, m): the states, then the forces under way, the latest first. */
-static void close_loop(const open_loop *s, int64_t m, double *M)
+static void close_loop(const open_loop *s, int64_t m, double complex *M)
 {
     int64_t n = s->n;
-    clear(M, m * m);
+    for (int64_t i = 0; i < m * m; i++)
+        M[i] = 0;
     for (int64_t i = 0; i < n; i++)
         for (int64_t j = 0; j < n; j++) {
             M[i * m + j] = s->A[i * n + j];
@@ -303,12 +299,12 @@ int64_t turn_margins(turning *t, const loop *l)
     s.resolvent = (double complex *)(void *)(s.C + n * N_LEGS);
     s.right = s.resolvent + m * m;
     double complex *poles = s.right + n * N_LEGS, *legs = poles + m;
-    double *values = (double *)(void *)(legs + N_LEGS * MOST_POINTS), *M = values + 2 * MOST_POINTS;
-    if (M + m * m > t->work + t->n_work)
+    double *values = (double *)(void *)(legs + N_LEGS * MOST_POINTS);
+    if (values + 2 * MOST_POINTS > t->work + t->n_work)
         return 1;
     join(&s, t, l);
-    close_loop(&s, m, M);
-    if (eigenvalues(m, M, s.resolvent, poles))
+    close_loop(&s, m, s.resolvent);
+    if (eigenvalues(m, s.resolvent, poles))
         return 1;
     results[RADIUS] = 0;
     results[N_POLES] = (double)m;

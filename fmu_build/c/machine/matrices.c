@@ -3,59 +3,57 @@
 #include <float.h>
 #include <math.h>
 
+static void swap(double complex *one, double complex *other)
+{
+    double complex kept = *one;
+    *one = *other;
+    *other = kept;
+}
+
 /* Scales rows and columns by powers of two to about equal norms (Osborne 1960), without rounding. */
-static void balance(int64_t n, double *a)
+static void balance(int64_t n, double complex *a)
 {
     for (int round = 0, changed = 1; changed && round < 40; round++) {
         changed = 0;
         for (int64_t i = 0; i < n; i++) {
             double row = 0, column = 0, factor = 1;
             for (int64_t j = 0; j < n; j++) {
-                row += j == i ? 0 : fabs(a[i * n + j]);
-                column += j == i ? 0 : fabs(a[j * n + i]);
+                row += j == i ? 0 : cabs(a[i * n + j]);
+                column += j == i ? 0 : cabs(a[j * n + i]);
             }
-            if (!(row > 0 && column > 0))
-                continue;
-            while (column * factor * 2 < row / factor)
+            while (row > 0 && column > 0 && column * factor * 2 < row / factor)
                 factor *= 2;
-            while (column * factor > 2 * row / factor)
+            while (row > 0 && column > 0 && column * factor > 2 * row / factor)
                 factor /= 2;
-            if (factor == 1)
-                continue;
-            changed = 1;
-            for (int64_t j = 0; j < n; j++) {
+            for (int64_t j = 0; factor != 1 && j < n; j++) {
                 a[i * n + j] /= factor;
                 a[j * n + i] *= factor;
             }
+            changed |= factor != 1;
         }
     }
 }
 
 /* To Hessenberg form by elimination with pivots: a similar matrix with zeros below its first subdiagonal. */
-static void reduce(int64_t n, double *a)
+static void reduce(int64_t n, double complex *a)
 {
     for (int64_t k = 1; k < n - 1; k++) {
         int64_t pivot = k;
         for (int64_t i = k; i < n; i++)
-            if (fabs(a[i * n + k - 1]) > fabs(a[pivot * n + k - 1]))
+            if (cabs(a[i * n + k - 1]) > cabs(a[pivot * n + k - 1]))
                 pivot = i;
-        if (a[pivot * n + k - 1] == 0)
-            continue;
-        for (int64_t j = 0; pivot != k && j < n; j++) {
-            double kept = a[pivot * n + j];
-            a[pivot * n + j] = a[k * n + j];
-            a[k * n + j] = kept;
-        }
-        for (int64_t i = 0; pivot != k && i < n; i++) {
-            double kept = a[i * n + pivot];
-            a[i * n + pivot] = a[i * n + k];
-            a[i * n + k] = kept;
-        }
+        for (int64_t j = 0; pivot != k && j < n; j++)
+            swap(&a[pivot * n + j], &a[k * n + j]);
+        for (int64_t i = 0; pivot != k && i < n; i++)
+            swap(&a[i * n + pivot], &a[i * n + k]);
         for (int64_t i = k + 1; i < n; i++) {
-            double factor = a[i * n + k - 1] / a[k * n + k - 1];
-            for (int64_t j = k - 1; factor != 0 && j < n; j++)
+            if (a[i * n + k - 1] == 0)
+                continue;
+            double complex factor = a[i * n + k - 1] / a[k * n + k - 1];
+            a[i * n + k - 1] = 0;
+            for (int64_t j = k; j < n; j++)
                 a[i * n + j] -= factor * a[k * n + j];
-            for (int64_t j = 0; factor != 0 && j < n; j++)
+            for (int64_t j = 0; j < n; j++)
                 a[j * n + k] += factor * a[j * n + i];
         }
     }
@@ -100,13 +98,10 @@ static void turn(int64_t n, int64_t low, int64_t m, double complex *h, double co
         h[i * n + i] += shift;
 }
 
-int eigenvalues(int64_t n, double *matrix, double complex *h, double complex *values)
+int eigenvalues(int64_t n, double complex *h, double complex *values)
 {
-    balance(n, matrix);
-    reduce(n, matrix);
-    for (int64_t i = 0; i < n; i++)
-        for (int64_t j = 0; j < n; j++)
-            h[i * n + j] = j + 1 >= i ? matrix[i * n + j] : 0;
+    balance(n, h);
+    reduce(n, h);
     for (int64_t m = n - 1, tries = 0; m >= 0;) {
         int64_t low = m;
         for (; low > 0; low--) {
@@ -128,15 +123,6 @@ int eigenvalues(int64_t n, double *matrix, double complex *h, double complex *va
     return 0;
 }
 
-static void swap_rows(int64_t m, double complex *one, double complex *other)
-{
-    for (int64_t j = 0; j < m; j++) {
-        double complex kept = one[j];
-        one[j] = other[j];
-        other[j] = kept;
-    }
-}
-
 void solve(int64_t n, int64_t m, double complex *M, double complex *R)
 {
     for (int64_t k = 0; k < n; k++) {
@@ -144,10 +130,10 @@ void solve(int64_t n, int64_t m, double complex *M, double complex *R)
         for (int64_t i = k + 1; i < n; i++)
             if (cabs(M[i * n + k]) > cabs(M[pivot * n + k]))
                 pivot = i;
-        if (pivot != k) {
-            swap_rows(n, M + k * n, M + pivot * n);
-            swap_rows(m, R + k * m, R + pivot * m);
-        }
+        for (int64_t j = k; pivot != k && j < n; j++)
+            swap(&M[k * n + j], &M[pivot * n + j]);
+        for (int64_t j = 0; pivot != k && j < m; j++)
+            swap(&R[k * m + j], &R[pivot * m + j]);
         for (int64_t i = k + 1; i < n; i++) {
             if (M[i * n + k] == 0)
                 continue;
@@ -166,36 +152,17 @@ void solve(int64_t n, int64_t m, double complex *M, double complex *R)
         }
 }
 
-/* (tr P^q)^(1/q) tends to the largest eigenvalue of P = M* M; with q = 2^20 it is too large by at most ln(6)/q. */
 double largest_singular_value(int64_t n, const double complex *M)
 {
-    double complex P[36], square[36];
-    double exponent = 0, power = 1;
+    double complex square[36] = {0}, values[6];
+    double largest = 0;
     for (int64_t i = 0; i < n; i++)
-        for (int64_t j = 0; j < n; j++) {
-            P[i * n + j] = 0;
+        for (int64_t j = 0; j < n; j++)
             for (int64_t k = 0; k < n; k++)
-                P[i * n + j] += conj(M[k * n + i]) * M[k * n + j];
-        }
-    for (int round = 0;; round++) {
-        double trace = 0;
-        for (int64_t i = 0; i < n; i++)
-            trace += creal(P[i * n + i]);
-        if (!(trace > 0))
-            return trace == 0 ? 0 : NAN;
-        exponent += log(trace) / power;
-        if (round == 20)
-            return exp(exponent / 2);
-        for (int64_t i = 0; i < n; i++)
-            for (int64_t j = i; j < n; j++) {
-                double complex sum = 0;
-                for (int64_t k = 0; k < n; k++)
-                    sum += P[i * n + k] * P[k * n + j];
-                square[i * n + j] = sum / (trace * trace);
-                square[j * n + i] = conj(square[i * n + j]);
-            }
-        for (int64_t i = 0; i < n * n; i++)
-            P[i] = square[i];
-        power *= 2;
-    }
+                square[i * n + j] += conj(M[k * n + i]) * M[k * n + j];
+    if (eigenvalues(n, square, values))
+        return NAN;
+    for (int64_t i = 0; i < n; i++)
+        largest = fmax(largest, cabs(values[i]));
+    return sqrt(largest);
 }

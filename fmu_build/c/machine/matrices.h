@@ -5,12 +5,11 @@
 #include <complex.h>
 #include <stdint.h>
 
-/* Eigenvalues (n) of a real matrix (n, n), which is overwritten; `work` has n n complex numbers. Returns 0, or 1 if they
-   do not converge. */
-int eigenvalues(int64_t n, double *matrix, double complex *work, double complex *values);
+/* Eigenvalues (n) of a matrix (n, n), which is overwritten. Returns 0, or 1 if they do not converge. */
+int eigenvalues(int64_t n, double complex *matrix, double complex *values);
 /* X of M X = R, for M (n, n) and R (n, m): both are overwritten, R by X. Partial pivoting. */
 void solve(int64_t n, int64_t m, double complex *M, double complex *R);
-/* The largest singular value of M (n, n), n <= 6, to 1e-6 of itself. */
+/* The largest singular value of M (n, n), n <= 6; NaN if it is not found. */
 double largest_singular_value(int64_t n, const double complex *M);
 
 #endif

@@ -28,17 +28,12 @@ static const fmi_layer FMI_2 = {.token = START.tokens[0], .resolve = slots_of_re
 
 /* ---- life cycle ----------------------------------------------------------------------------------------------- */
 
-const char *fmi2GetTypesPlatform(void)
-{
-    return fmi2TypesPlatform;
-}
+const char *fmi2GetTypesPlatform(void) { return fmi2TypesPlatform; }
 
 fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
                               fmi2String fmuResourceLocation, const fmi2CallbackFunctions *functions,
                               fmi2Boolean visible, fmi2Boolean loggingOn)
 {
-    (void)fmuResourceLocation; /* the unit has no resources */
-    (void)visible;
     if (!functions)
         return NULL;
     /* memory is from the C library, as modelDescription.xml declares (canNotUseMemoryManagementFunctions) */
@@ -83,9 +78,7 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
 #define ONLY_REALS(name, type)                                                                                         \
     fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, type value[])                          \
     {                                                                                                                  \
-        (void)vr;                                                                                                      \
-        (void)value;                                                                                                   \
-        return AS_FMI(no_such_type(c, __func__, nvr));                                                                \
+        return AS_FMI(no_such_type(c, __func__, nvr));                                                                 \
     }
 ONLY_REALS(fmi2GetInteger, fmi2Integer)
 ONLY_REALS(fmi2GetBoolean, fmi2Boolean)
@@ -130,7 +123,6 @@ fmi2Status fmi2GetRealOutputDerivatives(fmi2Component c, const fmi2ValueReferenc
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real currentCommunicationPoint, fmi2Real communicationStepSize,
                       fmi2Boolean noSetFMUStatePriorToCurrentPoint)
 {
-    (void)noSetFMUStatePriorToCurrentPoint;
     return AS_FMI(do_step(c, __func__, currentCommunicationPoint, communicationStepSize, NULL));
 }
 
@@ -170,7 +162,6 @@ fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *
 
 fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Integer *value)
 {
-    (void)s;
     return check_status(c, __func__, 0, value);
 }
 
@@ -187,6 +178,5 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boo
 
 fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2String *value)
 {
-    (void)s;
     return check_status(c, __func__, 0, value);
 }

@@ -39,8 +39,6 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                                           fmi3InstanceEnvironment instanceEnvironment,
                                           fmi3LogMessageCallback logMessage)
 {
-    (void)resourcePath; /* the unit has no resources */
-    (void)visible;
     fmi_instance request = {.layer = &FMI_3,
                             .kind = MODEL_EXCHANGE,
                             .environment = instanceEnvironment,
@@ -58,8 +56,6 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                                          fmi3LogMessageCallback logMessage,
                                          fmi3IntermediateUpdateCallback intermediateUpdate)
 {
-    (void)resourcePath;
-    (void)visible;
     fmi_instance request = {.layer = &FMI_3,
                             .kind = CO_SIMULATION,
                             .environment = instanceEnvironment,
@@ -94,13 +90,6 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
                                                fmi3LockPreemptionCallback lockPreemption,
                                                fmi3UnlockPreemptionCallback unlockPreemption)
 {
-    (void)instanceName;
-    (void)instantiationToken;
-    (void)resourcePath;
-    (void)visible;
-    (void)clockUpdate;
-    (void)lockPreemption;
-    (void)unlockPreemption;
     fmi_instance request = {.layer = &FMI_3,
                             .environment = instanceEnvironment,
                             .logger = (any_function)logMessage,
@@ -132,54 +121,40 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
     return AS_FMI(set_values(instance, __func__, valueReferences, nValueReferences, values, nValues));
 }
 
-#define ONLY_FLOAT64(name, type)                                                                                       \
+/* A function of a type that no variable has: its vectors are read for no reference. */
+#define NO_VARIABLES(name, n, ...)                                                                                     \
     fmi3Status name(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,        \
-                    type values[], size_t nValues)                                                                     \
+                    __VA_ARGS__)                                                                                       \
     {                                                                                                                  \
-        (void)valueReferences;                                                                                         \
-        (void)values;                                                                                                  \
-        return AS_FMI(no_such_type(instance, __func__, nValueReferences + nValues));                                  \
+        return AS_FMI(no_such_type(instance, __func__, n));                                                            \
     }
-ONLY_FLOAT64(fmi3GetFloat32, fmi3Float32)
-ONLY_FLOAT64(fmi3GetInt8, fmi3Int8)
-ONLY_FLOAT64(fmi3GetUInt8, fmi3UInt8)
-ONLY_FLOAT64(fmi3GetInt16, fmi3Int16)
-ONLY_FLOAT64(fmi3GetUInt16, fmi3UInt16)
-ONLY_FLOAT64(fmi3GetInt32, fmi3Int32)
-ONLY_FLOAT64(fmi3GetUInt32, fmi3UInt32)
-ONLY_FLOAT64(fmi3GetInt64, fmi3Int64)
-ONLY_FLOAT64(fmi3GetUInt64, fmi3UInt64)
-ONLY_FLOAT64(fmi3GetBoolean, fmi3Boolean)
-ONLY_FLOAT64(fmi3GetString, fmi3String)
-ONLY_FLOAT64(fmi3SetFloat32, const fmi3Float32)
-ONLY_FLOAT64(fmi3SetInt8, const fmi3Int8)
-ONLY_FLOAT64(fmi3SetUInt8, const fmi3UInt8)
-ONLY_FLOAT64(fmi3SetInt16, const fmi3Int16)
-ONLY_FLOAT64(fmi3SetUInt16, const fmi3UInt16)
-ONLY_FLOAT64(fmi3SetInt32, const fmi3Int32)
-ONLY_FLOAT64(fmi3SetUInt32, const fmi3UInt32)
-ONLY_FLOAT64(fmi3SetInt64, const fmi3Int64)
-ONLY_FLOAT64(fmi3SetUInt64, const fmi3UInt64)
-ONLY_FLOAT64(fmi3SetBoolean, const fmi3Boolean)
-ONLY_FLOAT64(fmi3SetString, const fmi3String)
-
-fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                         size_t valueSizes[], fmi3Binary values[], size_t nValues)
-{
-    (void)valueReferences;
-    (void)valueSizes;
-    (void)values;
-    return AS_FMI(no_such_type(instance, __func__, nValueReferences + nValues));
-}
-
-fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                         const size_t valueSizes[], const fmi3Binary values[], size_t nValues)
-{
-    (void)valueReferences;
-    (void)valueSizes;
-    (void)values;
-    return AS_FMI(no_such_type(instance, __func__, nValueReferences + nValues));
-}
+#define OF_TYPE(name, type) NO_VARIABLES(name, nValueReferences + nValues, type values[], size_t nValues)
+#define OF_CLOCKS(name, ...) NO_VARIABLES(name, nValueReferences, __VA_ARGS__)
+OF_TYPE(fmi3GetFloat32, fmi3Float32)
+OF_TYPE(fmi3GetInt8, fmi3Int8)
+OF_TYPE(fmi3GetUInt8, fmi3UInt8)
+OF_TYPE(fmi3GetInt16, fmi3Int16)
+OF_TYPE(fmi3GetUInt16, fmi3UInt16)
+OF_TYPE(fmi3GetInt32, fmi3Int32)
+OF_TYPE(fmi3GetUInt32, fmi3UInt32)
+OF_TYPE(fmi3GetInt64, fmi3Int64)
+OF_TYPE(fmi3GetUInt64, fmi3UInt64)
+OF_TYPE(fmi3GetBoolean, fmi3Boolean)
+OF_TYPE(fmi3GetString, fmi3String)
+OF_TYPE(fmi3SetFloat32, const fmi3Float32)
+OF_TYPE(fmi3SetInt8, const fmi3Int8)
+OF_TYPE(fmi3SetUInt8, const fmi3UInt8)
+OF_TYPE(fmi3SetInt16, const fmi3Int16)
+OF_TYPE(fmi3SetUInt16, const fmi3UInt16)
+OF_TYPE(fmi3SetInt32, const fmi3Int32)
+OF_TYPE(fmi3SetUInt32, const fmi3UInt32)
+OF_TYPE(fmi3SetInt64, const fmi3Int64)
+OF_TYPE(fmi3SetUInt64, const fmi3UInt64)
+OF_TYPE(fmi3SetBoolean, const fmi3Boolean)
+OF_TYPE(fmi3SetString, const fmi3String)
+NO_VARIABLES(fmi3GetBinary, nValueReferences + nValues, size_t valueSizes[], fmi3Binary values[], size_t nValues)
+NO_VARIABLES(fmi3SetBinary, nValueReferences + nValues, const size_t valueSizes[], const fmi3Binary values[],
+             size_t nValues)
 
 static fmi3Status no_dimensions(fmi_instance *i, const char *function, fmi3ValueReference reference, size_t *n)
 {
@@ -204,10 +179,6 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference
                                        size_t elementIndicesOfIndependents[], fmi3DependencyKind dependencyKinds[],
                                        size_t nDependencies)
 {
-    (void)elementIndicesOfDependent;
-    (void)independents;
-    (void)elementIndicesOfIndependents;
-    (void)dependencyKinds;
     return no_dimensions(instance, __func__, dependent, &nDependencies);
 }
 
@@ -301,7 +272,6 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
                       fmi3Boolean noSetFMUStatePriorToCurrentPoint, fmi3Boolean *eventHandlingNeeded,
                       fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
 {
-    (void)noSetFMUStatePriorToCurrentPoint;
     fmi_instance *i = instance;
     if (!i || !has_array(i, __func__, eventHandlingNeeded, 1, "eventHandlingNeeded") ||
         !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation") ||
@@ -321,29 +291,16 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
 
 /* ---- not offered: clocks, step mode after events, structural parameters --------------------------------------- */
 
-/* A function of clocks, of which there are none: its vectors are read for no reference. */
-#define OF_CLOCKS(name, unused, ...)                                                                                   \
-    fmi3Status name(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,        \
-                    __VA_ARGS__)                                                                                       \
-    {                                                                                                                  \
-        (void)valueReferences;                                                                                         \
-        unused;                                                                                                        \
-        return AS_FMI(no_such_type(instance, __func__, nValueReferences));                                            \
-    }
-OF_CLOCKS(fmi3GetClock, (void)values, fmi3Clock values[])
-OF_CLOCKS(fmi3SetClock, (void)values, const fmi3Clock values[])
-OF_CLOCKS(fmi3GetIntervalDecimal, ((void)intervals, (void)qualifiers), fmi3Float64 intervals[],
-          fmi3IntervalQualifier qualifiers[])
-OF_CLOCKS(fmi3SetIntervalDecimal, (void)intervals, const fmi3Float64 intervals[])
-OF_CLOCKS(fmi3GetIntervalFraction, ((void)counters, (void)resolutions, (void)qualifiers), fmi3UInt64 counters[],
-          fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[])
-OF_CLOCKS(fmi3SetIntervalFraction, ((void)counters, (void)resolutions), const fmi3UInt64 counters[],
-          const fmi3UInt64 resolutions[])
-OF_CLOCKS(fmi3GetShiftDecimal, (void)shifts, fmi3Float64 shifts[])
-OF_CLOCKS(fmi3SetShiftDecimal, (void)shifts, const fmi3Float64 shifts[])
-OF_CLOCKS(fmi3GetShiftFraction, ((void)counters, (void)resolutions), fmi3UInt64 counters[], fmi3UInt64 resolutions[])
-OF_CLOCKS(fmi3SetShiftFraction, ((void)counters, (void)resolutions), const fmi3UInt64 counters[],
-          const fmi3UInt64 resolutions[])
+OF_CLOCKS(fmi3GetClock, fmi3Clock values[])
+OF_CLOCKS(fmi3SetClock, const fmi3Clock values[])
+OF_CLOCKS(fmi3GetIntervalDecimal, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[])
+OF_CLOCKS(fmi3SetIntervalDecimal, const fmi3Float64 intervals[])
+OF_CLOCKS(fmi3GetIntervalFraction, fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[])
+OF_CLOCKS(fmi3SetIntervalFraction, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
+OF_CLOCKS(fmi3GetShiftDecimal, fmi3Float64 shifts[])
+OF_CLOCKS(fmi3SetShiftDecimal, const fmi3Float64 shifts[])
+OF_CLOCKS(fmi3GetShiftFraction, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
+OF_CLOCKS(fmi3SetShiftFraction, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
 
 static fmi3Status not_offered(const fmi_instance *i, const char *function)
 {
@@ -354,22 +311,9 @@ static fmi3Status not_offered(const fmi_instance *i, const char *function)
 fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
                                       fmi3Float64 activationTime)
 {
-    (void)clockReference;
-    (void)activationTime;
     return not_offered(instance, __func__);
 }
 
-fmi3Status fmi3EnterStepMode(fmi3Instance instance)
-{
-    return not_offered(instance, __func__);
-}
-
-fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance)
-{
-    return not_offered(instance, __func__);
-}
-
-fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance)
-{
-    return not_offered(instance, __func__);
-}
+fmi3Status fmi3EnterStepMode(fmi3Instance instance) { return not_offered(instance, __func__); }
+fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) { return not_offered(instance, __func__); }
+fmi3Status fmi3ExitConfigurationMode(fmi3Instance instance) { return not_offered(instance, __func__); }

@@ -5,12 +5,12 @@
    FMI_DESERIALIZE, FMI_GET_DERIVATIVES   functions that it names in another way */
 #include "instance.h"
 
+/* the standard's functions have arguments that this unit does not need */
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+
 #define AS_FMI(status) ((FMI(Status))(status))
 
-const char *FMI(GetVersion)(void)
-{
-    return FMI(Version);
-}
+const char *FMI(GetVersion)(void) { return FMI(Version); }
 
 /* ---- life cycle ----------------------------------------------------------------------------------------------- */
 
@@ -20,10 +20,7 @@ FMI(Status) FMI(SetDebugLogging)(void *instance, FMI(Boolean) loggingOn, size_t 
     return AS_FMI(set_logging(instance, __func__, loggingOn, nCategories, categories));
 }
 
-void FMI(FreeInstance)(void *instance)
-{
-    free(instance);
-}
+void FMI(FreeInstance)(void *instance) { free(instance); }
 
 FMI(Status) FMI(ExitInitializationMode)(void *instance)
 {
@@ -52,20 +49,9 @@ FMI(Status) FMI(Reset)(void *instance)
 
 /* ---- saved states --------------------------------------------------------------------------------------------- */
 
-FMI(Status) FMI_STATE(Get, )(void *instance, void **saved)
-{
-    return AS_FMI(save_state(instance, __func__, saved));
-}
-
-FMI(Status) FMI_STATE(Set, )(void *instance, void *saved)
-{
-    return AS_FMI(restore_state(instance, __func__, saved));
-}
-
-FMI(Status) FMI_STATE(Free, )(void *instance, void **saved)
-{
-    return AS_FMI(free_state(instance, __func__, saved));
-}
+FMI(Status) FMI_STATE(Get, )(void *instance, void **saved) { return AS_FMI(save_state(instance, __func__, saved)); }
+FMI(Status) FMI_STATE(Set, )(void *instance, void *saved) { return AS_FMI(restore_state(instance, __func__, saved)); }
+FMI(Status) FMI_STATE(Free, )(void *instance, void **saved) { return AS_FMI(free_state(instance, __func__, saved)); }
 
 FMI(Status) FMI_STATE(Serialized, Size)(void *instance, void *saved, size_t *size)
 {
@@ -104,7 +90,6 @@ FMI(Status) FMI(EnterContinuousTimeMode)(void *instance)
 FMI(Status) FMI(CompletedIntegratorStep)(void *instance, FMI(Boolean) noSetFMUStatePriorToCurrentPoint,
                                          FMI(Boolean) *enterEventMode, FMI(Boolean) *terminateSimulation)
 {
-    (void)noSetFMUStatePriorToCurrentPoint;
     fmi_instance *i = instance;
     if (!i || !has_array(i, __func__, enterEventMode, 1, "enterEventMode") ||
         !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation"))
@@ -163,7 +148,6 @@ FMI(Status) FMI(GetNominalsOfContinuousStates)(void *instance, double nominals[]
 
 FMI(Status) FMI(GetEventIndicators)(void *instance, double indicators[], size_t n)
 {
-    (void)indicators; /* there are none */
     return is_allowed(instance, __func__, CALL_GET_CONTINUOUS_STATES) &&
                    has_length(instance, __func__, n, 0, "event indicators")
                ? FMI(OK)
