@@ -43,11 +43,11 @@ typedef struct {
 /* Adds rows to the states. A member's rows from the first one on that has a number that is not finite do not count:
    `counting` then has their number. If `first` is not 0, there is a row before the first one of the block. Returns 0, or
    -1 if there are more columns or states than the library holds. */
-OFFERED int64_t folds_add(const rows_of_members *of);
+OFFERED int64_t folds_add(const rows_of_members *block);
 /* The same for rows of one vector that are in vectors already: (rows + 1, elements, 8), `elements` of a row, the first row
    being the one before. `counting` (8 vectors) has -1 for members all of whose rows counted so far, else how many did;
    `ends` (8) how many of these rows each member has, more than `rows` if it goes on. */
-OFFERED void folds_rows(const rows_of_members *of, int64_t vector, int64_t first, int64_t rows, int64_t elements,
+OFFERED void folds_rows(const rows_of_members *block, int64_t vector, int64_t first, int64_t rows, int64_t elements,
                         const int64_t *ends, const double *chunk);
 /* Number of a kernel, or -1; and its columns (elements), states and parameters. */
 OFFERED int64_t folds_kernel(const char *name, int64_t sizes[3]);
