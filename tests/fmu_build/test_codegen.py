@@ -47,6 +47,19 @@ def test_the_unit_knows_a_component_by_its_interface_only() -> None:
     assert "component.h" in own
 
 
+def test_the_readme_of_the_c_lists_every_folder_and_every_header_that_is_not_there() -> None:
+    """Expected: what the files include, and that each row of generated headers is included somewhere."""
+    room = Path(tables.__file__).parent / "c"
+    folders, generated, _ = (room / "README.md").read_text().split("\n| --- ")[1:]
+    listed = [
+        set(re.findall(r"`([^`]*)`", "".join(re.findall(r"^\|([^|]*)\|", part, re.M)))) for part in (folders, generated)
+    ]
+    files = list(room.rglob("*.[ch]"))
+    included = {name for file in files for name in re.findall(r'#include "(.*?)"', file.read_text())}
+    assert listed[0] == {f"{file.parent.name}/" for file in files}
+    assert listed[1] == included - {file.name for file in files}
+
+
 def test_code_that_branches_is_refused() -> None:
     x = casadi.SX.sym("x")
     function = casadi.Function("f", [x], [casadi.if_else(x > 0, casadi.sin(x), casadi.fmod(x, 2))], ["x"], ["y"])
