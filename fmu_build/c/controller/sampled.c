@@ -56,10 +56,7 @@ const size_t N_SAVED = sizeof(controller_state) / sizeof(double);
 
 /* ---- variables ------------------------------------------------------------------------------------------------ */
 
-static int is_parameter(int slot)
-{
-    return slot >= FIRST_PARAMETER && slot < FIRST_PARAMETER + N_PARAMETERS;
-}
+static int is_parameter(int slot) { return slot >= FIRST_PARAMETER && slot < FIRST_PARAMETER + N_PARAMETERS; }
 
 /* The struct is a vector of doubles, in the order of the slots. */
 static double get_parameter(const component *c, int slot)
@@ -88,10 +85,7 @@ void component_reset(component *c)
         put_parameter(c, FIRST_PARAMETER + k, START_PARAMETERS[k]);
 }
 
-const char *component_message(const component *c)
-{
-    return c->message;
-}
+const char *component_message(const component *c) { return c->message; }
 
 static int is_output_delay(double value)
 {
@@ -189,27 +183,14 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
     return DONE;
 }
 
-outcome component_begin(component *c)
-{
-    return component_check_parameters(c);
-}
-
-double component_time(const component *c)
-{
-    return c->s.time;
-}
+outcome component_begin(component *c) { return component_check_parameters(c); }
+double component_time(const component *c) { return c->s.time; }
 
 /* Time from step to step of the controller. */
-static double step_period(const component *c)
-{
-    return c->s.p.sample_time / STEPS_A_SAMPLE;
-}
+static double step_period(const component *c) { return c->s.p.sample_time / STEPS_A_SAMPLE; }
 
 /* Time of its next step. */
-static double next_step(const component *c)
-{
-    return c->s.start_time + c->s.memory.samples * step_period(c);
-}
+static double next_step(const component *c) { return c->s.start_time + c->s.memory.samples * step_period(c); }
 
 /* Tolerance for the accumulated rounding of an importer's clock. */
 static double clock_slack(const component *c, double time)
@@ -218,10 +199,7 @@ static double clock_slack(const component *c, double time)
     return fmin(rounding, 0.05 * step_period(c));
 }
 
-static int is_due(const component *c)
-{
-    return next_step(c) <= c->s.time + clock_slack(c, c->s.time);
-}
+static int is_due(const component *c) { return next_step(c) <= c->s.time + clock_slack(c, c->s.time); }
 
 /* ---- a communication step ------------------------------------------------------------------------------------- */
 
@@ -249,10 +227,7 @@ static outcome check_inputs(component *c)
 }
 
 /* The outputs that a step determines; steps count from 0. */
-static double *planned_at(component *c, double step)
-{
-    return c->s.planned[(size_t)fmod(step, N_PLANNED)];
-}
+static double *planned_at(component *c, double step) { return c->s.planned[(size_t)fmod(step, N_PLANNED)]; }
 
 /* One step with the present inputs: its outputs, and the memory after it, which is undefined after a failure. */
 static outcome take_step(component *c)
@@ -342,10 +317,7 @@ outcome component_step(component *c, double time, double step, const step_observ
 
 /* ---- saved states --------------------------------------------------------------------------------------------- */
 
-void component_save(const component *c, double saved[])
-{
-    memcpy(saved, &c->s, sizeof c->s);
-}
+void component_save(const component *c, double saved[]) { memcpy(saved, &c->s, sizeof c->s); }
 
 int component_can_restore(const double saved[])
 {

@@ -30,10 +30,7 @@ typedef struct {
 /* Rows of a vector at a time, after the row before: they stay in the cache. */
 #define CHUNK 16
 
-static mask least(mask a, mask b)
-{
-    return ((a < b) & a) | (~(a < b) & b);
-}
+static mask least(mask a, mask b) { return ((a < b) & a) | (~(a < b) & b); }
 
 /* An item of eight members: one for all, side by side, or one by one. */
 static inline lanes item(const char *at, int64_t by_member, int64_t members, int is_flag)

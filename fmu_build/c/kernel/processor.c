@@ -46,9 +46,6 @@ int processor_level(void)
 
 #else
 
-int processor_level(void)
-{
-    return 0;
-}
+int processor_level(void) { return 0; }
 
 #endif

@@ -57,10 +57,7 @@ static void evaluate(const group *g, const lanes x[], evaluation *there)
 #endif
 }
 
-void look(group *g)
-{
-    evaluate(g, g->x, &g->here);
-}
+void look(group *g) { evaluate(g, g->x, &g->here); }
 
 /* The derivatives in a state that has been evaluated. */
 static void find_rates(const group *g, const evaluation *there, const lanes x[], lanes rate[])
@@ -467,10 +464,7 @@ void lanes_signals(const batch *members, double *signals)
     }
 }
 
-void find_results(const group *g, lanes results[])
-{
-    kernel_outputs(g->x, g->u, g->p, results);
-}
+void find_results(const group *g, lanes results[]) { kernel_outputs(g->x, g->u, g->p, results); }
 
 void lanes_results(const batch *members, double *results)
 {

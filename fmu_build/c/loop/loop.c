@@ -66,13 +66,13 @@ static void keep(const vector *v, double *memory, int n, const lanes x[], mask w
         remember(v, memory, i, choose(where, x[i], remembered(v, memory, i)));
 }
 
-static mask everyone_of(const vector *v)
-{
-    return v->plant.running | ~v->plant.running;
-}
+static mask everyone_of(const vector *v) { return v->plant.running | ~v->plant.running; }
 
-static void write_numbers(const vector *v, const rows_of_numbers *to, int64_t row, int64_t element, lanes x, mask where)
+/* An element of a row of members, if there is a place for it. */
+static void write_number(const vector *v, const rows_of_numbers *to, int64_t row, int64_t element, lanes x, mask where)
 {
+    if (!to->at)
+        return;
     double *place = to->at + row * to->row + element * to->element + v->first;
     if (v->live == WIDTH && !any(~where))
         put(place, x);
@@ -82,16 +82,24 @@ static void write_numbers(const vector *v, const rows_of_numbers *to, int64_t ro
                 place[lane] = LANE(x, lane);
 }
 
-static void write_flags(const vector *v, const rows_of_flags *to, int64_t row, int64_t element, lanes x, mask where)
+static void write_numbers(const vector *v, const rows_of_numbers *to, int64_t row, int n, const lanes x[], mask where)
 {
-    uint8_t *place = to->at + row * to->row + element * to->element + v->first;
-    mask is_set = (x != 0) & 1;
-    if (v->live == WIDTH && !any(~where))
-        put_flags(place, is_set);
-    else
-        for (int lane = 0; lane < v->live; lane++)
-            if (HOLDS(where, lane))
-                place[lane] = (uint8_t)HOLDS(is_set, lane);
+    for (int i = 0; i < n; i++)
+        write_number(v, to, row, i, x[i], where);
+}
+
+static void write_flags(const vector *v, const rows_of_flags *to, int64_t row, int n, const lanes x[], mask where)
+{
+    for (int i = 0; to->at && i < n; i++) {
+        uint8_t *place = to->at + row * to->row + i * to->element + v->first;
+        mask is_set = (x[i] != 0) & 1;
+        if (v->live == WIDTH && !any(~where))
+            put_flags(place, is_set);
+        else
+            for (int lane = 0; lane < v->live; lane++)
+                if (HOLDS(where, lane))
+                    place[lane] = (uint8_t)HOLDS(is_set, lane);
+    }
 }
 
 /* Ends members at a row: it is their last one. */
@@ -174,8 +182,9 @@ static void times(const vector *v, const table *matrix, int64_t sample, int tran
 static void feed(vector *v, int64_t sample, mask due)
 {
     const loop *l = v->loop;
-    lanes excess[N_LEGS], step[N_LEGS], now[N_LEGS], ahead[N_LEGS], length[N_LEGS];
-    recall(v, l->excess, N_LEGS, excess);
+    lanes beyond[N_LEGS], excess[N_LEGS], step[N_LEGS], now[N_LEGS], ahead[N_LEGS], length[N_LEGS];
+    recall(v, l->excess, N_LEGS, beyond);
+    memcpy(excess, beyond, sizeof excess);
     int in_task_space = l->inverse.at != 0;
     if (in_task_space) {
         for (int i = 0; i < N_LEGS; i++) {
@@ -188,11 +197,8 @@ static void feed(vector *v, int64_t sample, mask due)
             step[i] = value_at(v, &l->reference, sample * l->every, l->used[i]) - length[i];
         }
         times(v, &l->inverse, sample, 0, step, ahead);
-        if (l->kinds == 3) {
-            times(v, &l->jacobian, sample, 1, excess, step);
-            for (int i = 0; i < N_LEGS; i++)
-                excess[i] = step[i];
-        }
+        if (l->kinds == 3)
+            times(v, &l->jacobian, sample, 1, beyond, excess);
         keep(v, l->pose, N_LEGS, now, due);
         keep(v, l->lengths, N_LEGS, length, due);
     }
@@ -235,10 +241,10 @@ static void call_law(const vector *v, int64_t sample)
 static void control(vector *v, int64_t sample, mask due, lanes force[])
 {
     const loop *l = v->loop;
+    lanes output[N_LEGS];
     feed(v, sample, due);
-    if (l->sample_state.at)
-        for (int64_t i = 0; i < l->n_states; i++)
-            write_numbers(v, &l->sample_state, sample, i, remembered(v, l->memory, i), due);
+    for (int64_t i = 0; i < l->n_states; i++)
+        write_number(v, &l->sample_state, sample, i, remembered(v, l->memory, i), due);
     if (l->law)
         call_law(v, sample);
     else
@@ -247,13 +253,10 @@ static void control(vector *v, int64_t sample, mask due, lanes force[])
         lanes next = remembered(v, l->next, N_LEGS + i);
         remember(v, l->memory, i, choose(due, next, remembered(v, l->memory, i)));
     }
-    recall(v, l->next, N_LEGS, force);
-    if (l->inverse.at) {
-        lanes wrench[N_LEGS];
-        for (int i = 0; i < N_LEGS; i++)
-            wrench[i] = force[i];
-        times(v, &l->inverse, sample, 1, wrench, force);
-    }
+    recall(v, l->next, N_LEGS, output);
+    memcpy(force, output, sizeof output);
+    if (l->inverse.at)
+        times(v, &l->inverse, sample, 1, output, force);
 }
 
 /* The forces that reach the drives at a sample: those allowed some samples ago, each member's number of them. */
@@ -276,8 +279,8 @@ static void hold(const vector *v, int64_t sample, const lanes allowed[], mask du
 static void sample_at(vector *v, int64_t row, int64_t sample, mask due)
 {
     const loop *l = v->loop;
-    lanes command[N_LEGS], allowed[N_LEGS], is_cut[N_LEGS], excess[N_LEGS];
-    lanes force[N_LEGS], most = (lanes)0.0, nothing = (lanes)0.0;
+    lanes command[N_LEGS], allowed[N_LEGS], is_cut[N_LEGS], excess[N_LEGS], measured[N_SIGNALS], force[N_LEGS];
+    lanes most = (lanes)0.0, nothing = (lanes)0.0;
     if (l->kinds)
         control(v, sample, due, force);
     for (int i = 0; i < N_LEGS; i++) {
@@ -303,14 +306,11 @@ static void sample_at(vector *v, int64_t row, int64_t sample, mask due)
         hold(v, sample, allowed, goes_on);
     } else
         hold(v, sample, command, due & v->plant.running);
-    if (l->sample_command.at)
-        for (int i = 0; i < N_LEGS; i++) {
-            write_numbers(v, &l->sample_command, sample, i, command[i], due);
-            write_flags(v, &l->sample_limited, sample, i, remembered(v, l->limited, i), due);
-        }
-    if (l->sample_measured.at)
-        for (int i = 0; i < N_SIGNALS; i++)
-            write_numbers(v, &l->sample_measured, sample, i, remembered(v, l->measured, i), due);
+    recall(v, l->limited, N_LEGS, is_cut);
+    recall(v, l->measured, N_SIGNALS, measured);
+    write_numbers(v, &l->sample_command, sample, N_LEGS, command, due);
+    write_flags(v, &l->sample_limited, sample, N_LEGS, is_cut, due);
+    write_numbers(v, &l->sample_measured, sample, N_SIGNALS, measured, due);
 }
 
 /* Mean forces until the next row, and which of them a rate limit affects. */
@@ -352,24 +352,21 @@ static void keep_row(vector *v, int64_t row, const lanes is_behind[])
     if (l->row_results.at) {
         lanes y[N_RESULTS];
         find_results(&v->plant, y);
-        for (int i = 0; i < N_RESULTS; i++)
-            write_numbers(v, &l->row_results, row, i, y[i], everyone);
-        for (int i = 0; i < N_INPUTS; i++)
-            write_numbers(v, &l->row_forces, row, i, v->plant.u[i], everyone);
+        write_numbers(v, &l->row_results, row, N_RESULTS, y, everyone);
+        write_numbers(v, &l->row_forces, row, N_INPUTS, v->plant.u, everyone);
     } else {
-        for (int i = 0; i < N_SIGNALS; i++)
-            write_numbers(v, &l->row_signals, row, i, remembered(v, l->signals, i), everyone);
-        for (int i = 0; i < N_LEGS; i++)
-            write_numbers(v, &l->row_forces, row, i, remembered(v, l->acting, i), everyone);
-        for (int i = 0; i < N_LEGS; i++)
-            write_flags(v, &l->row_force_limited, row, i, remembered(v, l->limited, i), everyone);
+        lanes signals[N_SIGNALS], acting[N_LEGS], limited[N_LEGS];
+        recall(v, l->signals, N_SIGNALS, signals);
+        recall(v, l->acting, N_LEGS, acting);
+        recall(v, l->limited, N_LEGS, limited);
+        write_numbers(v, &l->row_signals, row, N_SIGNALS, signals, everyone);
+        write_numbers(v, &l->row_forces, row, N_LEGS, acting, everyone);
+        write_flags(v, &l->row_force_limited, row, N_LEGS, limited, everyone);
 #if HAS_SPRINGS
-        for (int i = 0; l->row_motors.at && i < 2 * N_LEGS; i++)
-            write_numbers(v, &l->row_motors, row, i, v->plant.x[X_MOTOR_POSITION + i], everyone);
+        write_numbers(v, &l->row_motors, row, 2 * N_LEGS, v->plant.x + X_MOTOR_POSITION, everyone);
 #endif
     }
-    for (int i = 0; i < N_LEGS; i++)
-        write_flags(v, &l->row_rate_limited, row, i, is_behind[i], everyone);
+    write_flags(v, &l->row_rate_limited, row, N_LEGS, is_behind, everyone);
 }
 
 /* The elements of a row for folds, and what is kept of it. */
@@ -401,7 +398,7 @@ static void take_row(vector *v, int64_t row, const lanes is_behind[])
 #endif
     for (const kept_rows *k = l->takes->kept; k < l->takes->kept + l->takes->n_kept; k++)
         for (int64_t i = 0; k->place[row] >= 0 && i < k->size; i++)
-            write_numbers(v, &k->to, k->place[row], i, into[k->elements[i]], everyone_of(v));
+            write_number(v, &k->to, k->place[row], i, into[k->elements[i]], everyone_of(v));
 }
 
 /* Gives the chunk of rows before `row` to the folds. */

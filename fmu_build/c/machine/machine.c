@@ -32,15 +32,8 @@ typedef struct {
 
 typedef char a_block_has_room[sizeof(machine) <= MACHINE_ROOM * sizeof(int64_t) ? 1 : -1];
 
-static machine *machine_of(const int64_t *block)
-{
-    return (machine *)(void *)(block + MACHINE_HEAD);
-}
-
-static void *place(int64_t *block, int64_t at)
-{
-    return at ? block + at : 0;
-}
+static machine *machine_of(const int64_t *block) { return (machine *)(void *)(block + MACHINE_HEAD); }
+static void *place(int64_t *block, int64_t at) { return at ? block + at : 0; }
 
 /* generated: each field from its word */
 #define WHOLE(k) fields[k]
@@ -162,15 +155,8 @@ void machine_take(int64_t *block)
     plan_take(&m->plan, (double)(sample * every) * m->loop.plant_step);
 }
 
-int64_t machine_ended(const int64_t *block)
-{
-    return machine_of(block)->loop.ended[0];
-}
-
-int64_t machine_failure(const int64_t *block)
-{
-    return machine_of(block)->members.failure[0];
-}
+int64_t machine_ended(const int64_t *block) { return machine_of(block)->loop.ended[0]; }
+int64_t machine_failure(const int64_t *block) { return machine_of(block)->members.failure[0]; }
 
 int64_t machine_turn(int64_t *block)
 {

@@ -134,10 +134,7 @@ static double sensitivity_at(const open_loop *s, double omega, int is_complement
 }
 
 /* What changes its sign: the imaginary part, or the logarithm of the size. */
-static double crossing(double complex z, int by_size)
-{
-    return by_size ? log(cabs(z)) : cimag(z);
-}
+static double crossing(double complex z, int by_size) { return by_size ? log(cabs(z)) : cimag(z); }
 
 /* Where a leg's response crosses between two frequencies, by false position that halves a value that stays (Illinois). */
 static double crossing_between(const open_loop *s, int leg, int by_size, double a, double fa, double b, double fb)

@@ -16,10 +16,7 @@ typedef struct {
     double numbers[]; /* N_SAVED of them */
 } saved_state;
 
-static size_t serial_size(void)
-{
-    return HEADER + 8 * N_SAVED + 8;
-}
+static size_t serial_size(void) { return HEADER + 8 * N_SAVED + 8; }
 
 static int is_saved_state(const fmi_instance *i, const char *function, const saved_state *saved)
 {

@@ -23,7 +23,4 @@ outcome component_check_state(component *c)
     return MISUSE;
 }
 
-void component_get_states(const component *c, double x[])
-{
-    (void)c, (void)x;
-}
+void component_get_states(const component *c, double x[]) { (void)c, (void)x; }

@@ -3,10 +3,7 @@
 
 #include "instance.h"
 
-static int role_at(int slot)
-{
-    return (int)variable_of(slot)->role;
-}
+static int role_at(int slot) { return (int)variable_of(slot)->role; }
 
 /* The slots of known references, one after the other. */
 typedef struct {
@@ -130,16 +127,8 @@ static double *inputs_of(by_slot *v) { return v->slots + FIRST_INPUT; }
 static double *results_of(by_slot *v) { return v->slots + FIRST_RESULT; } /* beginning with the states */
 static double *parameters_of(by_slot *v) { return v->slots + FIRST_PARAMETER; }
 static double *derivatives_of(by_slot *v) { return v->slots + FIRST_DERIVATIVE; }
-
-static int is_input(int slot)
-{
-    return role_at(slot) == INPUT;
-}
-
-static int is_output(int slot)
-{
-    return slot >= FIRST_RESULT && slot < FIRST_RESULT + N_OUTPUTS;
-}
+static int is_input(int slot) { return role_at(slot) == INPUT; }
+static int is_output(int slot) { return slot >= FIRST_RESULT && slot < FIRST_RESULT + N_OUTPUTS; }
 
 static int is_known(int slot)
 {

@@ -9,10 +9,7 @@
 #define TEXT(x) #x
 #define TEXT_OF(macro) TEXT(macro)
 
-const variable *variable_of(int slot)
-{
-    return &VARIABLES[VARIABLE_OF_SLOT[slot]];
-}
+const variable *variable_of(int slot) { return &VARIABLES[VARIABLE_OF_SLOT[slot]]; }
 
 void write_slot_name(int slot, char name[NAME_SIZE])
 {
