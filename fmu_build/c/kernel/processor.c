@@ -7,15 +7,9 @@
 /* The registers that the system saves: SSE and AVX; with those of AVX-512, too. */
 enum { SAVES_AVX = 0x6, SAVES_AVX512 = 0xe6 };
 
-static int has_all(unsigned found, const int bits[], int n)
-{
-    for (int k = 0; k < n; k++) {
-        if ((found >> bits[k] & 1u) == 0)
-            return 0;
-    }
-    return 1;
-}
-#define HAS_ALL(found, ...) has_all(found, (const int[]){__VA_ARGS__}, (int)(sizeof((int[]){__VA_ARGS__}) / sizeof(int)))
+#define BIT(k) (1u << (k))
+
+static int has_all(uint64_t bits, uint64_t needed) { return (bits & needed) == needed; }
 
 static uint64_t saved_registers(void)
 {
@@ -32,16 +26,15 @@ int processor_level(void)
     (void)__get_cpuid_count(7, 0, &unused, &b7, &unused, &unused);
     (void)__get_cpuid(0x80000001u, &unused, &unused, &c_extended, &unused);
     /* SSE3, SSSE3, CMPXCHG16B, SSE4.1, SSE4.2, POPCNT; LAHF */
-    if (!(HAS_ALL(c, 0, 9, 13, 19, 20, 23) && HAS_ALL(c_extended, 0)))
+    if (!has_all(c, BIT(0) | BIT(9) | BIT(13) | BIT(19) | BIT(20) | BIT(23)) || !has_all(c_extended, BIT(0)))
         return 1;
     /* FMA, MOVBE, XSAVE enabled by the system, AVX, F16C; LZCNT; BMI1, AVX2, BMI2 */
-    if (!(HAS_ALL(c, 12, 22, 27, 28, 29) && HAS_ALL(c_extended, 5) && HAS_ALL(b7, 3, 5, 8)))
-        return 2;
-    uint64_t saved = saved_registers();
-    if ((saved & SAVES_AVX) != SAVES_AVX)
+    if (!has_all(c, BIT(12) | BIT(22) | BIT(27) | BIT(28) | BIT(29)) || !has_all(c_extended, BIT(5)) ||
+        !has_all(b7, BIT(3) | BIT(5) | BIT(8)) || !has_all(saved_registers(), SAVES_AVX))
         return 2;
     /* AVX-512 F, DQ, CD, BW, VL */
-    return HAS_ALL(b7, 16, 17, 28, 30, 31) && (saved & SAVES_AVX512) == SAVES_AVX512 ? 4 : 3;
+    int is_wide = has_all(b7, BIT(16) | BIT(17) | BIT(28) | BIT(30) | BIT(31)) && has_all(saved_registers(), SAVES_AVX512);
+    return is_wide ? 4 : 3;
 }
 
 #else

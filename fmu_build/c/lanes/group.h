@@ -30,7 +30,7 @@ typedef struct {
     lanes x[N_STATES], u[N_INPUTS];
     lanes side;      /* sign of det J; 0 if not yet known */
     mask running;
-    evaluation here; /* of x; before error-controlled steps `look` makes it */
+    evaluation at_x; /* of x; before error-controlled steps `look` makes it */
 } group;
 
 /* Number of parameters of the geometry, which come first. */
@@ -41,7 +41,7 @@ void read_group(group *g, const batch *members, int64_t block, int parameters);
 /* Evaluates x where it has not come by a step. */
 void look(group *g);
 /* The steps of `lanes_step` and `lanes_advance`. A member that fails stops, and its state stays. They return how many
-   fail; `here.signals` are those at the end. */
+   fail; `at_x.signals` are those at the end. */
 int64_t step_fixed(group *g, double size, int64_t substeps);
 int64_t step_controlled(group *g, double duration, double tolerance);
 void find_results(const group *g, lanes results[]);

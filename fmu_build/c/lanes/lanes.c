@@ -45,28 +45,28 @@ void read_group(group *g, const batch *members, int64_t block, int parameters)
         read_rows(g->u, N_INPUTS, members->inputs + g->first, members->stride);
 }
 
-static void evaluate(const group *g, const lanes x[], evaluation *there)
+static void evaluate(const group *g, const lanes x[], evaluation *at_x)
 {
-    pose_margins *m = &there->from_limits;
+    pose_margins *m = &at_x->from_limits;
 #if HAS_BRISTLES
-    kernel_posed(x, g->p, there->signals, m->square, &m->determinant, &m->size, there->decay);
+    kernel_posed(x, g->p, at_x->signals, m->square, &m->determinant, &m->size, at_x->decay);
 #elif HAS_SPRINGS
-    kernel_posed(x, g->p, there->signals, m->square, &m->determinant, &m->size);
+    kernel_posed(x, g->p, at_x->signals, m->square, &m->determinant, &m->size);
 #else
-    kernel_posed(x, g->p, there->signals, m->square, &m->determinant, &m->size, there->shared);
+    kernel_posed(x, g->p, at_x->signals, m->square, &m->determinant, &m->size, at_x->shared);
 #endif
 }
 
-void look(group *g) { evaluate(g, g->x, &g->here); }
+void look(group *g) { evaluate(g, g->x, &g->at_x); }
 
 /* The derivatives in a state that has been evaluated. */
-static void find_rates(const group *g, const evaluation *there, const lanes x[], lanes rate[])
+static void find_rates(const group *g, const evaluation *at_x, const lanes x[], lanes rate[])
 {
 #if HAS_BRISTLES || HAS_SPRINGS
-    (void)there;
+    (void)at_x;
     kernel_derivatives(x, g->u, g->p, rate);
 #else
-    kernel_motion(there->shared, x, g->u, rate);
+    kernel_motion(at_x->shared, x, g->u, rate);
 #endif
 }
 
@@ -249,7 +249,7 @@ int64_t step_fixed(group *g, double size, int64_t substeps)
     }
     int64_t failed = settle(g, ran);
     keep_errors(g, error);
-    kernel_signals(g->x, g->p, g->here.signals);
+    kernel_signals(g->x, g->p, g->at_x.signals);
     return failed;
 }
 
@@ -279,16 +279,16 @@ static lanes error_of(const lanes rate[5], lanes last, lanes all)
 
 /* An internal step by exponential_step.h: the state at its end, its evaluation, the derivatives there as `rate[4]`, and the
    error, of each element relative to |x| plus its scale. */
-static void controlled_step(group *g, lanes size, lanes rate[5][N_STATES], lanes end[], evaluation *there, lanes *error)
+static void controlled_step(group *g, lanes size, lanes rate[5][N_STATES], lanes end[], evaluation *at_end, lanes *error)
 {
     static const double scales[] = SCALES;
     lanes nothing = (lanes)0.0; /* NaN if a number is not finite */
     coefficients c;
     bristle_stages bristles;
-    find_coefficients(g->here.decay, size, &c);
+    find_coefficients(g->at_x.decay, size, &c);
     exponential_step(&c, size, g->x, rate, rates_in_stage, g, &bristles, end);
-    evaluate(g, end, there);
-    find_rates(g, there, end, rate[4]);
+    evaluate(g, end, at_end);
+    find_rates(g, at_end, end, rate[4]);
     *error = (lanes)0.0;
     for (int i = 0; i < N_STATES; i++) {
         int leg = i - X_LEG_BRISTLE, is_bristle = 0 <= leg && leg < N_LEGS;
@@ -318,7 +318,7 @@ static void controlled_step(group *g, lanes size, lanes rate[5][N_STATES], lanes
    e2^3 / (15 (e1 + e2)^2) fall as h^5 like the error of order 4, of which both are 2.7 times for x' = a x (DOP853 has
    such a quotient, too). The larger one is taken, since each may vanish by chance where a leg slips within a step; of each
    element, relative to 1 + |x|. */
-static void controlled_step(group *g, lanes size, lanes rate[5][N_STATES], lanes end[], evaluation *there, lanes *error)
+static void controlled_step(group *g, lanes size, lanes rate[5][N_STATES], lanes end[], evaluation *at_end, lanes *error)
 {
     lanes at[N_STATES], third = size * (1.0 / 3), nothing = (lanes)0.0; /* NaN if a number is not finite */
     for (int i = 0; i < N_STATES; i++)
@@ -332,8 +332,8 @@ static void controlled_step(group *g, lanes size, lanes rate[5][N_STATES], lanes
     kernel_derivatives(at, g->u, g->p, rate[3]);
     for (int i = 0; i < N_STATES; i++)
         end[i] = g->x[i] + (size * 0.125) * ((rate[0][i] + rate[3][i]) + 3 * (rate[1][i] + rate[2][i]));
-    evaluate(g, end, there);
-    find_rates(g, there, end, rate[4]);
+    evaluate(g, end, at_end);
+    find_rates(g, at_end, end, rate[4]);
     *error = (lanes)0.0;
     for (int i = 0; i < N_STATES; i++) {
         const lanes first = rate[1][i] - rate[0][i], next = rate[2][i] - rate[1][i];
@@ -372,20 +372,20 @@ int64_t step_controlled(group *g, double duration, double tolerance)
     lanes left = (lanes)duration, proposed = get(kept_size), taken = get(kept_count);
     lanes sum = (lanes)0.0, begin = taken, rate[5][N_STATES];
     mask ran = g->running;
-    find_rates(g, &g->here, g->x, rate[0]);
+    find_rates(g, &g->at_x, g->x, rate[0]);
     proposed = choose(proposed == 0, left, proposed);
     while (any(g->running & (left > 0))) {
         mask active = g->running & (left > 0);
         lanes size = choose(active, size_of(proposed, left), (lanes)0.0), end[N_STATES], error;
-        evaluation there;
-        controlled_step(g, size, rate, end, &there, &error);
+        evaluation at_end;
+        controlled_step(g, size, rate, end, &at_end, &error);
         lanes ratio = error / tolerance, next = size * factor_of(ratio);
         mask passes = active & (ratio <= 1);
         for (int i = 0; i < N_STATES; i++) {
             g->x[i] = choose(passes, end[i], g->x[i]);
             rate[0][i] = choose(passes, rate[4][i], rate[0][i]);
         }
-        take_evaluation(&g->here, &there, passes);
+        take_evaluation(&g->at_x, &at_end, passes);
         sum = choose(passes, sum + error, sum);
         taken = choose(active, taken + 1, taken);
         /* a step that was shortened to end on time says little of the next one */
@@ -393,7 +393,7 @@ int64_t step_controlled(group *g, double duration, double tolerance)
         left = choose(passes, choose(size == left, (lanes)0.0, left - size), left);
         lanes after = duration - left;
         if (any(passes))
-            check(g, after, &g->here.from_limits);
+            check(g, after, &g->at_x.from_limits);
         mask ends = g->running & (left > 0) &
                     ((taken - begin >= MOST_LANE_STEPS) | (~passes & (proposed < SMALLEST_SHARE * duration)));
         for (int lane = 0; any(ends) && lane < WIDTH; lane++)
@@ -420,7 +420,7 @@ int64_t lanes_step(const batch *members, double size, int64_t substeps, double *
         read_group(&g, members, block, N_PARAMETERS);
         failed += step_fixed(&g, size, substeps);
         if (signals)
-            write_rows(signals + g.first, N_SIGNALS, g.here.signals, members->stride);
+            write_rows(signals + g.first, N_SIGNALS, g.at_x.signals, members->stride);
     }
     return failed;
 }
@@ -435,7 +435,7 @@ int64_t lanes_advance(const batch *members, double duration, double tolerance, d
         if (any(g.running))
             failed += step_controlled(&g, duration, tolerance);
         if (signals)
-            write_rows(signals + g.first, N_SIGNALS, g.here.signals, members->stride);
+            write_rows(signals + g.first, N_SIGNALS, g.at_x.signals, members->stride);
     }
     return failed;
 }

@@ -38,10 +38,10 @@
 
 void law_step(const double *memory, double *next, int64_t stride)
 {
-    lanes given[N_MEMORY], found[N_NEXT];
+    lanes inputs[N_MEMORY], outputs[N_NEXT];
     for (int i = 0; i < N_MEMORY; i++)
-        given[i] = *(const anywhere *)(memory + i * stride);
-    law(given, found);
+        inputs[i] = get(memory + i * stride);
+    law(inputs, outputs);
     for (int i = 0; i < N_NEXT; i++)
-        *(anywhere *)(next + i * stride) = found[i];
+        put(next + i * stride, outputs[i]);
 }

@@ -377,8 +377,8 @@ static void take_row(vector *v, int64_t row, const lanes is_behind[])
     recall(v, l->signals, N_SIGNALS, into);
     recall(v, l->acting, N_LEGS, into + ROW_FORCES);
     for (int i = 0; i < ROW_FLAGS - ROW_ERRORS; i++) {
-        int of = i < N_POSE ? i : FIRST_LENGTH + i - N_POSE;
-        into[ROW_ERRORS + i] = l->reference.at ? value_at(v, &l->reference, row, of) - into[of] : (lanes)NAN;
+        int signal = i < N_POSE ? i : FIRST_LENGTH + i - N_POSE;
+        into[ROW_ERRORS + i] = l->reference.at ? value_at(v, &l->reference, row, signal) - into[signal] : (lanes)NAN;
     }
     if (l->reference.at) {
         lanes wanted[N_POSE - FIRST_ANGLE];
@@ -464,7 +464,7 @@ static int64_t step_plant(vector *v, int64_t row)
             work = MOST_LANE_STEPS;
         }
     for (int i = 0; i < N_SIGNALS; i++)
-        remember(v, l->signals, i, v->plant.here.signals[i]);
+        remember(v, l->signals, i, v->plant.at_x.signals[i]);
     return work;
 }
 
