@@ -1,6 +1,7 @@
 /* The step of plants with bristles, which forget fast: dz/dt = v - d z with rates d of up to 1e5/s. It takes the linear
    part -d z exactly, with d as it is at its begin: ETDRK4 of S. M. Cox, P. C. Matthews, "Exponential Time Differencing for
    Stiff Systems", J. Comput. Phys. 176(2), 2002, eqs. (26)-(29). For all other states, with d = 0, it is classical RK4.
+   The order is 4 where friction is smooth, 2 over a step in which a leg reverses or breaks away: the law has a kink there.
 
    c/lanes steps the members of a vector by it, c/plant one platform: with WIDTH 1. */
 #ifndef EXPONENTIAL_STEP_H
