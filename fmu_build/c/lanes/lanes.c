@@ -453,39 +453,35 @@ int64_t lanes_check(const batch *members)
     return failed;
 }
 
-void lanes_signals(const batch *members, double *signals)
-{
-    for (int64_t block = 0; block < members->blocks; block++) {
-        group g;
-        lanes y[N_SIGNALS];
-        read_group(&g, members, block, N_GEOMETRY);
-        kernel_signals(g.x, g.p, y);
-        write_rows(signals + g.first, N_SIGNALS, y, members->stride);
-    }
-}
-
+static void find_signals(const group *g, lanes signals[]) { kernel_signals(g->x, g->p, signals); }
+static void find_derivatives(const group *g, lanes rate[]) { kernel_derivatives(g->x, g->u, g->p, rate); }
 void find_results(const group *g, lanes results[]) { kernel_outputs(g->x, g->u, g->p, results); }
 
-void lanes_results(const batch *members, double *results)
+/* What there is of the states of all members: rows (n, M). */
+static void write_all(const batch *members, int parameters, void (*find)(const group *, lanes[]), int n, double *rows)
 {
     for (int64_t block = 0; block < members->blocks; block++) {
         group g;
         lanes y[N_RESULTS];
-        read_group(&g, members, block, N_PARAMETERS);
-        find_results(&g, y);
-        write_rows(results + g.first, N_RESULTS, y, members->stride);
+        read_group(&g, members, block, parameters);
+        find(&g, y);
+        write_rows(rows + g.first, n, y, members->stride);
     }
+}
+
+void lanes_signals(const batch *members, double *signals)
+{
+    write_all(members, N_GEOMETRY, find_signals, N_SIGNALS, signals);
+}
+
+void lanes_results(const batch *members, double *results)
+{
+    write_all(members, N_PARAMETERS, find_results, N_RESULTS, results);
 }
 
 void lanes_derivatives(const batch *members, double *derivatives)
 {
-    for (int64_t block = 0; block < members->blocks; block++) {
-        group g;
-        lanes rate[N_STATES];
-        read_group(&g, members, block, N_PARAMETERS);
-        kernel_derivatives(g.x, g.u, g.p, rate);
-        write_rows(derivatives + g.first, N_STATES, rate, members->stride);
-    }
+    write_all(members, N_PARAMETERS, find_derivatives, N_STATES, derivatives);
 }
 
 void lanes_elementary(int64_t blocks, const double *x, double *y)

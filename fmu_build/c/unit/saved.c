@@ -27,14 +27,11 @@ static int is_saved_state(const fmi_instance *i, const char *function, const sav
     return 0;
 }
 
-static saved_state *new_saved_state(fmi_kind kind, fmi_mode mode)
+static saved_state *new_saved_state(void)
 {
     saved_state *s = malloc(sizeof *s + N_SAVED * sizeof s->numbers[0]);
-    if (s) {
+    if (s)
         memcpy(s->magic, MAGIC, sizeof MAGIC);
-        s->kind = kind;
-        s->mode = mode;
-    }
     return s;
 }
 
@@ -47,7 +44,7 @@ fmi_status save_state(fmi_instance *i, const char *function, void **saved)
     if (s && !is_saved_state(i, function, s))
         return STATUS_ERROR;
     if (!s)
-        s = new_saved_state(i->kind, i->mode);
+        s = new_saved_state();
     if (!s)
         return report(i, STATUS_ERROR, "%s: out of memory", function);
     s->kind = i->kind;
@@ -132,10 +129,9 @@ fmi_status serialize(const fmi_instance *i, const char *function, const void *sa
     unsigned char *at = bytes;
     memcpy(at, MAGIC, sizeof MAGIC);
     at += sizeof MAGIC;
-    put(&at, FORMAT, 4);
-    put(&at, s->kind, 4);
-    put(&at, s->mode, 4);
-    put(&at, N_SAVED, 4);
+    const uint64_t header[] = {FORMAT, s->kind, s->mode, N_SAVED};
+    for (int k = 0; k < 4; k++)
+        put(&at, header[k], 4);
     put(&at, LAYOUT, 8);
     for (size_t k = 0; k < N_SAVED; k++) {
         uint64_t bits;
@@ -168,9 +164,8 @@ fmi_status deserialize(const fmi_instance *i, const char *function, const unsign
         return report(i, STATUS_ERROR, "%s: %lu bytes that are not a state of this unit", function,
                       (unsigned long)size);
     const unsigned char *at = bytes + sizeof MAGIC;
-    unsigned long format = (unsigned long)take(&at, 4);
-    unsigned long kind_number = (unsigned long)take(&at, 4), mode_number = (unsigned long)take(&at, 4);
-    unsigned long n = (unsigned long)take(&at, 4);
+    unsigned long format = (unsigned long)take(&at, 4), kind = (unsigned long)take(&at, 4);
+    unsigned long mode = (unsigned long)take(&at, 4), n = (unsigned long)take(&at, 4);
     uint64_t layout = take(&at, 8);
     if (format != FORMAT || layout != LAYOUT || n != N_SAVED)
         return report(i, STATUS_ERROR,
@@ -181,9 +176,11 @@ fmi_status deserialize(const fmi_instance *i, const char *function, const unsign
         return report(i, STATUS_ERROR, "%s: %lu bytes; expected %lu", function, (unsigned long)size,
                       (unsigned long)serial_size());
     /* unlike when saving, *saved is an output only and is not read */
-    saved_state *s = new_saved_state((fmi_kind)kind_number, (fmi_mode)mode_number);
+    saved_state *s = new_saved_state();
     if (!s)
         return report(i, STATUS_ERROR, "%s: out of memory", function);
+    s->kind = (fmi_kind)kind;
+    s->mode = (fmi_mode)mode;
     for (size_t k = 0; k < N_SAVED; k++) {
         uint64_t bits = take(&at, 8);
         memcpy(&s->numbers[k], &bits, sizeof bits);
