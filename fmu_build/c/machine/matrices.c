@@ -3,6 +3,9 @@
 #include <float.h>
 #include <math.h>
 
+/* |re| + |im|, for the choice of pivots and a balance */
+static double rough_size(double complex z) { return fabs(creal(z)) + fabs(cimag(z)); }
+
 static void swap(double complex *one, double complex *other)
 {
     double complex kept = *one;
@@ -18,8 +21,8 @@ static void balance(int64_t n, double complex *a)
         for (int64_t i = 0; i < n; i++) {
             double row = 0, column = 0, factor = 1;
             for (int64_t j = 0; j < n; j++) {
-                row += j == i ? 0 : cabs(a[i * n + j]);
-                column += j == i ? 0 : cabs(a[j * n + i]);
+                row += j == i ? 0 : rough_size(a[i * n + j]);
+                column += j == i ? 0 : rough_size(a[j * n + i]);
             }
             while (row > 0 && column > 0 && column * factor * 2 < row / factor)
                 factor *= 2;
@@ -40,7 +43,7 @@ static void reduce(int64_t n, double complex *a)
     for (int64_t k = 1; k < n - 1; k++) {
         int64_t pivot = k;
         for (int64_t i = k; i < n; i++)
-            if (cabs(a[i * n + k - 1]) > cabs(a[pivot * n + k - 1]))
+            if (rough_size(a[i * n + k - 1]) > rough_size(a[pivot * n + k - 1]))
                 pivot = i;
         for (int64_t j = 0; pivot != k && j < n; j++)
             swap(&a[pivot * n + j], &a[k * n + j]);
@@ -128,7 +131,7 @@ void solve(int64_t n, int64_t m, double complex *M, double complex *R)
     for (int64_t k = 0; k < n; k++) {
         int64_t pivot = k;
         for (int64_t i = k + 1; i < n; i++)
-            if (cabs(M[i * n + k]) > cabs(M[pivot * n + k]))
+            if (rough_size(M[i * n + k]) > rough_size(M[pivot * n + k]))
                 pivot = i;
         for (int64_t j = k; pivot != k && j < n; j++)
             swap(&M[k * n + j], &M[pivot * n + j]);

@@ -5,6 +5,9 @@
 #include <complex.h>
 #include <stdint.h>
 
+/* products and quotients need not look for infinite parts */
+#pragma STDC CX_LIMITED_RANGE ON
+
 /* Eigenvalues (n) of a matrix (n, n), which is overwritten. Returns 0, or 1 if they do not converge. */
 int eigenvalues(int64_t n, double complex *matrix, double complex *values);
 /* X of M X = R, for M (n, n) and R (n, m): both are overwritten, R by X. Partial pivoting. */
