@@ -18,12 +18,17 @@ from typing import IO, Any
 
 import pytest
 
-from gough_stewart.fmu_build import builder, cache_files, cached, errors, lanes, package, sources, targets, toolchain
-from gough_stewart.fmu_build.builder import contents, unit_archives, unit_of
+from gough_stewart.fmu_build import build as builder
+from gough_stewart.fmu_build import cache as cache_files
+from gough_stewart.fmu_build import cache as cached
+from gough_stewart.fmu_build import documents as package
+from gough_stewart.fmu_build import errors, sources, targets, toolchain
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build.build import contents, unit_archives, unit_of
+from gough_stewart.fmu_build.cache import state_of_texts
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.lanes import lanes_library, lanes_sources
-from gough_stewart.fmu_build.source_state import state_of_texts
-from gough_stewart.fmu_build.tables import start_block
+from gough_stewart.fmu_build.libraries import lanes_library, lanes_sources
+from gough_stewart.fmu_build.sources import start_block
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets, native
 from gough_stewart.fmu_build.toolchain import compile_library, place_of
 from gough_stewart.model.process import installed
@@ -244,7 +249,7 @@ def test_both_versions_share_a_library_and_are_told_step_by_step(
         headers.append(includes)
         return target.name.encode() + start_block(SMALL, None)
 
-    monkeypatch.setattr(builder, "compile_library", compiled)
+    monkeypatch.setattr(libraries, "compile_library", compiled)
     told: list[str] = []
     chosen = chosen_targets(["x86_64-windows"])
     archives = unit_archives(SMALL, ["2.0", "3.0"], iter(chosen), told.append)
@@ -277,7 +282,7 @@ def test_after_a_failure_the_others_are_stopped_and_what_waits_is_not_begun(monk
         stopped.append(stop.wait(10))
         raise BuildError("later")
 
-    monkeypatch.setattr(builder, "compile_library", compiled)
+    monkeypatch.setattr(libraries, "compile_library", compiled)
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
     with pytest.raises(BuildError, match="first"):
         unit_archives(SMALL, ["3.0"], TARGETS[:3])

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.fmu_build import lanes
-from gough_stewart.fmu_build.lanes import LanesLibrary, carried_name, flags_of_level, levels_of, machine_code
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build.libraries import LanesLibrary, carried_name, flags_of_level, levels_of, machine_code
 from gough_stewart.fmu_build.targets import BY_NAME, native
 
 LINUX = BY_NAME["x86_64-linux"]

@@ -11,13 +11,14 @@ from typing import IO, Any, NamedTuple
 
 import pytest
 
-from gough_stewart.fmu_build import builder, cache_files, cached, targets, toolchain
-from gough_stewart.fmu_build.build import build
-from gough_stewart.fmu_build.builder import build_units
-from gough_stewart.fmu_build.cache_files import kept
-from gough_stewart.fmu_build.cached import cached_build
+from gough_stewart.fmu_build import build as builder
+from gough_stewart.fmu_build import cache as cache_files
+from gough_stewart.fmu_build import cache as cached
+from gough_stewart.fmu_build import targets, toolchain
+from gough_stewart.fmu_build.build import build, build_units
+from gough_stewart.fmu_build.cache import cached_build, kept
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.tables import start_block
+from gough_stewart.fmu_build.sources import start_block
 from gough_stewart.fmu_build.toolchain import compile_library
 from tests.fmu_build.test_small_component import SMALL
 
@@ -180,7 +181,7 @@ def test_a_library_with_a_flipped_bit_is_compiled_anew(
         compiled_for.append(target.name)
         return b"before " + start_block(SMALL, None) + b" after"
 
-    monkeypatch.setattr(builder, "compile_library", quick)
+    monkeypatch.setattr(libraries, "compile_library", quick)
     first = [path.read_bytes() for path in build_units(SMALL, tmp_path / "first")]
     assert len(compiled_for) == 1
     (library,) = (cache.parent / "libraries").rglob(f"*{targets.native().suffix}")

@@ -5,9 +5,9 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from gough_stewart.fmu_build import model_description
-from gough_stewart.fmu_build.layout import Role
-from gough_stewart.fmu_build.model_description import BY_NAME, UNITS
+from gough_stewart.fmu_build import documents as model_description
+from gough_stewart.fmu_build.component import Role
+from gough_stewart.fmu_build.documents import BY_NAME, UNITS
 from gough_stewart.fmu_build.plant.component import plant_component, slot_dependencies
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.model import interface
@@ -230,7 +230,7 @@ def test_declared_capabilities(fmu: Fmu) -> None:
 
 
 def test_the_guid_tells_versions_and_platforms_apart(fmu2: Fmu, fmu3: Fmu) -> None:
-    from gough_stewart.fmu_build.builder import unit_of
+    from gough_stewart.fmu_build.build import unit_of
     from gough_stewart.model.platform_toml import load_preset
 
     other = unit_of(plant_component(load_preset("motion_base")), "3.0").documents["modelDescription.xml"].decode()

@@ -10,8 +10,8 @@ from threading import Barrier
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build import lanes
-from gough_stewart.fmu_build.lanes import WIDTH, lanes_library, lanes_sources
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build.libraries import WIDTH, lanes_library, lanes_sources
 from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.model.vectors import FloatArray
 

@@ -9,18 +9,17 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.fmu_build import model_description
-from gough_stewart.fmu_build.layout import PARAMETER_ROLES
+from gough_stewart.fmu_build import documents as model_description
+from gough_stewart.fmu_build.component import PARAMETER_ROLES
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
-from gough_stewart.fmu_build.plant.layout import PLANT
+from gough_stewart.fmu_build.plant.layout import PLANT, plant_header
 from gough_stewart.fmu_build.plant.reference_results import (
     ReferenceCase,
     reference_cases,
     reference_files,
     reference_results,
 )
-from gough_stewart.fmu_build.plant.tables import plant_header
 from gough_stewart.model import interface
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kernel import Kernel, parameter_vector

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.fmu_build import lanes
-from gough_stewart.fmu_build.lanes import loop_sources
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build.libraries import loop_sources
 from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members

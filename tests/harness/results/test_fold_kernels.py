@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.cache_files import digest_of
-from gough_stewart.fmu_build.folds import folds_sources
-from gough_stewart.fmu_build.lanes import machine_code
+from gough_stewart.fmu_build.cache import digest_of
+from gough_stewart.fmu_build.libraries import folds_sources, machine_code
 from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.harness.loop.fold_kernels import FoldKernels
 from gough_stewart.harness.loop.folding import FoldsOfRows
