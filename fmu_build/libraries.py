@@ -81,7 +81,7 @@ class Library:
 
     def compiled(self, target: Target, stop: Event | None = None, compiler: Compiler | None = None) -> bytes:
         """The library for a target; see `compile_library` for arguments and errors."""
-        return compile_library(self.name, *self.sources(), target, stop, self.flags, compiler)
+        return compile_library(self.name, *self.sources(), target, stop, flags=self.flags, compiler=compiler)
 
     def kept(
         self, target: Target, stop: Event | None = None, compiler: Compiler | None = None, processor: str = ""

@@ -148,11 +148,20 @@ def compile_library(
     with compiling() as in_use, tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
         library, stop = Path(scratch, name + target.suffix), stop or Event()
         commands = (compiler or zig()).commands(str(library), files, include, target, flags)
-        code, message = _run(commands, scratch, stop, in_use)
+
+        def run_all() -> tuple[int, str]:
+            code, message = 0, ""
+            for command in commands:
+                code, message = _run(command, scratch, stop, in_use)
+                if code != 0:
+                    break
+            return code, message
+
+        code, message = run_all()
         # an error that neither the sources nor a full disk explain may be of the cache
         if code != 0 and not (stop.is_set() or _is_about_sources(message) or _nearly_full(scratch)):
             _empty_objects(in_use)
-            code, message = _run(commands, scratch, stop, in_use)
+            code, message = run_all()
         if code != 0:
             raise BuildError(f"the compiler failed for {target.name}:\n{_complaint(code, message, scratch)}")
         return library.read_bytes()
@@ -227,35 +236,27 @@ def _complaint(code: int, message: str, scratch: str) -> str:
     )
 
 
-def _run(commands: Sequence[Sequence[str]], folder: str, stop: Event, in_use: IO[str]) -> tuple[int, str]:
-    """Exit code and error output of the first command that fails, or of the last one.
-
-    Each runs in its own process group so that it can be ended as a whole.
-    """
-    code, message = 0, ""
+def _run(command: Sequence[str], folder: str, stop: Event, in_use: IO[str]) -> tuple[int, str]:
+    """Exit code and error output of a command, run in its own process group so that it can be ended as a whole."""
     group: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0, "pass_fds": (in_use.fileno(),)}
-    for command in commands:
-        with subprocess.Popen(
-            command,
-            cwd=folder,
-            env=compiler_environment(),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            encoding="utf-8",
-            errors="replace",
-            **group,
-        ) as compiler:
-            while True:
-                try:
-                    message = compiler.communicate(timeout=0.1)[1]
-                    break
-                except subprocess.TimeoutExpired:
-                    if stop.is_set():
-                        compiler.kill() if sys.platform == "win32" else os.killpg(compiler.pid, signal.SIGKILL)
-        code = compiler.returncode
-        if code != 0:
-            break
-    return code, message
+    with subprocess.Popen(
+        command,
+        cwd=folder,
+        env=compiler_environment(),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        errors="replace",
+        **group,
+    ) as compiler:
+        while True:
+            try:
+                message = compiler.communicate(timeout=0.1)[1]
+            except subprocess.TimeoutExpired:
+                if stop.is_set():
+                    compiler.kill() if sys.platform == "win32" else os.killpg(compiler.pid, signal.SIGKILL)
+            else:
+                return compiler.returncode, message
 
 
 def place_of(files: Mapping[str, str]) -> Path:

@@ -11,9 +11,9 @@ from typing import IO, Any, NamedTuple
 
 import pytest
 
-from gough_stewart.fmu_build import build as builder
 from gough_stewart.fmu_build import cache as cache_files
 from gough_stewart.fmu_build import cache as cached
+from gough_stewart.fmu_build import libraries as lanes
 from gough_stewart.fmu_build import targets, toolchain
 from gough_stewart.fmu_build.build import build, build_units
 from gough_stewart.fmu_build.cache import cached_build, kept
@@ -181,10 +181,10 @@ def test_a_library_with_a_flipped_bit_is_compiled_anew(
         compiled_for.append(target.name)
         return b"before " + start_block(SMALL, None) + b" after"
 
-    monkeypatch.setattr(libraries, "compile_library", quick)
+    monkeypatch.setattr(lanes, "compile_library", quick)
     first = [path.read_bytes() for path in build_units(SMALL, tmp_path / "first")]
     assert len(compiled_for) == 1
-    (library,) = (cache.parent / "libraries").rglob(f"*{targets.native().suffix}")
+    (library,) = (cache.parent / SMALL.identifier).rglob(f"*{targets.native().suffix}")
     content = bytearray(library.read_bytes())
     content[damaged] ^= 1
     library.write_bytes(content)

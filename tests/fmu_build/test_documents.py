@@ -21,7 +21,7 @@ from gough_stewart.fmu_build import cache as source_state
 from gough_stewart.fmu_build import codegen
 from gough_stewart.fmu_build import documents as model_description
 from gough_stewart.fmu_build.build import UncompiledUnit, chosen_versions, file_name, number_of_steps, to_zip, unit_of
-from gough_stewart.fmu_build.component import Kind, Role, UnitComponent, laid_out
+from gough_stewart.fmu_build.component import Kind, UnitComponent, laid_out
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.formulas import mathml, to_html
 from gough_stewart.fmu_build.libraries import lanes_sources
@@ -515,13 +515,12 @@ def test_a_variable_depends_constantly_only_if_every_element_does() -> None:
         first["acceleration"] + 2: {first["velocity"] + 1: "constant", first["external_force"]: "dependent"},
     }
     changed = replace(component(), dependencies=slots)
-    found = model_description.dependencies_of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT, Role.STATE))
-    kinds = {row.variable.name: found[row.reference] for row in PLANT.rows if row.reference in found}
-    assert kinds == {"external_force": "dependent", "position": "constant", "velocity": "dependent"}
-    assert list(found) == sorted(found)
-    assert set(
-        model_description.dependencies_of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT,)).values()
-    ) == {"dependent"}
+    document = ET.fromstring(model_description.model_description(changed, "3.0", "", ()))
+    reference = str(PLANT.by_name["acceleration"].reference)
+    (output,) = (element for element in document.iter("Output") if element.get("valueReference") == reference)
+    names = [PLANT.rows[int(number)].variable.name for number in output.attrib["dependencies"].split()]
+    assert names == ["external_force", "position", "velocity"]
+    assert output.attrib["dependenciesKind"].split() == ["dependent", "constant", "dependent"]
 
 
 def test_infinity_has_the_type_of_the_arithmetic() -> None:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from playwright._impl._driver import compute_driver_executable
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, native
 from gough_stewart.fmu_build.libraries import Failure, machine_library, machine_wasm
+from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, native
 from gough_stewart.harness.control.traced_law import traced_law_of
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
@@ -276,7 +276,8 @@ def test_webassembly_plans_with_native_bits(kind: str, tmp_path: Path) -> None:
 
 def in_webassembly(block: Block, folder: Path) -> NDArray[np.int64]:
     """The words of a block after a run in node."""
-    module, file, out = machine_wasm(machine_c(block.law, block.variant)).kept(WEB_ASSEMBLY), folder / "block", folder / "out"
+    module = machine_wasm(machine_c(block.law, block.variant)).kept(WEB_ASSEMBLY)
+    file, out = folder / "block", folder / "out"
     block.words.tofile(file)
     script = Path(__file__).parents[2] / "support" / "machine.mjs"
     command = [compute_driver_executable()[0], str(script), str(module), str(file), str(ROWS), str(out)]

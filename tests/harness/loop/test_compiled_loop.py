@@ -338,7 +338,7 @@ def test_without_machine_code_and_compiler_an_error_names_the_remedy(
 ) -> None:
     """Expected: the extra that brings a compiler, and no other loop instead."""
     monkeypatch.setattr(installed, "find_spec", lambda name: None if name == "ziglang" else find_spec(name))
-    monkeypatch.setattr(lanes, "_carried", lambda *_: None)
+    monkeypatch.setattr(lanes, "prebuilt_content", lambda *_: None)
     loop_library.loop_kernel.cache_clear()
     loop_library.loop_library.cache_clear()
     with pytest.raises(
