@@ -15,6 +15,7 @@ from platformdirs import user_cache_path
 
 from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError
 from gough_stewart.fmu_build.targets import native
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.progress import StepProgress
@@ -98,15 +99,15 @@ def state_of_files(*packages: tuple[str, ...]) -> str:
 @cache
 def state_of_sources() -> str:
     """Digest of all source files of FMUs and of the versions of the packages that build them."""
-    installed = ((name, find_spec(name.replace("-", "_")) is not None) for name in _PACKAGES)
-    versions = "".join(f"{name} {version(name) if there else 'not installed'}\n" for name, there in installed)
+    installed = {name for name in _PACKAGES if find_spec(name.replace("-", "_")) is not None}
+    versions = "".join(f"{name} {version(name) if name in installed else 'not installed'}\n" for name in _PACKAGES)
     return digest_of(f"{versions}{state_of_texts()}".encode())[:24]
 
 
 def cached_build(fmi_version: str, progress: StepProgress | None = None, variant: Variant = IDEAL) -> Path:
     """The FMU of the paper's platform, or of another variant, for this machine; built once per state of this package.
 
-    All its parameters are set when it runs. A damaged FMU is rebuilt.
+    A damaged FMU is rebuilt.
 
     Parameters
     ----------
@@ -128,13 +129,18 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None, variant
     def built() -> bytes:
         from gough_stewart.fmu_build.build import build  # imports what a cached unit does not need
 
-        platform = load_preset("liu2000")
-        if variant.bristles:
-            platform = replace(platform, leg_friction_model=ELASTO_PLASTIC, leg_coulomb_friction=1.0)
-        if variant.springs:
-            platform = replace(platform, leg_stiffness=1e6, leg_armature=1.0)
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
-            return build(folder, fmi=[fmi_version], platform=platform, progress=progress)[0].read_bytes()
+            return build(folder, fmi=[fmi_version], platform=platform_of(variant), progress=progress)[0].read_bytes()
 
     state = "-".join((state_of_sources(), native().name, *variant.parts))
     return kept(cache_folder() / "fmus" / state / f"gough_stewart_fmi{fmi_version[0]}.fmu", built)
+
+
+def platform_of(variant: Variant) -> Platform:
+    """Any platform of a variant, the paper's if it is ideal: all its parameters are set when it runs."""
+    platform = load_preset("liu2000")
+    if variant.bristles:
+        platform = replace(platform, leg_friction_model=ELASTO_PLASTIC, leg_coulomb_friction=1.0)
+    if variant.springs:
+        platform = replace(platform, leg_stiffness=1e6, leg_armature=1.0)
+    return platform

@@ -26,8 +26,6 @@ static double sq(double x)
     return x * x;
 }
 """
-
-
 _SIGN = """
 static double sign(double x)
 {
@@ -48,13 +46,11 @@ def kernel_source(variant: Variant = IDEAL, order: Sequence[int] = ()) -> str:
         _in_unit_order(traced.reverse_function(variant), order),
         traced.legs_function(variant),
     ]
-    if variant == IDEAL:
-        return _HEAD + "".join(function_source(f) for f in functions)
     head = _HEAD
     if variant.bristles:
         functions += [f(variant) for f in (traced.decays_function, traced.grip_function, traced.sliding_function)]
         head += f'#include "bristles.h"\n{_SIGN}'
-    return head + "".join(function_source(f, conditions=True) for f in functions)
+    return head + "".join(function_source(f, conditions=variant != IDEAL) for f in functions)
 
 
 def _in_unit_order(function: casadi.Function, order: Sequence[int]) -> casadi.Function:

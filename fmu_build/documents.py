@@ -4,7 +4,7 @@ Pages are self-contained and well-formed as XML.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.metadata import Distribution, PackageMetadata, distributions
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -78,6 +78,8 @@ class DescribedVariable(NamedTuple):
     slots: range
     reference: int  # value reference
     key: int  # by which others refer to it: its position from 1 in FMI 2.0, its value reference in FMI 3.0
+    start: str | None
+    state: int | None  # the key of the state of which it is the derivative
 
 
 def model_description(component: UnitComponent, fmi_version: str, token: str, source_files: Sequence[str]) -> bytes:
@@ -91,45 +93,37 @@ def model_description(component: UnitComponent, fmi_version: str, token: str, so
         Names of the files to compile, which FMI 2.0 lists here.
     """
     layout, in_scalars = component.layout, fmi_version == "2.0" or component.has_scalars_only
-    variables = list[DescribedVariable]()
+    variables, keys = list[DescribedVariable](), dict[int, int]()
     for row in layout.described(fmi_version):
-        if not in_scalars:
-            variables.append(DescribedVariable(row, row.variable.name, row.slots, row.reference, row.reference))
-            continue
-        for name, slot in zip(row.scalar_names, row.slots, strict=True):
-            reference = slot if fmi_version == "2.0" else SCALAR_REFERENCE + slot
+        values = component.starts.get(row.variable.name)
+        state = None if row.derivative_of is None else layout.by_name[row.derivative_of].first
+        for k, name in enumerate(row.scalar_names if in_scalars else [row.variable.name]):
+            slots = row.slots[k : k + 1] if in_scalars else row.slots
+            reference = row.reference
+            if in_scalars:
+                reference = slots.start if fmi_version == "2.0" else SCALAR_REFERENCE + slots.start
             key = len(variables) + 1 if fmi_version == "2.0" else reference
-            variables.append(DescribedVariable(row, name, range(slot, slot + 1), reference, key))
-    keys = {slot: variable.key for variable in variables for slot in variable.slots}
+            keys |= dict.fromkeys(slots, key)
+            elements = () if values is None else values.flat[k : k + len(slots)]
+            start = None if values is None else " ".join(repr(float(value)) for value in elements)
+            state_key = None if state is None else keys[state + k]
+            variables.append(DescribedVariable(row, name, slots, reference, key, start, state_key))
 
-    def start(variable: DescribedVariable) -> str | None:
-        values, first = component.starts.get(variable.row.variable.name), variable.row.first
-        if values is None:
-            return None
-        return " ".join(
-            repr(float(value)) for value in values.flat[variable.slots.start - first :][: len(variable.slots)]
-        )
-
-    def state_key(variable: DescribedVariable) -> int | None:
-        """The key of the state of which it is a derivative."""
-        row = variable.row
-        if row.derivative_of is None:
-            return None
-        return keys[layout.by_name[row.derivative_of].first + variable.slots.start - row.first]
-
-    def unknowns(rows: Iterable[LayoutRow], roles: tuple[Role, ...]) -> Iterator[tuple[int, dict[int, Kind]]]:
+    def unknowns(rows: Iterable[LayoutRow], roles: tuple[Role, ...]) -> list[tuple[int, dict[int, Kind]]]:
         """The variables of rows by key, each with its dependencies on those of some roles.
 
         Constant only if it is constant for every element.
         """
         knowns = {slot for row in layout.of_role(*roles) for slot in row.slots}
+        dependencies = []
         for variable in (variable for row in rows for variable in variables if variable.row is row):
             kinds: dict[int, Kind] = {}
             for slot in variable.slots:
-                for known, kind in component.dependencies.get(slot, {}).items():
-                    if known in knowns and kinds.get(keys[known]) != "dependent":
-                        kinds[keys[known]] = kind
-            yield variable.key, dict(sorted(kinds.items()))
+                for slot_of_known, kind in component.dependencies.get(slot, {}).items():
+                    if slot_of_known in knowns and kinds.get(keys[slot_of_known]) != "dependent":
+                        kinds[keys[slot_of_known]] = kind
+            dependencies.append((variable.key, dict(sorted(kinds.items()))))
+        return dependencies
 
     outputs, derivatives = layout.outputs(), layout.of_role(Role.DERIVATIVE)
     computed = [row for row in outputs if row.role is Role.RESULT]
@@ -145,11 +139,11 @@ def model_description(component: UnitComponent, fmi_version: str, token: str, so
         units=[unit for unit in UNITS if unit.name in units],
         display_units={unit.name: unit.display[0] for unit in UNITS if unit.display is not None},
         categories=LOG_CATEGORIES,
-        variables=[(variable, start(variable), state_key(variable)) for variable in variables],
+        variables=variables,
         has_dimensions=not in_scalars,
-        outputs=list(unknowns(outputs, running)),
-        derivatives=list(unknowns(derivatives, running)),
-        initial_unknowns=list(unknowns([*computed, *derivatives], (*running, *PARAMETER_ROLES))),
+        outputs=unknowns(outputs, running),
+        derivatives=unknowns(derivatives, running),
+        initial_unknowns=unknowns([*computed, *derivatives], (*running, *PARAMETER_ROLES)),
     )
 
 

@@ -21,7 +21,7 @@ from gough_stewart.fmu_build.component import (
 )
 from gough_stewart.fmu_build.documents import package_metadata, rendered
 from gough_stewart.fmu_build.errors import check_installed
-from gough_stewart.fmu_build.formulas import STYLE, to_html
+from gough_stewart.fmu_build.formulas import to_html
 from gough_stewart.fmu_build.plant.drawing import drawing_svg, icon_png, icon_svg
 from gough_stewart.fmu_build.plant.layout import MOST_FIXED_STEPS, plant_header, plant_layout, unit_order
 from gough_stewart.fmu_build.plant.reference_results import (
@@ -107,7 +107,6 @@ def plant_component(
             starts=starts,
             stands_still=all(np.array_equal(starts[name], value) for name, value in home.items()),
             equations=to_html(files("gough_stewart.model").joinpath("task_space.md").read_text(encoding="utf-8")),
-            formula_style=STYLE,
             tolerances=[f"1e{round(log10(tolerance))}" for tolerance in TOLERANCES],
             default_tolerance=f"1e{round(log10(DEFAULT_TOLERANCE))}",
             tunable=[row.variable.name for row in layout.of_role(Role.TUNABLE_PARAMETER)],
