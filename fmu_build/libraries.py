@@ -23,7 +23,7 @@ from gough_stewart.fmu_build.cache import cache_folder, digest_of, kept, state_o
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
-from gough_stewart.fmu_build.targets import Target, native
+from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, Target, native
 from gough_stewart.fmu_build.toolchain import FLAGS, Compiler, compile_library, zig
 from gough_stewart.model import interface
 from gough_stewart.model.compiled_kernel import processor_level
@@ -86,12 +86,7 @@ class Library:
     def kept(
         self, target: Target, stop: Event | None = None, compiler: Compiler | None = None, processor: str = ""
     ) -> Path:
-        """The file of the library: from the cache, else compiled.
-
-        Parameters
-        ----------
-        processor
-            On which the bytes depend, too, if it is compiled for this one.
+        """The file of the library, from the cache, else compiled; `processor` tells for which one if not for all.
 
         Raises
         ------
@@ -146,7 +141,7 @@ def machine_code(library: Library) -> LanesLibrary:
     """
     target, most = native(), processor_level() or 0
     # level 0: also of a wheel that was made for the processor at hand
-    for level in (0, *(level for level in sorted(_LEVELS, reverse=True) if level <= most)):
+    for level in (0, *(level for level in (4, 3) if level <= most)):
         content = prebuilt_content(carried_name(target, library.name, level), library.state)
         if content is None:
             continue
@@ -323,9 +318,9 @@ def law_sources(function: Any) -> Sources:
 
 def _on_vectors(folder: str, generated: str, text: str) -> Sources:
     """A folder of C that needs the vectors of c/lanes and one generated header."""
-    own, lanes = c_folder(folder), c_folder("lanes")
+    code, lanes = c_folder(folder), c_folder("lanes")
     vectors = {name: lanes.headers[name] for name in ("elementary.h", "vectors.h")}
-    return Sources(own.units, {**own.headers, **vectors, generated: text})
+    return Sources(code.units, {**code.headers, **vectors, generated: text})
 
 
 class FoldKernel(NamedTuple):
@@ -390,14 +385,11 @@ def machine_sources(
     return Sources({**loop.units, **machine.units, **user.units}, headers)
 
 
-def machine_library(sources: Sources) -> Library:
-    """The description of the library of c/machine for a system."""
-    return Library("machine", lambda: sources, state_of_c(sources), (*_MACHINE_FLAGS, "-s", "-shared"))
-
-
-def machine_wasm(sources: Sources) -> Library:
-    """The description of the WebAssembly module of c/machine, which imports nothing."""
-    offered = re.findall(r"^MACHINE_OFFERED [\w *]*?(\w+)\(", sources.headers["machine.h"], re.M)
-    exports = (f"-Wl,--export={name}" for name in (*offered, "__heap_base"))
-    flags = ("-mexec-model=reactor", "-Wl,--no-entry", "-s", *_MACHINE_FLAGS, *exports)
-    return Library("machine", lambda: sources, state_of_c(sources), flags)
+def machine_library(sources: Sources, target: Target) -> Library:
+    """The description of the library of c/machine for a target; a WebAssembly module imports nothing."""
+    flags: tuple[str, ...] = ("-s", "-shared")
+    if target is WEB_ASSEMBLY:
+        offered = re.findall(r"^MACHINE_OFFERED [\w *]*?(\w+)\(", sources.headers["machine.h"], re.M)
+        exports = [f"-Wl,--export={name}" for name in (*offered, "__heap_base")]
+        flags = ("-mexec-model=reactor", "-Wl,--no-entry", "-s", *exports)
+    return Library("machine", lambda: sources, state_of_c(sources), (*_MACHINE_FLAGS, *flags))

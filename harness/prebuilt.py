@@ -32,7 +32,7 @@ from gough_stewart.fmu_build.libraries import (
     flags_of_level,
     lanes_code,
     levels_of,
-    machine_wasm,
+    machine_library,
 )
 from gough_stewart.fmu_build.plant.component import DEPENDENCIES, KERNEL_SOURCE, plant_component, traced_dependencies
 from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, Target, chosen_targets
@@ -72,7 +72,9 @@ def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bo
     texts = state_of_texts()
     yield _packed(KERNEL_SOURCE, {KERNEL_SOURCE: texts}, lambda: kernel_source().encode())
     yield _packed(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())
-    yield _packed(MACHINE, {MACHINE: machine_texts()}, lambda: machine_wasm(machine_c()).compiled(WEB_ASSEMBLY))
+    yield _packed(
+        MACHINE, {MACHINE: machine_texts()}, lambda: machine_library(machine_c(), WEB_ASSEMBLY).compiled(WEB_ASSEMBLY)
+    )
     for target in targets:
         yield _unit(target)
         yield from _machine_code(target, only_here)

@@ -152,6 +152,7 @@ def _code(variant: Variant) -> Sources:
     """The C of the plant with its equations."""
 
     def traced() -> bytes:
+        check_installed(TRACER)
         from gough_stewart.fmu_build.codegen import kernel_source
 
         return kernel_source(variant, () if variant == IDEAL else unit_order(variant)).encode()
@@ -164,15 +165,8 @@ def _code(variant: Variant) -> Sources:
 def _traced_once(name: str, variant: Variant, trace: Callable[[], bytes]) -> bytes:
     """What is traced from the equations: that of ideal plants may have come with the package, else from the cache."""
     content = prebuilt_content(name, state_of_texts()) if variant == IDEAL else None
-    if content is not None:
-        return content
-
-    def traced() -> bytes:
-        check_installed(TRACER)
-        return trace()
-
     state = "-".join([state_of_sources(), *variant.parts])
-    return kept(cache_folder() / "traced" / state / name, traced).read_bytes()
+    return content or kept(cache_folder() / "traced" / state / name, trace).read_bytes()
 
 
 @cache
@@ -189,6 +183,7 @@ def slot_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
 
 def traced_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
     """`slot_dependencies` from the sparsity of the traced Jacobian."""
+    check_installed(TRACER)
     import casadi
 
     from gough_stewart.model import traced

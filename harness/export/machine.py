@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gough_stewart.fmu_build.cache import digest_of, state_of_texts
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.errors import COMPILER, check_installed
-from gough_stewart.fmu_build.libraries import machine_sources, machine_wasm
+from gough_stewart.fmu_build.libraries import machine_library, machine_sources
 from gough_stewart.fmu_build.targets import WEB_ASSEMBLY
 from gough_stewart.harness.control.controllers import OpenLoop
 from gough_stewart.harness.control.faults import N_FAULTS
@@ -140,7 +140,8 @@ def shipped_wasm(variant: Variant = IDEAL) -> bytes:
     content = None if variant.parts else prebuilt_content(MACHINE, machine_texts())
     if content is None:
         check_installed(TRACER, COMPILER)
-        content = machine_wasm(machine_c(variant=variant)).kept(WEB_ASSEMBLY).read_bytes()
+        module = machine_library(machine_c(variant=variant), WEB_ASSEMBLY)
+        content = module.kept(WEB_ASSEMBLY).read_bytes()
     return content
 
 

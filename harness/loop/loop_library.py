@@ -46,7 +46,7 @@ def loop_library(variant: Variant = IDEAL) -> LanesLibrary:
     Raises
     ------
     BuildError, OSError
-        As `lanes_library`.
+        See `libraries.machine_code`.
     """
     return machine_code(loop_code(variant))
 
