@@ -143,8 +143,8 @@ def _role(variable: Variable) -> Role:
 class Sources(NamedTuple):
     """C texts by file name."""
 
-    units: Mapping[str, str]  # .c
-    headers: Mapping[str, str]  # .h
+    units: dict[str, str]  # .c
+    headers: dict[str, str]  # .h
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from typing import IO, Any, NamedTuple
 import pytest
 
 from gough_stewart.fmu_build import cache as cache_files
-from gough_stewart.fmu_build import cache as cached
+from gough_stewart.fmu_build import cached, targets, toolchain
 from gough_stewart.fmu_build import libraries as lanes
-from gough_stewart.fmu_build import targets, toolchain
 from gough_stewart.fmu_build.build import build, build_units
-from gough_stewart.fmu_build.cache import cached_build, kept
+from gough_stewart.fmu_build.cache import kept
+from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.sources import start_block
 from gough_stewart.fmu_build.toolchain import compile_library

@@ -12,7 +12,7 @@ from fmpy import simulate_fmu
 from fmpy.fmi2 import FMU2Model
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.cache import cached_build
+from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.plant.layout import plant_layout
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant

@@ -245,7 +245,7 @@ def test_open_plant_builds_what_is_not_given_and_keeps_it(
     paper: Platform, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Expected: the first time progress is told and the cache has a file, the second time neither more."""
-    monkeypatch.setattr("gough_stewart.fmu_build.cache.cache_folder", lambda: tmp_path)
+    monkeypatch.setattr("gough_stewart.fmu_build.cached.cache_folder", lambda: tmp_path)
     for count in (1, 0):
         told: list[str] = []
         with open_plant("fmu3", paper, progress=told.append) as plant:
