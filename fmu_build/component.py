@@ -209,16 +209,16 @@ def terminals_of(
     FMI 2.0 has one terminal per actuator, with scalars. In FMI 3.0 a terminal cannot refer to an element of an
     array, so one terminal holds all six actuators.
     """
-    rows, actuator = layout.by_name, tuple(actuator)
-    filled = [(name, text, variables) for name, text, group in groups if (variables := tuple(group))]
-    if fmi_version == "3.0":
-        filled.insert(0, ("actuators", "the six actuators", actuator))
-        return tuple(UnitTerminal(name, text, {v: v for v in variables}) for name, text, variables in filled)
+    rows, in_scalars, actuator = layout.by_name, fmi_version == "2.0", tuple(actuator)
     terminals = []
-    for leg in range(6):
-        members = {name: rows[name].scalar_names[leg] for name in actuator}
-        terminals.append(UnitTerminal(f"actuator_{leg + 1}", f"actuator of leg {leg + 1}", members))
-    for name, text, variables in filled:
-        scalars = [scalar for variable in variables for scalar in rows[variable].scalar_names]
-        terminals.append(UnitTerminal(name, text, {scalar: scalar for scalar in scalars}))
+    if in_scalars:
+        for leg in range(6):
+            members = {name: rows[name].scalar_names[leg] for name in actuator}
+            terminals.append(UnitTerminal(f"actuator_{leg + 1}", f"actuator of leg {leg + 1}", members))
+    else:
+        terminals.append(UnitTerminal("actuators", "the six actuators", {name: name for name in actuator}))
+    for name, text, group in groups:
+        members = {s: s for variable in group for s in (rows[variable].scalar_names if in_scalars else [variable])}
+        if members:
+            terminals.append(UnitTerminal(name, text, members))
     return tuple(terminals)

@@ -62,12 +62,6 @@ UNITS = (
     PhysicalUnit("Hz", {"s": -1}),
 )
 BY_NAME = {unit.name: unit for unit in UNITS}
-LOG_CATEGORIES = {
-    "logStatusWarning": "minor problems; the reason for terminating Model Exchange",
-    "logStatusDiscard": "rejected values and steps not completed, with quantity, value and time",
-    "logStatusError": "invalid calls, with what was expected; always logged",
-    "logAll": "all messages",
-}
 
 
 class DescribedVariable(NamedTuple):
@@ -138,7 +132,6 @@ def model_description(component: UnitComponent, fmi_version: str, token: str, so
         source_files=source_files,
         units=[unit for unit in UNITS if unit.name in units],
         display_units={unit.name: unit.display[0] for unit in UNITS if unit.display is not None},
-        categories=LOG_CATEGORIES,
         variables=variables,
         has_dimensions=not in_scalars,
         outputs=unknowns(outputs, running),

@@ -53,7 +53,7 @@ MOST_COLUMNS = 96
 _OF_TWO = ("atan2", "copysign", "fmax", "fmin", "fmod", "hypot", "pow", "remainder")
 
 
-class Failure(IntEnum):
+class MemberFailure(IntEnum):
     """Why a member has failed."""
 
     GOES_ON = 0
@@ -262,7 +262,7 @@ def lanes_sources(variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
         sizes=defines(sizes),
         controlled=defines(CONTROLLED),
         scales=f"\n/* of absolute tolerances, by state */\n#define SCALES {{{scales}}}" if variant.bristles else "",
-        failures=defines({f"FAILURE_{failure.name}": int(failure) for failure in Failure}),
+        failures=defines({f"FAILURE_{failure.name}": int(failure) for failure in MemberFailure}),
         kernel=kernel[: kernel.index("\n{")].strip(),
     )
     units = {

@@ -178,25 +178,22 @@ def model_source(component: UnitComponent) -> str:
 
 def start_source(component: UnitComponent, tokens: tuple[str, str] | None) -> str:
     """`start.c` with the component's start values and the tokens of FMI 2.0 and 3.0; None for a block of zeros."""
-    vectors = _start_numbers(component)
-    if tokens is None:
-        tokens, vectors = ("", ""), {name: [0.0] * len(vector) for name, vector in vectors.items()}
-    texts = ("\n".join(f"        {value!r}," for value in vector) for vector in vectors.values())
+    vectors = _start_numbers(component, is_blank=tokens is None).values()
+    texts = ("\n".join(f"        {value!r}," for value in vector) for vector in vectors)
     rows = "\n".join(f"    {{\n{text}\n    }}," for text in texts)
-    return filled("unit/start.c", mark=_MARK, token_of_fmi2=tokens[0], token_of_fmi3=tokens[1], rows=rows)
+    fmi2, fmi3 = tokens or ("", "")
+    return filled("unit/start.c", mark=_MARK, token_of_fmi2=fmi2, token_of_fmi3=fmi3, rows=rows)
 
 
 def start_block(component: UnitComponent, tokens: tuple[str, str] | None) -> bytes:
     """The bytes of the block of `start_source` in a library of any target."""
-    numbers = [number for vector in _start_numbers(component).values() for number in vector]
-    if tokens is None:
-        tokens, numbers = ("", ""), [0.0] * len(numbers)
+    numbers = [x for vector in _start_numbers(component, is_blank=tokens is None).values() for x in vector]
     form = f"<{_MARK_SIZE}s{_TOKEN_SIZE}s{_TOKEN_SIZE}s{len(numbers)}d"
-    return struct.pack(form, _MARK.encode(), *(token.encode() for token in tokens), *numbers)
+    return struct.pack(form, _MARK.encode(), *(token.encode() for token in tokens or ("", "")), *numbers)
 
 
-def _start_numbers(component: UnitComponent) -> dict[str, list[float]]:
-    """The numbers of the block, at least one in each vector, since C has no empty arrays."""
+def _start_numbers(component: UnitComponent, *, is_blank: bool = False) -> dict[str, list[float]]:
+    """The numbers of the block, all 0 if it is blank; at least one in each vector, since C has no empty arrays."""
     rows = {
         "inputs": component.layout.of_role(Role.INPUT),
         "states": component.layout.of_role(Role.STATE),
@@ -209,7 +206,7 @@ def _start_numbers(component: UnitComponent) -> dict[str, list[float]]:
     }
     for name, variables in rows.items():
         numbers[name] = [float(x) for row in variables for x in component.starts[row.variable.name].flat]
-    return {name: vector or [0.0] for name, vector in numbers.items()}
+    return {name: [0.0 if is_blank else x for x in vector] or [0.0] for name, vector in numbers.items()}
 
 
 def _parameters(component: UnitComponent, *, of_unit: bool = False) -> tuple[LayoutRow, ...]:
