@@ -165,8 +165,10 @@ def _code(variant: Variant) -> Sources:
 def _traced_once(name: str, variant: Variant, trace: Callable[[], bytes]) -> bytes:
     """What is traced from the equations: that of ideal plants may have come with the package, else from the cache."""
     content = prebuilt_content(name, state_of_texts()) if variant == IDEAL else None
-    state = "-".join([state_of_sources(), *variant.parts])
-    return content or kept(cache_folder() / "traced" / state / name, trace).read_bytes()
+    if content is None:
+        folder = "-".join([state_of_sources(), *variant.parts])
+        content = kept(cache_folder() / "traced" / folder / name, trace).read_bytes()
+    return content
 
 
 @cache
