@@ -61,6 +61,13 @@ def test_a_library_is_compiled_again_if_anything_differs_on_which_its_bytes_depe
     assert len(compiled) == 1 + len(others)
 
 
+def test_each_variant_has_a_library_of_its_own() -> None:
+    """Expected: names by hand, under which the files are kept and carried."""
+    variants = (Variant(bristles, springs) for bristles in (False, True) for springs in (False, True))
+    names = [libraries.lanes_code(variant).name for variant in variants]
+    assert names == ["lanes", "lanes-springs", "lanes-bristles", "lanes-bristles-springs"]
+
+
 def test_each_variants_equations_are_traced_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: what was traced, where nothing can be traced any more; only bristles have a decay."""
     variants = (IDEAL, STICKING)
