@@ -42,7 +42,7 @@ VECTOR_FLAGS = (
     *("-ffp-contract=fast-honor-pragmas", "-fno-math-errno", "-fno-signed-zeros"),
 )
 # Of all compilers: no fused operations, which some processors lack.
-_MACHINE_FLAGS = ("-O2", "-std=c99", "-g0", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno", "-DWIDTH=1")
+_MACHINE_FLAGS = ("-O2", "-std=c99", "-g0", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
 # Limits of error-controlled steps: internal steps of a plant step, and the smallest one as a share of it.
 CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9, "SMALLEST_RATE": 1e-200}
 # Instruction sets that the machine code may use.
@@ -382,6 +382,7 @@ def machine_sources(
     headers = {**user.headers, **loop.headers, **machine.headers}
     headers["machine_fields.h"] = f"{GENERATED}\n{fields}" + ("" if law is None else "\n#define MACHINE_HAS_LAW\n")
     headers["plan.h"], headers["design.h"] = f"{GENERATED}\n{plan}", f"{GENERATED}\n{design}"
+    headers["vectors.h"] = headers["vectors.h"].replace("#ifndef WIDTH\n#define WIDTH 8\n#endif", "#define WIDTH 1")
     return Sources({**loop.units, **machine.units, **user.units}, headers)
 
 

@@ -1,6 +1,7 @@
 """Pictures of a platform for the FMU: a labelled drawing for its documentation, and an icon without text."""
 
 import io
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 
 Points = NDArray[np.float64]
+View = Callable[[Points], Points]
 
 ICON_SIZE = 128
 DRAWING_SIZE = (760, 480)
@@ -60,15 +62,15 @@ def drawing_svg(platform: Platform) -> str:
     # origin and tips of the axes, (4, 3)
     world_frame = np.vstack([np.zeros(3), np.eye(3)]) * 0.5 * min(_radius(B), gap)
     platform_frame = t + 0.75 * _radius(P) * np.vstack([np.zeros(3), R.T])
-    scale, shift = _fit(np.concatenate([B, P, world_frame, platform_frame]), _DRAWING_BOX)
-    on_paper = [points @ _VIEW * scale + shift for points in (world_frame, platform_frame, B, P)]
-    strokes = _mechanism(B, P, scale, shift, (1.5, 7.0, 3.5, 8.0))
-    labels = [Label(on_paper[1][0] + np.array([-13.0, 11.0]), "O_p", _INK)]
-    for frame, names in zip(on_paper, (("X_0", "Y_0", "Z_0"), ("x_p", "y_p", "z_p")), strict=False):
+    on_paper = _fit(np.concatenate([B, P, world_frame, platform_frame]), _DRAWING_BOX)
+    strokes = _mechanism(B, P, on_paper, (1.5, 7.0, 3.5, 8.0))
+    labels = [Label(on_paper(platform_frame)[0] + np.array([-13.0, 11.0]), "O_p", _INK)]
+    for points, names in ((world_frame, ("X_0", "Y_0", "Z_0")), (platform_frame, ("x_p", "y_p", "z_p"))):
+        frame = on_paper(points)
         for tip, name in zip(frame[1:], names, strict=True):
             strokes += _arrow(frame[0], tip, _INK)
             labels.append(Label(tip + 13 * _direction(tip - frame[0]), name, _INK))
-    leg_strokes, leg_labels = _annotated_leg(*on_paper[2:])
+    leg_strokes, leg_labels = _annotated_leg(on_paper(B), on_paper(P))
     title = "Gough–Stewart platform with its frames and the signs of a leg"
     width, height = DRAWING_SIZE
     content = {"strokes": [*strokes, *leg_strokes], "labels": [*labels, *leg_labels]}
@@ -102,7 +104,7 @@ def icon_png(platform: Platform) -> bytes:
 
 def _icon(platform: Platform) -> list[PenStroke]:
     B, P, _, _ = _home(platform)
-    return _mechanism(B, P, *_fit(np.concatenate([B, P]), _ICON_BOX), (4.0, 7.0, 4.0, 9.0))
+    return _mechanism(B, P, _fit(np.concatenate([B, P]), _ICON_BOX), (4.0, 7.0, 4.0, 9.0))
 
 
 def _home(platform: Platform) -> tuple[Points, Points, Points, Points]:
@@ -111,24 +113,20 @@ def _home(platform: Platform) -> tuple[Points, Points, Points, Points]:
     return platform.base_points, t + leg_geometry(platform, t, platform.home_orientation).arm, t, R
 
 
-def _fit(points: Points, box: tuple[float, float, float, float]) -> tuple[float, Points]:
-    """Scale and shift of the orthographic view with which points (n, 3) fill a box on paper."""
+def _fit(points: Points, box: tuple[float, float, float, float]) -> View:
+    """The orthographic view, of points (n, 3) in world as (n, 2) on paper, with which these points fill a box."""
     seen = points @ _VIEW
     low, high = seen.min(axis=0), seen.max(axis=0)
     corner, opposite = np.array(box[:2]), np.array(box[2:])
     scale = float(((opposite - corner) / (high - low)).min())
-    return scale, (corner + opposite) / 2 - scale * (low + high) / 2
+    shift = (corner + opposite) / 2 - scale * (low + high) / 2
+    return lambda points: np.asarray(points @ _VIEW * scale + shift)
 
 
-def _mechanism(
-    B: Points, P: Points, scale: float, shift: Points, widths: tuple[float, float, float, float]
-) -> list[PenStroke]:
+def _mechanism(B: Points, P: Points, on_paper: View, widths: tuple[float, float, float, float]) -> list[PenStroke]:
     """The base, the legs from back to front, the platform, the joints; widths of outlines, leg's parts and joints."""
     outline, lower, upper, joint = widths
     middle = B + _SLEEVE * (P - B)
-
-    def on_paper(points: Points) -> Points:
-        return np.asarray(points @ _VIEW * scale + shift)
 
     def plate(points: Points) -> Points:
         x, y, _ = (points - points.mean(axis=0)).T
