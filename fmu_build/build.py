@@ -1,16 +1,40 @@
-"""Build the plant's FMU."""
+"""Build units: generate sources and documents, compile, and write the archives atomically."""
 
-from collections.abc import Iterable
+import io
+import os
+import zipfile
+from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Event
+from typing import NamedTuple
 
-from gough_stewart.fmu_build.builder import VERSIONS, build_units
+from gough_stewart.fmu_build.binaries import stamped, universal_binary
+from gough_stewart.fmu_build.cache import digest_of
+from gough_stewart.fmu_build.component import Sources, UnitComponent
+from gough_stewart.fmu_build.documents import (
+    build_description,
+    model_description,
+    package_license,
+    terminals_and_icons,
+)
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.plant.component import plant_component
+from gough_stewart.fmu_build.libraries import Library, state_of_c
+from gough_stewart.fmu_build.plant.component import PLANT_STEM, plant_component
+from gough_stewart.fmu_build.sources import library_sources, sources, standard_license, start_block
+from gough_stewart.fmu_build.targets import Target, chosen_targets
+from gough_stewart.fmu_build.toolchain import FLAGS, compiler_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.process.files import check_output_folder, write_files
+from gough_stewart.model.process.prebuilt import prebuilt_content
 from gough_stewart.model.process.progress import StepProgress
 
+VERSIONS = ("2.0", "3.0")
 DEFAULT_PRESET = "liu2000"
+# The earliest date that the zip format can represent.
+_DATE = (1980, 1, 1, 0, 0, 0)
+_FIRST = "modelDescription.xml"
 
 
 def build(
@@ -57,3 +81,165 @@ def build(
         raise BuildError(f"platform is {platform!r}; expected a Platform, such as load_preset('liu2000')")
     component = plant_component(load_preset(DEFAULT_PRESET) if platform is None else platform)
     return build_units(component, out, fmi=fmi, targets=targets, progress=progress)
+
+
+def build_units(
+    component: UnitComponent,
+    out: Path | str,
+    *,
+    fmi: Iterable[str] = VERSIONS,
+    targets: Iterable[str] = ("native",),
+    progress: StepProgress | None = None,
+) -> list[Path]:
+    """Build the units of a component, `STEM_fmi2.fmu` and `STEM_fmi3.fmu`; see `build` for arguments and errors."""
+    folder = Path(out)
+    versions, systems = chosen_versions(fmi), chosen_targets(targets)
+    check_output_folder(folder, [file_name(version, component.file_stem) for version in versions])
+    archives = unit_archives(component, versions, systems, progress)
+    write_files(folder, archives)
+    return [folder / name for name in archives]
+
+
+def unit_archives(
+    component: UnitComponent, versions: Iterable[str], systems: Iterable[Target], progress: StepProgress | None = None
+) -> dict[str, bytes]:
+    """The units as archives, by file name; see `build` for errors."""
+    report, systems = progress or (lambda _text: None), tuple(systems)
+    archives = {}
+    for version in versions:
+        report(f"FMI {version}: sources and documents")
+        unit = unit_of(component, version)
+        libraries = libraries_of(component, unit, systems, report)
+        archives[file_name(version, component.file_stem)] = to_zip(contents(unit, libraries))
+    return archives
+
+
+def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:
+    """Number of progress reports of `build_units`."""
+    return len(chosen_versions(fmi)) * (1 + len(chosen_targets(targets)))
+
+
+def chosen_versions(fmi: Iterable[str]) -> tuple[str, ...]:
+    """The requested versions, in order and without duplicates.
+
+    Raises
+    ------
+    BuildError
+        A version other than "2.0" and "3.0", or none.
+    """
+    requested = [fmi] if isinstance(fmi, str) else list(fmi)
+    for version in requested:
+        if version not in VERSIONS:
+            raise BuildError(f"no FMI version '{version}'; expected {' or '.join(VERSIONS)}")
+    if not requested:
+        raise BuildError(f"no FMI version; expected {' or '.join(VERSIONS)}")
+    return tuple(version for version in VERSIONS if version in requested)
+
+
+class UncompiledUnit(NamedTuple):
+    """One FMU before it is compiled."""
+
+    fmi_version: str
+    token: str
+    library: str  # its name without suffix
+    sources: Sources
+    documents: dict[str, bytes]  # by path in the archive
+
+
+def unit_of(component: UnitComponent, fmi_version: str) -> UncompiledUnit:
+    """Sources and documents of a unit; its token is a digest of the sources and the description."""
+    blank = sources(component, fmi_version, "")
+    names = sorted(blank.units)
+    texts = "".join(f"{name}\0{text}\0" for name, text in sorted({**blank.units, **blank.headers}.items()))
+    h = digest_of(model_description(component, fmi_version, "", names) + texts.encode())
+    token = f"{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}"
+    token = f"{{{token}}}" if fmi_version == "2.0" else token
+    code = sources(component, fmi_version, token)
+    documents = {
+        "modelDescription.xml": model_description(component, fmi_version, token, names),
+        "documentation/licenses/license.txt": package_license().encode(),
+        "documentation/licenses/fmi-headers.txt": standard_license(fmi_version).encode(),
+        "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(component, fmi_version),
+        "terminalsAndIcons/icon.png": component.icon.png,
+        "terminalsAndIcons/icon.svg": component.icon.svg,
+        "sources/buildDescription.xml": build_description(component, names),
+        **{f"sources/{name}": text.encode() for name, text in {**code.units, **code.headers}.items()},
+        **component.documents(fmi_version),
+    }
+    if fmi_version == "2.0":
+        documents["model.png"] = component.icon.png
+    return UncompiledUnit(fmi_version, token, component.identifier, code, documents)
+
+
+def contents(unit: UncompiledUnit, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
+    """Everything in the archive by its path.
+
+    FMI 2.0 distinguishes operating systems only: Apple's two processors share a file, Linux's have a folder each.
+    Importers on aarch64 Linux look in `aarch64-linux` or, as FMPy does, in `linux64`: if there is no library for
+    x86_64, the one for aarch64 is in both.
+    """
+    name, files = unit.library, dict(unit.documents)
+    if unit.fmi_version == "3.0":
+        return files | {f"binaries/{t.name}/{name}{t.suffix}": library for t, library in libraries.items()}
+    apple = [(target, library) for target, library in libraries.items() if target.fmi2_folder == "darwin64"]
+    for target, library in libraries.items():
+        files[f"binaries/{target.fmi2_folder}/{name}{target.suffix}"] = library
+    if len(apple) > 1:
+        files[f"binaries/darwin64/{name}.dylib"] = universal_binary(apple)
+    if f"binaries/aarch64-linux/{name}.so" in files:
+        files.setdefault(f"binaries/linux64/{name}.so", files[f"binaries/aarch64-linux/{name}.so"])
+    return files
+
+
+def unit_library(component: UnitComponent) -> Library:
+    """The description of the library of all units of a component's code, without start values and tokens."""
+    code = library_sources(component)
+    return Library(component.identifier, lambda: code, digest_of(f"{FLAGS}{state_of_c(code)}".encode())[:24])
+
+
+def libraries_of(
+    component: UnitComponent, unit: UncompiledUnit, targets: Iterable[Target], report: StepProgress
+) -> dict[Target, bytes]:
+    """The compiled libraries of a unit: those of its code, kept once they are compiled, with its start values."""
+    code, stop = unit_library(component), Event()
+    blank = start_block(component, None)
+    block = start_block(component, (unit.token, "") if unit.fmi_version == "2.0" else ("", unit.token))
+
+    def library(target: Target) -> bytes:
+        content = prebuilt_content(f"{target.name}/{code.name}", code.state)
+        if content is None:
+            content = code.kept(target, stop, compiler_of(target)).read_bytes()
+        content = stamped(content, blank, block)
+        report(f"FMI {unit.fmi_version}: {target.name}")
+        return content
+
+    targets = tuple(targets)
+    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+        compiled = pool.map(library, targets)
+        try:
+            return dict(zip(targets, compiled, strict=True))
+        except BaseException:  # an interrupt or a failure: do not wait for the others
+            stop.set()
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def file_name(fmi_version: str, stem: str = PLANT_STEM) -> str:
+    """`STEM_fmi2.fmu` or `STEM_fmi3.fmu`."""
+    return f"{stem}_fmi{fmi_version[0]}.fmu"
+
+
+def to_zip(contents: Mapping[str, bytes]) -> bytes:
+    """A zip archive of files by their paths in it, with slashes; the model description comes first.
+
+    The same contents always give the same bytes.
+    """
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=6) as archive:
+        for name in sorted(contents, key=lambda name: (name != _FIRST, name)):
+            entry = zipfile.ZipInfo(name, _DATE)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3  # Unix on every system, since the permissions below are Unix ones
+            entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            archive.writestr(entry, contents[name])
+    return stream.getvalue()

@@ -1,8 +1,8 @@
-"""C source of the kernel: CasADi's straight-line code with plain signatures (c/plant/kernel.h)."""
+"""C text of CasADi functions, scalar and on vectors of members, and that of the kernel (c/plant/kernel.h)."""
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import casadi
@@ -26,8 +26,6 @@ static double sq(double x)
     return x * x;
 }
 """
-
-
 _SIGN = """
 static double sign(double x)
 {
@@ -48,13 +46,11 @@ def kernel_source(variant: Variant = IDEAL, order: Sequence[int] = ()) -> str:
         _in_unit_order(traced.reverse_function(variant), order),
         traced.legs_function(variant),
     ]
-    if variant == IDEAL:
-        return _HEAD + "".join(function_source(f) for f in functions)
     head = _HEAD
     if variant.bristles:
         functions += [f(variant) for f in (traced.decays_function, traced.grip_function, traced.sliding_function)]
         head += f'#include "bristles.h"\n{_SIGN}'
-    return head + "".join(function_source(f, conditions=True) for f in functions)
+    return head + "".join(function_source(f, conditions=variant != IDEAL) for f in functions)
 
 
 def _in_unit_order(function: casadi.Function, order: Sequence[int]) -> casadi.Function:
@@ -62,12 +58,10 @@ def _in_unit_order(function: casadi.Function, order: Sequence[int]) -> casadi.Fu
     if not order:
         return function
     back = np.argsort(order).tolist()
-    given = function.sx_in()
-    names, found = function.name_in(), function.name_out()
-    inner = [v[back] if name == "wy" else v for name, v in zip(names, given, strict=True)]
-    results = function.call(inner)
-    ordered = [v[list(order)] if name in ("y", "dy") else v for name, v in zip(found, results, strict=True)]
-    return casadi.Function(function.name(), given, [casadi.cse(v) for v in ordered], names, found)
+    arguments, names, result_names = function.sx_in(), function.name_in(), function.name_out()
+    results = function.call([v[back] if name == "wy" else v for name, v in zip(names, arguments, strict=True)])
+    ordered = [v[list(order)] if name in ("y", "dy") else v for name, v in zip(result_names, results, strict=True)]
+    return casadi.Function(function.name(), arguments, [casadi.cse(v) for v in ordered], names, result_names)
 
 
 # Calls of the C library in CasADi's code.
@@ -86,16 +80,16 @@ _TRUTHS = (
 
 
 class Types(NamedTuple):
-    """The C types of a function: `real` for its arithmetic, and `of` for inputs and outputs that differ from it."""
+    """The C types of a function: `real` for its arithmetic, `others` of inputs and outputs that differ from it."""
 
     real: str = "double"
-    of: Mapping[str, str] = {}
+    others: Mapping[str, str] = {}
     # how a function of the C library is called in this arithmetic, from its name for double
     call: str = "{}"
 
     def __call__(self, name: str) -> str:
         """The type of an input or output."""
-        return self.of.get(name, self.real)
+        return self.others.get(name, self.real)
 
     def cast(self, name: str, *, to_real: bool) -> str:
         """The cast before a value that is read or written."""
@@ -168,8 +162,13 @@ def with_reciprocals(body: str, real: str = "double") -> str:
     CasADi writes x·(1/L) as x/L, and a division costs as much as four multiplications: the derivatives have 88
     divisions by 15 values. A value is identified by its name and the number of earlier assignments to it.
     """
-    lines = body.splitlines()
-    divisors = list(_divisors(lines))
+    lines, assigned = body.splitlines(), Counter[str]()
+    divisors: list[tuple[str, int] | None] = []
+    for line in lines:
+        quotient, assignment = _QUOTIENT.fullmatch(line), _ASSIGNMENT.match(line)
+        divisors.append((quotient[3], assigned[quotient[3]]) if quotient else None)
+        if assignment:
+            assigned[assignment[1]] += 1
     uses = Counter(divisors)
     reciprocals: dict[tuple[str, int], str] = {}
     written = []
@@ -185,11 +184,48 @@ def with_reciprocals(body: str, real: str = "double") -> str:
     return "\n".join([names, *written] if reciprocals else written)
 
 
-def _divisors(lines: list[str]) -> Iterator[tuple[str, int] | None]:
-    """For each line that is a quotient of two names, the divisor."""
-    assigned = Counter[str]()
-    for line in lines:
-        quotient, assignment = _QUOTIENT.fullmatch(line), _ASSIGNMENT.match(line)
-        yield (quotient[3], assigned[quotient[3]]) if quotient else None
-        if assignment:
-            assigned[assignment[1]] += 1
+# Divisors are inverted by a function of c/lanes/elementary.h, faster than a division, for finite numbers.
+_RECIPROCALS = (
+    (r"=1/(\w+);", r"=reciprocal(\1);"),
+    (r"=\((\w+)/(\w+)\);", r"=(\1*reciprocal(\2));"),
+)
+_ROOTS = ((r"\bsqrt\(", "rounded_square_root("),)
+# What vectors cannot do by operators is done by functions there.
+_ON_VECTORS = (
+    (r"=\((\w+)!=0\?(\w+):0\);", r"=if_so(\1,\2);"),
+    (r"=\((\w+)==0\);", r"=is_not(\1);"),
+    (r"=\((\w+)!=0&&(\w+)!=0\);", r"=both(\1,\2);"),
+    (r"=\((\w+)!=0\|\|(\w+)!=0\);", r"=either(\1,\2);"),
+    (r"=\((\w+)<=(\w+)\);", r"=is_at_most(\1,\2);"),
+    (r"=\((\w+)<(\w+)\);", r"=is_less(\1,\2);"),
+    (r"=\((\w+)==(\w+)\);", r"=is_equal(\1,\2);"),
+    (r"=\((\w+)!=(\w+)\);", r"=is_other(\1,\2);"),
+)
+
+
+_KERNEL = "static __attribute__((noinline)) void kernel_"
+
+
+def in_lanes(function: casadi.Function, declarator: str = _KERNEL, *, exact: bool = False, call: str = "{}") -> str:
+    """The C source of a CasADi Function on vectors of members.
+
+    Parameters
+    ----------
+    declarator
+        The text before its name.
+    exact
+        Whether divisions and roots are rounded as NumPy's; without it divisors must be finite.
+    call
+        How a function of the C library is called, from its name.
+
+    Raises
+    ------
+    RuntimeError
+        CasADi's code has a construct that is not known.
+    """
+    text = function_source(function, declarator, Types("lanes", call=call), conditions=True, reciprocals=not exact)
+    for scalar, vector in (*(_ROOTS if exact else _RECIPROCALS), *_ON_VECTORS):
+        text = re.sub(scalar, vector, text)
+    if leftover := re.search(r".*(\?|[<>!=]=|[<>]|&&|\|\|).*", text):
+        raise RuntimeError(f"{function.name()}: unknown construct '{leftover[0].strip()}' in the generated code")
+    return text

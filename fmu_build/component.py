@@ -1,27 +1,154 @@
-"""The description of a component, from which XML, C tables and archives are generated."""
+"""The description of a component and of its variables, from which XML, C tables and archives are generated."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from functools import cached_property
+from typing import Literal, NamedTuple
 
-from gough_stewart.fmu_build.layout import Layout, Role
+from gough_stewart.model.interface import Variable
 from gough_stewart.model.vectors import Array
 
 Kind = Literal["dependent", "constant"]
 # By slot of an unknown: the slots of the knowns it depends on, in ascending order.
 SlotDependencies = Mapping[int, Mapping[int, Kind]]
+# Value reference in FMI 3.0 of the first slot; every unit knows its slots by these, besides its variables.
+SCALAR_REFERENCE = 10_000
+
+
+class Role(Enum):
+    """The role of a row in the unit, with the names of `variable_role` in c/unit/variable.h."""
+
+    INPUT = "INPUT"
+    STATE = "STATE"
+    RESULT = "RESULT"
+    FIXED_PARAMETER = "FIXED_PARAMETER"
+    TUNABLE_PARAMETER = "TUNABLE_PARAMETER"
+    DERIVATIVE = "DERIVATIVE"
+    INDEPENDENT = "INDEPENDENT"
+
+
+PARAMETER_ROLES = (Role.FIXED_PARAMETER, Role.TUNABLE_PARAMETER)
 
 
 @dataclass(frozen=True)
-class Code:
-    """The C that implements c/unit/component.h: texts by file name."""
+class LayoutRow:
+    """A variable with its value references."""
 
-    units: Mapping[str, str]  # .c
-    headers: Mapping[str, str]  # .h
+    variable: Variable
+    reference: int  # value reference in FMI 3.0
+    first: int  # its first slot, the value reference in FMI 2.0
+    role: Role
+    derivative_of: str | None = None  # name of the state
+
+    @property
+    def slots(self) -> range:
+        """Its slots."""
+        return range(self.first, self.first + self.variable.size)
+
+    @property
+    def scalar_names(self) -> tuple[str, ...]:
+        """FMI 2.0 names of the slots; a derivative has the name of its state's element inside: `der(x[1])`."""
+        if self.derivative_of is None:
+            return self.variable.scalar_names
+        return tuple(f"der({name})" for name in replace(self.variable, name=self.derivative_of).scalar_names)
 
 
 @dataclass(frozen=True)
-class Terminal:
+class Layout:
+    """All variables of a component in the order of their slots: inputs, results, parameters, state derivatives, time.
+
+    A slot is one number. FMI 2.0 refers to slots, FMI 3.0 to rows; the C core works on slots. Results begin with the
+    states; outputs come before locals. Variables that were added later stand after time, so that all value references
+    before them stay.
+    """
+
+    rows: tuple[LayoutRow, ...]
+
+    @cached_property
+    def by_name(self) -> dict[str, LayoutRow]:
+        """Rows by the names of their variables."""
+        return {row.variable.name: row for row in self.rows}
+
+    @property
+    def n_slots(self) -> int:
+        """Number of slots."""
+        return self.rows[-1].slots.stop
+
+    @cached_property
+    def time(self) -> LayoutRow:
+        """The row of the independent variable."""
+        (row,) = self.of_role(Role.INDEPENDENT)
+        return row
+
+    @property
+    def in_order(self) -> tuple[LayoutRow, ...]:
+        """The rows before time, whose roles follow each other."""
+        return self.rows[: self.time.reference]
+
+    def described(self, fmi_version: str) -> tuple[LayoutRow, ...]:
+        """The rows in the model description: FMI 2.0 without time.
+
+        Time is optional there, and the FMI Library reports a missing start value for it.
+        """
+        return self.rows if fmi_version == "3.0" else tuple(row for row in self.rows if row is not self.time)
+
+    def of_role(self, *roles: Role) -> tuple[LayoutRow, ...]:
+        """The rows of some roles, in slot order."""
+        return tuple(row for row in self.rows if row.role in roles)
+
+    def outputs(self) -> tuple[LayoutRow, ...]:
+        """The rows of all outputs, states or not."""
+        return tuple(r for r in self.of_role(Role.STATE, Role.RESULT) if r.variable.causality == "output")
+
+
+def laid_out(variables: Iterable[Variable], rate_units: Mapping[str, str], appended: Iterable[Variable] = ()) -> Layout:
+    """The layout of variables in this order.
+
+    Parameters
+    ----------
+    rate_units
+        Units of the state derivatives by state name.
+    appended
+        Variables after time, in this order.
+    """
+    variables, rows = tuple(variables), list[LayoutRow]()
+
+    def add(variable: Variable, role: Role, derivative_of: str | None = None) -> None:
+        first = rows[-1].slots.stop if rows else 0
+        rows.append(LayoutRow(variable, len(rows), first, role, derivative_of))
+
+    for variable in variables:
+        add(variable, _role(variable))
+    for state in (v for v in variables if v.is_state):
+        text = f"time derivative of {state.name}"
+        rate = Variable(f"der({state.name})", state.shape, rate_units[state.name], "local", "continuous", text)
+        add(rate, Role.DERIVATIVE, state.name)
+    add(Variable("time", (), "s", "local", "continuous", "simulation time"), Role.INDEPENDENT)
+    for variable in appended:
+        add(variable, _role(variable))
+    return Layout(tuple(rows))
+
+
+def _role(variable: Variable) -> Role:
+    if variable.is_state:
+        return Role.STATE
+    if variable.causality == "input":
+        return Role.INPUT
+    if variable.causality == "parameter":
+        return Role.TUNABLE_PARAMETER if variable.variability == "tunable" else Role.FIXED_PARAMETER
+    return Role.RESULT
+
+
+class Sources(NamedTuple):
+    """C texts by file name."""
+
+    units: dict[str, str]  # .c
+    headers: dict[str, str]  # .h
+
+
+@dataclass(frozen=True)
+class UnitTerminal:
     """Variables that are connected together; scalars in FMI 2.0, arrays in FMI 3.0."""
 
     name: str
@@ -37,13 +164,9 @@ class Icon:
     svg: bytes
 
 
-# Value reference in FMI 3.0 of the first slot; every unit knows its slots by these, besides its variables.
-SCALAR_REFERENCE = 10_000
-
-
 @dataclass(frozen=True)
-class Component:
-    """Everything that the builder needs to know about a component.
+class UnitComponent:
+    """Everything that a build needs to know about a component.
 
     A component with continuous states supports Model Exchange and Co-Simulation, with partial derivatives and time
     derivatives of its outputs. One without is a sampled system and supports Co-Simulation only. Both interpolate
@@ -58,10 +181,10 @@ class Component:
     starts: Mapping[str, Array]  # of the variables that have a start value
     dependencies: SlotDependencies  # of outputs and derivatives; a slot without an entry depends on nothing
     experiment: Mapping[str, str]  # attributes of `DefaultExperiment`
-    code: Code
+    code: Sources  # that implements c/unit/component.h
     icon: Icon
     # by FMI version:
-    terminals: Callable[[str], tuple[Terminal, ...]]
+    terminals: Callable[[str], tuple[UnitTerminal, ...]]
     documents: Callable[[str], Mapping[str, bytes]]  # by path in the archive
     # parameters of the unit itself, after those with partial derivatives
     settings: frozenset[str] = frozenset()
@@ -80,26 +203,22 @@ class Component:
 
 def terminals_of(
     layout: Layout, fmi_version: str, actuator: Iterable[str], groups: Iterable[tuple[str, str, Iterable[str]]]
-) -> tuple[Terminal, ...]:
+) -> tuple[UnitTerminal, ...]:
     """The six actuators, and groups of variables as (name, description, variables); empty groups are left out.
 
     FMI 2.0 has one terminal per actuator, with scalars. In FMI 3.0 a terminal cannot refer to an element of an
     array, so one terminal holds all six actuators.
     """
-    actuator, found = tuple(actuator), [(name, text, tuple(group)) for name, text, group in groups]
-    found = [each for each in found if each[2]]
-    if fmi_version == "3.0":
-        found.insert(0, ("actuators", "the six actuators", actuator))
-        return tuple(Terminal(name, text, {v: v for v in group}) for name, text, group in found)
-    legs = tuple(
-        Terminal(
-            f"actuator_{leg + 1}",
-            f"actuator of leg {leg + 1}",
-            {name: layout.by_name[name].scalar_names[leg] for name in actuator},
-        )
-        for leg in range(6)
-    )
-    return legs + tuple(
-        Terminal(name, text, {s: s for v in group for s in layout.by_name[v].scalar_names})
-        for name, text, group in found
-    )
+    rows, in_scalars, actuator = layout.by_name, fmi_version == "2.0", tuple(actuator)
+    terminals = []
+    if in_scalars:
+        for leg in range(6):
+            members = {name: rows[name].scalar_names[leg] for name in actuator}
+            terminals.append(UnitTerminal(f"actuator_{leg + 1}", f"actuator of leg {leg + 1}", members))
+    else:
+        terminals.append(UnitTerminal("actuators", "the six actuators", {name: name for name in actuator}))
+    for name, text, group in groups:
+        members = {s: s for variable in group for s in (rows[variable].scalar_names if in_scalars else [variable])}
+        if members:
+            terminals.append(UnitTerminal(name, text, members))
+    return tuple(terminals)

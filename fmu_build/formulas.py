@@ -10,15 +10,6 @@ from latex2mathml.converter import convert
 _MATRIX = re.compile(r"<mo>&#x0005B;</mo>(<mtable>.*?</mtable>)<mo>&#x0005D;</mo>", re.DOTALL)
 _HEADING = re.compile(r"(#+) (.*)")
 _INLINE = re.compile(r"\$(?P<formula>[^$]+)\$|`(?P<code>[^`]+)`|\*\*(?P<strong>[^*]+)\*\*")
-# MathML brackets around a matrix grow with it only if a mathematics font is installed; these always do.
-STYLE = """
-.formula { margin: 0.8rem 0 0.8rem 2rem; overflow-x: auto; }
-mrow.matrix { border: solid currentColor; border-width: 0 0.08em; padding: 0 0.2em;
-       background: linear-gradient(currentColor, currentColor) 0 0 / 0.35em 0.08em no-repeat,
-       linear-gradient(currentColor, currentColor) 0 100% / 0.35em 0.08em no-repeat,
-       linear-gradient(currentColor, currentColor) 100% 0 / 0.35em 0.08em no-repeat,
-       linear-gradient(currentColor, currentColor) 100% 100% / 0.35em 0.08em no-repeat; }
-"""
 
 
 @cache  # the pages of both FMI versions have their formulas in common
@@ -44,29 +35,25 @@ def to_html(markdown: str) -> str:
 
     A heading with one # becomes h2, and so on.
     """
-    blocks = [block.strip() for block in re.split(r"\n\s*\n", markdown) if block.strip()]
-    return "\n".join(_block(block) for block in blocks)
-
-
-def _block(block: str) -> str:
-    heading = _HEADING.fullmatch(block)
-    if heading:
-        level = len(heading[1]) + 1
-        return f"<h{level}>{_inline(heading[2])}</h{level}>"
-    if block.startswith("$$") and block.endswith("$$"):
-        return f'<div class="formula">{mathml(block[2:-2], "block")}</div>'
-    return f"<p>{_inline(block)}</p>"
+    elements = []
+    for text in re.split(r"\n\s*\n", html.escape(markdown, quote=False).strip()):
+        block = text.strip()
+        if heading := _HEADING.fullmatch(block):
+            level = len(heading[1]) + 1
+            elements.append(f"<h{level}>{_inline(heading[2])}</h{level}>")
+        elif block.startswith("$$") and block.endswith("$$"):
+            elements.append(f'<div class="formula">{mathml(block[2:-2], "block")}</div>')
+        elif block:
+            elements.append(f"<p>{_inline(block)}</p>")
+    return "\n".join(elements)
 
 
 def _inline(text: str) -> str:
-    parts, at = [], 0
-    for found in _INLINE.finditer(text):
-        parts.append(html.escape(text[at : found.start()], quote=False))
-        at = found.end()
-        if found["formula"]:
-            parts.append(mathml(found["formula"], "inline"))
-        elif found["code"]:
-            parts.append(f"<code>{html.escape(found['code'], quote=False)}</code>")
-        else:
-            parts.append(f"<strong>{_inline(found['strong'])}</strong>")
-    return "".join([*parts, html.escape(text[at:], quote=False)])
+    """An escaped text with its formulas, code and bold parts as elements."""
+
+    def element(match: re.Match[str]) -> str:
+        if match["formula"]:
+            return mathml(match["formula"], "inline")
+        return f"<code>{match['code']}</code>" if match["code"] else f"<strong>{_inline(match['strong'])}</strong>"
+
+    return _INLINE.sub(element, text)

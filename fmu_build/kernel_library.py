@@ -23,8 +23,7 @@ def compiled_kernel(target: Target) -> bytes:
 def kernel_sources() -> tuple[dict[str, str], dict[str, str]]:
     """Units and headers by file name."""
     from gough_stewart.fmu_build.codegen import function_source
-    from gough_stewart.fmu_build.sources import c_folder
-    from gough_stewart.fmu_build.tables import GENERATED
+    from gough_stewart.fmu_build.sources import GENERATED, c_folder
     from gough_stewart.model import traced
 
     own, at = c_folder("kernel"), offsets()

@@ -1,65 +1,82 @@
-"""The C sources of a unit: FMI layers, the component's code and tables, headers of the standard."""
+"""The C sources of a unit: FMI layers, the component's code, tables of its variables, headers of the standard.
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+Files that are generated are filled-in templates, `c/*/NAME.in`.
+"""
+
+import hashlib
+import struct
+from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
+from string import Template
+from textwrap import fill
 
-from gough_stewart.fmu_build.component import Code, Component
+from gough_stewart.fmu_build.component import PARAMETER_ROLES, SCALAR_REFERENCE, LayoutRow, Role, Sources, UnitComponent
 from gough_stewart.fmu_build.errors import RUNNER, BuildError
-from gough_stewart.fmu_build.tables import model_header, model_source, start_source
+from gough_stewart.model.platform import LARGEST_NUMBER
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 
+GENERATED = "/* Generated from the table of variables: do not edit. */"
+# Begins the block of start values in a library.
+_MARK = "gough-stewart: start"
+_MARK_SIZE, _TOKEN_SIZE = 24, 40
 _LAYERS = {"2.0": "fmi2.c", "3.0": "fmi3.c"}
-_STATELESS = "stateless.c"
 _STANDARD = {
     "2.0": ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     "3.0": ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
 
 
-@dataclass(frozen=True)
-class Sources:
-    """Texts by file name."""
-
-    units: dict[str, str]  # .c
-    headers: dict[str, str]  # .h
-
-    @property
-    def unit_names(self) -> tuple[str, ...]:
-        """Names of the files to compile."""
-        return tuple(sorted(self.units))
-
-
-def sources(component: Component, fmi_version: str, token: str) -> Sources:
+def sources(component: UnitComponent, fmi_version: str, token: str) -> Sources:
     """All C files of a unit for one FMI version."""
     tokens = (token, "") if fmi_version == "2.0" else ("", token)
     return _sources(component, (fmi_version,), start_source(component, tokens))
 
 
-def library_sources(component: Component) -> Sources:
+def library_sources(component: UnitComponent) -> Sources:
     """All C files of the library of all units of this code, for both FMI versions, without start values and tokens."""
-    return _sources(component, _LAYERS, start_source(component, None))
+    return _sources(component, tuple(_LAYERS), start_source(component, None))
 
 
-def _sources(component: Component, versions: Iterable[str], start: str) -> Sources:
-    layers = c_folder("unit")
-    unused = set(_LAYERS.values()) - {_LAYERS[each] for each in versions}
-    unused |= {_STATELESS} if component.has_states else set()
-    units = {name: text for name, text in layers.units.items() if name not in unused} | dict(component.code.units)
+def _sources(component: UnitComponent, versions: Iterable[str], start: str) -> Sources:
+    unit = c_folder("unit")
+    unused = {layer for fmi_version, layer in _LAYERS.items() if fmi_version not in versions}
+    unused |= {"stateless.c"} if component.has_states else set()
+    units = {name: text for name, text in unit.units.items() if name not in unused} | dict(component.code.units)
     units |= {"model.c": model_source(component), "start.c": start}
-    headers = {**layers.headers, **component.code.headers, "model.h": model_header(component)}
-    for each in versions:
-        headers |= standard_headers(each)
+    headers = {**unit.headers, **component.code.headers, "model.h": model_header(component)}
+    for fmi_version in versions:
+        headers |= standard_headers(fmi_version)
     return Sources(units, headers)
 
 
-def c_folder(name: str) -> Code:
+def c_folder(name: str) -> Sources:
     """The C files of a folder below c/."""
     texts = {f.name: f.read_text() for f in files("gough_stewart.fmu_build").joinpath("c", name).iterdir()}
     units = {name: text for name, text in texts.items() if name.endswith(".c")}
-    return Code(units, {name: text for name, text in texts.items() if name.endswith(".h")})
+    return Sources(units, {name: text for name, text in texts.items() if name.endswith(".h")})
+
+
+def filled(template: str, **values: object) -> str:
+    """A generated file: its template `c/TEMPLATE.in` with values in the places of `$name`."""
+    text = files("gough_stewart.fmu_build").joinpath("c", f"{template}.in").read_text()
+    return f"{GENERATED}\n{Template(text).substitute(values)}"
+
+
+def defines(values: Mapping[str, float]) -> str:
+    """Macros, one per line."""
+    return "\n".join(f"#define {name} {value!r}" for name, value in values.items())
+
+
+def places(prefix: str, rows: Iterable[LayoutRow]) -> dict[str, int]:
+    """Offsets of variables in a vector of their own, by the names of their macros."""
+    offsets, offset = {}, 0
+    for row in rows:
+        offsets[f"{prefix}_{row.variable.name.upper()}"] = offset
+        offset += row.variable.size
+    return offsets
 
 
 def standard_headers(fmi_version: str) -> dict[str, str]:
@@ -87,3 +104,112 @@ def standard_license(fmi_version: str) -> str:
     text = standard_headers(fmi_version)[_STANDARD[fmi_version][0]]
     start = text.index("Copyright")
     return text[start : text.index("*/", start)].rstrip(" -\n") + "\n"
+
+
+def layout_number(component: UnitComponent) -> int:
+    """64 bits that change when the meaning of saved states changes."""
+    text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in component.layout.rows)
+    return int.from_bytes(hashlib.sha256((text + component.saved_form).encode()).digest()[:8], "little")
+
+
+def model_header(component: UnitComponent) -> str:
+    """`model.h`."""
+    layout = component.layout
+
+    def size(rows: Iterable[LayoutRow]) -> int:
+        return sum(row.variable.size for row in rows)
+
+    sizes = {
+        "N_INPUTS": size(layout.of_role(Role.INPUT)),
+        "N_STATES": size(layout.of_role(Role.STATE)),
+        "N_OUTPUTS": size(row for row in layout.outputs() if row in layout.in_order),
+        "N_RESULTS": size(row for row in layout.of_role(Role.STATE, Role.RESULT) if row in layout.in_order),
+        "N_PARAMETERS": size(_parameters(component)),
+        "N_SLOTS": layout.n_slots,
+        "N_VARIABLES": len(layout.rows),
+        "SCALAR_REFERENCE": SCALAR_REFERENCE,
+    }
+    slots = {
+        "FIRST_INPUT": 0,
+        "FIRST_STATE": sizes["N_INPUTS"],
+        "FIRST_RESULT": sizes["N_INPUTS"],
+        "FIRST_PARAMETER": sizes["N_INPUTS"] + sizes["N_RESULTS"],
+        "FIRST_DERIVATIVE": layout.time.first - sizes["N_STATES"],
+        "TIME": layout.time.first,
+    }
+    starts = {"DEFAULT_TOLERANCE": "START.tolerance[0]"}
+    starts |= {f"START_{name.upper()}": f"START.{name}" for name in ("inputs", "states", "parameters")}
+    starts |= {name: f"START.options[{k}]" for k, name in enumerate(component.options)}
+    settings = places("START", _parameters(component, of_unit=True))
+    starts |= {name: f"START.settings[{offset}]" for name, offset in settings.items()}
+    return filled(
+        "unit/model.h",
+        sizes=defines(sizes),
+        slots=defines(slots),
+        largest_number=repr(LARGEST_NUMBER),
+        mark_size=_MARK_SIZE,
+        token_size=_TOKEN_SIZE,
+        members="\n".join(f"    double {name}[{len(row)}];" for name, row in _start_numbers(component).items()),
+        starts="\n".join(f"#define {name} {text}" for name, text in starts.items()),
+    )
+
+
+_RANGES = {None: "ANY", ">= 0": "NOT_NEGATIVE", "> 0": "POSITIVE"}
+
+
+def model_source(component: UnitComponent) -> str:
+    """`model.c`."""
+    layout, rows = component.layout, []
+    for row in layout.rows:
+        v = row.variable
+        columns = v.shape[1] if len(v.shape) == 2 else 0
+        words = (f'"{v.name}"', f'"{v.unit}"', row.first, v.size, columns, row.role.value, _RANGES[v.lower_bound])
+        rows.append(f"    {{{', '.join(map(str, words))}}},")
+    references = ", ".join(str(row.reference) for row in layout.rows for _ in row.slots)
+    nominal = [f"    {float(row.variable.nominal)!r}," for row in layout.of_role(Role.STATE) for _ in row.slots]
+    return filled(
+        "unit/model.c",
+        rows="\n".join(rows),
+        slots=fill(references, 100, initial_indent="    ", subsequent_indent="    "),
+        nominal="\n".join(nominal) or "    0",  # C has no empty arrays
+        number=f"{layout_number(component):#x}",
+    )
+
+
+def start_source(component: UnitComponent, tokens: tuple[str, str] | None) -> str:
+    """`start.c` with the component's start values and the tokens of FMI 2.0 and 3.0; None for a block of zeros."""
+    vectors = _start_numbers(component, is_blank=tokens is None).values()
+    texts = ("\n".join(f"        {value!r}," for value in vector) for vector in vectors)
+    rows = "\n".join(f"    {{\n{text}\n    }}," for text in texts)
+    fmi2, fmi3 = tokens or ("", "")
+    return filled("unit/start.c", mark=_MARK, token_of_fmi2=fmi2, token_of_fmi3=fmi3, rows=rows)
+
+
+def start_block(component: UnitComponent, tokens: tuple[str, str] | None) -> bytes:
+    """The bytes of the block of `start_source` in a library of any target."""
+    numbers = [x for vector in _start_numbers(component, is_blank=tokens is None).values() for x in vector]
+    form = f"<{_MARK_SIZE}s{_TOKEN_SIZE}s{_TOKEN_SIZE}s{len(numbers)}d"
+    return struct.pack(form, _MARK.encode(), *(token.encode() for token in tokens or ("", "")), *numbers)
+
+
+def _start_numbers(component: UnitComponent, *, is_blank: bool = False) -> dict[str, list[float]]:
+    """The numbers of the block, all 0 if it is blank; at least one in each vector, since C has no empty arrays."""
+    rows = {
+        "inputs": component.layout.of_role(Role.INPUT),
+        "states": component.layout.of_role(Role.STATE),
+        "parameters": _parameters(component),
+        "settings": _parameters(component, of_unit=True),
+    }
+    numbers = {
+        "tolerance": [float(component.experiment.get("tolerance", DEFAULT_TOLERANCE))],
+        "options": [float(value) for value in component.options.values()],
+    }
+    for name, variables in rows.items():
+        numbers[name] = [float(x) for row in variables for x in component.starts[row.variable.name].flat]
+    return {name: [0.0 if is_blank else x for x in vector] or [0.0] for name, vector in numbers.items()}
+
+
+def _parameters(component: UnitComponent, *, of_unit: bool = False) -> tuple[LayoutRow, ...]:
+    """The parameters without those of the unit itself, or only those."""
+    rows = component.layout.of_role(*PARAMETER_ROLES)
+    return tuple(row for row in rows if (row.variable.name in component.settings) == of_unit)

@@ -31,6 +31,8 @@ TARGETS = (
     Target("aarch64-darwin", "aarch64-macos.11.0", "darwin64", ".dylib"),
 )
 BY_NAME = {target.name: target for target in TARGETS}
+# Of live pages; no units are built for it.
+WEB_ASSEMBLY = Target("WebAssembly", "wasm32-wasi", "", ".wasm")
 
 
 def native() -> Target:
@@ -55,16 +57,11 @@ def chosen_targets(names: Iterable[str]) -> tuple[Target, ...]:
     BuildError
         An unknown name, or none.
     """
-    chosen = set[Target]()
+    requested = set[Target]()
     for name in [names] if isinstance(names, str) else names:
-        if name == "all":
-            chosen.update(TARGETS)
-        elif name == "native":
-            chosen.add(native())
-        elif name in BY_NAME:
-            chosen.add(BY_NAME[name])
-        else:
+        if name not in ("native", "all", *BY_NAME):
             raise BuildError(f"no target '{name}'; expected native, all, or one of {', '.join(BY_NAME)}")
-    if not chosen:
+        requested.update(TARGETS if name == "all" else [native() if name == "native" else BY_NAME[name]])
+    if not requested:
         raise BuildError("no target; expected native, all, or one of " + ", ".join(BY_NAME))
-    return tuple(target for target in TARGETS if target in chosen)
+    return tuple(target for target in TARGETS if target in requested)

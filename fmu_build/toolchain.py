@@ -1,31 +1,31 @@
-"""Running a C compiler.
+"""C compilers: which one compiles a library, with which commands, and how it is run.
 
+`$CC`, else zig, which compiles for every target and whose units also run on older systems, else one of the system's.
 Each version of zig has a cache for its objects. It is emptied when the compiler fails for no reason in the sources:
 with a damaged object every later build would fail, too.
 """
 
 import os
 import re
+import shlex
 import shutil
 import signal
-import struct
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from hashlib import sha256
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Event
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
-from gough_stewart.fmu_build.cache_files import cache_folder
-from gough_stewart.fmu_build.compilers import Compiler, zig
+from gough_stewart.fmu_build.cache import cache_folder, digest_of
 from gough_stewart.fmu_build.errors import COMPILER, BuildError
 from gough_stewart.fmu_build.targets import Target
 from gough_stewart.model.process.files import write_whole
+from gough_stewart.model.process.prebuilt import this_machine
 
 try:
     import fcntl
@@ -39,8 +39,88 @@ FLAGS = (
     # errno is not used; without it sqrt is one instruction
     "-fno-math-errno",
 )
+_SYSTEMS = ("cc", "gcc", "clang", "cl")
+# zig's default order of instructions there, of a small processor, spills more: a quarter more code after deflate.
+_UNORDERED = {"aarch64-linux": ("-mllvm", "-enable-misched=false")}
+_REMEDY = "pip install 'gough-stewart[compile]' brings one for every target"
 # Disk space for a library of a few hundred kilobytes and intermediate files [bytes].
 _SPACE = 16_000_000
+
+
+class Compiler(NamedTuple):
+    """A command, and what the bytes of its output depend on."""
+
+    command: tuple[str, ...]
+    identity: str
+    is_zig: bool = False
+
+    def commands(
+        self, library: str, files: Sequence[str], include: str, target: Target, flags: Sequence[str]
+    ) -> list[list[str]]:
+        """The commands that compile files to a library, each run in the same folder.
+
+        zig builds the C library of Windows anew for each kind of processor, in minutes; so only the files are compiled
+        for that.
+        """
+        name = target.flags_of(Path(library).stem)
+        ending = ["-I", include, *files, "-o", library, "-lm"]
+        if not self.is_zig:
+            if Path(self.command[0]).stem.lower() == "cl":
+                options = ("/nologo", "/LD", "/O2", "/std:c11", "/fp:precise", "/MT")
+                return [[*self.command, *options, "/I", include, *files, f"/Fe:{library}"]]
+            accepted = (flag for flag in flags if not (flag == "-s" and target.suffix == ".dylib"))
+            return [[*self.command, *accepted, *name, *ending]]
+        aim = [*self.command, "-target", target.triple]
+        general = [flag for flag in flags if not flag.startswith("-mcpu=")]
+        if target.suffix != ".dll" or len(general) == len(flags):
+            return [[*aim, *flags, *_UNORDERED.get(target.name, ()), *name, *ending]]
+        plain = [flag for flag in flags if flag not in ("-shared", "-s")]
+        objects = [f"{k}.obj" for k in range(len(files))]
+        compiled = [
+            [*aim, *plain, "-I", include, "-c", file, "-o", object_file]
+            for file, object_file in zip(files, objects, strict=True)
+        ]
+        return [*compiled, [*aim, *general, *name, "-I", include, *objects, "-o", library, "-lm"]]
+
+
+def zig() -> Compiler:
+    """The compiler of the extra `compile`.
+
+    Raises
+    ------
+    BuildError
+        It is not installed.
+    """
+    if find_spec(COMPILER) is None:
+        raise BuildError(f"not installed: {COMPILER} (to compile); install the extra: {_REMEDY}")
+    command = (sys.executable, "-m", COMPILER, "cc")
+    return Compiler(command, f"{COMPILER} {version(COMPILER)} {_UNORDERED}", is_zig=True)
+
+
+def compiler_of(target: Target, environment: Mapping[str, str] | None = None) -> Compiler:
+    """The compiler of a unit for a target; compilers of the system compile for this machine only.
+
+    Raises
+    ------
+    BuildError
+        `CC` names no program, or there is no compiler.
+    """
+    words = shlex.split((os.environ if environment is None else environment).get("CC", ""))
+    is_here = target.name == this_machine()
+    if is_here and words:
+        path = shutil.which(words[0])
+        if path is None:
+            raise BuildError(f"the environment variable CC is '{' '.join(words)}'; expected a C compiler, or unset it")
+    elif find_spec(COMPILER) is not None:
+        return zig()
+    else:
+        path = next(filter(None, map(shutil.which, _SYSTEMS if is_here else ())), None)
+    if path is None:
+        looked = f"CC, zig, {', '.join(_SYSTEMS)}" if is_here else "zig"
+        raise BuildError(f"no C compiler for {target.name} was found ({looked}); {_REMEDY}")
+    # known by size and time of its program
+    program, options = Path(path).resolve().stat(), words[1:]
+    return Compiler((path, *options), f"{path} {' '.join(options)} {program.st_size} {program.st_mtime_ns}")
 
 
 def compile_library(
@@ -52,47 +132,38 @@ def compile_library(
     flags: Sequence[str] = FLAGS,
     compiler: Compiler | None = None,
 ) -> bytes:
-    """Compile C files to the shared library `name`, by zig if no other is given; the same sources give the same bytes.
+    """Compile C files to the library `name`, by zig if no other is given; the same sources give the same bytes.
 
-    When `stop` is set, the compiler ends soon, with all processes that it has started.
+    When `stop` is set, the compiler ends soon, with all processes that it has started. A damaged compiler cache is made
+    anew.
 
     Raises
     ------
     BuildError
         The compiler failed; contains its message.
     """
-
-    def commands(library: str, files: Sequence[str], include: str) -> Sequence[Sequence[str]]:
-        return (compiler or zig()).commands(library, files, include, target, flags)
-
-    return compiled(name + target.suffix, units, headers, commands, target.name, stop)
-
-
-def compiled(
-    name: str,
-    units: Mapping[str, str],
-    headers: Mapping[str, str],
-    commands: Callable[[str, Sequence[str], str], Sequence[Sequence[str]]],
-    system: str,
-    stop: Event | None = None,
-) -> bytes:
-    """The file `name` that the commands write, from its path, those of the C files and the folder of the headers.
-
-    A damaged compiler cache is made anew. See `compile_library` for `stop` and errors.
-    """
     # zig's cache identifies a file by its path, so every file gets a path that depends on its content
     include = str(place_of(headers))
     files = [str(place_of({unit: text}) / unit) for unit, text in sorted(units.items())]
     with compiling() as in_use, tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
-        library, stop = Path(scratch, name), stop or Event()
-        to_run = commands(str(library), files, include)
-        code, message = _run_all(to_run, scratch, stop, in_use)
+        library, stop = Path(scratch, name + target.suffix), stop or Event()
+        commands = (compiler or zig()).commands(str(library), files, include, target, flags)
+
+        def run_all() -> tuple[int, str]:
+            code, message = 0, ""
+            for command in commands:
+                code, message = _run(command, scratch, stop, in_use)
+                if code != 0:
+                    break
+            return code, message
+
+        code, message = run_all()
         # an error that neither the sources nor a full disk explain may be of the cache
         if code != 0 and not (stop.is_set() or _is_about_sources(message) or _nearly_full(scratch)):
             _empty_objects(in_use)
-            code, message = _run_all(to_run, scratch, stop, in_use)
+            code, message = run_all()
         if code != 0:
-            raise BuildError(f"the compiler failed for {system}:\n{_complaint(code, message, scratch)}")
+            raise BuildError(f"the compiler failed for {target.name}:\n{_complaint(code, message, scratch)}")
         return library.read_bytes()
 
 
@@ -165,19 +236,9 @@ def _complaint(code: int, message: str, scratch: str) -> str:
     )
 
 
-def _run_all(commands: Sequence[Sequence[str]], folder: str, stop: Event, in_use: IO[str]) -> tuple[int, str]:
-    """Exit code and error output of the first command that fails, or of the last one."""
-    code, message = 0, ""
-    for command in commands:
-        code, message = _run(command, folder, stop, in_use)
-        if code != 0:
-            break
-    return code, message
-
-
 def _run(command: Sequence[str], folder: str, stop: Event, in_use: IO[str]) -> tuple[int, str]:
     """Exit code and error output of a command, run in its own process group so that it can be ended as a whole."""
-    own: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0, "pass_fds": (in_use.fileno(),)}
+    group: dict[str, Any] = {} if sys.platform == "win32" else {"process_group": 0, "pass_fds": (in_use.fileno(),)}
     with subprocess.Popen(
         command,
         cwd=folder,
@@ -186,7 +247,7 @@ def _run(command: Sequence[str], folder: str, stop: Event, in_use: IO[str]) -> t
         stderr=subprocess.PIPE,
         encoding="utf-8",
         errors="replace",
-        **own,
+        **group,
     ) as compiler:
         while True:
             try:
@@ -200,10 +261,8 @@ def _run(command: Sequence[str], folder: str, stop: Event, in_use: IO[str]) -> t
 
 def place_of(files: Mapping[str, str]) -> Path:
     """A permanent folder with these files."""
-    content = sha256()
-    for name, text in sorted(files.items()):
-        content.update(f"{name}\0{text}\0".encode())
-    folder = cache_folder() / content.hexdigest()[:24]
+    texts = "".join(f"{name}\0{text}\0" for name, text in sorted(files.items()))
+    folder = cache_folder() / digest_of(texts.encode())[:24]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
@@ -216,20 +275,3 @@ def place_of(files: Mapping[str, str]) -> Path:
             "set ZIG_GLOBAL_CACHE_DIR or XDG_CACHE_HOME to a writable folder"
         ) from error
     return folder
-
-
-def universal_binary(libraries: Sequence[tuple[Target, bytes]]) -> bytes:
-    """Mach-O file with the libraries of several processors (as from `lipo -create`).
-
-    The header is big-endian: magic, count; per library: processor, subtype, offset, size, alignment as a power of two.
-    """
-    processors = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 0)}
-    power = 14  # 16 KiB, the page size of Apple's processors
-    entries, content = b"", bytearray(1 << power)
-    for target, library in libraries:
-        content += bytes(-len(content) % (1 << power))
-        entries += struct.pack(">IIIII", *processors[target.name], len(content), len(library), power)
-        content += library
-    header = struct.pack(">II", 0xCAFEBABE, len(libraries)) + entries
-    content[: len(header)] = header
-    return bytes(content)

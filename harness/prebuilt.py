@@ -12,29 +12,30 @@ import argparse
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.fmu_build.builder import blank_library, blank_state
+from gough_stewart.fmu_build.build import unit_library
+from gough_stewart.fmu_build.cache import state_of_texts
 from gough_stewart.fmu_build.codegen import kernel_source
 from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.kernel_library import compiled_kernel
-from gough_stewart.fmu_build.lanes import FLAGS, MachineCode, carried_name, flags_of_level, levels_of, machine_state
-from gough_stewart.fmu_build.machine import machine_wasm
-from gough_stewart.fmu_build.plant.component import (
-    DEPENDENCIES,
-    KERNEL_SOURCE,
-    plant_component,
-    traced_dependencies,
+from gough_stewart.fmu_build.libraries import (
+    VECTOR_FLAGS,
+    carried_name,
+    flags_of_level,
+    lanes_code,
+    levels_of,
+    machine_library,
 )
-from gough_stewart.fmu_build.source_state import state_of_texts
-from gough_stewart.fmu_build.targets import Target, chosen_targets
-from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.fmu_build.plant.component import DEPENDENCIES, KERNEL_SOURCE, plant_component, traced_dependencies
+from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, Target, chosen_targets
 from gough_stewart.harness.export.machine import MACHINE, machine_c, machine_texts
 from gough_stewart.harness.loop.loop_library import loop_code
 from gough_stewart.harness.results.fold_library import folds_code
@@ -71,7 +72,9 @@ def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bo
     texts = state_of_texts()
     yield _packed(KERNEL_SOURCE, {KERNEL_SOURCE: texts}, lambda: kernel_source().encode())
     yield _packed(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())
-    yield _packed(MACHINE, {MACHINE: machine_texts()}, lambda: machine_wasm(machine_c()))
+    yield _packed(
+        MACHINE, {MACHINE: machine_texts()}, lambda: machine_library(machine_c(), WEB_ASSEMBLY).compiled(WEB_ASSEMBLY)
+    )
     for target in targets:
         yield _unit(target)
         yield from _machine_code(target, only_here)
@@ -88,26 +91,20 @@ def _kernel(target: Target) -> Part:
 
 
 def _unit(target: Target) -> Part:
-    component = plant_component(load_preset("liu2000"))
-    name = f"{target.name}/{component.identifier}"
-    state = {name: blank_state(component)}
-    return _packed(name + target.suffix, state, lambda: blank_library(component, target))
+    library = unit_library(plant_component(load_preset("liu2000")))
+    name = f"{target.name}/{library.name}"
+    return _packed(name + target.suffix, {name: library.state}, lambda: library.compiled(target))
 
 
 def _machine_code(target: Target, only_here: bool) -> Iterator[Part]:
     levels = {level: flags_of_level(level) for level in levels_of(target)}
-    for level, flags in {0: FLAGS}.items() if only_here else levels.items():
-        for code in (loop_code(), folds_code()):
-            own = carried_name(target, code.name, level)
-            states = {own: machine_state(code.state)}
-            if code.name == "loop":  # it contains the lanes
-                states[carried_name(target, "lanes", level)] = machine_state("")
-            yield _packed(own + target.suffix, states, partial(_compiled, code, target, flags))
-
-
-def _compiled(code: MachineCode, target: Target, flags: Sequence[str]) -> bytes:
-    units, headers = code.sources()
-    return compile_library(code.name, units, headers, target, flags=flags)
+    for level, flags in {0: VECTOR_FLAGS}.items() if only_here else levels.items():
+        for library in (loop_code(), folds_code()):
+            name = carried_name(target, library.name, level)
+            states = {name: library.state}
+            if library.name == "loop":  # it contains the lanes
+                states[carried_name(target, "lanes", level)] = lanes_code().state
+            yield _packed(name + target.suffix, states, partial(replace(library, flags=flags).compiled, target))
 
 
 def numbers() -> dict[str, list[float]]:

@@ -1,41 +1,57 @@
 """The plant as a component, with start values, pictures and documents of a platform."""
 
 import json
-from collections.abc import Iterable
-from functools import cache, partial
+from collections.abc import Callable, Iterable
+from functools import cache
+from importlib.resources import files
+from math import log10
 
 import numpy as np
 
-from gough_stewart.fmu_build.archive import PLANT_STEM
-from gough_stewart.fmu_build.component import Code, Component, Icon, Kind, SlotDependencies, Terminal, terminals_of
+from gough_stewart.fmu_build.cache import cache_folder, kept, state_of_sources, state_of_texts
+from gough_stewart.fmu_build.component import (
+    Icon,
+    Kind,
+    LayoutRow,
+    Role,
+    SlotDependencies,
+    Sources,
+    UnitComponent,
+    terminals_of,
+)
+from gough_stewart.fmu_build.documents import package_metadata, rendered
 from gough_stewart.fmu_build.errors import check_installed
-from gough_stewart.fmu_build.layout import Layout, Role, Row
-from gough_stewart.fmu_build.package import package_metadata
-from gough_stewart.fmu_build.plant.documentation import plant_page
-from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
-from gough_stewart.fmu_build.plant.layout import plant_layout, unit_order
-from gough_stewart.fmu_build.plant.reference_results import reference_cases, reference_files, reference_results
-from gough_stewart.fmu_build.plant.related_files import related_files
-from gough_stewart.fmu_build.plant.tables import plant_header
-from gough_stewart.fmu_build.source_state import state_of_texts
+from gough_stewart.fmu_build.formulas import to_html
+from gough_stewart.fmu_build.plant.drawing import drawing_svg, icon_png, icon_svg
+from gough_stewart.fmu_build.plant.layout import MOST_FIXED_STEPS, plant_header, plant_layout, unit_order
+from gough_stewart.fmu_build.plant.reference_results import (
+    FOLDER,
+    reference_cases,
+    reference_files,
+    reference_results,
+)
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface
+from gough_stewart.model.integrator import MOST_INTERNAL_STEPS
 from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.prebuilt import prebuilt_content
 from gough_stewart.model.state import State
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import Array
 
-IDENTIFIER = "gough_stewart"
-# Names of what is traced, in the manifest of prebuilt files.
+IDENTIFIER = PLANT_STEM = "gough_stewart"
+# Names of what is traced, in the cache and in the manifest of prebuilt files.
 KERNEL_SOURCE, DEPENDENCIES = "kernel.c", "dependencies.json"
-_Group = tuple[str, ...]
-_ACTUATOR: _Group = ("actuator_force", "leg_length", "leg_velocity")
-_POSE: _Group = ("position", "orientation", "velocity", "angular_velocity")
-_WRENCH: _Group = ("external_force", "external_torque")
+_ACTUATOR = ("actuator_force", "leg_length", "leg_velocity")
+_TERMINALS = (
+    ("pose", "pose and its rates", ("position", "orientation", "velocity", "angular_velocity")),
+    ("external_wrench", "load at Op", ("external_force", "external_torque")),
+)
+# FMI-LS-REF, whose manifest tells the roles of related files.
+_LAYERED_STANDARD = "org.fmi-standard.fmi-ls-ref"
 
 
 def plant_component(
@@ -47,7 +63,7 @@ def plant_component(
     fixed_step_size: float = 0.0,
     file_stem: str = PLANT_STEM,
     is_in_a_system: bool = False,
-) -> Component:
+) -> UnitComponent:
     """The plant with the start values of a platform.
 
     Parameters
@@ -68,23 +84,52 @@ def plant_component(
     """
     variant = Variant.of(platform)
     layout = plant_layout(variant)
-    starts = interface.start_values((row.variable for row in layout.rows), platform)
-    own: dict[str, Array] = {"fixed_step_size": np.array(fixed_step_size)}
+    home = interface.start_values((row.variable for row in layout.rows), platform)
+    changes: dict[str, Array] = {"fixed_step_size": np.array(fixed_step_size)}
     if start is not None:
-        own |= states_at(platform, start)
+        changes |= states_at(platform, start)
     if actuator_force is not None:
-        own["actuator_force"] = actuator_force
-    starts |= {name: interface.checked_value(interface.BY_NAME[name], value) for name, value in own.items()}
+        changes["actuator_force"] = actuator_force
+    checked = {name: interface.checked_value(interface.BY_NAME[name], value) for name, value in changes.items()}
+    starts = home | checked
     runs = cache(lambda: tuple((case, reference_results(case)) for case in reference_cases(platform)))
 
     def documents(fmi_version: str) -> dict[str, bytes]:
-        page = {"documentation/index.html": plant_page(platform, layout, starts, fmi_version)}
+        page = rendered(
+            "plant.html",
+            title=f"Gough–Stewart platform, FMI {fmi_version}",
+            fmi_version=fmi_version,
+            platform=platform,
+            variant=variant,
+            drawing=drawing_svg(platform),
+            notes=(),
+            rows=layout.described(fmi_version),
+            starts=starts,
+            stands_still=all(np.array_equal(starts[name], value) for name, value in home.items()),
+            equations=to_html(files("gough_stewart.model").joinpath("task_space.md").read_text(encoding="utf-8")),
+            tolerances=[f"1e{round(log10(tolerance))}" for tolerance in TOLERANCES],
+            default_tolerance=f"1e{round(log10(DEFAULT_TOLERANCE))}",
+            tunable=[row.variable.name for row in layout.of_role(Role.TUNABLE_PARAMETER)],
+            most_steps=MOST_INTERNAL_STEPS,
+            most_fixed_steps=MOST_FIXED_STEPS,
+            force=[f"{force:.6g}" for force in 1.05 * platform.home_actuator_force],
+        )
         if is_in_a_system:
-            return page
-        related = related_files((case.name for case, _ in runs()), IDENTIFIER)
-        return page | reference_files(runs(), IDENTIFIER, fmi_version) | related
+            return {"documentation/index.html": page}
+        manifest = rendered(
+            "fmi-ls-manifest.xml",
+            name=_LAYERED_STANDARD,
+            folder=FOLDER,
+            identifier=IDENTIFIER,
+            cases=[case.name for case, _ in runs()],
+        )
+        return {
+            "documentation/index.html": page,
+            **reference_files(runs(), IDENTIFIER, fmi_version),
+            f"extra/{_LAYERED_STANDARD}/fmi-ls-manifest.xml": manifest,
+        }
 
-    return Component(
+    return UnitComponent(
         identifier=IDENTIFIER,
         name="GoughStewart",
         description=package_metadata()["Summary"],
@@ -95,7 +140,7 @@ def plant_component(
         experiment={"startTime": "0", "stopTime": "1", "tolerance": repr(tolerance), "stepSize": "0.001"},
         code=_code(variant),
         icon=Icon(icon_png(platform), icon_svg(platform)),
-        terminals=partial(_terminals, layout),
+        terminals=lambda fmi_version: terminals_of(layout, fmi_version, _ACTUATOR, _TERMINALS),
         documents=documents,
         settings=frozenset({"fixed_step_size"}),
         options={"ZEROS_ARE_UNSET_AT_START": is_in_a_system},
@@ -103,71 +148,64 @@ def plant_component(
 
 
 @cache
-def _code(variant: Variant) -> Code:
-    own = c_folder("plant")
-    units = {**own.units, KERNEL_SOURCE: _kernel_source(variant)}
-    headers = {**own.headers, "plant_table.h": plant_header(variant)}
+def _code(variant: Variant) -> Sources:
+    """The C of the plant with its equations."""
+
+    def traced() -> bytes:
+        check_installed(TRACER)
+        from gough_stewart.fmu_build.codegen import kernel_source
+
+        return kernel_source(variant, () if variant == IDEAL else unit_order(variant)).encode()
+
+    kernel = _traced_once(KERNEL_SOURCE, variant, traced).decode()
+    plant = c_folder("plant")
+    headers = {**plant.headers, "plant_table.h": plant_header(variant)}
     if variant.bristles:
         headers |= {name: c_folder("lanes").headers[name] for name in ("exponential_step.h", "vectors.h")}
-    return Code(units, headers)
+    return Sources({**plant.units, KERNEL_SOURCE: kernel}, headers)
 
 
-def _kernel_source(variant: Variant) -> str:
-    """The C of the equations: what came with the package, else traced."""
-    content = prebuilt_content(KERNEL_SOURCE, state_of_texts()) if variant == IDEAL else None
-    if content is not None:
-        return content.decode()
-    check_installed(TRACER)
-    from gough_stewart.fmu_build.codegen import kernel_source
-
-    return kernel_source(variant, () if variant == IDEAL else unit_order(variant))
-
-
-def _terminals(layout: Layout, fmi_version: str) -> tuple[Terminal, ...]:
-    """Six actuators, the pose, the external wrench."""
-    groups = (("pose", "pose and its rates", _POSE), ("external_wrench", "load at Op", _WRENCH))
-    return terminals_of(layout, fmi_version, _ACTUATOR, groups)
+def _traced_once(name: str, variant: Variant, trace: Callable[[], bytes]) -> bytes:
+    """What is traced from the equations: that of ideal plants may have come with the package, else from the cache."""
+    content = prebuilt_content(name, state_of_texts()) if variant == IDEAL else None
+    if content is None:
+        folder = "-".join([state_of_sources(), *variant.parts])
+        content = kept(cache_folder() / "traced" / folder / name, trace).read_bytes()
+    return content
 
 
 @cache
 def slot_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
     """Dependencies of derivatives, outputs and locals on inputs, states and parameters.
 
-    A dependency is `constant` if its entry of the Jacobian is a plain number. The table came with the package, else the
-    equations are traced.
+    A dependency is `constant` if its entry of the Jacobian is a plain number.
     """
-    content = prebuilt_content(DEPENDENCIES, state_of_texts()) if variant == IDEAL else None
-    if content is not None:
-        read = json.loads(content)
-        return {int(slot): {int(known): kind for known, kind in kinds.items()} for slot, kinds in read.items()}
-    check_installed(TRACER)
-    return traced_dependencies(variant)
+    content = _traced_once(DEPENDENCIES, variant, lambda: json.dumps(traced_dependencies(variant)).encode())
+    return {
+        int(slot): {int(known): kind for known, kind in kinds.items()} for slot, kinds in json.loads(content).items()
+    }
 
 
 def traced_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
-    """The same, traced."""
+    """`slot_dependencies` from the sparsity of the traced Jacobian."""
+    check_installed(TRACER)
     import casadi
 
     from gough_stewart.model import traced
+
+    def slots_of(rows: Iterable[LayoutRow]) -> list[int]:
+        return [slot for row in rows for slot in row.slots]
 
     layout = plant_layout(variant)
     x, u, p = traced.derivatives_function(variant).sx_in()
     y = traced.outputs_function(variant)(x, u, p)
     f = casadi.vertcat(traced.derivatives_function(variant)(x, u, p), y)
     jacobian = casadi.jacobian(f, casadi.vertcat(x, u, p))
-    rows, columns = jacobian.sparsity().get_triplet()
-    unknowns = [
-        *_slots_of(layout.of_role(Role.DERIVATIVE)),
-        *_slots_of(layout.by_name[v.name] for v in variant.results),
-    ]
-    parameters = (layout.by_name[v.name] for v in variant.parameters)
-    knowns = [*_slots_of(layout.of_role(Role.STATE)), *_slots_of(layout.of_role(Role.INPUT)), *_slots_of(parameters)]
-    found: dict[int, dict[int, Kind]] = {slot: {} for slot in unknowns}
-    for k, (row, column) in enumerate(zip(rows, columns, strict=True)):
+    unknowns = slots_of(layout.of_role(Role.DERIVATIVE)) + slots_of(layout.by_name[v.name] for v in variant.results)
+    knowns = slots_of(layout.of_role(Role.STATE)) + slots_of(layout.of_role(Role.INPUT))
+    knowns += slots_of(layout.by_name[v.name] for v in variant.parameters)
+    dependencies: dict[int, dict[int, Kind]] = {slot: {} for slot in unknowns}
+    for k, (row, column) in enumerate(zip(*jacobian.sparsity().get_triplet(), strict=True)):
         kind: Kind = "constant" if jacobian.nz[k].is_constant() else "dependent"
-        found[unknowns[row]][knowns[column]] = kind
-    return {slot: dict(sorted(kinds.items())) for slot, kinds in found.items()}
-
-
-def _slots_of(rows: Iterable[Row]) -> list[int]:
-    return [slot for row in rows for slot in row.slots]
+        dependencies[unknowns[row]][knowns[column]] = kind
+    return {slot: dict(sorted(kinds.items())) for slot, kinds in dependencies.items()}

@@ -1,19 +1,20 @@
 """Pictures of a platform for the FMU: a labelled drawing for its documentation, and an icon without text."""
 
 import io
-from collections.abc import Sequence
-from html import escape
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from gough_stewart.fmu_build.documents import rendered
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 
 Points = NDArray[np.float64]
+View = Callable[[Points], Points]
 
 ICON_SIZE = 128
 DRAWING_SIZE = (760, 480)
@@ -35,7 +36,7 @@ _SLEEVE = 0.54
 _OVERSAMPLING = 8
 
 
-class Stroke(NamedTuple):
+class PenStroke(NamedTuple):
     """A line with round ends, on paper with y down; closed and filled if it has a fill; one point is a dot."""
 
     points: Points  # (n, 2)
@@ -61,22 +62,25 @@ def drawing_svg(platform: Platform) -> str:
     # origin and tips of the axes, (4, 3)
     world_frame = np.vstack([np.zeros(3), np.eye(3)]) * 0.5 * min(_radius(B), gap)
     platform_frame = t + 0.75 * _radius(P) * np.vstack([np.zeros(3), R.T])
-    scale, shift = _fit(np.concatenate([B, P, world_frame, platform_frame]), _DRAWING_BOX)
-    on_paper = [points @ _VIEW * scale + shift for points in (world_frame, platform_frame, B, P)]
-    strokes = _mechanism(B, P, scale, shift, (1.5, 7.0, 3.5, 8.0))
-    labels = [Label(on_paper[1][0] + np.array([-13.0, 11.0]), "O_p", _INK)]
-    for frame, names in zip(on_paper, (("X_0", "Y_0", "Z_0"), ("x_p", "y_p", "z_p")), strict=False):
+    on_paper = _fit(np.concatenate([B, P, world_frame, platform_frame]), _DRAWING_BOX)
+    strokes = _mechanism(B, P, on_paper, (1.5, 7.0, 3.5, 8.0))
+    labels = [Label(on_paper(platform_frame)[0] + np.array([-13.0, 11.0]), "O_p", _INK)]
+    for points, names in ((world_frame, ("X_0", "Y_0", "Z_0")), (platform_frame, ("x_p", "y_p", "z_p"))):
+        frame = on_paper(points)
         for tip, name in zip(frame[1:], names, strict=True):
             strokes += _arrow(frame[0], tip, _INK)
-            labels.append(Label(tip + 13 * _unit(tip - frame[0]), name, _INK))
-    leg_strokes, leg_labels = _annotated_leg(*on_paper[2:])
+            labels.append(Label(tip + 13 * _direction(tip - frame[0]), name, _INK))
+    leg_strokes, leg_labels = _annotated_leg(on_paper(B), on_paper(P))
     title = "Gough–Stewart platform with its frames and the signs of a leg"
-    return _svg([*strokes, *leg_strokes], [*labels, *leg_labels], *DRAWING_SIZE, title)
+    width, height = DRAWING_SIZE
+    content = {"strokes": [*strokes, *leg_strokes], "labels": [*labels, *leg_labels]}
+    return rendered("picture.svg", title=title, width=width, height=height, **content).decode()
 
 
 def icon_svg(platform: Platform) -> bytes:
     """The icon as an `svg` element."""
-    return _svg(_icon(platform), (), ICON_SIZE, ICON_SIZE, "Gough–Stewart platform").encode()
+    size, title = ICON_SIZE, "Gough–Stewart platform"
+    return rendered("picture.svg", title=title, width=size, height=size, strokes=_icon(platform), labels=())
 
 
 def icon_png(platform: Platform) -> bytes:
@@ -98,9 +102,9 @@ def icon_png(platform: Platform) -> bytes:
     return stream.getvalue()
 
 
-def _icon(platform: Platform) -> list[Stroke]:
+def _icon(platform: Platform) -> list[PenStroke]:
     B, P, _, _ = _home(platform)
-    return _mechanism(B, P, *_fit(np.concatenate([B, P]), _ICON_BOX), (4.0, 7.0, 4.0, 9.0))
+    return _mechanism(B, P, _fit(np.concatenate([B, P]), _ICON_BOX), (4.0, 7.0, 4.0, 9.0))
 
 
 def _home(platform: Platform) -> tuple[Points, Points, Points, Points]:
@@ -109,43 +113,39 @@ def _home(platform: Platform) -> tuple[Points, Points, Points, Points]:
     return platform.base_points, t + leg_geometry(platform, t, platform.home_orientation).arm, t, R
 
 
-def _fit(points: Points, box: tuple[float, float, float, float]) -> tuple[float, Points]:
-    """Scale and shift of the orthographic view with which points (n, 3) fill a box on paper."""
+def _fit(points: Points, box: tuple[float, float, float, float]) -> View:
+    """The orthographic view, of points (n, 3) in world as (n, 2) on paper, with which these points fill a box."""
     seen = points @ _VIEW
     low, high = seen.min(axis=0), seen.max(axis=0)
     corner, opposite = np.array(box[:2]), np.array(box[2:])
     scale = float(((opposite - corner) / (high - low)).min())
-    return scale, (corner + opposite) / 2 - scale * (low + high) / 2
+    shift = (corner + opposite) / 2 - scale * (low + high) / 2
+    return lambda points: np.asarray(points @ _VIEW * scale + shift)
 
 
-def _mechanism(
-    B: Points, P: Points, scale: float, shift: Points, widths: tuple[float, float, float, float]
-) -> list[Stroke]:
+def _mechanism(B: Points, P: Points, on_paper: View, widths: tuple[float, float, float, float]) -> list[PenStroke]:
     """The base, the legs from back to front, the platform, the joints; widths of outlines, leg's parts and joints."""
     outline, lower, upper, joint = widths
     middle = B + _SLEEVE * (P - B)
-
-    def on_paper(points: Points) -> Points:
-        return np.asarray(points @ _VIEW * scale + shift)
 
     def plate(points: Points) -> Points:
         x, y, _ = (points - points.mean(axis=0)).T
         return on_paper(points[np.argsort(np.arctan2(y, x), kind="stable")])
 
-    strokes = [Stroke(plate(B), _BASE, outline, _BASE_FILL)]
+    strokes = [PenStroke(plate(B), _BASE, outline, _BASE_FILL)]
     for i in np.argsort(middle @ _TO_VIEWER, kind="stable"):
-        strokes.append(Stroke(on_paper(np.stack([middle[i], P[i]])), _UPPER, upper))
-        strokes.append(Stroke(on_paper(np.stack([B[i], middle[i]])), _LOWER, lower))
-    strokes.append(Stroke(plate(P), _TOP, outline, _TOP_FILL))
+        strokes.append(PenStroke(on_paper(np.stack([middle[i], P[i]])), _UPPER, upper))
+        strokes.append(PenStroke(on_paper(np.stack([B[i], middle[i]])), _LOWER, lower))
+    strokes.append(PenStroke(plate(P), _TOP, outline, _TOP_FILL))
     return strokes + [
-        Stroke(on_paper(point[None]), colour, joint) for ring, colour in ((B, _BASE), (P, _TOP)) for point in ring
+        PenStroke(on_paper(point[None]), colour, joint) for ring, colour in ((B, _BASE), (P, _TOP)) for point in ring
     ]
 
 
-def _annotated_leg(B: Points, P: Points) -> tuple[list[Stroke], list[Label]]:
+def _annotated_leg(B: Points, P: Points) -> tuple[list[PenStroke], list[Label]]:
     """Arrows and names beside the leg at the right edge of the picture, of joints (6, 2) on paper."""
     i = int(np.argmax(B[:, 0] + P[:, 0]))
-    along, length = _unit(P[i] - B[i]), float(np.hypot(*(P[i] - B[i])))
+    along, length = _direction(P[i] - B[i]), float(np.hypot(*(P[i] - B[i])))
     across = np.array([-along[1], along[0]])
     if across[0] < 0:
         across = -across
@@ -159,7 +159,7 @@ def _annotated_leg(B: Points, P: Points) -> tuple[list[Stroke], list[Label]]:
         *_arrow(at(_SLEEVE + 0.02, 15), at(_SLEEVE + 0.02 + reach, 15), _FORCE),
         *_arrow(at(_SLEEVE - 0.02, 15), at(_SLEEVE - 0.02 - reach, 15), _FORCE),
         *_arrow(at(0.06, 15), at(0.06 + reach, 15), _INK),
-        *(Stroke(np.stack([at(end, 8), at(end, 50)]), _BASE, 0.8) for end in (0.0, 1.0)),
+        *(PenStroke(np.stack([at(end, 8), at(end, 50)]), _BASE, 0.8) for end in (0.0, 1.0)),
         *_arrow(at(0.5, 44), at(1, 44), _BASE, 1),
         *_arrow(at(0.5, 44), at(0, 44), _BASE, 1),
     ]
@@ -174,50 +174,20 @@ def _annotated_leg(B: Points, P: Points) -> tuple[list[Stroke], list[Label]]:
     return strokes, labels
 
 
-def _arrow(start: Points, end: Points, colour: str, width: float = 1.8) -> list[Stroke]:
+def _arrow(start: Points, end: Points, colour: str, width: float = 1.8) -> list[PenStroke]:
     """A line with a head; nothing where it points at the viewer."""
     if np.hypot(*(end - start)) < 10:
         return []
-    along = _unit(end - start)
+    along = _direction(end - start)
     across, neck = np.array([-along[1], along[0]]), end - 9 * along
     head = np.stack([end, neck + 3.5 * across, neck - 3.5 * across])
-    return [Stroke(np.stack([start, neck]), colour, width), Stroke(head, colour, 0.5, colour)]
+    return [PenStroke(np.stack([start, neck]), colour, width), PenStroke(head, colour, 0.5, colour)]
 
 
 def _radius(points: Points) -> float:
     return float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
-def _unit(vector: Points) -> Points:
+def _direction(vector: Points) -> Points:
     length = float(np.hypot(*vector))
     return vector / length if length > 0 else np.array([0.0, -1.0])
-
-
-def _svg(strokes: Sequence[Stroke], labels: Sequence[Label], width: int, height: int, title: str) -> str:
-    lines = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
-        ' font-family="Helvetica, Arial, sans-serif" font-size="14" stroke-linecap="round" stroke-linejoin="round"'
-        f' role="img">\n<title>{escape(title)}</title>'
-    ]
-    for points, colour, line_width, fill in strokes:
-        # a line of no length with round ends is a dot
-        places = " ".join(f"{_number(x)},{_number(y)}" for x, y in (*points, *(points if len(points) == 1 else ())))
-        look = f'fill="{fill or "none"}" stroke="{colour}" stroke-width="{_number(line_width)}"'
-        lines.append(f'<{"polygon" if fill else "polyline"} points="{places}" {look}/>')
-    for (x, y), text, colour, anchor in labels:
-        shown = escape(text)
-        if anchor == "middle":
-            symbol, index = shown.split("_")
-            shown = f'<tspan font-style="italic">{symbol}</tspan><tspan dy="4" font-size="10">{index}</tspan>'
-        place = f'x="{_number(x)}" y="{_number(y + 5)}" text-anchor="{anchor}"'
-        # on a white edge, which keeps it readable on lines
-        lines.append(
-            f'<text {place} fill="#FFFFFF" stroke="#FFFFFF" stroke-width="4" aria-hidden="true">{shown}</text>'
-        )
-        lines.append(f'<text {place} fill="{colour}">{shown}</text>')
-    return "\n".join([*lines, "</svg>", ""])
-
-
-def _number(value: float) -> str:
-    """At most two decimals, and no negative zero."""
-    return f"{round(float(value), 2) + 0.0:g}"

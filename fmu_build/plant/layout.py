@@ -8,10 +8,16 @@ from functools import cache
 
 import numpy as np
 
-from gough_stewart.fmu_build.layout import Layout, Role, laid_out
-from gough_stewart.model import interface
+from gough_stewart.fmu_build.component import Layout, Role, laid_out
+from gough_stewart.fmu_build.sources import defines, filled, places
+from gough_stewart.model import fixed_steps, integrator, interface, platform_checks, pose_limits
+from gough_stewart.model.step_times import TOLERANCES
 from gough_stewart.model.variant import IDEAL, Variant
 
+# 1 s in steps of 1 µs; takes 4 s.
+MOST_FIXED_STEPS = 1_000_000
+# By which a leg's spring may be stretched at the start, over the leg's length: more is a pose without its motors.
+LARGEST_STRETCH = 0.01
 _RATES = {"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}
 
 
@@ -24,11 +30,53 @@ def plant_layout(variant: Variant) -> Layout:
     return laid_out((*rows, unit), {v.name: _RATES[v.unit] for v in variant.states})
 
 
+PLANT = plant_layout(IDEAL)
+
+
 def unit_order(variant: Variant) -> list[int]:
     """Positions in `Variant.results` of a unit's results: states, other outputs, locals."""
-    at = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
+    positions = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
     rows = plant_layout(variant).of_role(Role.STATE, Role.RESULT)
-    return [int(k) for row in rows for k in at[row.variable.name].flat]
+    return [int(k) for row in rows for k in positions[row.variable.name].flat]
 
 
-PLANT = plant_layout(IDEAL)
+def plant_header(variant: Variant = IDEAL) -> str:
+    """`plant_table.h`: offsets of the plant's variables in the kernel's vectors, and its limits."""
+    layout = plant_layout(variant)
+    offsets = places("X", layout.of_role(Role.STATE))
+    offsets["X_PITCH"] = offsets["X_ORIENTATION"] + 1
+    offsets |= places("R", layout.of_role(Role.STATE, Role.RESULT))
+    offsets |= places("P", (layout.by_name[v.name] for v in variant.parameters))
+    limits: dict[str, float] = {
+        "SMALLEST_TOLERANCE": TOLERANCES[0],
+        "LARGEST_TOLERANCE": TOLERANCES[1],
+        "MOST_INTERNAL_STEPS": integrator.MOST_INTERNAL_STEPS,
+        "MOST_FIXED_STEPS": MOST_FIXED_STEPS,
+        "LARGEST_PITCH": pose_limits.LARGEST_PITCH,
+        "SHORTEST_LEG": pose_limits.SHORTEST_LEG,
+        "SINGULAR_CONDITION_NUMBER": pose_limits.SINGULAR_CONDITION_NUMBER,
+        "INERTIA_SLACK": platform_checks.INERTIA_SLACK,
+        "COINCIDENCE": platform_checks.COINCIDENCE,
+    }
+    if variant.bristles:
+        limits |= {
+            "LARGEST_SHARE": platform_checks.LARGEST_SHARE,
+            "LONGEST_PRESLIDING": platform_checks.LONGEST_PRESLIDING,
+            "RESOLUTION": fixed_steps.RESOLUTION,
+            "FORCE_RESOLUTION": fixed_steps.FORCE_RESOLUTION,
+            "MOST_SUBSTEPS": fixed_steps.MOST_SUBSTEPS,
+            "LARGEST_FIXED_STEP": fixed_steps.LARGEST_FIXED_STEP,
+        }
+    if variant.springs:
+        limits |= {"SLOWEST_MODE": platform_checks.SLOWEST_MODE, "LARGEST_STRETCH": LARGEST_STRETCH}
+    if variant.parts:
+        limits |= {"LARGEST_PRODUCT": fixed_steps.LARGEST_PRODUCT}
+    return filled(
+        "plant/plant_table.h",
+        n_legs=interface.BY_NAME["leg_length"].size,
+        has_bristles=int(variant.bristles),
+        has_springs=int(variant.springs),
+        fixed_step_size=layout.by_name["fixed_step_size"].first,
+        places=defines(offsets),
+        limits=defines(limits),
+    )

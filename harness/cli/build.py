@@ -63,8 +63,7 @@ def build_command(
     """
     with clear_errors() as command:
         with preparing():
-            from gough_stewart.fmu_build.build import build
-            from gough_stewart.fmu_build.builder import VERSIONS, number_of_steps
+            from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
             from gough_stewart.fmu_build.errors import BuildError
 
         chosen = chosen_platform(preset, platform)

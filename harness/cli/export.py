@@ -137,7 +137,7 @@ def export_command(
     """
     with clear_errors() as command:
         with preparing():
-            from gough_stewart.fmu_build.builder import number_of_steps
+            from gough_stewart.fmu_build.build import number_of_steps
             from gough_stewart.harness.export.carried import chosen_parts
             from gough_stewart.harness.export.export import export
             from gough_stewart.harness.export.forms import chosen_forms

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from gough_stewart.fmu_build.builder import unit_archives
+from gough_stewart.fmu_build.build import unit_archives
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.targets import Target
 from gough_stewart.harness.experiment.preparation import prepare

@@ -9,8 +9,8 @@ from typing import Any
 import casadi
 import numpy as np
 
-from gough_stewart.fmu_build.lanes import in_lanes
-from gough_stewart.fmu_build.tables import defines
+from gough_stewart.fmu_build.codegen import in_lanes
+from gough_stewart.fmu_build.sources import defines
 from gough_stewart.harness.control.component import Stepped, with_links
 from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.gains import gains_of_masses

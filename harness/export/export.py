@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from gough_stewart.fmu_build.builder import chosen_versions
+from gough_stewart.fmu_build.build import chosen_versions
 from gough_stewart.fmu_build.errors import check_installed
 from gough_stewart.fmu_build.targets import chosen_targets
 from gough_stewart.harness.control.python.casadi_function import is_casadi_function

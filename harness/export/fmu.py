@@ -3,9 +3,8 @@
 import re
 from dataclasses import replace
 
-from gough_stewart.fmu_build.component import Code, Component, Icon
-from gough_stewart.fmu_build.controller.component import controller_component
-from gough_stewart.fmu_build.controller.controller import Controller, Parameter
+from gough_stewart.fmu_build.component import Icon, Sources, UnitComponent
+from gough_stewart.fmu_build.controller import ControllerParameter, SampledController, controller_component
 from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
 from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import Designed
@@ -18,18 +17,18 @@ def component_of(
     stop_time: float = 1.0,
     *,
     output_delay: int = 1,
-) -> Component:
+) -> UnitComponent:
     """The controller as input of the FMU builder; `output_delay` [samples] is that of the unit."""
     # the notes are in the unit's page: they do not change the meaning of its saved states
     plain = controller_sources(replace(designed, notes=()))
-    controller = Controller(
+    controller = SampledController(
         title=designed.title or name,
         sample_time=designed.sample_time,
         stop_time=stop_time,
         measured=designed.measured,
         reference=designed.reference_variables,
         parameters=tuple(_parameter(setting, designed) for setting in designed.settings),
-        code=Code(plain.units, plain.headers),
+        code=Sources(plain.units, plain.headers),
         icon=Icon(icon_png(designed.platform), icon_svg(designed.platform)),
         output_delay=output_delay,
         notes=designed.notes,
@@ -39,9 +38,9 @@ def component_of(
     return controller_component(controller, name)
 
 
-def _parameter(setting: Setting, designed: Designed) -> Parameter:
+def _parameter(setting: Setting, designed: Designed) -> ControllerParameter:
     expected = setting.expected or " and ".join(_in_words(each, designed) for each in setting.conditions)
-    return Parameter(setting.variable, setting.value, setting.may_be_infinite, expected or "another value")
+    return ControllerParameter(setting.variable, setting.value, setting.may_be_infinite, expected or "another value")
 
 
 def _in_words(condition: str, designed: Designed) -> str:

@@ -4,11 +4,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Literal
 
-from gough_stewart.fmu_build.archive import to_zip
-from gough_stewart.fmu_build.builder import unit_archives
-from gough_stewart.fmu_build.component import Component as UnitComponent
-from gough_stewart.fmu_build.documentation import page
-from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.build import to_zip, unit_archives
+from gough_stewart.fmu_build.component import Role, UnitComponent
+from gough_stewart.fmu_build.documents import rendered
 from gough_stewart.fmu_build.targets import Target
 from gough_stewart.harness.export.system_structure import (
     Component,
@@ -65,7 +63,7 @@ def loop_archive(
     return to_zip(
         {
             STRUCTURE: system_structure(system),
-            PAGE: page("loop.html", title=f"{name}: plant and controller", notes=notes),
+            PAGE: rendered("loop.html", title=f"{name}: plant and controller", notes=notes),
             f"resources/{name}.ssv": parameter_values(system),
             **{_source(unit): content for unit, content in units.items()},
         }

@@ -13,10 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.cache_files import digest_of
-from gough_stewart.fmu_build.errors import check_installed
-from gough_stewart.fmu_build.machine import Sources, kept_wasm, machine_sources
-from gough_stewart.fmu_build.source_state import state_of_texts
+from gough_stewart.fmu_build.cache import digest_of, state_of_texts
+from gough_stewart.fmu_build.component import Sources
+from gough_stewart.fmu_build.errors import COMPILER, check_installed
+from gough_stewart.fmu_build.libraries import machine_library, machine_sources
+from gough_stewart.fmu_build.targets import WEB_ASSEMBLY
 from gough_stewart.harness.control.controllers import OpenLoop
 from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.control.feedforward import Feedforward
@@ -134,12 +135,13 @@ def shipped_wasm(variant: Variant = IDEAL) -> bytes:
     Raises
     ------
     BuildError, OSError
-        As `fmu_build.machine.kept_wasm`.
+        It is not in the cache and cannot be compiled, or the cache cannot be written.
     """
     content = None if variant.parts else prebuilt_content(MACHINE, machine_texts())
     if content is None:
-        check_installed(TRACER)
-        content = kept_wasm(machine_c(variant=variant)).read_bytes()
+        check_installed(TRACER, COMPILER)
+        module = machine_library(machine_c(variant=variant), WEB_ASSEMBLY)
+        content = module.kept(WEB_ASSEMBLY).read_bytes()
     return content
 
 
@@ -443,7 +445,7 @@ def _all_fields() -> tuple[_Field, ...]:
 
 def _fields_header(variant: Variant) -> str:
     """`machine_fields.h`: the number of each field, and how C reads them."""
-    from gough_stewart.fmu_build.tables import defines
+    from gough_stewart.fmu_build.sources import defines
 
     known = {f"MACHINE_{name.upper().replace('.', '_')}": k for name, k in fields().items()}
     sizes = {

@@ -4,7 +4,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from gough_stewart.fmu_build.builder import build_units
+from gough_stewart.fmu_build.build import build_units
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.preparation import prepare

@@ -6,7 +6,7 @@ from typing import Any
 import casadi
 import numpy as np
 
-from gough_stewart.fmu_build.lanes import in_lanes
+from gough_stewart.fmu_build.codegen import in_lanes
 from gough_stewart.harness.control.smoothing import Smoothing
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.plan import N_MOTION, keys_of, variants

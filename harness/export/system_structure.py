@@ -10,8 +10,7 @@ from typing import Literal
 
 from lxml import etree
 
-from gough_stewart.fmu_build.model_description import BY_NAME, xml_text
-from gough_stewart.fmu_build.package import package_metadata
+from gough_stewart.fmu_build.documents import BY_NAME, package_metadata, xml_text
 from gough_stewart.harness.errors import ExportError
 
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.lanes import WIDTH, Failure
+from gough_stewart.fmu_build.libraries import WIDTH
+from gough_stewart.fmu_build.libraries import MemberFailure as Failure
 from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.faults import CUT, FROZEN
 from gough_stewart.harness.control.force_limits import ForceLimits

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.lanes import WIDTH
+from gough_stewart.fmu_build.libraries import WIDTH
 from gough_stewart.harness.loop.folds import LIMITED, ROW, Block, State
 from gough_stewart.harness.loop.term_folds import TermFold
 from gough_stewart.model.vectors import FloatArray

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.lanes import WIDTH
+from gough_stewart.fmu_build.libraries import WIDTH
 from gough_stewart.harness.loop.fold_kernels import CompiledFolds, FoldKernels
 from gough_stewart.harness.loop.folds import AT, FORCES, LIMITED, MOTORS, ROW, Block, Fold, KeptRows, State
 from gough_stewart.harness.loop.loop import Loop

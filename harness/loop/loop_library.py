@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.fmu_build.lanes import LanesLibrary, MachineCode, machine_code, named
-from gough_stewart.fmu_build.source_state import state_of_files
+from gough_stewart.fmu_build.cache import state_of_files
+from gough_stewart.fmu_build.component import Sources
+from gough_stewart.fmu_build.libraries import LanesLibrary, Library, machine_code, vector_library
 from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.faults import Cut, Freeze
@@ -40,14 +41,14 @@ _OWN = (
 
 @cache
 def loop_library(variant: Variant = IDEAL) -> LanesLibrary:
-    """The library for this processor and plants of a variant; see `lanes.machine_code`.
+    """The library for this processor and plants of a variant; see `libraries.machine_code`.
 
     Raises
     ------
     BuildError, OSError
-        As `lanes_library`.
+        See `libraries.machine_code`.
     """
-    return machine_code(*loop_code(variant))
+    return machine_code(loop_code(variant))
 
 
 @cache
@@ -62,15 +63,15 @@ def loop_kernel(variant: Variant) -> CompiledLanes:
     return CompiledLanes(loop_library(variant))
 
 
-def loop_code(variant: Variant = IDEAL) -> MachineCode:
-    """Name, sources and their state."""
+def loop_code(variant: Variant = IDEAL) -> Library:
+    """The description of the library."""
 
-    def sources() -> tuple[dict[str, str], dict[str, str]]:
-        from gough_stewart.fmu_build.lanes import loop_sources
+    def sources() -> Sources:
+        from gough_stewart.fmu_build.libraries import loop_sources
 
         return loop_sources(components_header(), variant)
 
-    return MachineCode(named("loop", variant), sources, state_of_files(*_OWN))
+    return vector_library("loop", sources, state_of_files(*_OWN), variant)
 
 
 def coefficients_of(component: type[Stepped], values: dict[str, Any], period: float) -> FloatArray:
@@ -81,7 +82,7 @@ def coefficients_of(component: type[Stepped], values: dict[str, Any], period: fl
 
 def components_header() -> str:
     """`components.h`: the equations on vectors of members, and sizes."""
-    from gough_stewart.fmu_build.tables import GENERATED, defines
+    from gough_stewart.fmu_build.sources import GENERATED, defines
 
     sizes: dict[str, Any] = {
         "LARGEST_COMMAND": LARGEST_NUMBER,
@@ -105,7 +106,7 @@ def _traced_rotation() -> str:
     """The C of `component_rotation_between(orientation, to, rotation)`."""
     import casadi  # needed once, to build
 
-    from gough_stewart.fmu_build.lanes import in_lanes
+    from gough_stewart.fmu_build.codegen import in_lanes
 
     pair = [casadi.SX.sym(name, 3) for name in ("orientation", "to")]
     rotation = rotation_between(*(np.array([casadi.vertsplit(each)], dtype=object) for each in pair))
@@ -120,7 +121,7 @@ def traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int
     """
     import casadi  # needed once, to build
 
-    from gough_stewart.fmu_build.lanes import in_lanes
+    from gough_stewart.fmu_build.codegen import in_lanes
 
     def column(symbol: Any) -> Any:
         return np.array([[symbol[k]] for k in range(symbol.numel())], dtype=object)

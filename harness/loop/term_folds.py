@@ -19,7 +19,7 @@ from gough_stewart.model.operations import maximum, minimum, where
 from gough_stewart.model.vectors import Array, FloatArray, Scalars
 
 if TYPE_CHECKING:
-    from gough_stewart.fmu_build.folds import FoldKernel
+    from gough_stewart.fmu_build.libraries import FoldKernel
 
 # Whether elements of an array and a bound have a relation; if any element has it, the largest has.
 Comparison = Callable[[Array, Scalars], Array]
@@ -239,7 +239,7 @@ class TermFold(Fold):
         """The states after a row, from those before."""
         import casadi  # needed once, to build
 
-        from gough_stewart.fmu_build.folds import FoldKernel
+        from gough_stewart.fmu_build.libraries import FoldKernel
 
         def symbols(name: str, size: int) -> Array:
             return np.array(

@@ -11,8 +11,7 @@ import polars
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from gough_stewart.fmu_build.build import build
-from gough_stewart.fmu_build.builder import VERSIONS, number_of_steps
+from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.paper import figures, readings, report
 from gough_stewart.harness.paper.agreement import agreement, of_fmus

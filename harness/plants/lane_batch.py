@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.lanes import WIDTH
+from gough_stewart.fmu_build.libraries import WIDTH
 from gough_stewart.model import interface
 from gough_stewart.model.interface import N_INPUTS
 from gough_stewart.model.parameters import Parameters

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.fmu_build.lanes import CONTROLLED, WIDTH, Failure, LanesLibrary, lanes_library
+from gough_stewart.fmu_build.libraries import CONTROLLED, WIDTH, LanesLibrary, lanes_library
+from gough_stewart.fmu_build.libraries import MemberFailure as Failure
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lane_batch import Batch, rows

@@ -21,7 +21,7 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, calloc, fmi2CallbackFunctions, fmi2C
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from numpy.typing import ArrayLike
 
-from gough_stewart.fmu_build.layout import Layout
+from gough_stewart.fmu_build.component import Layout
 from gough_stewart.fmu_build.plant.layout import PLANT, plant_layout
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.model import interface

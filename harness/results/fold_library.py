@@ -4,9 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from gough_stewart.fmu_build.folds import FoldKernel, folds_sources
-from gough_stewart.fmu_build.lanes import MachineCode, machine_code
-from gough_stewart.fmu_build.source_state import state_of_files
+from gough_stewart.fmu_build.cache import state_of_files
+from gough_stewart.fmu_build.libraries import FoldKernel, Library, folds_sources, machine_code, vector_library
 from gough_stewart.harness.loop.fold_kernels import FoldKernels
 from gough_stewart.harness.loop.term_folds import TermFold
 from gough_stewart.harness.results.metric_folds import metric_folds
@@ -27,12 +26,12 @@ def metric_kernels() -> FoldKernels:
     BuildError, OSError
         As `machine_code`.
     """
-    return FoldKernels(machine_code(*folds_code()).path)
+    return FoldKernels(machine_code(folds_code()).path)
 
 
-def folds_code() -> MachineCode:
-    """Name, sources and their state."""
-    return MachineCode("folds", lambda: folds_sources(_traced()), state_of_files(*_OWN))
+def folds_code() -> Library:
+    """The description of the library."""
+    return vector_library("folds", lambda: folds_sources(_traced()), state_of_files(*_OWN))
 
 
 def _traced() -> list[FoldKernel]:

@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.archive import file_name
+from gough_stewart.fmu_build.build import file_name
 from gough_stewart.fmu_build.sources import standard_headers
 from gough_stewart.harness.experiment.file import experiment_from, with_settings
 from gough_stewart.harness.report.codec import from_json

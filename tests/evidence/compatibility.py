@@ -25,7 +25,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.builder import build_units
+from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.export.designed import designed

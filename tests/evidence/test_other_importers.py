@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.build import build
-from gough_stewart.fmu_build.builder import build_units
+from gough_stewart.fmu_build.build import build, build_units
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.experiment.preparation import prepare

@@ -14,11 +14,12 @@ import pytest
 from fmpy.util import read_csv
 from scipy.integrate import solve_ivp
 
-from gough_stewart.fmu_build import builder, cache_files, targets, toolchain
-from gough_stewart.fmu_build.archive import to_zip
-from gough_stewart.fmu_build.build import build
-from gough_stewart.fmu_build.builder import contents, number_of_steps, unit_of
-from gough_stewart.fmu_build.component import Code
+from gough_stewart.fmu_build import binaries, targets
+from gough_stewart.fmu_build import build as builder
+from gough_stewart.fmu_build import cache as cache_files
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build.build import build, contents, number_of_steps, to_zip, unit_of
+from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.plant import component, reference_results
 from gough_stewart.fmu_build.plant.component import plant_component
@@ -184,7 +185,7 @@ def test_the_reference_is_integrated_once_for_both_versions(tmp_path: Path, monk
         return np.zeros((len(case.time), interface.size_of(interface.RESULTS)))
 
     monkeypatch.setattr(component, "reference_results", integrate)
-    monkeypatch.setattr(builder, "compile_library", lambda *_: b"")
+    monkeypatch.setattr(lanes, "compile_library", lambda *_: b"")
     assert len(build(tmp_path)) == 2
     assert cases == ["open_loop", "varying_inputs"]
 
@@ -240,7 +241,7 @@ def test_a_wrong_option_is_named(options: dict[str, list[str]], expected: str, t
 def test_a_compiler_error_is_shown_and_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     kept = tmp_path / "gough_stewart_fmi2.fmu"
     kept.write_bytes(b"old")
-    monkeypatch.setattr(component, "_code", lambda *_: Code({"kernel.c": "this is not C;"}, {}))
+    monkeypatch.setattr(component, "_code", lambda *_: Sources({"kernel.c": "this is not C;"}, {}))
     with pytest.raises(BuildError, match="error:"):
         build(tmp_path)
     assert kept.read_bytes() == b"old"
@@ -294,7 +295,7 @@ def test_fmi2_has_a_folder_for_every_system_and_one_file_for_apples_processors()
 def test_a_universal_binary_holds_both_libraries_at_aligned_offsets() -> None:
     """Expected: Apple's <mach-o/fat.h>, read back field by field."""
     libraries = [(BY_NAME["x86_64-darwin"], b"one" * 9000), (BY_NAME["aarch64-darwin"], b"two" * 9001)]
-    whole = toolchain.universal_binary(libraries)
+    whole = binaries.universal_binary(libraries)
     magic, n = struct.unpack_from(">II", whole)
     assert (magic, n) == (0xCAFEBABE, 2)
     for k, (_, library) in enumerate(libraries):

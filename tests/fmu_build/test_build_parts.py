@@ -18,12 +18,16 @@ from typing import IO, Any
 
 import pytest
 
-from gough_stewart.fmu_build import builder, cache_files, cached, errors, lanes, package, sources, targets, toolchain
-from gough_stewart.fmu_build.builder import contents, unit_archives, unit_of
+from gough_stewart.fmu_build import binaries, errors, sources, targets, toolchain
+from gough_stewart.fmu_build import cache as cache_files
+from gough_stewart.fmu_build import cache as cached
+from gough_stewart.fmu_build import documents as package
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build.build import contents, unit_archives, unit_of
+from gough_stewart.fmu_build.cache import state_of_texts
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.lanes import lanes_library, lanes_sources
-from gough_stewart.fmu_build.source_state import state_of_texts
-from gough_stewart.fmu_build.tables import start_block
+from gough_stewart.fmu_build.libraries import lanes_library, lanes_sources
+from gough_stewart.fmu_build.sources import start_block
 from gough_stewart.fmu_build.targets import BY_NAME, TARGETS, chosen_targets, native
 from gough_stewart.fmu_build.toolchain import compile_library, place_of
 from gough_stewart.model.process import installed
@@ -210,9 +214,7 @@ def test_a_process_is_read_to_its_end_and_ended_with_its_children(
 
 def test_a_universal_binary_begins_with_processors_and_their_kinds() -> None:
     """Expected: <mach/machine.h>: x86_64 is 7 and arm64 is 12, both with 64 bits; kinds 3 and 0."""
-    both = toolchain.universal_binary(
-        [(BY_NAME["x86_64-darwin"], b"x" * 20_000), (BY_NAME["aarch64-darwin"], b"a" * 5)]
-    )
+    both = binaries.universal_binary([(BY_NAME["x86_64-darwin"], b"x" * 20_000), (BY_NAME["aarch64-darwin"], b"a" * 5)])
     words = [int.from_bytes(both[4 * k : 4 * k + 4], "big") for k in range(12)]
     first = [0x01000007, 3, 0x4000, 20_000, 14]
     second = [0x0100000C, 0, 0xC000, 5, 14]
@@ -244,7 +246,7 @@ def test_both_versions_share_a_library_and_are_told_step_by_step(
         headers.append(includes)
         return target.name.encode() + start_block(SMALL, None)
 
-    monkeypatch.setattr(builder, "compile_library", compiled)
+    monkeypatch.setattr(lanes, "compile_library", compiled)
     told: list[str] = []
     chosen = chosen_targets(["x86_64-windows"])
     archives = unit_archives(SMALL, ["2.0", "3.0"], iter(chosen), told.append)
@@ -277,7 +279,7 @@ def test_after_a_failure_the_others_are_stopped_and_what_waits_is_not_begun(monk
         stopped.append(stop.wait(10))
         raise BuildError("later")
 
-    monkeypatch.setattr(builder, "compile_library", compiled)
+    monkeypatch.setattr(lanes, "compile_library", compiled)
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
     with pytest.raises(BuildError, match="first"):
         unit_archives(SMALL, ["3.0"], TARGETS[:3])
@@ -498,7 +500,7 @@ def test_the_vector_library_is_compiled_for_this_processor(monkeypatch: pytest.M
     """Expected: its options by hand; its sources are those of the folder and of the unit, with these numbers."""
     compiler = Compiler()
     monkeypatch.setattr(toolchain, "_run", compiler)
-    assert toolchain.compile_library("lanes", *lanes_sources(), native(), flags=lanes.FLAGS) == b"linked"
+    assert toolchain.compile_library("lanes", *lanes_sources(), native(), flags=lanes.VECTOR_FLAGS) == b"linked"
     (command,) = compiler.commands
     options = {each for each in command if each.startswith("-") and each not in ("-m", "-target", "-I", "-o", "-lm")}
     assert options - {"-fPIC"} == {

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.component import Role
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.model import interface

@@ -5,8 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.fmu_build import lanes
-from gough_stewart.fmu_build.lanes import LanesLibrary, carried_name, flags_of_level, levels_of, machine_code
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build.component import Sources
+from gough_stewart.fmu_build.libraries import (
+    LanesLibrary,
+    carried_name,
+    flags_of_level,
+    levels_of,
+    machine_code,
+    vector_library,
+)
 from gough_stewart.fmu_build.targets import BY_NAME, native
 
 LINUX = BY_NAME["x86_64-linux"]
@@ -23,9 +31,9 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Carried:
 
     def take(level: int | None, files: dict[str, bytes]) -> LanesLibrary:
         monkeypatch.setattr(lanes, "processor_level", lambda: level)
-        state = lanes.machine_state("own")
-        monkeypatch.setattr(lanes, "prebuilt_content", lambda name, of: files.get(name) if of == state else None)
-        return machine_code("loop", lambda: ({}, {}), "own")
+        library = vector_library("loop", lambda: Sources({}, {}), "own")
+        monkeypatch.setattr(lanes, "prebuilt_content", lambda name, s: files.get(name) if s == library.state else None)
+        return machine_code(library)
 
     return take
 

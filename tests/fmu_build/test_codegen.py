@@ -7,8 +7,9 @@ from pathlib import Path
 import casadi
 import pytest
 
-from gough_stewart.fmu_build import codegen, tables
-from gough_stewart.fmu_build.layout import Layout
+from gough_stewart.fmu_build import codegen
+from gough_stewart.fmu_build import sources as tables
+from gough_stewart.fmu_build.component import Layout
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.fmu_build.sources import sources, standard_headers

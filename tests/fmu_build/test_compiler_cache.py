@@ -11,13 +11,14 @@ from typing import IO, Any, NamedTuple
 
 import pytest
 
-from gough_stewart.fmu_build import builder, cache_files, cached, targets, toolchain
-from gough_stewart.fmu_build.build import build
-from gough_stewart.fmu_build.builder import build_units
-from gough_stewart.fmu_build.cache_files import kept
+from gough_stewart.fmu_build import cache as cache_files
+from gough_stewart.fmu_build import cached, targets, toolchain
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build.build import build, build_units
+from gough_stewart.fmu_build.cache import kept
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.tables import start_block
+from gough_stewart.fmu_build.sources import start_block
 from gough_stewart.fmu_build.toolchain import compile_library
 from tests.fmu_build.test_small_component import SMALL
 
@@ -180,10 +181,10 @@ def test_a_library_with_a_flipped_bit_is_compiled_anew(
         compiled_for.append(target.name)
         return b"before " + start_block(SMALL, None) + b" after"
 
-    monkeypatch.setattr(builder, "compile_library", quick)
+    monkeypatch.setattr(lanes, "compile_library", quick)
     first = [path.read_bytes() for path in build_units(SMALL, tmp_path / "first")]
     assert len(compiled_for) == 1
-    (library,) = (cache.parent / "libraries").rglob(f"*{targets.native().suffix}")
+    (library,) = (cache.parent / SMALL.identifier).rglob(f"*{targets.native().suffix}")
     content = bytearray(library.read_bytes())
     content[damaged] ^= 1
     library.write_bytes(content)

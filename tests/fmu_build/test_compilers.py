@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.fmu_build import compilers
-from gough_stewart.fmu_build.compilers import Compiler, compiler_of, zig
+from gough_stewart.fmu_build import toolchain as compilers
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.targets import BY_NAME, native
-from gough_stewart.fmu_build.toolchain import FLAGS, compile_library
+from gough_stewart.fmu_build.toolchain import FLAGS, Compiler, compile_library, compiler_of, zig
 
 OTHER = next(target for target in BY_NAME.values() if target != native())
 

@@ -5,9 +5,8 @@ import pytest
 from fmpy.validation import validate_fmu
 from lxml import etree
 
-from gough_stewart.fmu_build import model_description
-from gough_stewart.fmu_build.layout import Role
-from gough_stewart.fmu_build.model_description import BY_NAME, UNITS
+from gough_stewart.fmu_build.component import Role
+from gough_stewart.fmu_build.documents import BY_NAME, UNITS
 from gough_stewart.fmu_build.plant.component import plant_component, slot_dependencies
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.model import interface
@@ -149,22 +148,25 @@ def numeric_dependencies() -> dict[int, set[int]]:
 
 def test_dependencies_are_those_that_differences_show() -> None:
     """Expected: no more and no less than what changes when a state or an input does."""
-    component, knowns = plant_component(UNEVEN), (Role.INPUT, Role.STATE)
-    declared = {
-        slot: set(model_description.dependencies_of_slot(component, slot, knowns)) for slot in slot_dependencies()
-    }
+    declared = {slot: {known for known in kinds if known < 24} for slot, kinds in slot_dependencies().items()}
     assert declared == numeric_dependencies()
 
 
 def test_the_descriptions_carry_these_dependencies(fmu: Fmu) -> None:
-    component, knowns = plant_component(UNEVEN), (Role.INPUT, Role.STATE)
+    """Expected: by slot in FMI 2.0; in FMI 3.0 by variable, constant only if every element is."""
+    row_of = {slot: row.reference for row in PLANT.rows for slot in row.slots}
     for unknowns in (fmu.description.outputs, fmu.description.derivatives):
         for unknown in unknowns:
             if fmu.version == "2.0":
-                expected = model_description.dependencies_of_slot(component, unknown.variable.valueReference, knowns)
+                kinds = slot_dependencies()[unknown.variable.valueReference]
+                expected = {known: kind for known, kind in kinds.items() if known < 24}
             else:
-                row = PLANT.by_name[unknown.variable.name]
-                expected = model_description.dependencies_of_row(component, row, knowns)
+                expected = {}
+                for slot in PLANT.by_name[unknown.variable.name].slots:
+                    for known, kind in slot_dependencies()[slot].items():
+                        if known < 24 and expected.get(row_of[known]) != "dependent":
+                            expected[row_of[known]] = kind
+                expected = dict(sorted(expected.items()))
             assert [v.valueReference for v in unknown.dependencies] == list(expected)
             assert list(unknown.dependenciesKind) == list(expected.values())
 
@@ -230,7 +232,7 @@ def test_declared_capabilities(fmu: Fmu) -> None:
 
 
 def test_the_guid_tells_versions_and_platforms_apart(fmu2: Fmu, fmu3: Fmu) -> None:
-    from gough_stewart.fmu_build.builder import unit_of
+    from gough_stewart.fmu_build.build import unit_of
     from gough_stewart.model.platform_toml import load_preset
 
     other = unit_of(plant_component(load_preset("motion_base")), "3.0").documents["modelDescription.xml"].decode()

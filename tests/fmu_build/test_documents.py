@@ -17,14 +17,14 @@ import casadi
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build import codegen, model_description, source_state
-from gough_stewart.fmu_build.archive import file_name, to_zip
-from gough_stewart.fmu_build.builder import Unit, chosen_versions, number_of_steps, unit_of
-from gough_stewart.fmu_build.component import Component, Kind
+from gough_stewart.fmu_build import cache as source_state
+from gough_stewart.fmu_build import codegen
+from gough_stewart.fmu_build import documents as model_description
+from gough_stewart.fmu_build.build import UncompiledUnit, chosen_versions, file_name, number_of_steps, to_zip, unit_of
+from gough_stewart.fmu_build.component import Kind, UnitComponent, laid_out
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.formulas import mathml, to_html
-from gough_stewart.fmu_build.lanes import lanes_sources
-from gough_stewart.fmu_build.layout import Role, laid_out
+from gough_stewart.fmu_build.libraries import lanes_sources
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.fmu_build.plant.reference_results import reference_cases, reference_files
@@ -42,7 +42,7 @@ FORCES = np.array([11.0, -22.0, 33.0, -44.0, 55.0, -66.0])
 
 
 @cache
-def component() -> Component:
+def component() -> UnitComponent:
     """The uneven plant with a start state, forces and options of its own; its runs of references are left out."""
     return plant_component(
         UNEVEN, start=START, actuator_force=FORCES, tolerance=3e-7, fixed_step_size=2e-3, is_in_a_system=True
@@ -50,7 +50,7 @@ def component() -> Component:
 
 
 @cache
-def unit(version: str) -> Unit:
+def unit(version: str) -> UncompiledUnit:
     return unit_of(component(), version)
 
 
@@ -515,13 +515,12 @@ def test_a_variable_depends_constantly_only_if_every_element_does() -> None:
         first["acceleration"] + 2: {first["velocity"] + 1: "constant", first["external_force"]: "dependent"},
     }
     changed = replace(component(), dependencies=slots)
-    found = model_description.dependencies_of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT, Role.STATE))
-    kinds = {row.variable.name: found[row.reference] for row in PLANT.rows if row.reference in found}
-    assert kinds == {"external_force": "dependent", "position": "constant", "velocity": "dependent"}
-    assert list(found) == sorted(found)
-    assert set(
-        model_description.dependencies_of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT,)).values()
-    ) == {"dependent"}
+    document = ET.fromstring(model_description.model_description(changed, "3.0", "", ()))
+    reference = str(PLANT.by_name["acceleration"].reference)
+    (output,) = (element for element in document.iter("Output") if element.get("valueReference") == reference)
+    names = [PLANT.rows[int(number)].variable.name for number in output.attrib["dependencies"].split()]
+    assert names == ["external_force", "position", "velocity"]
+    assert output.attrib["dependenciesKind"].split() == ["dependent", "constant", "dependent"]
 
 
 def test_infinity_has_the_type_of_the_arithmetic() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.component import Role
 from gough_stewart.fmu_build.plant.layout import PLANT
 from tests.fmu_build.test_trajectories import start_of
 from tests.support.fmu_plants import Fmu, Plant, plant

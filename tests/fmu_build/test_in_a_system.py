@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.builder import build_units
+from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.plant.component import plant_component
 from tests.support.fmu_plants import Fmu, Plant, plant
 from tests.support.uneven import UNEVEN

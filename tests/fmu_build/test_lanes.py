@@ -10,8 +10,8 @@ from threading import Barrier
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build import lanes
-from gough_stewart.fmu_build.lanes import WIDTH, lanes_library, lanes_sources
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build.libraries import WIDTH, lanes_library, lanes_sources
 from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.model.vectors import FloatArray
 
@@ -116,14 +116,14 @@ def test_several_at_once_find_a_whole_library(tmp_path: Path, monkeypatch: pytes
     ]
 
 
-@pytest.mark.parametrize("what", ["FLAGS", "_processor", "state_of_sources"])
+@pytest.mark.parametrize("what", ["VECTOR_FLAGS", "_processor", "state_of_sources"])
 def test_another_processor_flag_or_source_has_a_library_of_its_own(
     what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(lanes, "compile_library", lambda *_, **__: b"machine code")
     path = lanes_library().path
-    monkeypatch.setattr(lanes, what, ("-O0",) if what == "FLAGS" else lambda: "another fma")
+    monkeypatch.setattr(lanes, what, ("-O0",) if what == "VECTOR_FLAGS" else lambda: "another fma")
     assert lanes_library().path != path
 
 

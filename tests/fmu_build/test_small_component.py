@@ -13,15 +13,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.builder import unit_of
-from gough_stewart.fmu_build.component import Code, Component, Icon, Terminal, terminals_of
-from gough_stewart.fmu_build.documentation import page as page_of
-from gough_stewart.fmu_build.fmi2_description import fmi2_description
-from gough_stewart.fmu_build.fmi3_description import fmi3_description
-from gough_stewart.fmu_build.layout import Layout, Role, laid_out
-from gough_stewart.fmu_build.model_description import UNITS, Identity, build_description, terminals_and_icons
-from gough_stewart.fmu_build.package import package_metadata
-from gough_stewart.fmu_build.tables import layout_number, model_header, model_source, places, start_source
+from gough_stewart.fmu_build.build import unit_of
+from gough_stewart.fmu_build.component import (
+    Icon,
+    Layout,
+    Role,
+    Sources,
+    UnitComponent,
+    UnitTerminal,
+    laid_out,
+    terminals_of,
+)
+from gough_stewart.fmu_build.documents import (
+    UNITS,
+    build_description,
+    model_description,
+    package_metadata,
+    terminals_and_icons,
+)
+from gough_stewart.fmu_build.documents import rendered as page_of
+from gough_stewart.fmu_build.sources import layout_number, model_header, model_source, places, start_source
 from gough_stewart.model.interface import Variable
 
 LAYOUT = laid_out(
@@ -45,7 +56,7 @@ STARTS = {
     "setting": np.array(0.25),
     "gain": np.array([3.0, 4e-9]),
 }
-SMALL = Component(
+SMALL = UnitComponent(
     identifier="small",
     name="Small\x01",
     description="a small <component>",
@@ -63,9 +74,12 @@ SMALL = Component(
         7: {1: "dependent"},
     },
     experiment={"startTime": "0.5", "stopTime": "2", "tolerance": "1e-05"},
-    code=Code({"own.c": "int own;"}, {"own.h": "own"}),
+    code=Sources({"own.c": "int own;"}, {"own.h": "own"}),
     icon=Icon(b"png", b"svg"),
-    terminals=lambda version: (Terminal("first", "1st", {"a": "b", "c": version}), Terminal("second", "2nd", {})),
+    terminals=lambda version: (
+        UnitTerminal("first", "1st", {"a": "b", "c": version}),
+        UnitTerminal("second", "2nd", {}),
+    ),
     documents=lambda version: {"x/y": version.encode()},
     settings=frozenset({"setting"}),
     saved_form="third",
@@ -279,21 +293,20 @@ fmiTerminalsAndIcons fmiVersion=3.0
 """
 
 
-@pytest.mark.parametrize(
-    ("describe", "expected"), [(fmi2_description, OUTLINE_2), (fmi3_description, OUTLINE_3)], ids=["2.0", "3.0"]
-)
-def test_the_description_is_what_the_standard_asks_for(describe, expected: str) -> None:  # type: ignore[no-untyped-def]
+@pytest.mark.parametrize(("fmi_version", "expected"), [("2.0", OUTLINE_2), ("3.0", OUTLINE_3)])
+def test_the_description_is_what_the_standard_asks_for(fmi_version: str, expected: str) -> None:
     """Expected: read word by word against FMI 2.0.4 and FMI 3.0.1; derivatives and indices counted by hand."""
-    document = describe(SMALL, Identity("TOKEN", ("b.c", "a.c")))
+    document = model_description(SMALL, fmi_version, "TOKEN", ("b.c", "a.c"))
     assert outline(document) == expected.replace("0.2.0", package_metadata()["Version"]).split()
     assert document.startswith(b"<?xml version='1.0' encoding='UTF-8'?>\n<fmiModelDescription ")
 
 
-@pytest.mark.parametrize("describe", [fmi2_description, fmi3_description])
-def test_a_component_without_states_is_sampled_and_cannot_be_integrated(describe) -> None:  # type: ignore[no-untyped-def]
+@pytest.mark.parametrize("fmi_version", ["2.0", "3.0"])
+def test_a_component_without_states_is_sampled_and_cannot_be_integrated(fmi_version: str) -> None:
     """Expected: no Model Exchange, no derivatives of any kind; time and the rest as before."""
     layout = laid_out([LAYOUT.by_name["force"].variable, LAYOUT.by_name["energy"].variable], {})
-    words = outline(describe(replace(SMALL, layout=layout, dependencies={}), Identity("TOKEN", ("b.c",))))
+    sampled = replace(SMALL, layout=layout, dependencies={})
+    words = outline(model_description(sampled, fmi_version, "TOKEN", ("b.c",)))
     assert ".ModelExchange" not in words
     assert ".CoSimulation" in words
     assert not any(re.search("Derivative|exact|nominal|Outputs", word) for word in words)
@@ -312,14 +325,14 @@ def test_groups_of_terminals_that_are_empty_are_left_out() -> None:
     layout = laid_out([*six, Variable("h", (2,), "m", "output", "continuous", "")], {})
     groups = [("none", "nothing", ()), ("some", "something", ("h", "f"))]
     assert terminals_of(layout, "3.0", iter(("f", "g")), groups) == (
-        Terminal("actuators", "the six actuators", {"f": "f", "g": "g"}),
-        Terminal("some", "something", {"h": "h", "f": "f"}),
+        UnitTerminal("actuators", "the six actuators", {"f": "f", "g": "g"}),
+        UnitTerminal("some", "something", {"h": "h", "f": "f"}),
     )
     old = terminals_of(layout, "2.0", iter(("f", "g")), groups)
-    assert old[3] == Terminal("actuator_4", "actuator of leg 4", {"f": "f[4]", "g": "g[4]"})
+    assert old[3] == UnitTerminal("actuator_4", "actuator of leg 4", {"f": "f[4]", "g": "g[4]"})
     assert [each.name for each in old] == [*(f"actuator_{leg}" for leg in range(1, 7)), "some"]
     names = ["h[1]", "h[2]", *(f"f[{k}]" for k in range(1, 7))]
-    assert old[-1] == Terminal("some", "something", dict(zip(names, names, strict=True)))
+    assert old[-1] == UnitTerminal("some", "something", dict(zip(names, names, strict=True)))
 
 
 def numbers_of(text: str, name: str) -> list[float]:
@@ -329,7 +342,7 @@ def numbers_of(text: str, name: str) -> list[float]:
     return [float(each) for each in found[1].replace("\n", " ").split(",") if each.strip()]
 
 
-def started(component: Component) -> dict[str, list[float]]:
+def started(component: UnitComponent) -> dict[str, list[float]]:
     """The vectors of the block of start values in C, in the order of its members."""
     members = re.findall(r"^    double (\w+)\[(\d+)\];$", model_header(component), re.M)
     text = start_source(component, ("two", "three"))
@@ -538,8 +551,8 @@ def test_a_unit_of_any_component_has_its_files(version: str) -> None:
     changed_angle = replace(angle, variable=replace(angle.variable, nominal=0.03))
     for changed in (
         replace(SMALL, layout=Layout((*SMALL.layout.rows[:1], changed_angle, *SMALL.layout.rows[2:]))),
-        replace(SMALL, code=Code({"own.c": "int our;"}, {"own.h": "own"})),
-        replace(SMALL, code=Code({"own.c": "int own;"}, {"own.h": "our"})),
-        replace(SMALL, code=Code({"one.c": "int own;"}, {"own.h": "own"})),
+        replace(SMALL, code=Sources({"own.c": "int our;"}, {"own.h": "own"})),
+        replace(SMALL, code=Sources({"own.c": "int own;"}, {"own.h": "our"})),
+        replace(SMALL, code=Sources({"one.c": "int own;"}, {"own.h": "own"})),
     ):
         assert unit_of(changed, version).token != token

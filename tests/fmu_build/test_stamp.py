@@ -6,15 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.builder import libraries_of, unit_of
-from gough_stewart.fmu_build.component import Component
+from gough_stewart.fmu_build.binaries import stamped, with_page_digests
+from gough_stewart.fmu_build.build import libraries_of, unit_of
+from gough_stewart.fmu_build.component import Role, UnitComponent
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.layout import Role
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.layout import PLANT
-from gough_stewart.fmu_build.sources import library_sources
-from gough_stewart.fmu_build.stamp import stamped, with_page_digests
-from gough_stewart.fmu_build.tables import start_block, start_source
+from gough_stewart.fmu_build.sources import library_sources, start_block, start_source
 from gough_stewart.fmu_build.targets import BY_NAME, native
 from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.model.platform_toml import load_preset
@@ -22,7 +20,7 @@ from gough_stewart.model.platform_toml import load_preset
 TOKENS = ("{1b2c}", "")
 
 
-def drawn(seed: int) -> Component:
+def drawn(seed: int) -> UnitComponent:
     """The plant's code with every start value drawn at random, among them numbers that are short and long in text."""
     rng, plant = np.random.default_rng(seed), plant_component(load_preset("motion_base"))
     starts = {

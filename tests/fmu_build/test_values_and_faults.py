@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.layout import Role
+from gough_stewart.fmu_build.component import Role
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.model import interface

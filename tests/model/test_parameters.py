@@ -11,9 +11,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from gough_stewart.fmu_build.fmi2_description import fmi2_description
-from gough_stewart.fmu_build.fmi3_description import fmi3_description
-from gough_stewart.fmu_build.model_description import Identity
+from gough_stewart.fmu_build.documents import model_description
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.harness.results.circumstances import parameters_table
 from gough_stewart.model.errors import PlatformError, PlatformFileError
@@ -105,9 +103,9 @@ LIMITS: dict[str, Any] = {
 
 def declared(platform: Platform) -> tuple[dict[str, Any], dict[str, Any]]:
     """Elements by name of the model descriptions of FMI 2.0 and 3.0."""
-    identity, component = Identity("token", ("all.c",)), plant_component(platform)
-    two = etree.fromstring(fmi2_description(component, identity)).iter("ScalarVariable")
-    three = etree.fromstring(fmi3_description(component, identity)).iter("Float64")
+    component = plant_component(platform)
+    two = etree.fromstring(model_description(component, "2.0", "token", ("all.c",))).iter("ScalarVariable")
+    three = etree.fromstring(model_description(component, "3.0", "token", ("all.c",))).iter("Float64")
     return {str(e.get("name")): e for e in two}, {str(e.get("name")): e for e in three}
 
 

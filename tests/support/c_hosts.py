@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.fmu_build.component import Component
+from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.sources import sources, standard_headers
-from gough_stewart.fmu_build.tables import start_source
+from gough_stewart.fmu_build.sources import sources, standard_headers, start_source
 from gough_stewart.fmu_build.toolchain import compiler_environment, compiling, place_of
 from gough_stewart.model.platform_toml import load_preset
 
@@ -44,7 +43,7 @@ OF_STATES = {
 
 
 def compile_host(
-    host: Sequence[Path], program: Path, compiler: Sequence[str], component: Component | None = None
+    host: Sequence[Path], program: Path, compiler: Sequence[str], component: UnitComponent | None = None
 ) -> Path:
     """A host linked with the whole unit, both FMI versions in one; `compiler` is the command with its flags.
 

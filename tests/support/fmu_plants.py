@@ -11,7 +11,7 @@ from fmpy.fmi1 import FMICallException
 from fmpy.fmi3 import fmi3Float64, fmi3Int32, fmi3ValueReference
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.fmu_build.layout import Layout
+from gough_stewart.fmu_build.component import Layout
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.plants.unit import FmuFile, Unit, UnitFile
 from gough_stewart.model import interface

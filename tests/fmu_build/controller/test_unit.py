@@ -14,10 +14,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.builder import build_units, unit_of
-from gough_stewart.fmu_build.component import Code, Component, Icon
-from gough_stewart.fmu_build.controller.component import controller_component
-from gough_stewart.fmu_build.controller.controller import Controller, Parameter
+from gough_stewart.fmu_build.build import build_units, unit_of
+from gough_stewart.fmu_build.component import Icon, Sources, UnitComponent
+from gough_stewart.fmu_build.controller import ControllerParameter, SampledController, controller_component
 from gough_stewart.harness.plants.unit import FmuFile
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.vectors import FloatArray
@@ -85,11 +84,11 @@ VELOCITY = Variable("velocity", (3,), "m/s", "output", "continuous", "of Op, too
 LEG_LENGTH = Variable("leg_length", (6,), "m", "output", "continuous", "from joint to joint")
 
 
-def _parameter(name: str, value: Any, unit: str, text: str, bound: Any = None, **options: Any) -> Parameter:
+def _parameter(name: str, value: Any, unit: str, text: str, bound: Any = None, **options: Any) -> ControllerParameter:
     value = np.asarray(value, dtype=float)
     variability = "fixed" if name == "sample_time" else "tunable"
     variable = Variable(name, value.shape, unit, "parameter", variability, text, lower_bound=bound)  # type: ignore[arg-type]
-    return Parameter(variable, value, **options)
+    return ControllerParameter(variable, value, **options)
 
 
 def _icon(text: str) -> Icon:
@@ -98,7 +97,7 @@ def _icon(text: str) -> Icon:
     )
 
 
-CONTROLLER = Controller(
+CONTROLLER = SampledController(
     title="two <signals> & more",
     sample_time=T,
     stop_time=0.75,
@@ -111,7 +110,7 @@ CONTROLLER = Controller(
         _parameter("start_force", START_FORCE, "N", "before the first sample"),
         _parameter("rate_limit", np.inf, "N/s", "largest rate", "> 0", is_none_at_zero=True, expected="enough"),
     ),
-    code=Code({"controller.c": SOURCE}, {"controller.h": HEADER}),
+    code=Sources({"controller.c": SOURCE}, {"controller.h": HEADER}),
     icon=_icon("mine"),
     notes=("first: a < b", "second"),
 )
@@ -119,7 +118,7 @@ ALONE = replace(
     CONTROLLER,
     title="alone",
     reference=(),
-    code=Code({"controller.c": SOURCE}, {"controller.h": f"#define ALONE\n{HEADER}"}),
+    code=Sources({"controller.c": SOURCE}, {"controller.h": f"#define ALONE\n{HEADER}"}),
     output_delay=15,
     notes=(),
 )
@@ -135,7 +134,7 @@ def forces(sample: int, position: FloatArray, lengths: FloatArray, wanted: Float
 class Units(dict[str, FmuFile]):
     """By FMI version."""
 
-    component: Component
+    component: UnitComponent
 
 
 @pytest.fixture(scope="module")
@@ -419,8 +418,8 @@ def test_saved_states_belong_to_their_c_and_their_memory() -> None:
     own = controller_component(CONTROLLER).saved_form
     code = CONTROLLER.code
     others = [
-        replace(CONTROLLER, code=Code({"controller.c": SOURCE + " "}, code.headers)),
-        replace(CONTROLLER, code=Code(code.units, {"controller.h": HEADER + " "})),
+        replace(CONTROLLER, code=Sources({"controller.c": SOURCE + " "}, code.headers)),
+        replace(CONTROLLER, code=Sources(code.units, {"controller.h": HEADER + " "})),
         replace(CONTROLLER, output_delay=13),
     ]
     assert own not in {controller_component(each).saved_form for each in others}

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.fmu_build.builder import number_of_steps
+from gough_stewart.fmu_build.build import number_of_steps
 from gough_stewart.harness.cli import terminal
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.document import Note, Report

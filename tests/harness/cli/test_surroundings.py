@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from gough_stewart.fmu_build.model_description import xml_text
+from gough_stewart.fmu_build.documents import xml_text
 from gough_stewart.harness.results.record import read_record
 from tests.support.commands import invoke
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from gough_stewart.fmu_build.builder import build_units
-from gough_stewart.fmu_build.layout import Layout
+from gough_stewart.fmu_build.build import build_units
+from gough_stewart.fmu_build.component import Layout
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.export.designed import Designed, designed

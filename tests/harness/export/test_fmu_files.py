@@ -15,8 +15,8 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from gough_stewart.fmu_build.builder import build_units, unit_of
-from gough_stewart.fmu_build.component import Component
+from gough_stewart.fmu_build.build import build_units, unit_of
+from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.sources import standard_headers
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.export.designed import Designed, designed
@@ -33,7 +33,7 @@ class Exported(NamedTuple):
     """A controller with the reference as inputs, and its units."""
 
     designed: Designed
-    component: Component
+    component: UnitComponent
     files: tuple[FmuFile, ...]
 
 

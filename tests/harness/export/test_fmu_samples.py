@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.fmu_build.builder import build_units
-from gough_stewart.fmu_build.layout import Layout
+from gough_stewart.fmu_build.build import build_units
+from gough_stewart.fmu_build.component import Layout
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.plants.unit import FmuFile

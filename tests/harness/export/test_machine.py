@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from playwright._impl._driver import compute_driver_executable
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.lanes import Failure
-from gough_stewart.fmu_build.machine import kept_wasm, machine_library
+from gough_stewart.fmu_build.libraries import MemberFailure as Failure
+from gough_stewart.fmu_build.libraries import machine_library
+from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, native
 from gough_stewart.harness.control.traced_law import traced_law_of
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
@@ -42,7 +43,7 @@ class Machine:
     """An open block, with the functions of c/machine."""
 
     def __init__(self, block: Block, law: Any = None) -> None:
-        self._c = ctypes.CDLL(str(machine_library(machine_c(law, block.variant))))
+        self._c = ctypes.CDLL(str(machine_library(machine_c(law, block.variant), native()).kept(native())))
         self._c.machine_field.restype = ctypes.c_void_p
         for name in ("open", "run", "ended", "failure"):
             getattr(self._c, f"machine_{name}").restype = ctypes.c_int64
@@ -276,7 +277,8 @@ def test_webassembly_plans_with_native_bits(kind: str, tmp_path: Path) -> None:
 
 def in_webassembly(block: Block, folder: Path) -> NDArray[np.int64]:
     """The words of a block after a run in node."""
-    module, file, out = kept_wasm(machine_c(block.law, block.variant)), folder / "block", folder / "out"
+    module = machine_library(machine_c(block.law, block.variant), WEB_ASSEMBLY).kept(WEB_ASSEMBLY)
+    file, out = folder / "block", folder / "out"
     block.words.tofile(file)
     script = Path(__file__).parents[2] / "support" / "machine.mjs"
     command = [compute_driver_executable()[0], str(script), str(module), str(file), str(ROWS), str(out)]
@@ -290,7 +292,12 @@ def test_the_module_imports_nothing() -> None:
         "const m = new WebAssembly.Module(require('fs').readFileSync(process.argv[1]));"
         "console.log(JSON.stringify(WebAssembly.Module.imports(m)))"
     )
-    command = [compute_driver_executable()[0], "-e", script, str(kept_wasm(machine_c()))]
+    command = [
+        compute_driver_executable()[0],
+        "-e",
+        script,
+        str(machine_library(machine_c(), WEB_ASSEMBLY).kept(WEB_ASSEMBLY)),
+    ]
     assert subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout.strip() == "[]"
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.fmu_build import lanes, toolchain
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build import toolchain
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.harness.control.traced_law import traced_law_of
 from gough_stewart.harness.experiment.members import Members

@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.fmu_build import lanes
-from gough_stewart.fmu_build.lanes import loop_sources
+from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build.libraries import loop_sources
 from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
@@ -338,7 +338,7 @@ def test_without_machine_code_and_compiler_an_error_names_the_remedy(
 ) -> None:
     """Expected: the extra that brings a compiler, and no other loop instead."""
     monkeypatch.setattr(installed, "find_spec", lambda name: None if name == "ziglang" else find_spec(name))
-    monkeypatch.setattr(lanes, "_carried", lambda *_: None)
+    monkeypatch.setattr(lanes, "prebuilt_content", lambda *_: None)
     loop_library.loop_kernel.cache_clear()
     loop_library.loop_library.cache_clear()
     with pytest.raises(

@@ -7,7 +7,7 @@ import fmpy
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.builder import VERSIONS
+from gough_stewart.fmu_build.build import VERSIONS
 from gough_stewart.harness.paper import fmu_runs
 from gough_stewart.harness.paper.fmu_runs import run_fmu
 from gough_stewart.harness.paper.open_loop import run_kernel

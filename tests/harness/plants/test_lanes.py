@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from gough_stewart.fmu_build.lanes import Failure, lanes_library
+from gough_stewart.fmu_build.libraries import MemberFailure as Failure
+from gough_stewart.fmu_build.libraries import lanes_library
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lane_batch import Batch

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.fmu_build.archive import to_zip
-from gough_stewart.fmu_build.build import build
+from gough_stewart.fmu_build.build import build, to_zip
 from gough_stewart.harness.plants.unit_check import BOUND, UnitCheck, check_units
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.cache_files import digest_of
-from gough_stewart.fmu_build.folds import folds_sources
-from gough_stewart.fmu_build.lanes import machine_code
+from gough_stewart.fmu_build.cache import digest_of
+from gough_stewart.fmu_build.libraries import folds_sources, machine_code, vector_library
 from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.harness.loop.fold_kernels import FoldKernels
 from gough_stewart.harness.loop.folding import FoldsOfRows
@@ -137,11 +136,9 @@ class Numbers:
 
 @pytest.fixture(scope="module")
 def kernels() -> FoldKernels:
-    return FoldKernels(
-        machine_code(
-            "folds", lambda: folds_sources([MadeUp(1.0).traced()]), digest_of(Path(__file__).read_bytes())
-        ).path
-    )
+    state = digest_of(Path(__file__).read_bytes())
+    library = vector_library("folds", lambda: folds_sources([MadeUp(1.0).traced()]), state)
+    return FoldKernels(machine_code(library).path)
 
 
 def expected(given: Numbers, k: int) -> dict[str, list[float]]:

@@ -38,7 +38,7 @@ static void *find(void *library, const char *name)
 }
 #endif
 
-enum { STEPS = 100, FORCES = 0, POSE = 12, N_STATES = 12 }; /* value references of fmu_build/layout.py */
+enum { STEPS = 100, FORCES = 0, POSE = 12, N_STATES = 12 }; /* value references of fmu_build/component.py */
 
 static void logger(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category,
                    fmi2String message, ...)

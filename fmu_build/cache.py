@@ -1,0 +1,97 @@
+"""The cache of what is built: each file is made once per state of the sources, and checked by its digest."""
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cache
+from importlib import resources
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+
+from platformdirs import user_cache_path
+
+from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError
+from gough_stewart.model.process.files import write_whole
+
+# Packages on which what is built depends, besides the files of this package.
+_PACKAGES = ("gough-stewart", "casadi", RUNNER, "latex2mathml", "numpy", "scipy", COMPILER)
+
+
+def cache_folder() -> Path:
+    """Folder of sources, objects and libraries; inside zig's cache if that is set: both are cleared together."""
+    zig = os.environ.get("ZIG_GLOBAL_CACHE_DIR")
+    return Path(zig, "gough-stewart") if zig else user_cache_path("gough-stewart") / "build"
+
+
+def kept(path: Path, make: Callable[[], bytes]) -> Path:
+    """A file of the cache, created by `make` if it is missing or does not match its stored digest.
+
+    Several processes may create it at the same time if its content is deterministic: each writes a temporary file and
+    renames it, so the file is never missing while another process uses it.
+
+    Raises
+    ------
+    BuildError
+        The file in the cache differs from what was written.
+    OSError
+        The cache cannot be written.
+    """
+    digest = path.with_name(f"{path.name}.sha256")
+    if not _is_whole(path, digest):
+        content = make()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, content)
+            write_whole(digest, digest_of(content).encode())
+        except OSError as error:
+            raise type(error)(
+                error.errno,
+                f"the cache cannot be written ({error.strerror}); set XDG_CACHE_HOME to a writable folder",
+                str(path.parent),
+            ) from error
+        if not _is_whole(path, digest):
+            raise BuildError(
+                f"{path} differs from what was written there; delete the folder {path.parent}, or free disk space"
+            )
+    return path
+
+
+def _is_whole(path: Path, digest: Path) -> bool:
+    try:
+        return digest.read_bytes() == digest_of(path.read_bytes()).encode()
+    except OSError:
+        return False
+
+
+def digest_of(content: bytes) -> str:
+    """SHA-256 in hexadecimal."""
+    return hashlib.sha256(content).hexdigest()
+
+
+@cache
+def state_of_texts() -> str:
+    """Digest of all source files of the model and of its units."""
+    state = hashlib.sha256()
+    for package in ("gough_stewart.model", "gough_stewart.fmu_build"):
+        folder = Path(str(resources.files(package)))
+        files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
+        for name in sorted(name for name in files if "__pycache__" not in name):
+            content = files[name].read_bytes()
+            state.update(f"{name} {len(content)}\n".encode())
+            state.update(content)
+    return state.hexdigest()
+
+
+def state_of_files(*packages: tuple[str, ...]) -> str:
+    """Digest of some source files: each package's name, followed by those of its files."""
+    texts = (resources.files(package).joinpath(name).read_bytes() for package, *names in packages for name in names)
+    return digest_of(b"".join(texts))
+
+
+@cache
+def state_of_sources() -> str:
+    """Digest of all source files of FMUs and of the versions of the packages that build them."""
+    installed = {name for name in _PACKAGES if find_spec(name.replace("-", "_")) is not None}
+    versions = "".join(f"{name} {version(name) if name in installed else 'not installed'}\n" for name in _PACKAGES)
+    return digest_of(f"{versions}{state_of_texts()}".encode())[:24]

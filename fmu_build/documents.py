@@ -1,0 +1,230 @@
+"""The documents of a unit: model description, build description, terminals and pages, each a filled-in template.
+
+Pages are self-contained and well-formed as XML.
+"""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from importlib.metadata import Distribution, PackageMetadata, distributions
+from typing import TYPE_CHECKING, Any, NamedTuple
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from gough_stewart.fmu_build.component import (
+    PARAMETER_ROLES,
+    SCALAR_REFERENCE,
+    Kind,
+    LayoutRow,
+    Role,
+    UnitComponent,
+)
+from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.model.vectors import Array
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+# What XML 1.0 does not allow, and the rest of the control characters.
+_REFUSED = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+_NAME, _LICENSE = "gough-stewart", "licenses/LICENSE"
+
+
+class PhysicalUnit(NamedTuple):
+    """A unit as FMI describes it: exponents of base units; the factor is always 1."""
+
+    name: str
+    exponents: dict[str, int]
+    # displayed value = factor · value
+    display: tuple[str, float] | None = None
+
+
+_DEGREES = float(np.rad2deg(1.0))
+UNITS = (
+    PhysicalUnit("N", {"kg": 1, "m": 1, "s": -2}),
+    PhysicalUnit("N.m", {"kg": 1, "m": 2, "s": -2}),
+    PhysicalUnit("m", {"m": 1}, ("mm", 1e3)),
+    PhysicalUnit("rad", {"rad": 1}, ("deg", _DEGREES)),
+    PhysicalUnit("m/s", {"m": 1, "s": -1}, ("mm/s", 1e3)),
+    PhysicalUnit("rad/s", {"s": -1, "rad": 1}, ("deg/s", _DEGREES)),
+    PhysicalUnit("m/s2", {"m": 1, "s": -2}),
+    PhysicalUnit("rad/s2", {"s": -2, "rad": 1}, ("deg/s2", _DEGREES)),
+    PhysicalUnit("J", {"kg": 1, "m": 2, "s": -2}),
+    PhysicalUnit("kg", {"kg": 1}),
+    PhysicalUnit("kg.m2", {"kg": 1, "m": 2}),
+    PhysicalUnit("N.s/m", {"kg": 1, "s": -1}),
+    PhysicalUnit("s", {"s": 1}),
+    PhysicalUnit("N/m", {"kg": 1, "s": -2}),
+    PhysicalUnit("N/(m.s)", {"kg": 1, "s": -3}),
+    PhysicalUnit("1", {}),
+    PhysicalUnit("N/s", {"kg": 1, "m": 1, "s": -3}),
+    PhysicalUnit("Hz", {"s": -1}),
+)
+BY_NAME = {unit.name: unit for unit in UNITS}
+
+
+class DescribedVariable(NamedTuple):
+    """A variable of the model description: a whole row of the layout, or one of its slots."""
+
+    row: LayoutRow
+    name: str
+    slots: range
+    reference: int  # value reference
+    key: int  # by which others refer to it: its position from 1 in FMI 2.0, its value reference in FMI 3.0
+    start: str | None
+    state: int | None  # the key of the state of which it is the derivative
+
+
+def model_description(component: UnitComponent, fmi_version: str, token: str, source_files: Sequence[str]) -> bytes:
+    """modelDescription.xml, with the component's start values.
+
+    Parameters
+    ----------
+    token
+        The unit's `guid` or `instantiationToken`.
+    source_files
+        Names of the files to compile, which FMI 2.0 lists here.
+    """
+    layout, in_scalars = component.layout, fmi_version == "2.0" or component.has_scalars_only
+    variables, keys = list[DescribedVariable](), dict[int, int]()
+    for row in layout.described(fmi_version):
+        values = component.starts.get(row.variable.name)
+        state = None if row.derivative_of is None else layout.by_name[row.derivative_of].first
+        for k, name in enumerate(row.scalar_names if in_scalars else [row.variable.name]):
+            slots = row.slots[k : k + 1] if in_scalars else row.slots
+            reference = row.reference
+            if in_scalars:
+                reference = slots.start if fmi_version == "2.0" else SCALAR_REFERENCE + slots.start
+            key = len(variables) + 1 if fmi_version == "2.0" else reference
+            keys |= dict.fromkeys(slots, key)
+            elements = () if values is None else values.flat[k : k + len(slots)]
+            start = None if values is None else " ".join(repr(float(value)) for value in elements)
+            state_key = None if state is None else keys[state + k]
+            variables.append(DescribedVariable(row, name, slots, reference, key, start, state_key))
+
+    def unknowns(rows: Iterable[LayoutRow], roles: tuple[Role, ...]) -> list[tuple[int, dict[int, Kind]]]:
+        """The variables of rows by key, each with its dependencies on those of some roles.
+
+        Constant only if it is constant for every element.
+        """
+        knowns = {slot for row in layout.of_role(*roles) for slot in row.slots}
+        dependencies = []
+        for variable in (variable for row in rows for variable in variables if variable.row is row):
+            kinds: dict[int, Kind] = {}
+            for slot in variable.slots:
+                for slot_of_known, kind in component.dependencies.get(slot, {}).items():
+                    if slot_of_known in knowns and kinds.get(keys[slot_of_known]) != "dependent":
+                        kinds[keys[slot_of_known]] = kind
+            dependencies.append((variable.key, dict(sorted(kinds.items()))))
+        return dependencies
+
+    outputs, derivatives = layout.outputs(), layout.of_role(Role.DERIVATIVE)
+    computed = [row for row in outputs if row.role is Role.RESULT]
+    running = (Role.INPUT, Role.STATE)
+    units = {row.variable.unit for row in layout.rows}
+    return rendered(
+        "modelDescription.xml",
+        component=component,
+        fmi_version=fmi_version,
+        token=token,
+        package=package_metadata(),
+        source_files=source_files,
+        units=[unit for unit in UNITS if unit.name in units],
+        display_units={unit.name: unit.display[0] for unit in UNITS if unit.display is not None},
+        variables=variables,
+        has_dimensions=not in_scalars,
+        outputs=unknowns(outputs, running),
+        derivatives=unknowns(derivatives, running),
+        initial_unknowns=unknowns([*computed, *derivatives], (*running, *PARAMETER_ROLES)),
+    )
+
+
+def build_description(component: UnitComponent, source_files: Sequence[str]) -> bytes:
+    """sources/buildDescription.xml: everything an importer needs to compile the unit."""
+    return rendered("buildDescription.xml", identifier=component.identifier, source_files=source_files)
+
+
+def terminals_and_icons(component: UnitComponent, fmi_version: str) -> bytes:
+    """terminalsAndIcons/terminalsAndIcons.xml: the component's terminals, and the icon."""
+    # terminals of scalars are those of FMI 2.0
+    version = "2.0" if component.has_scalars_only else fmi_version
+    return rendered("terminalsAndIcons.xml", terminals=component.terminals(version))
+
+
+def rendered(template: str, **values: Any) -> bytes:
+    """A template in `templates/` with its values; XML without empty lines.
+
+    Raises
+    ------
+    jinja2.UndefinedError
+        A value that the template names is missing.
+    """
+    text = _environment().get_template(template).render(**values)
+    return (re.sub(r"\n\s*\n", "\n", text) if template.endswith(".xml") else text).encode()
+
+
+@cache
+def _environment() -> "Environment":
+    # here, since most programs make no documents
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    def attributes(values: Mapping[str, Any]) -> Markup:
+        """The attributes of an element, without those that are None."""
+        texts = ((name, xml_text(str(value))) for name, value in values.items() if value is not None)
+        return Markup("".join(f" {name}={quoteattr(text)}" for name, text in texts))
+
+    environment = Environment(
+        loader=PackageLoader("gough_stewart.fmu_build"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters |= {"attributes": attributes, "lines": _lines, "number": _number, "place": _place}
+    return environment
+
+
+def _lines(values: Array | None) -> Sequence[str]:
+    """Numbers with six digits, a line for every row of a matrix; one number if all digits are equal."""
+    if values is None:
+        return ()
+    if len({_number(value) for value in values.flat}) == 1:
+        return (_number(values.flat[0]),)
+    return [" ".join(map(_number, row)) for row in (values if values.ndim == 2 else values[None])]
+
+
+def _number(value: float) -> str:
+    return f"{value + 0.0:.6g}".replace("-", "−")
+
+
+def _place(value: float) -> str:
+    """At most two decimals, and no negative zero."""
+    return f"{round(float(value), 2) + 0.0:g}"
+
+
+def xml_text(text: str) -> str:
+    """A text with a visible mark for each character that XML cannot have."""
+    return _REFUSED.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+def package_metadata() -> PackageMetadata:
+    """The metadata from pyproject.toml: version, summary, license."""
+    return _installed()[0].metadata
+
+
+def package_license() -> str:
+    """The text of LICENSE."""
+    return _installed()[1]
+
+
+@cache
+def _installed() -> tuple[Distribution, str]:
+    """The installed distribution and its license; a checkout has another of the same name, without license."""
+    for distribution in distributions(name=_NAME):
+        text = distribution.read_text(_LICENSE)
+        if text:
+            return distribution, text
+    raise BuildError(f"{_NAME} is installed without its license; reinstall it with pip")

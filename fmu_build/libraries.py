@@ -1,0 +1,395 @@
+"""Libraries of machine code: what each is compiled from, and how it is made once and found again.
+
+c/lanes steps many platforms at once, eight members per vector; c/loop runs their sampled loops, c/law a user's control
+law among them, c/folds folds their rows; c/machine is c/loop for one member, as plain C99 with equal bits on any
+target, also WebAssembly. The kernel is in `kernel_library`, the library of a unit in `build`.
+"""
+
+import ctypes
+import platform
+import re
+import subprocess
+import tempfile
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cache
+from pathlib import Path
+from threading import Event
+from typing import Any, NamedTuple
+
+from gough_stewart.fmu_build.cache import cache_folder, digest_of, kept, state_of_sources, state_of_texts
+from gough_stewart.fmu_build.component import Sources
+from gough_stewart.fmu_build.errors import COMPILER, check_installed
+from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
+from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, Target, native
+from gough_stewart.fmu_build.toolchain import FLAGS, Compiler, compile_library, zig
+from gough_stewart.model import interface
+from gough_stewart.model.compiled_kernel import processor_level
+from gough_stewart.model.process.files import write_whole
+from gough_stewart.model.process.prebuilt import prebuilt_content
+from gough_stewart.model.variant import IDEAL, Variant
+
+# Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
+WIDTH = 8
+_NATIVE = "-mcpu=native"
+# Of x86-64 [x86-64 psABI, 3.1.1], by level: with AVX2, as nearly all since 2013, and with AVX-512.
+_LEVELS = {3: "-mcpu=x86_64_v3", 4: "-mcpu=x86_64_v4"}
+VECTOR_FLAGS = (
+    *("-O3", _NATIVE, "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden"),
+    # fused operations are the same for all members; NaN is kept, since the checks look for it
+    *("-ffp-contract=fast-honor-pragmas", "-fno-math-errno", "-fno-signed-zeros"),
+)
+# Of all compilers: no fused operations, which some processors lack.
+_MACHINE_FLAGS = ("-O2", "-std=c99", "-g0", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
+# Limits of error-controlled steps: internal steps of a plant step, and the smallest one as a share of it.
+CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9, "SMALLEST_RATE": 1e-200}
+# Instruction sets that the machine code may use.
+_VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")
+# Elements of the columns of all folds together, in a row.
+MOST_COLUMNS = 96
+# Functions of the C library with two arguments.
+_OF_TWO = ("atan2", "copysign", "fmax", "fmin", "fmod", "hypot", "pow", "remainder")
+
+
+class MemberFailure(IntEnum):
+    """Why a member has failed."""
+
+    GOES_ON = 0
+    NOT_FINITE = 1
+    PITCHED = 2
+    SINGULAR = 3
+    PASSED_SINGULAR = 4
+    COLLAPSED = 5  # plus the number of the leg, from 0
+    TOO_MANY_STEPS = 11
+    # of c/loop
+    COMMAND = 12
+    STROKE = 13
+    AWAY = 14
+    NOT_STARTED = 15
+
+
+@dataclass(frozen=True)
+class Library:
+    """The description of a library."""
+
+    name: str  # of the file, without suffix
+    sources: Callable[[], Sources]  # called to compile it; tracing takes seconds
+    state: str  # digest of what the sources are made of
+    flags: tuple[str, ...] = FLAGS
+
+    def compiled(self, target: Target, stop: Event | None = None, compiler: Compiler | None = None) -> bytes:
+        """The library for a target; see `compile_library` for arguments and errors."""
+        return compile_library(self.name, *self.sources(), target, stop, flags=self.flags, compiler=compiler)
+
+    def kept(
+        self, target: Target, stop: Event | None = None, compiler: Compiler | None = None, processor: str = ""
+    ) -> Path:
+        """The file of the library, from the cache, else compiled; `processor` tells for which one if not for all.
+
+        Raises
+        ------
+        BuildError
+            The compiler (extra `compile`) is missing or fails.
+        OSError
+            The cache cannot be written.
+        """
+        compiler = compiler or zig()
+        key = digest_of("\n".join([self.state, *self.flags, compiler.identity, processor]).encode())[:24]
+        path = cache_folder() / self.name / f"{key}-{target.name}" / f"{self.name}{target.suffix}"
+        return kept(path, lambda: self.compiled(target, stop, compiler))
+
+
+def state_of_c(sources: Sources) -> str:
+    """Digest of C texts, for the state of a library whose sources are at hand."""
+    texts = sorted({**sources.units, **sources.headers}.items())
+    return digest_of("".join(f"{name}\0{text}\0" for name, text in texts).encode())
+
+
+def vector_library(name: str, sources: Callable[[], Sources], state: str = "", variant: Variant = IDEAL) -> Library:
+    """The description of a library that computes in vectors of members.
+
+    Parameters
+    ----------
+    state
+        Digest of sources outside of this package.
+    variant
+        Of its plant; the parts follow in its name.
+    """
+    whole_state = digest_of(f"{state_of_texts()}\n{state}".encode())
+    return Library("-".join([name, *variant.parts]), sources, whole_state, VECTOR_FLAGS)
+
+
+class LanesLibrary(NamedTuple):
+    """A library in vectors of members that was built for this processor."""
+
+    path: Path
+    # processor, its vector instructions, and a digest of the machine code: equal texts mean identical bits
+    features: str
+
+
+def machine_code(library: Library) -> LanesLibrary:
+    """A library in vectors for this processor: the one that came with the package, else from the cache, else compiled.
+
+    Raises
+    ------
+    BuildError
+        The compiler (extra `compile`) is missing or fails, or the machine is not supported.
+    OSError
+        The cache cannot be written.
+    """
+    target, most = native(), processor_level() or 0
+    # level 0: also of a wheel that was made for the processor at hand
+    for level in (0, *(level for level in (4, 3) if level <= most)):
+        content = prebuilt_content(carried_name(target, library.name, level), library.state)
+        if content is None:
+            continue
+        path = _unpacked(content, library.name, target)
+        if _loads(path):
+            words = [target.name, *([f"x86-64-v{level}"] if level else []), digest_of(content)[:16]]
+            return LanesLibrary(path, " ".join(words))
+    check_installed(COMPILER)
+    processor = _processor()
+    path = library.kept(target, processor=f"{state_of_sources()}\n{processor}")
+    words = [name for name in _VECTOR_SETS if name in set(processor.split())]
+    return LanesLibrary(path, " ".join([target.name, *words, digest_of(path.read_bytes())[:16]]))
+
+
+def levels_of(target: Target) -> tuple[int, ...]:
+    """The levels of processors of a target for which a wheel has machine code, see `compiled_kernel.processor_level`.
+
+    Level 0 is for all processors of a target. Those that compute ensembles with AVX-512 run Linux; Apple's systems
+    enable it late in a process, if at all.
+    """
+    if not target.name.startswith("x86_64"):
+        return (0,)
+    return (3, 4) if target.suffix == ".so" else (3,)
+
+
+def flags_of_level(level: int) -> tuple[str, ...]:
+    """The compiler's flags for machine code of a level."""
+    return (*([_LEVELS[level]] if level else []), *(flag for flag in VECTOR_FLAGS if flag != _NATIVE))
+
+
+def carried_name(target: Target, name: str, level: int) -> str:
+    """The name of machine code in the manifest of prebuilt files."""
+    return f"{target.name}/{name}{f'-v{level}' if level else ''}"
+
+
+def _unpacked(content: bytes, name: str, target: Target) -> Path:
+    """A file that can be loaded: in the cache, or of this process alone if that cannot be written."""
+    digest = digest_of(content)[:24]
+    try:
+        return kept(cache_folder() / "unpacked" / digest / f"{name}{target.suffix}", lambda: content)
+    except OSError:
+        path = Path(_own_folder().name, f"{name}-{digest}{target.suffix}")
+        write_whole(path, content)
+        return path
+
+
+@cache
+def _own_folder() -> tempfile.TemporaryDirectory[str]:
+    """It is removed when the process ends."""
+    return tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
+
+
+@cache
+def _loads(path: Path) -> bool:
+    """Whether a library loads on this machine; if not, a warning says why."""
+    try:
+        ctypes.CDLL(str(path))
+    except OSError as error:
+        warnings.warn(f"{path} does not load here, and is compiled instead: {error}", stacklevel=3)
+        return False
+    return True
+
+
+@cache
+def _processor() -> str:
+    """Model and features of the processor, on which the machine code depends."""
+    try:
+        first = Path("/proc/cpuinfo").read_text(encoding="utf-8").split("\n\n")[0]
+    except OSError:
+        if platform.system() != "Darwin":
+            return f"{platform.machine()} {platform.processor()}"
+        command = ["sysctl", "-n", "machdep.cpu.brand_string"]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    kinds = ("vendor_id", "cpu family", "model", "flags", "Features", "CPU implementer", "CPU part", "CPU variant")
+    lines = (line.partition(":") for line in first.splitlines())
+    return "\n".join(f"{name.strip()}: {value.strip()}" for name, _, value in lines if name.strip() in kinds)
+
+
+def lanes_library(variant: Variant = IDEAL) -> LanesLibrary:
+    """The library of c/lanes for this processor and plants of a variant; see `machine_code` for errors."""
+    return machine_code(lanes_code(variant))
+
+
+def lanes_code(variant: Variant = IDEAL) -> Library:
+    """The description of the library of c/lanes."""
+    return vector_library("lanes", lambda: lanes_sources(variant), variant=variant)
+
+
+def lanes_sources(variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
+    """The C of c/lanes for plants of a variant; `alone` for one member, with the elementary functions of vectors."""
+    from gough_stewart.fmu_build.codegen import function_source, in_lanes  # needed to compile only: imports CasADi
+    from gough_stewart.fmu_build.plant.layout import plant_header
+    from gough_stewart.model import traced
+
+    lanes, plant = c_folder("lanes"), c_folder("plant")
+    kernel = function_source(traced.legs_function(variant))
+    head = "#include <math.h>\n\nstatic double sq(double x)\n{\n    return x * x;\n}"
+    functions = [
+        traced.derivatives_function(variant),
+        traced.outputs_function(variant),
+        traced.signals_function(variant),
+        traced.margins_function(variant),
+        traced.posed_function(variant),
+        *([] if variant.parts else [traced.motion_function()]),
+    ]
+    sizes = {
+        "N_STATES": interface.size_of(variant.states),
+        "N_INPUTS": interface.N_INPUTS,
+        "N_PARAMETERS": interface.size_of(variant.parameters),
+        "N_RESULTS": interface.size_of(variant.results),
+        "N_SIGNALS": interface.N_SIGNALS,
+    }
+    if not variant.parts:
+        sizes["N_SHARED"] = traced.motion_function().numel_in(0)
+    scales = ", ".join(f"{scale:g}" for scale in variant.scales)
+    table = filled(
+        "lanes/lanes_table.h",
+        sizes=defines(sizes),
+        controlled=defines(CONTROLLED),
+        scales=f"\n/* of absolute tolerances, by state */\n#define SCALES {{{scales}}}" if variant.bristles else "",
+        failures=defines({f"FAILURE_{failure.name}": int(failure) for failure in MemberFailure}),
+        kernel=kernel[: kernel.index("\n{")].strip(),
+    )
+    units = {
+        **lanes.units,
+        "conditioning.c": plant.units["conditioning.c"],
+        "legs.c": f'{GENERATED}\n#include "lanes_table.h"\n\n'
+        + (f'#include "elementary.h"\n\n{kernel}' if alone else f"{head}\n{kernel}"),
+    }
+    headers = {
+        **lanes.headers,
+        "conditioning.h": plant.headers["conditioning.h"],
+        "internal.h": c_folder("unit").headers["internal.h"],
+        "plant_table.h": plant_header(variant),
+        "lanes_table.h": table,
+        "lanes_kernel.h": f"{GENERATED}\n" + "".join(map(in_lanes, functions)),
+    }
+    return Sources(units, headers)
+
+
+def loop_sources(components: str, variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
+    """The C of c/loop and c/lanes, with the components of the loop as `components.h`."""
+    lanes, loop = lanes_sources(variant, alone=alone), c_folder("loop")
+    headers = {**lanes.headers, **loop.headers, "components.h": components}
+    return Sources({**lanes.units, **loop.units}, headers)
+
+
+def law_library(function: Any) -> LanesLibrary:
+    """The library of c/law for one traced law, a CasADi Function `law` of `memory`, with the output `next`.
+
+    Raises
+    ------
+    BuildError, OSError
+        See `machine_code`.
+    RuntimeError
+        See `codegen.in_lanes`.
+    """
+    sources = law_sources(function)
+    state = digest_of(sources.headers["law_step.h"].encode())
+    return machine_code(vector_library("law", lambda: sources, state))
+
+
+def law_sources(function: Any) -> Sources:
+    """The C of c/law for a traced law."""
+    from gough_stewart.fmu_build.codegen import in_lanes
+
+    text = in_lanes(function, "static inline void ", exact=True, call="each_{}")
+    sizes = defines({"N_MEMORY": function.numel_in(0), "N_NEXT": function.numel_out(0)})
+    called = sorted(set(re.findall(r"\beach_(\w+)\(", text)))
+    loops = "\n".join(f"{'OF_TWO' if name in _OF_TWO else 'OF_ONE'}({name})" for name in called)
+    return _on_vectors("law", "law_step.h", f"{GENERATED}\n{sizes}\n\n{loops}\n{text}")
+
+
+def _on_vectors(folder: str, generated: str, text: str) -> Sources:
+    """A folder of C that needs the vectors of c/lanes and one generated header."""
+    code, lanes = c_folder(folder), c_folder("lanes")
+    vectors = {name: lanes.headers[name] for name in ("elementary.h", "vectors.h")}
+    return Sources(code.units, {**code.headers, **vectors, generated: text})
+
+
+class FoldKernel(NamedTuple):
+    """The states of a fold after a row, from those before."""
+
+    # inputs: columns of the row, those of the row before in the same order, `index`, `parameters` and `state`;
+    # output: `next`
+    function: Any
+    columns: int  # their number
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        """Elements of the columns, states and parameters."""
+        *columns, _, parameters, states = (self.function.numel_in(i) for i in range(self.function.n_in()))
+        return sum(columns) // 2, states, parameters
+
+
+def folds_sources(kernels: Sequence[FoldKernel]) -> Sources:
+    """The C of c/folds: a function for each kernel, called with the columns of a row, and their table."""
+    from gough_stewart.fmu_build.codegen import in_lanes
+
+    sizes = {
+        "MOST_COLUMNS": MOST_COLUMNS,
+        "MOST_STATES": max(kernel.sizes[1] for kernel in kernels),
+        "MOST_PARAMETERS": max(1, *(kernel.sizes[2] for kernel in kernels)),
+    }
+    steps, table = [], []
+    for kernel in kernels:
+        name = kernel.function.name()
+        columns = [f"{row} + places[{i}]" for row in ("row", "before") for i in range(kernel.columns)]
+        steps.append(f"""{in_lanes(kernel.function, "static inline void fold_", exact=True)}
+static void step_{name}(const lanes row[], const lanes before[], const int64_t places[], const lanes index[],
+                        const lanes parameters[], const lanes state[], lanes next[])
+{{
+    fold_{name}({", ".join([*columns, "index", "parameters", "state", "next"])});
+}}
+""")
+        table.append(f'    {{"{name}", {", ".join(map(str, kernel.sizes))}, step_{name}}},\n')
+    rows = f"static const kernel KERNELS[] = {{\n{''.join(table)}}};\n"
+    return _on_vectors("folds", "fold_kernels.h", f"{GENERATED}\n\n{defines(sizes)}\n{''.join(steps)}\n{rows}")
+
+
+def machine_sources(
+    components: str, fields: str, plan: str, design: str, law: Any = None, variant: Variant = IDEAL
+) -> Sources:
+    """The C of c/machine, one machine with its loop.
+
+    Parameters
+    ----------
+    components, fields, plan, design
+        `components.h` of c/loop, `machine_fields.h`, `plan.h`, the motions, and `design.h`, what turned gains give.
+    law
+        A user's, see `law_library`.
+    variant
+        Of the plant.
+    """
+    loop, machine = loop_sources(components, variant, alone=True), c_folder("machine")
+    user = Sources({}, {}) if law is None else law_sources(law)
+    headers = {**user.headers, **loop.headers, **machine.headers}
+    headers["machine_fields.h"] = f"{GENERATED}\n{fields}" + ("" if law is None else "\n#define MACHINE_HAS_LAW\n")
+    headers["plan.h"], headers["design.h"] = f"{GENERATED}\n{plan}", f"{GENERATED}\n{design}"
+    headers["vectors.h"] = headers["vectors.h"].replace("#ifndef WIDTH\n#define WIDTH 8\n#endif", "#define WIDTH 1")
+    return Sources({**loop.units, **machine.units, **user.units}, headers)
+
+
+def machine_library(sources: Sources, target: Target) -> Library:
+    """The description of the library of c/machine for a target; a WebAssembly module imports nothing."""
+    flags: tuple[str, ...] = ("-s", "-shared")
+    if target is WEB_ASSEMBLY:
+        offered = re.findall(r"^MACHINE_OFFERED [\w *]*?(\w+)\(", sources.headers["machine.h"], re.M)
+        exports = [f"-Wl,--export={name}" for name in (*offered, "__heap_base")]
+        flags = ("-mexec-model=reactor", "-Wl,--no-entry", "-s", *exports)
+    return Library("machine", lambda: sources, state_of_c(sources), (*_MACHINE_FLAGS, *flags))
