@@ -12,13 +12,12 @@ from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.joint_circles import REPLACED, Pairing, joints_on_circles
-from gough_stewart.model.joint_order import joint_order_hints
-from gough_stewart.model.machine_dynamics import friction_hints, holding_motor_position
+from gough_stewart.model.machine_dynamics import holding_motor_position
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields, in_words
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_display import platform_html, platform_text
+from gough_stewart.model.platform_hints import platform_hints
 from gough_stewart.model.real import real_array
-from gough_stewart.model.unit_hints import unit_hints
 from gough_stewart.model.vectors import FloatArray
 
 # Far beyond any real machine, but its square and cube do not overflow.
@@ -98,7 +97,7 @@ class Platform(PlatformFields):
     @property
     def hints(self) -> tuple[str, ...]:
         """What looks like a mistake but is possible: odd units, touching legs, their order, active friction."""
-        return (*unit_hints(self), *joint_order_hints(self), *friction_hints(self))
+        return platform_hints(self)
 
     @classmethod
     def from_radii(

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from gough_stewart.model import dynamics, energy
+from gough_stewart.model import dynamics
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry, leg_rates
 from gough_stewart.model.platform import Platform
@@ -25,7 +25,7 @@ def test_kinetic_energy_gains_half_the_armature_times_the_square_of_each_rate(se
     rng = np.random.default_rng(seed)
     platform = random_platform(rng)
     state, without = random_state(platform, rng), replace(platform, leg_armature=0.0)
-    gain = energy.kinetic_energy(platform, state) - energy.kinetic_energy(without, state)
+    gain = dynamics.kinetic_energy(platform, state) - dynamics.kinetic_energy(without, state)
     turning = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
     h, rate = 1e-6, np.concatenate([state.velocity, turning])
     ahead, behind = (leg_geometry(platform, *np.split(np.concatenate(state[:2]) + s * rate, 2)).length for s in (h, -h))
@@ -56,7 +56,9 @@ def test_energy_of_a_motion_is_the_work_of_the_forces(seed: int) -> None:
     lengths = leg_geometry(platform, x[:, :3], x[:, 3:6]).length
     work = (lengths - lengths[0]) @ push.actuator_force + (x[:, :3] - x[0, :3]) @ push.external_force
     states = State.from_vector(x)
-    E = energy.kinetic_energy(platform, states) + energy.potential_energy(platform, states.position, states.orientation)
+    E = dynamics.kinetic_energy(platform, states) + dynamics.potential_energy(
+        platform, states.position, states.orientation
+    )
     assert np.abs(E - E[0] - work).max() <= 1e-9 * np.abs(work).max()
 
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.model import dynamics, energy, interface, kinematics
+from gough_stewart.model import dynamics, interface, kinematics
 from gough_stewart.model.errors import SingularPoseError
+from gough_stewart.model.friction import friction_force
 from gough_stewart.model.interface import N_PARAMETERS
 from gough_stewart.model.kernel import parameter_vector
-from gough_stewart.model.leg_dynamics import friction_force
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import (
@@ -50,7 +50,7 @@ def test_kinetic_energy_is_the_quadratic_form_of_the_mass_matrix(thousand: Sampl
     M = dynamics.mass_matrix(thousand.parameters, state.position, state.orientation)
     twist = np.concatenate([state.velocity, state.angular_velocity], axis=-1)
     expected = 0.5 * np.einsum("na,nab,nb->n", twist, M, twist)
-    assert np.allclose(energy.kinetic_energy(thousand.parameters, state), expected, rtol=1e-12)
+    assert np.allclose(dynamics.kinetic_energy(thousand.parameters, state), expected, rtol=1e-12)
 
 
 def test_inverse_dynamics_undoes_forward_dynamics(thousand: Sample) -> None:
@@ -91,7 +91,7 @@ def test_static_forces_are_the_gradient_of_the_potential_energy(seed: int) -> No
 
     def potential(shift: np.ndarray) -> float:
         turned = orientation_from_matrix((Rotation.from_rotvec(shift[3:]) * R).as_matrix())
-        return float(energy.potential_energy(platform, position + shift[:3], turned))
+        return float(dynamics.potential_energy(platform, position + shift[:3], turned))
 
     gradient = [(potential(h * e) - potential(-h * e)) / (2 * h) for e in np.eye(6)]
     assert np.allclose(wrench, gradient, atol=1e-6 * np.abs(gradient).max())
@@ -150,7 +150,7 @@ def lagrangian_residual() -> casadi.Function:
     parameters = Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, symbols(p)))
     omega = angular_velocity_from_orientation_rate(qs[:, 3:], dqs[:, 3:])
     state = State(qs[:, :3], qs[:, 3:], dqs[:, :3], omega)
-    L = energy.kinetic_energy(parameters, state)[0] - energy.potential_energy(parameters, qs[:, :3], qs[:, 3:])[0]
+    L = dynamics.kinetic_energy(parameters, state)[0] - dynamics.potential_energy(parameters, qs[:, :3], qs[:, 3:])[0]
     momentum = casadi.gradient(L, dq)
     rate = casadi.jtimes(momentum, q, dq) + casadi.jtimes(momentum, dq, ddq)
     return casadi.Function("residual", [q, dq, ddq, p], [rate - casadi.gradient(L, q)])
@@ -198,8 +198,8 @@ def test_energy_changes_by_the_power_of_forces_less_friction(seed: int) -> None:
 
     def total(h: float) -> float:
         s = State(*(x + h * dx for x, dx in zip(state, rate, strict=True)))
-        kinetic = energy.kinetic_energy(platform, s)
-        return float(kinetic + energy.potential_energy(platform, s.position, s.orientation))
+        kinetic = dynamics.kinetic_energy(platform, s)
+        return float(kinetic + dynamics.potential_energy(platform, s.position, s.orientation))
 
     # h such that the motion of step h stays small also under large accelerations
     h = 1e-6
@@ -208,7 +208,7 @@ def test_energy_changes_by_the_power_of_forces_less_friction(seed: int) -> None:
         + inputs.external_force @ state.velocity
         + inputs.external_torque @ state.angular_velocity
     )
-    lost = energy.friction_power(platform, state)
+    lost = dynamics.friction_power(platform, state)
     scale = abs(float(power)) + float(lost) + abs(total(0.0))
     assert (total(h) - total(-h)) / (2 * h) == pytest.approx(float(power - lost), abs=1e-6 * scale)
 
@@ -292,8 +292,8 @@ def test_any_one_argument_may_be_a_batch(batched: int) -> None:
             dynamics.mass_matrix(UNEVEN, state.position, state.orientation),
             dynamics.bias_wrench(UNEVEN, state),
             dynamics.joint_forces(UNEVEN, state, inputs.actuator_force, a),
-            energy.kinetic_energy(UNEVEN, state),
-            energy.friction_power(UNEVEN, state),
+            dynamics.kinetic_energy(UNEVEN, state),
+            dynamics.friction_power(UNEVEN, state),
             kinematics.wrench_from_leg_forces(legs, inputs.actuator_force),
             state.to_vector(),
             inputs.to_vector(),
@@ -331,7 +331,7 @@ def test_friction_is_viscous_plus_smoothed_coulomb(paper: Platform) -> None:
 def test_friction_never_feeds_energy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     platform = random_platform(rng)
-    assert energy.friction_power(platform, random_state(platform, rng)) >= 0
+    assert dynamics.friction_power(platform, random_state(platform, rng)) >= 0
 
 
 def test_leg_forces_at_a_singular_pose_are_refused(paper: Platform) -> None:
@@ -375,18 +375,18 @@ def test_each_platform_of_a_batch_has_its_own_results() -> None:
     sample = random_sample(5, 31)
     p, state = sample.parameters, sample.state
     many = [
-        energy.kinetic_energy(p, state),
-        energy.potential_energy(p, state.position, state.orientation),
-        energy.friction_power(p, state),
+        dynamics.kinetic_energy(p, state),
+        dynamics.potential_energy(p, state.position, state.orientation),
+        dynamics.friction_power(p, state),
         dynamics.static_leg_forces(p, state.position, state.orientation),
         dynamics.bias_wrench(p, state),
     ]
     for k, platform in enumerate(sample.platforms):
         own = State(*(part[k] for part in state))
         each = [
-            energy.kinetic_energy(platform, own),
-            energy.potential_energy(platform, own.position, own.orientation),
-            energy.friction_power(platform, own),
+            dynamics.kinetic_energy(platform, own),
+            dynamics.potential_energy(platform, own.position, own.orientation),
+            dynamics.friction_power(platform, own),
             dynamics.static_leg_forces(platform, own.position, own.orientation),
             dynamics.bias_wrench(platform, own),
         ]
@@ -415,9 +415,9 @@ def test_energies_of_an_uneven_platform_are_sums_over_its_bodies() -> None:
         potential -= 2.3 * g @ (UNEVEN.base_points[k] + 0.47 * u) + 1.2 * g @ (UNEVEN.base_points[k] + (L - 0.58) * u)
         viscous, coulomb = 7.0 * [0.7, 1.4, 0.9, 1.6, 0.5, 1.1][k], 1.9 * [1.3, 0.6, 1.5, 0.8, 1.2, 0.4][k]
         friction += (viscous * slide + coulomb * np.tanh(slide / 0.06)) * slide
-    assert energy.kinetic_energy(UNEVEN, STATE) == pytest.approx(kinetic, rel=1e-12)
-    assert energy.potential_energy(UNEVEN, STATE.position, STATE.orientation) == pytest.approx(potential, rel=1e-12)
-    assert energy.friction_power(UNEVEN, STATE) == pytest.approx(friction, rel=1e-12)
+    assert dynamics.kinetic_energy(UNEVEN, STATE) == pytest.approx(kinetic, rel=1e-12)
+    assert dynamics.potential_energy(UNEVEN, STATE.position, STATE.orientation) == pytest.approx(potential, rel=1e-12)
+    assert dynamics.friction_power(UNEVEN, STATE) == pytest.approx(friction, rel=1e-12)
 
 
 def test_inputs_and_states_are_cut_from_their_vectors_in_order() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from gough_stewart.model import energy
+from gough_stewart.model import dynamics
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry, leg_rates
@@ -17,8 +17,8 @@ PAPER_START = State(np.array([0, 0, 3.0]), np.array([0, 0, -0.1]), np.array([0, 
 
 def total_energy(platform: Platform, x: np.ndarray) -> np.ndarray:
     state = State.from_vector(x)
-    kinetic = energy.kinetic_energy(platform, state)
-    return np.asarray(kinetic + energy.potential_energy(platform, state.position, state.orientation))
+    kinetic = dynamics.kinetic_energy(platform, state)
+    return np.asarray(kinetic + dynamics.potential_energy(platform, state.position, state.orientation))
 
 
 def test_energy_of_the_published_second_is_the_work_of_the_forces(paper: Platform) -> None:
@@ -81,7 +81,7 @@ def spring_energy_error(platform: Platform, start: State, stiffness: float, dura
     L = leg_geometry(platform, x[:, :3], x[:, 3:6]).length
     springs = (0.5 * stiffness * (L0 - L) ** 2 - F0 * L).sum(axis=1)
     E = total_energy(platform, x) + springs
-    kinetic = energy.kinetic_energy(platform, State.from_vector(x)).max()
+    kinetic = dynamics.kinetic_energy(platform, State.from_vector(x)).max()
     return float(np.abs(E - E[0]).max() / kinetic), float(np.abs(L - L0).max())
 
 
@@ -94,5 +94,5 @@ def test_energy_on_springs_is_constant_over_60_seconds(paper: Platform) -> None:
 
 def test_potential_energy_is_zero_with_everything_at_the_world_plane(paper: Platform) -> None:
     """Expected: mass at z = 0 only. With every P_i and B_i in the plane z = 0, so are all centres of mass."""
-    flat = energy.potential_energy(paper, np.array([0.3, 0.1, 0.0]), np.array([0, 0, 0.4]))
+    flat = dynamics.potential_energy(paper, np.array([0.3, 0.1, 0.0]), np.array([0, 0, 0.4]))
     assert flat == pytest.approx(0.0, abs=1e-12)

@@ -82,7 +82,7 @@ def test_kernel_outputs_agree_with_the_numpy_functions(
     thousand: Sample, task_space: dynamics.Acceleration, by_newton_euler: newton_euler.Solution
 ) -> None:
     """Expected: joint forces of Newton–Euler, energies and kinematics of the NumPy functions."""
-    from gough_stewart.model import energy, kinematics
+    from gough_stewart.model import dynamics, kinematics
 
     p, state = thousand.parameters, thousand.state
     kernel, x, u = Kernel(), state.to_vector(), thousand.inputs.to_vector()
@@ -97,8 +97,8 @@ def test_kernel_outputs_agree_with_the_numpy_functions(
         "acceleration": task_space.linear,
         "angular_acceleration": task_space.angular,
         "joint_force": by_newton_euler.joint_force,
-        "kinetic_energy": energy.kinetic_energy(p, state),
-        "potential_energy": energy.potential_energy(p, state.position, state.orientation),
+        "kinetic_energy": dynamics.kinetic_energy(p, state),
+        "potential_energy": dynamics.potential_energy(p, state.position, state.orientation),
     }
     assert values.keys() == expected.keys()
     for name, value in expected.items():
