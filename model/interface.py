@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.model import parameters
 from gough_stewart.model.errors import InterfaceError
-from gough_stewart.model.parameters import Bound, Parameter, Part
+from gough_stewart.model.parameters import Bound, ParameterRow, Part
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import Array
 
@@ -80,7 +80,7 @@ def _result(name: str, shape: tuple[int, ...], unit: str, causality: Causality, 
     return Variable(name, shape, unit, causality, "continuous", description)
 
 
-def _parameter(row: Parameter) -> Variable:
+def _parameter(row: ParameterRow) -> Variable:
     variability: Variability = "tunable" if row.is_tunable else "fixed"
     return Variable(
         row.name,

@@ -84,6 +84,16 @@ def sliding_function(variant: Variant) -> casadi.Function:
 
 @cache
 @interrupts_held_back()
+def tangent_function() -> casadi.Function:
+    """CasADi Function `tangent`: (x, u, p, dx, du) -> dxdot, dy; a column of the Jacobians for a unit direction."""
+    x, u, p = _arguments()
+    dx, du = casadi.SX.sym("dx", N_STATES), casadi.SX.sym("du", N_INPUTS)
+    directions = [casadi.jtimes(f, casadi.vertcat(x, u), casadi.vertcat(dx, du)) for f in _trace(x, u, p)]
+    return _function("tangent", [x, u, p, dx, du], directions, ["dxdot", "dy"])
+
+
+@cache
+@interrupts_held_back()
 def forward_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `forward`: (x, u, p, dx, du, dp) -> dxdot, dy; the derivative of (ẋ, y) in one direction.
 
