@@ -1,13 +1,14 @@
 """What looks like a mistake in a platform but is possible: odd units, legs that touch, their order, active friction."""
 
 from itertools import combinations, permutations
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
 from gough_stewart.model.machine_dynamics import law_of_bristles
 from gough_stewart.model.parameters import PlatformFields
-from gough_stewart.model.platform_checks import Joints
 from gough_stewart.model.variant import LUGRE, Variant
 from gough_stewart.model.vectors import FloatArray, dot
 
@@ -71,8 +72,8 @@ def _joint_order_hints(platform: PlatformFields) -> list[str]:
     base, hints = platform.base_points, []
     remedy = "check the order of base_points and platform_points: joint i of one belongs to joint i of the other"
     orders = np.array(list(permutations(range(6))))
-    joints = Joints(np.broadcast_to(base, (len(orders), 6, 3)), platform.platform_points[orders])
-    legs = leg_geometry(joints, platform.home_position, platform.home_orientation)  # type: ignore[arg-type]
+    joints: Any = SimpleNamespace(base_points=base, platform_points=platform.platform_points[orders])
+    legs = leg_geometry(joints, platform.home_position, platform.home_orientation)
     pair, share = _closest(base, base + legs.vector[0])
     if share < _CLOSEST:
         hints.append(

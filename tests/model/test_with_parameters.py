@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 import gough_stewart as gs
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import PHYSICAL, TABLE
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platforms import platforms_with
+from gough_stewart.model.platform import Platform, platforms_with
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.uneven import UNEVEN
 
