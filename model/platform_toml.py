@@ -17,9 +17,8 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import by_leg
-from gough_stewart.model.process import shipped
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.toml import toml_item, toml_values
+from gough_stewart.model.process.toml import toml_item, toml_names, toml_text, toml_values
 
 KEYS = (*TEXTS, *TABLE)
 DEFAULTS = {each.name: each.default for each in fields(PlatformFields)}
@@ -139,7 +138,7 @@ def preset_names() -> tuple[str, ...]:
     tuple of str
         In alphabetical order.
     """
-    return shipped.names(*_PRESETS)
+    return toml_names(*_PRESETS)
 
 
 def preset_text(name: str) -> str:
@@ -152,7 +151,7 @@ def preset_text(name: str) -> str:
     """
     if name not in preset_names():
         raise PlatformFileError(f"preset '{name}'", f"no such preset{nearest(name, preset_names())}")
-    return shipped.text(*_PRESETS, name)
+    return toml_text(*_PRESETS, name)
 
 
 def load_preset(name: str) -> Platform:

@@ -10,8 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.model.process.files import check_output_folder, file_set, write_files
-from gough_stewart.model.process.temporary import lock, remove_leftovers, temporary_file, temporary_folder
+from gough_stewart.model.process.files import (
+    check_output_folder,
+    file_set,
+    lock,
+    remove_leftovers,
+    temporary_file,
+    temporary_folder,
+    write_files,
+)
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="locks are POSIX's")
 
@@ -20,7 +27,7 @@ _WRITER = """
 import sys, time
 from pathlib import Path
 from gough_stewart.model.process.files import file_set
-from gough_stewart.model.process.temporary import temporary_file
+from gough_stewart.model.process.files import temporary_file
 with file_set(Path("."), ["table"]) as new, temporary_file(Path("figure")) as figure:
     new.add("table", b"whole")
     figure.write_bytes(b"ha")
@@ -74,17 +81,6 @@ def test_what_this_process_writes_stays(tmp_path: Path) -> None:
     assert names(tmp_path) == {"a", "b"}
 
 
-def test_leftovers_of_release_0_2_go_if_their_process_has_ended(tmp_path: Path) -> None:
-    """Expected: the number in the name decides: that of a child that has ended, and that of the parent of this one."""
-    ended = subprocess.Popen([sys.executable, "-c", ""])
-    ended.wait()
-    (tmp_path / f".record.csv.{ended.pid}.140.part").touch()
-    living = f".record.csv.{os.getppid()}.140.part"
-    (tmp_path / living).touch()
-    remove_leftovers(tmp_path)
-    assert names(tmp_path) == {living}
-
-
 def test_a_command_says_what_it_removed(tmp_path: Path) -> None:
     """Expected: a run that is killed while it writes; the next one names what is gone, and is otherwise the same."""
     command = [sys.executable, "-m", "gough_stewart", "check", "heave_step", "--out", "out"]
@@ -99,7 +95,7 @@ def test_a_command_says_what_it_removed(tmp_path: Path) -> None:
 
 def test_a_race_between_writing_and_removing_loses_nothing(tmp_path: Path) -> None:
     """Expected: every file is written, though another process removes leftovers all the time."""
-    lines = ["from pathlib import Path", "from gough_stewart.model.process.temporary import remove_leftovers"]
+    lines = ["from pathlib import Path", "from gough_stewart.model.process.files import remove_leftovers"]
     lines += ["print('ready', flush=True)", "while True: remove_leftovers(Path('.'))"]
     command = [sys.executable, "-c", "\n".join(lines)]
     sweeper = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
@@ -130,7 +126,7 @@ def test_links_and_pipes_with_the_name_of_a_leftover_stay(tmp_path: Path) -> Non
     remove_leftovers(tmp_path / "mine")
 
 
-_REMOVER = "from pathlib import Path; from gough_stewart.model.process.temporary import *; remove_leftovers(Path('.'))"
+_REMOVER = "from pathlib import Path; from gough_stewart.model.process.files import *; remove_leftovers(Path('.'))"
 
 
 def test_a_folder_of_a_killed_process_goes_with_what_is_in_it_and_other_names_stay(
@@ -192,7 +188,7 @@ def test_without_locks_nothing_is_removed_and_files_are_written(
         patched.setattr("fcntl.flock", refuse)
         write_files(tmp_path, {"a": b"1"})
         remove_leftovers(tmp_path)
-    monkeypatch.setattr("gough_stewart.model.process.temporary.fcntl", None)
+    monkeypatch.setattr("gough_stewart.model.process.files.fcntl", None)
     write_files(tmp_path, {"b": b"2"})
     remove_leftovers(tmp_path)
     assert names(tmp_path) == {"a", "b", ".c.12345678.part"}
@@ -225,7 +221,7 @@ def test_a_place_that_another_process_takes_before_it_is_locked_is_left_for_anot
 
     with monkeypatch.context() as patched:
         patched.setattr("os.open", removed)
-        patched.setattr("gough_stewart.model.process.temporary.lock", refused)
+        patched.setattr("gough_stewart.model.process.files.lock", refused)
         with temporary_file(tmp_path / "table") as path:
             assert happened == ["removed", "exchanged", "locked"]
             assert path.read_bytes() == b""
