@@ -1,6 +1,9 @@
-"""Workspace analysis at poses: reachability, conditioning and static load capacity.
+"""Workspace analysis at poses: reachability, conditioning, static load capacity, and stiffness on compliant legs.
 
 All functions are NumPy only and broadcast over leading axes of poses.
+
+With motors that hold, a compliant leg i is a spring k along its direction, so that a wrench w at Op moves the platform
+by the small twist K⁻¹ w, K = k Jᵀ J. What gravity adds by turning the legs is left out: mg/L, a millionth of k.
 """
 
 from collections.abc import Callable
@@ -10,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, bias_wrench
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, bias_wrench, mass_matrix
+from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.kinematics import (
     LegGeometry,
     conditioning_of_legs,
@@ -19,11 +23,13 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     scaled_jacobian_of_legs,
 )
+from gough_stewart.model.machine_dynamics import platform_side
+from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.state import State
-from gough_stewart.model.stiffness import pose_stiffness
-from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
+from gough_stewart.model.variant import Variant
+from gough_stewart.model.vectors import Array, FloatArray, apply, per_leg, transpose
 
 # Poses per chunk: enough for fast NumPy loops, with tens of MB of intermediate results.
 CHUNK = 4096
@@ -57,6 +63,16 @@ _TEXTS = {
 }
 
 
+class PoseStiffness(NamedTuple):
+    """Stiffness and first mode at poses, each (...); 0 at singular poses."""
+
+    translational_stiffness: FloatArray  # force at Op over displacement along it, in the softest direction [N/m]
+    translational_stiffness_max: FloatArray  # in the stiffest [N/m]
+    rotational_stiffness: FloatArray  # torque over rotation about it, about the softest axis [N m/rad]
+    rotational_stiffness_max: FloatArray  # about the stiffest [N m/rad]
+    first_mode: FloatArray  # lowest natural frequency with motors that hold [Hz]
+
+
 class PoseQualities(NamedTuple):
     """Results at poses, each (...); None if the platform does not state the limit, or has rigid legs."""
 
@@ -68,12 +84,12 @@ class PoseQualities(NamedTuple):
     payload: FloatArray | None  # largest point mass at Op that the actuators hold at rest [kg]
     force_margin: FloatArray | None  # largest force at Op in any direction that they hold at rest [N]
     largest_speed: FloatArray | None  # of the twist [v; ρ ω] in any direction, limited by `leg_velocity_max` [m/s]
-    # of legs that give, with motors that hold; see `stiffness.PoseStiffness`
-    translational_stiffness: FloatArray | None  # in the softest direction [N/m]
-    translational_stiffness_max: FloatArray | None  # in the stiffest [N/m]
-    rotational_stiffness: FloatArray | None  # about the softest axis [N m/rad]
-    rotational_stiffness_max: FloatArray | None  # about the stiffest [N m/rad]
-    first_mode: FloatArray | None  # lowest natural frequency [Hz]
+    # the parts of `PoseStiffness`
+    translational_stiffness: FloatArray | None
+    translational_stiffness_max: FloatArray | None
+    rotational_stiffness: FloatArray | None
+    rotational_stiffness_max: FloatArray | None
+    first_mode: FloatArray | None
 
     @property
     def reachable(self) -> NDArray[np.bool_]:
@@ -107,15 +123,15 @@ def evaluate_poses(
         Arrays with the poses' leading axes, each None if the platform does not state its limit: `limit`, 0 if the
         pose is reachable; `leg_length_margin` [m] and `joint_angle_margin` [rad], negative beyond; `singular_margin`,
         the smallest singular value of the scaled leg Jacobian, negative beyond a singular pose; `condition_number`;
-        `payload` [kg]; `force_margin` [N]; `largest_speed` [m/s]. Of legs that give, whose motors hold: the stiffness
+        `payload` [kg]; `force_margin` [N]; `largest_speed` [m/s]. Of compliant legs, whose motors hold: the stiffness
         at Op in the softest and the stiffest direction, `translational_stiffness` and `translational_stiffness_max`
         [N/m], `rotational_stiffness` and `rotational_stiffness_max` [N m/rad], and `first_mode`, the lowest natural
         frequency [Hz].
 
     Examples
     --------
-    >>> found = gs.evaluate_poses(gs.load_preset("motion_base"), [[0, 0, 2.0], [0, 0, 3.5]], [0, 0.1, 0])
-    >>> found.reachable, found.condition_number, found.payload
+    >>> qualities = gs.evaluate_poses(gs.load_preset("motion_base"), [[0, 0, 2.0], [0, 0, 3.5]], [0, 0.1, 0])
+    >>> qualities.reachable, qualities.condition_number, qualities.payload
     """
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
     shape = position.shape[:-1]
@@ -123,8 +139,8 @@ def evaluate_poses(
     parts = []
     # without poses, there is one empty chunk
     for first in range(0, max(len(positions), 1), CHUNK):
-        here = slice(first, first + CHUNK)
-        parts.append(_evaluated(platform, positions[here], orientations[here]))
+        chunk = slice(first, first + CHUNK)
+        parts.append(_evaluated(platform, positions[chunk], orientations[chunk]))
         if progress is not None:
             progress(min(first + CHUNK, len(positions)))
     columns: list[Any] = [None if c[0] is None else np.concatenate(c) for c in zip(*parts, strict=True)]
@@ -136,17 +152,71 @@ def limits_at(platform: Platform, position: Array, orientation: Array) -> NDArra
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, position, orientation)
-        side = side_of_singular_poses(platform, legs)
-        leg_margins = _leg_margins(platform, legs)
-        joint_margins = _joint_margins(platform, position, orientation)
-    return _first_limit(orientation, side, leg_margins, joint_margins)
+        return _first_limit(
+            orientation, side_of_singular_poses(platform, legs), _margins(platform, legs, position, orientation)
+        )
 
 
-class LoadCapacity(NamedTuple):
-    """Static load capacity of the actuators, each (...)."""
+def compliance(parameters: Parameters, position: Array, orientation: Array) -> Array:
+    """Compliance K⁻¹ (..., 6, 6) of a platform whose motors hold: small twist [m, rad] per wrench at Op [N, N m].
 
-    payload: FloatArray  # [kg]
-    force_margin: FloatArray  # [N]
+    K⁻¹ = J⁻¹ J⁻ᵀ/k with the leg Jacobian J and k = `leg_stiffness`, in world components; position [m], orientation
+    [rad] (..., 3).
+
+    Returns
+    -------
+    ndarray
+        (..., 6, 6), symmetric: blocks [m/N], [rad/N] = [1/N] and [rad/(N m)].
+
+    Raises
+    ------
+    PlatformError
+        Rigid legs, `leg_stiffness` is 0.
+
+    Examples
+    --------
+    >>> soft = gs.load_preset("motion_base").with_parameters({"leg_stiffness": 2e7})
+    >>> 1e6 * gs.compliance(soft, soft.home_position, soft.home_orientation)[2, 2]  # µm/N
+    """
+    k = _stiffness_of(parameters)
+    J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
+    inverse = np.linalg.inv(J)
+    return np.asarray(inverse @ transpose(inverse) / k[..., None])
+
+
+def held_frequencies(parameters: Parameters, position: Array, orientation: Array) -> Array:
+    """Natural frequencies (..., 6) [Hz] of the platform on its legs, motors held, lowest first; damping left out.
+
+    det(k Jᵀ J − ω² M) = 0 with M without armature: ω² are eigenvalues of k J M⁻¹ Jᵀ; 0 where a leg has no direction.
+    """
+    k = _stiffness_of(parameters)
+    J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
+    M = mass_matrix(platform_side(Variant(springs=True), parameters), position, orientation)
+    mobility = np.nan_to_num(J @ np.linalg.solve(M, transpose(J)))
+    squares = k * np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi))
+
+
+def pose_stiffness(parameters: Parameters, position: Array, orientation: Array) -> PoseStiffness:
+    """Stiffness in the softest and stiffest directions, and the first mode, at poses (..., 3) [m], [rad].
+
+    In all other directions the platform is free to move: stiffness is the inverse of an eigenvalue of the 3×3 block of
+    the compliance, λ(K⁻¹_tt) or λ(K⁻¹_rr).
+    """
+    k = _stiffness_of(parameters)[..., 0]
+    J = np.asarray(jacobian_of_legs(leg_geometry(parameters, position, orientation)), dtype=float)
+    regular = np.isfinite(J).all(axis=(-2, -1)) & (np.linalg.det(np.nan_to_num(J)) != 0)
+    known = np.where(regular[..., None, None], J, np.eye(6))
+    stiffness = []
+    with np.errstate(all="ignore"):
+        inverse = np.linalg.inv(known)
+        for rows in (inverse[..., :3, :], inverse[..., 3:, :]):
+            sigma = np.linalg.svd(rows, compute_uv=False)
+            stiffness += [np.where(regular, k / sigma[..., edge] ** 2, 0.0) for edge in (0, -1)]
+        frequency = np.where(regular, np.nan, 0.0)
+        positions, orientations = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
+        frequency[regular] = held_frequencies(parameters, positions[regular], orientations[regular])[..., 0]
+    return PoseStiffness._make([*stiffness, frequency])
 
 
 def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray) -> PoseQualities:
@@ -155,69 +225,57 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
         legs = leg_geometry(platform, position, orientation)
         side = side_of_singular_poses(platform, legs)
         number, smallest, _ = conditioning_of_legs(legs)
-        leg_margins = _leg_margins(platform, legs)
-        joint_margins = _joint_margins(platform, position, orientation)
-    capacity: LoadCapacity | tuple[None, None] = (None, None)
+        margins = _margins(platform, legs, position, orientation)
+        speed = None
+        if platform.leg_velocity_max is not None:
+            rows, _ = scaled_jacobian_of_legs(legs)
+            speed = np.nan_to_num(platform.leg_velocity_max / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1))
+    payload = force_margin = None
     if platform.actuator_force_max is not None:
         regular = number < LARGEST_CONDITION_NUMBER
-        capacity = _load_capacity(platform, position, orientation, legs, regular, platform.actuator_force_max)
-    stiffness = pose_stiffness(platform, position, orientation) if platform.leg_stiffness > 0 else (None,) * 5
+        payload, force_margin = _load_capacity(
+            platform, position, orientation, legs, regular, platform.actuator_force_max
+        )
+    leg_margins, joint_margins = (
+        [margins[limit] for limit in limits if limit in margins]
+        for limits in ((Limit.LEG_TOO_SHORT, Limit.LEG_TOO_LONG), (Limit.BASE_JOINT, Limit.PLATFORM_JOINT))
+    )
     return PoseQualities(
-        _first_limit(orientation, side, leg_margins, joint_margins),
-        _nearest([leg_margins[limit] for limit in leg_margins]),
-        _nearest([joint_margins[limit] for limit in joint_margins]),
+        _first_limit(orientation, side, margins),
+        np.minimum.reduce(leg_margins) if leg_margins else None,
+        np.minimum.reduce(joint_margins) if joint_margins else None,
         np.where(side == 1, smallest, -smallest),
         number,
-        capacity[0],
-        capacity[1],
-        None if platform.leg_velocity_max is None else _largest_speed(legs, platform.leg_velocity_max),
-        *stiffness,
+        payload,
+        force_margin,
+        speed,
+        *(pose_stiffness(platform, position, orientation) if platform.leg_stiffness > 0 else (None,) * 5),
     )
 
 
-def _largest_speed(legs: LegGeometry, fastest: float) -> FloatArray:
-    """Largest speed at poses (n, 3) [m/s]; 0 if a leg has no direction."""
-    with np.errstate(all="ignore"):
-        rows, _ = scaled_jacobian_of_legs(legs)
-        speed = fastest / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1)
-    return np.asarray(np.nan_to_num(speed))
+def _first_limit(orientation: FloatArray, side: FloatArray, margins: dict[Limit, FloatArray]) -> NDArray[np.int8]:
+    is_kept = {Limit.PITCH: np.abs(orientation[..., 1]) < LARGEST_PITCH, Limit.SINGULAR: side == 1}
+    is_kept |= {limit: margin >= 0 for limit, margin in margins.items()}
+    first = np.zeros(orientation.shape[:-1], np.int8)
+    for limit in sorted(is_kept, reverse=True):
+        first[~is_kept[limit]] = limit
+    return first
 
 
-def _first_limit(
-    orientation: FloatArray,
-    side: FloatArray,
-    leg_margins: dict[Limit, FloatArray],
-    joint_margins: dict[Limit, FloatArray],
-) -> NDArray[np.int8]:
-    kept = {Limit.PITCH: np.abs(orientation[..., 1]) < LARGEST_PITCH, Limit.SINGULAR: side == 1}
-    kept |= {limit: margin >= 0 for limit, margin in (leg_margins | joint_margins).items()}
-    limit = np.zeros(orientation.shape[:-1], np.int8)
-    for each in sorted(kept, reverse=True):
-        limit[~kept[each]] = each
-    return limit
-
-
-def _leg_margins(platform: Platform, legs: LegGeometry) -> dict[Limit, FloatArray]:
-    """Stroke margin of the worst leg [m]."""
+def _margins(
+    platform: Platform, legs: LegGeometry, position: FloatArray, orientation: FloatArray
+) -> dict[Limit, FloatArray]:
+    """Margin of the worst leg [m] and of the worst joint [rad] for each limit that the platform states."""
     margins = {}
     if platform.leg_length_min is not None:
         margins[Limit.LEG_TOO_SHORT] = np.asarray(legs.length.min(axis=-1) - platform.leg_length_min)
     if platform.leg_length_max is not None:
         margins[Limit.LEG_TOO_LONG] = np.asarray(platform.leg_length_max - legs.length.max(axis=-1))
+    if platform.joint_angle_max is not None:
+        angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
+        for limit, angle in zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), angles, strict=True):
+            margins[limit] = np.asarray(platform.joint_angle_max - angle.max(axis=-1))
     return margins
-
-
-def _joint_margins(platform: Platform, position: FloatArray, orientation: FloatArray) -> dict[Limit, FloatArray]:
-    """Angle margin of the worst joint [rad]."""
-    if platform.joint_angle_max is None:
-        return {}
-    angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
-    margins = (np.asarray(platform.joint_angle_max - each.max(axis=-1)) for each in angles)
-    return dict(zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), margins, strict=True))
-
-
-def _nearest(margins: list[FloatArray]) -> FloatArray | None:
-    return np.minimum.reduce(margins) if margins else None
 
 
 def _load_capacity(
@@ -227,8 +285,8 @@ def _load_capacity(
     legs: LegGeometry,
     regular: NDArray[np.bool_],
     largest_force: float,
-) -> LoadCapacity:
-    """Largest payload and largest force in any direction that leg forces within ±`largest_force` hold at rest.
+) -> tuple[FloatArray, FloatArray]:
+    """Largest payload [kg] and largest force in any direction [N] that leg forces within ±`largest_force` hold at rest.
 
     With A = J⁻ᵀ[:, :3] and the static leg forces f0, a force f at Op requires leg forces f0 − A f. A point mass m at Op
     adds m f1, f1 = −A g, so m = min_i (F − sign(f1_i) f0_i)/|f1_i|, which is infinite if no leg force changes. The
@@ -251,4 +309,12 @@ def _load_capacity(
         reserves = (largest_force - np.abs(f0)) / np.sqrt((A * A).sum(axis=-1))
     payload[regular] = np.where(holds, masses.min(axis=-1), 0.0)
     margin[regular] = np.where(holds, np.where(np.isnan(reserves), np.inf, reserves).min(axis=-1), 0.0)
-    return LoadCapacity(payload, margin)
+    return payload, margin
+
+
+def _stiffness_of(parameters: Parameters) -> FloatArray:
+    """The stiffness k of a leg (..., 1) [N/m]."""
+    k = np.asarray(per_leg(parameters.leg_stiffness), dtype=float)
+    if not (k > 0).all():
+        raise PlatformError("leg_stiffness", "is 0, rigid legs, which have no stiffness; expected a number > 0 [N/m]")
+    return k

@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.model.errors import WorkspaceError
 from gough_stewart.model.platform import Platform
@@ -112,7 +111,12 @@ def sweep(
     at = {} if at is None else dict(at)
     home = home_of(platform)
     _check(over, at, home)
-    count = _checked_points(points, len(over))
+    count, largest = POINTS[len(over)] if points is None else points, int(round(LARGEST_GRID ** (1 / len(over)), 9))
+    if not 2 <= count <= largest:
+        total = f", in all {count ** len(over):,} poses," if count > largest else ""
+        raise WorkspaceError(
+            f"{count} points per coordinate{total} for {len(over)} swept coordinates; expected from 2 to {largest}"
+        )
     fixed = {name: float(at.get(name, home[name])) for name in COORDINATES if name not in over}
     without_range = [name for name, limits in over.items() if limits is None]
     assumed = tuple(name for name in without_range if not _is_bounded(platform, name))
@@ -141,8 +145,8 @@ def default_ranges(
     are not changed.
     """
     home = home_of(platform)
-    free = [name for name, given in over.items() if given is None and _is_bounded(platform, name)]
-    box = {name: given or _outer_range(platform, name, home[name], over, fixed) for name, given in over.items()}
+    free = [name for name, limits in over.items() if limits is None and _is_bounded(platform, name)]
+    box = {name: limits or _outer_range(platform, name, home[name], over, fixed) for name, limits in over.items()}
     ranges = dict(box)
     for _ in range(_ROUNDS if free else 0):
         swept = {name: np.linspace(*ranges[name], _SEARCH[len(over)]) for name in over}
@@ -155,28 +159,19 @@ def default_ranges(
             return {name: _rounded(name, *box[name]) if name in free else box[name] for name in over}
         for axis, name in enumerate(over):
             if name in free:
-                ranges[name] = _ends(swept[name], reached, axis)
+                # the ends of the region, extended by one point on either side
+                rows = np.flatnonzero(reached.any(axis=tuple(k for k in range(reached.ndim) if k != axis)))
+                values = swept[name]
+                ranges[name] = float(values[max(rows[0] - 1, 0)]), float(values[min(rows[-1] + 1, len(values) - 1)])
     for name in free:
         low, high = ranges[name]
-        low, high = _about(home[name], low - _BEYOND * (high - low), high + _BEYOND * (high - low))
+        low, high = low - _BEYOND * (high - low), high + _BEYOND * (high - low)
+        below, above = home[name] - low, high - home[name]
+        if min(below, above) >= _NEARLY * max(below, above):  # so that home is in the middle and on the grid
+            low, high = home[name] - max(below, above), home[name] + max(below, above)
         low, high = _rounded(name, low, high)
         ranges[name] = (max(low, box[name][0]), min(high, box[name][1]))
     return ranges
-
-
-def _ends(values: FloatArray, reached: NDArray[np.bool_], axis: int) -> Range:
-    """Ends of the reachable region, extended by one point on either side."""
-    others = tuple(k for k in range(reached.ndim) if k != axis)
-    rows = np.flatnonzero(reached.any(axis=others))
-    return float(values[max(rows[0] - 1, 0)]), float(values[min(rows[-1] + 1, len(values) - 1)])
-
-
-def _about(home: float, low: float, high: float) -> Range:
-    """The range, made symmetric about home if it nearly is, so that home is in the middle and on the grid."""
-    below, above = home - low, high - home
-    if min(below, above) < _NEARLY * max(below, above):
-        return low, high
-    return home - max(below, above), home + max(below, above)
 
 
 def _is_bounded(platform: Platform, name: str) -> bool:
@@ -236,11 +231,11 @@ def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapp
     for name in over:
         if name in at:
             raise WorkspaceError(f"{name} is both swept and fixed; expected one of them: leave it out of the other")
-    for name, given in over.items():
-        for end in given or ():
+    for name, limits in over.items():
+        for end in limits or ():
             _check_value(name, end, home[name])
-        if given is not None and not given[0] < given[1]:
-            low, high = (f"{end:g} {COORDINATES[name]}" for end in given)
+        if limits is not None and not limits[0] < limits[1]:
+            low, high = (f"{end:g} {COORDINATES[name]}" for end in limits)
             raise WorkspaceError(f"{name} goes from {low} to {high}; expected a range from low to high")
     for name, value in at.items():
         _check_value(name, value, home[name])
@@ -253,19 +248,8 @@ def _check_value(name: str, value: float, home: float) -> None:
     turns = max(1.0, np.ceil(abs(home) / np.pi + 0.5)) if name != "pitch" else 1.0
     most = LARGEST_ANGLES.get(name, np.inf) * turns
     if abs(value) > most * (1 + 1e-12):
-        found, largest = np.degrees(value), np.degrees(most)
+        largest = np.degrees(most)
         raise WorkspaceError(
-            f"{name} is {value:g} rad, {found:g}°; expected from −{largest:g}° to {largest:g}°; "
+            f"{name} is {value:g} rad, {np.degrees(value):g}°; expected from −{largest:g}° to {largest:g}°; "
             "numbers without a unit are in rad"
         )
-
-
-def _checked_points(points: int | None, swept: int) -> int:
-    count = POINTS[swept] if points is None else points
-    largest = int(round(LARGEST_GRID ** (1 / swept), 9))
-    if not 2 <= count <= largest:
-        total = f", in all {count**swept:,} poses," if count > largest else ""
-        raise WorkspaceError(
-            f"{count} points per coordinate{total} for {swept} swept coordinates; expected from 2 to {largest}"
-        )
-    return count

@@ -13,8 +13,8 @@ import gough_stewart as gs
 from gough_stewart.harness.control.linear import linear_matrices
 from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.stiffness import compliance, held_frequencies, pose_stiffness
 from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.workspace import compliance, held_frequencies, pose_stiffness
 from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN
 
