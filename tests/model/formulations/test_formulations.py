@@ -16,16 +16,16 @@ def task_space(thousand: Sample) -> dynamics.Acceleration:
 
 
 @pytest.fixture(scope="module")
-def by_kane(thousand: Sample) -> kane.Solution:
+def by_kane(thousand: Sample) -> kane.KaneSolution:
     return solve_by_kane(thousand)
 
 
 @pytest.fixture(scope="module")
-def by_newton_euler(thousand: Sample) -> newton_euler.Solution:
+def by_newton_euler(thousand: Sample) -> newton_euler.NewtonEulerSolution:
     return solve_by_newton_euler(thousand)
 
 
-def solve_by_kane(sample: Sample, axial_inertia: float = 0.0) -> kane.Solution:
+def solve_by_kane(sample: Sample, axial_inertia: float = 0.0) -> kane.KaneSolution:
     state, inputs = sample.state, sample.inputs
     start = kane.consistent_start(
         sample.parameters,
@@ -38,7 +38,7 @@ def solve_by_kane(sample: Sample, axial_inertia: float = 0.0) -> kane.Solution:
     return kane.solve(sample.parameters, *start, inputs.actuator_force, wrench, axial_inertia=axial_inertia)
 
 
-def solve_by_newton_euler(sample: Sample, axial_inertia: float = 0.0) -> newton_euler.Solution:
+def solve_by_newton_euler(sample: Sample, axial_inertia: float = 0.0) -> newton_euler.NewtonEulerSolution:
     state = sample.state
     return newton_euler.solve(
         sample.parameters,
@@ -55,12 +55,12 @@ def stacked(acceleration: dynamics.Acceleration) -> np.ndarray:
     return np.concatenate(acceleration, axis=-1)
 
 
-def test_kane_agrees_with_task_space(task_space: dynamics.Acceleration, by_kane: kane.Solution) -> None:
+def test_kane_agrees_with_task_space(task_space: dynamics.Acceleration, by_kane: kane.KaneSolution) -> None:
     assert relative_difference(by_kane.platform_acceleration, stacked(task_space)) <= 1e-10
 
 
 def test_newton_euler_agrees_with_task_space(
-    task_space: dynamics.Acceleration, by_newton_euler: newton_euler.Solution
+    task_space: dynamics.Acceleration, by_newton_euler: newton_euler.NewtonEulerSolution
 ) -> None:
     newton = np.concatenate([by_newton_euler.linear, by_newton_euler.angular], axis=-1)
     assert relative_difference(newton, stacked(task_space)) <= 1e-10
@@ -79,7 +79,7 @@ def test_kernel_agrees_with_task_space(thousand: Sample, task_space: dynamics.Ac
 
 
 def test_kernel_outputs_agree_with_the_numpy_functions(
-    thousand: Sample, task_space: dynamics.Acceleration, by_newton_euler: newton_euler.Solution
+    thousand: Sample, task_space: dynamics.Acceleration, by_newton_euler: newton_euler.NewtonEulerSolution
 ) -> None:
     """Expected: joint forces of Newton–Euler, energies and kinematics of the NumPy functions."""
     from gough_stewart.model import dynamics, kinematics
@@ -108,8 +108,8 @@ def test_kernel_outputs_agree_with_the_numpy_functions(
 def test_joint_forces_agree(
     thousand: Sample,
     task_space: dynamics.Acceleration,
-    by_kane: kane.Solution,
-    by_newton_euler: newton_euler.Solution,
+    by_kane: kane.KaneSolution,
+    by_newton_euler: newton_euler.NewtonEulerSolution,
 ) -> None:
     """The multipliers λ of eq. (30) are the forces that Newton–Euler finds in the platform joints."""
     forces = dynamics.joint_forces(thousand.parameters, thousand.state, thousand.inputs.actuator_force, task_space)
@@ -118,7 +118,7 @@ def test_joint_forces_agree(
 
 
 def test_axial_inertia_of_the_legs_plays_no_part(
-    thousand: Sample, by_kane: kane.Solution, by_newton_euler: newton_euler.Solution
+    thousand: Sample, by_kane: kane.KaneSolution, by_newton_euler: newton_euler.NewtonEulerSolution
 ) -> None:
     """Expected: eq. (25): legs do not spin, so the moment of inertia about u never works."""
     spun = solve_by_kane(thousand, axial_inertia=0.7)
@@ -128,7 +128,7 @@ def test_axial_inertia_of_the_legs_plays_no_part(
     assert relative_difference(free.joint_force, by_newton_euler.joint_force) <= 1e-10
 
 
-def test_guide_forces_are_across_the_legs(thousand: Sample, by_newton_euler: newton_euler.Solution) -> None:
+def test_guide_forces_are_across_the_legs(thousand: Sample, by_newton_euler: newton_euler.NewtonEulerSolution) -> None:
     """Expected: what acts along the leg is the actuator, not the guide."""
     from gough_stewart.model.kinematics import leg_geometry
 

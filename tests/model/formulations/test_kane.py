@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from gough_stewart.model import interface
-from gough_stewart.model.formulations import kane, kane_simulation
+from gough_stewart.model.formulations import kane
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
@@ -118,7 +118,7 @@ def test_baumgarte_lets_a_gap_decay_as_the_damped_oscillator_does(paper: Platfor
     y = y - np.linalg.pinv(Phi_q) @ (Phi_q @ y)
 
     times = np.array([0.0, 0.1, 0.3])
-    run = kane_simulation.integrate(paper, stretched, y, PAPER_INPUTS, times, (alpha, alpha))
+    run = kane.integrate(paper, stretched, y, PAPER_INPUTS, times, (alpha, alpha))
     left = kane.constraint_residual(paper, run.configuration)
     assert np.linalg.norm(left[0, :18].reshape(6, 3), axis=1) == pytest.approx(np.full(6, gap), rel=1e-9)
     expected = left[0] * ((1 + alpha * times) * np.exp(-alpha * times))[:, None]
@@ -128,8 +128,7 @@ def test_baumgarte_lets_a_gap_decay_as_the_damped_oscillator_does(paper: Platfor
 def test_baumgarte_reduces_the_drift_of_a_coarse_integration(paper: Platform) -> None:
     time = np.array([0.0, 1.0])
     free, damped = (
-        kane_simulation.simulate(paper, PAPER_START, PAPER_INPUTS, time, (ab, ab), rtol=1e-3, own_steps=True)
-        for ab in (0.0, 10.0)
+        kane.simulate(paper, PAPER_START, PAPER_INPUTS, time, (ab, ab), rtol=1e-3, own_steps=True) for ab in (0.0, 10.0)
     )
     assert damped.position_violation[-1] < 0.2 * free.position_violation[-1]
 
@@ -138,7 +137,7 @@ def test_the_dae_takes_an_uneven_platform_where_the_kernel_does() -> None:
     """Expected: the task-space kernel under DOP853; joint forces by its outputs; no drift to speak of."""
     reached: list[float] = []
     times = np.array([0.0, 0.1, 0.25])
-    run = kane_simulation.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-9, progress=reached.append)
+    run = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-9, progress=reached.append)
     kernel, p, u = Kernel(), parameter_vector(UNEVEN), INPUTS.to_vector()
     path = solve_ivp(
         lambda _t, x: kernel.derivatives(x, u, p).copy(),
@@ -170,7 +169,7 @@ def test_both_terms_of_baumgarte_have_their_own_number() -> None:
     configuration, y = start_of(UNEVEN, STATE)
     stretched = configuration._replace(slide=configuration.slide + 1e-5 * np.arange(1, 7))
     faster = y + 1e-5 * np.append(np.tile([0.0, 0.0, 0.0, 3.0], 6), np.zeros(6))
-    run = kane_simulation.integrate(UNEVEN, stretched, faster, INPUTS, times, (alpha, beta))
+    run = kane.integrate(UNEVEN, stretched, faster, INPUTS, times, (alpha, beta))
     gap = kane.constraint_residual(UNEVEN, run.configuration)[:, :18]
     slip = np.einsum("nab,nb->na", kane.constraint_jacobian(UNEVEN, run.configuration), run.speeds)
     assert np.abs(gap[0]).max() > 3e-5
@@ -187,16 +186,16 @@ def test_both_terms_of_baumgarte_have_their_own_number() -> None:
 def test_a_simulation_has_the_asked_times_or_its_own_steps() -> None:
     """Expected: the paper's default of α = β = 10; between asked times no longer steps than these."""
     times = np.array([0.0, 0.004, 0.01])
-    asked = kane_simulation.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6)
-    own = kane_simulation.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6, own_steps=True)
+    asked = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6)
+    own = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6, own_steps=True)
     assert asked.time.tolist() == times.tolist()
     assert (own.time[0], own.time[-1]) == (0.0, 0.01)
     assert own.time.tolist() != times.tolist()
     assert asked.evaluations >= 2 + 6 * 2
     # own steps are as long as the tolerance allows, whatever times are named
-    many = kane_simulation.simulate(UNEVEN, STATE, INPUTS, np.linspace(0, 0.04, 41), rtol=1e-3, own_steps=True)
+    many = kane.simulate(UNEVEN, STATE, INPUTS, np.linspace(0, 0.04, 41), rtol=1e-3, own_steps=True)
     assert len(many.time) < 20
-    same = kane_simulation.simulate(UNEVEN, STATE, INPUTS, times, (10.0, 10.0), 1e-6)
+    same = kane.simulate(UNEVEN, STATE, INPUTS, times, (10.0, 10.0), 1e-6)
     assert np.array_equal(same.speeds, asked.speeds)
     first, last = asked.platform, own.platform
     assert first.to_vector()[0] == pytest.approx(STATE.to_vector(), abs=1e-12)

@@ -16,7 +16,7 @@ from tests.support.random_platforms import random_inputs, random_platform, rando
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 
-def at_rest(platform: Platform, position: np.ndarray, orientation: np.ndarray) -> newton_euler.Solution:
+def at_rest(platform: Platform, position: np.ndarray, orientation: np.ndarray) -> newton_euler.NewtonEulerSolution:
     zero = np.zeros(3)
     F = static_leg_forces(platform, position, orientation)
     R = matrix_from_orientation(orientation)
