@@ -74,8 +74,8 @@ def forward_kinematics(
 
     Examples
     --------
-    >>> found = gs.forward_kinematics(gs.load_preset("liu2000"), [3.24, 3.25, 3.26, 3.25, 3.24, 3.25])
-    >>> found.position, found.orientation, found.residual
+    >>> pose = gs.forward_kinematics(gs.load_preset("liu2000"), [3.24, 3.25, 3.26, 3.25, 3.24, 3.25])
+    >>> pose.position, pose.orientation, pose.residual
     """
     if not 0 < tolerance <= 1e-3:
         raise InterfaceError("tolerance", f"is {tolerance!r}; expected in (0, 1e-3], for example 1e-12")

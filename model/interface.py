@@ -166,7 +166,7 @@ PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in parameters.PHYSICAL if 
 SIGNALS = RESULTS[: RESULTS.index(BY_NAME["leg_velocity"]) + 1]
 # Lengths of the vectors from `pack`.
 N_INPUTS, N_STATES, N_RESULTS, N_SIGNALS, N_PARAMETERS = (
-    sum(v.size for v in each) for each in (INPUTS, STATES, RESULTS, SIGNALS, PLATFORM_PARAMETERS)
+    sum(v.size for v in variables) for variables in (INPUTS, STATES, RESULTS, SIGNALS, PLATFORM_PARAMETERS)
 )
 
 RESULT_COLUMNS = tuple(name for v in RESULTS for name in v.scalar_names)
@@ -175,18 +175,14 @@ _ELEMENTS: Mapping[str, tuple[Variable, int]] = {
 }
 
 
-def start_value(variable: Variable, platform: object) -> Array | None:
-    """Start value of a variable for a `Platform`, in its shape; None for computed variables."""
-    if variable.start is None:
-        return None
-    value = getattr(platform, variable.start) if isinstance(variable.start, str) else variable.start
-    return np.broadcast_to(np.asarray(value, dtype=float), variable.shape)
-
-
 def start_values(variables: Iterable[Variable], platform: object) -> dict[str, Array]:
-    """Start values by name, for the variables that have one."""
-    starts = {v.name: start_value(v, platform) for v in variables}
-    return {name: start for name, start in starts.items() if start is not None}
+    """Start values for a `Platform` by name, each in its shape; without computed variables, which have none."""
+    starts: dict[str, Array] = {}
+    for v in variables:
+        if v.start is not None:
+            start = getattr(platform, v.start) if isinstance(v.start, str) else v.start
+            starts[v.name] = np.broadcast_to(np.asarray(start, dtype=float), v.shape)
+    return starts
 
 
 def size_of(variables: Iterable[Variable]) -> int:
@@ -232,11 +228,11 @@ def unit_text(unit: str) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """A hint for an unknown name: '; did you mean …?', or the known names."""
-    known = list(known)
-    close = get_close_matches(name, known, n=1, cutoff=0.5)
+    names = list(known)
+    close = get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"; did you mean '{close[0]}'?"
-    return f"; expected one of {', '.join(k for k in known if '[' not in k)}"
+    return f"; expected one of {', '.join(k for k in names if '[' not in k)}"
 
 
 def checked_value(variable: Variable, value: object) -> Array:

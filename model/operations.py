@@ -86,6 +86,6 @@ def _by_element(name: str, *arrays: Any) -> Array:
     """A function of CasADi for each element."""
     import casadi  # needed for tracing only
 
-    of: Callable[..., Any] = getattr(casadi, name)
-    each = np.broadcast(*arrays)
-    return np.array([of(*elements) for elements in each], dtype=object).reshape(each.shape)
+    function: Callable[..., Any] = getattr(casadi, name)
+    elements = np.broadcast(*arrays)
+    return np.array([function(*one) for one in elements], dtype=object).reshape(elements.shape)

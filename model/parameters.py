@@ -226,5 +226,5 @@ def stack(parameters: Sequence[Parameters]) -> Parameters:
     (2, 6, 6)
     """
     return Parameters(
-        **{row.name: np.stack([np.asarray(getattr(one, row.name)) for one in parameters]) for row in PHYSICAL}
+        **{row.name: np.stack([np.asarray(getattr(platform, row.name)) for platform in parameters]) for row in PHYSICAL}
     )

@@ -21,7 +21,7 @@ from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.toml import toml_item, toml_names, toml_text, toml_values
 
 KEYS = (*TEXTS, *TABLE)
-DEFAULTS = {each.name: each.default for each in fields(PlatformFields)}
+DEFAULTS = {field.name: field.default for field in fields(PlatformFields)}
 _FILE_KEYS = (*KEYS, *joint_circles.KEYS)
 _PRESETS = ("gough_stewart.model", "presets")
 

@@ -206,10 +206,10 @@ def pose_stiffness(parameters: Parameters, position: Array, orientation: Array) 
     k = _stiffness_of(parameters)[..., 0]
     J = np.asarray(jacobian_of_legs(leg_geometry(parameters, position, orientation)), dtype=float)
     regular = np.isfinite(J).all(axis=(-2, -1)) & (np.linalg.det(np.nan_to_num(J)) != 0)
-    known = np.where(regular[..., None, None], J, np.eye(6))
+    regular_J = np.where(regular[..., None, None], J, np.eye(6))
     stiffness = []
     with np.errstate(all="ignore"):
-        inverse = np.linalg.inv(known)
+        inverse = np.linalg.inv(regular_J)
         for rows in (inverse[..., :3, :], inverse[..., 3:, :]):
             sigma = np.linalg.svd(rows, compute_uv=False)
             stiffness += [np.where(regular, k / sigma[..., edge] ** 2, 0.0) for edge in (0, -1)]

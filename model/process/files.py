@@ -171,8 +171,8 @@ def _swap_in(files: FileSet, older: set[str]) -> None:
             (files.temporary / name).replace(files.folder / name)
     except OSError as error:
         # under a name that the next command does not take for a leftover
-        kept = files.temporary.rename(files.temporary.with_name(f"not-moved{files.temporary.stem}"))
-        error.add_note(f"the new files are in {kept}")
+        place = files.temporary.rename(files.temporary.with_name(f"not-moved{files.temporary.stem}"))
+        error.add_note(f"the new files are in {place}")
         raise
 
 
