@@ -98,7 +98,7 @@ def test_each_variable_is_as_the_design_promises_it() -> None:
         assert (v.name, v.shape, v.unit, v.causality, v.is_state) == (name, shape, unit, causality, is_state)
         assert about in v.description
         assert (v.variability, v.lower_bound) == ("continuous", None)
-        value = interface.start_value(v, UNEVEN)
+        value = interface.start_values([v], UNEVEN).get(v.name)
         if start is None:
             assert value is None
         else:
