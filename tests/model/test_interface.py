@@ -13,28 +13,6 @@ from gough_stewart.model.errors import InterfaceError
 from tests.support.uneven import UNEVEN
 
 
-def test_outputs_and_locals_are_the_promised_ones_in_order() -> None:
-    """Expected: the design's section 7."""
-    assert [v.name for v in interface.RESULTS] == [
-        "position",
-        "orientation",
-        "velocity",
-        "angular_velocity",
-        "leg_length",
-        "leg_velocity",
-        "acceleration",
-        "angular_acceleration",
-        "joint_force",
-        "kinetic_energy",
-        "potential_energy",
-    ]
-    assert [(v.name, v.shape) for v in interface.INPUTS] == [
-        ("actuator_force", (6,)),
-        ("external_force", (3,)),
-        ("external_torque", (3,)),
-    ]
-
-
 def test_columns_are_fmi_2_names_one_based_and_row_major() -> None:
     columns = interface.RESULT_COLUMNS
     assert len(columns) == len(set(columns)) == 50

@@ -16,7 +16,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.traced import decays_function
-from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_inputs, random_state
 from tests.support.real_platforms import SPRINGS, VARIANTS, printed_law, real_platform
@@ -230,13 +230,6 @@ def test_a_bristle_forgets_as_fast_as_its_decay_says() -> None:
         assert decay == pytest.approx(Kernel(variant).decays(x, p), rel=1e-15)
 
 
-def test_an_ideal_platform_is_the_plant_that_it_was() -> None:
-    assert Variant.of(UNEVEN) == IDEAL
-    assert IDEAL.states == interface.STATES
-    assert IDEAL.columns == interface.RESULT_COLUMNS
-    assert len(parameter_vector(UNEVEN)) == 74
-
-
 @pytest.mark.parametrize(
     ("changed", "text"),
     [
@@ -257,18 +250,3 @@ def test_an_ideal_platform_is_the_plant_that_it_was() -> None:
 def test_impossible_legs_are_refused_with_the_remedy(changed: dict[str, Any], text: str) -> None:
     with pytest.raises(PlatformError, match=text.replace("(", r"\(")):
         replace(UNEVEN, **changed)
-
-
-def test_lugre_friction_that_is_not_passive_is_said() -> None:
-    """Expected: σ1 < σ2 F_c/(F_s − F_c), by hand, with 4 N s/m · 20 N / 5 N = 16 N s/m."""
-    one: dict[str, Any] = {
-        "leg_viscous_friction": 4.0,
-        "leg_viscous_friction_factor": np.ones(6),
-        "leg_coulomb_friction": 20.0,
-        "leg_coulomb_friction_factor": np.ones(6),
-        "leg_static_friction": 25.0,
-    }
-    said = real_platform("lugre", **one, leg_bristle_damping=16.1).hints[-1]
-    assert "damping is 16.1 N s/m, and passive is below sigma2 F_c/(F_s - F_c) = 16 N s/m" in said
-    assert not any("passive" in each for each in real_platform("lugre", **one, leg_bristle_damping=15.9).hints)
-    assert not any("passive" in each for each in real_platform("elasto_plastic", **one).hints)

@@ -63,18 +63,6 @@ def test_a_failed_save_leaves_the_old_file_and_nothing_else(
     assert [p.name for p in tmp_path.iterdir()] == ["mine.toml"]
 
 
-def test_an_interrupted_save_leaves_nothing_beside(
-    paper: Platform, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Path, "replace", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        save_platform(paper, tmp_path / "mine.toml")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_unknown_key_names_the_nearest_known_one() -> None:
     text = preset_text("liu2000").replace("platform_mass", "platfrom_mass")
     with pytest.raises(PlatformFileError, match="unknown key 'platfrom_mass'; did you mean 'platform_mass'"):
@@ -99,12 +87,6 @@ def test_what_is_not_toml_says_where() -> None:
 @pytest.mark.parametrize("text", ["gravity = " + "[" * 3000, "platform_mass = " + "9" * 5000], ids=["nested", "long"])
 def test_toml_that_overruns_the_parser_is_refused(text: str) -> None:
     with pytest.raises(PlatformFileError, match="is not TOML"):
-        platform_from_toml(text)
-
-
-def test_a_number_beyond_floats_is_refused() -> None:
-    text = preset_text("liu2000").replace("platform_mass = 10.0", "platform_mass = " + "9" * 400)
-    with pytest.raises(PlatformFileError, match="platform_mass"):
         platform_from_toml(text)
 
 
@@ -140,11 +122,6 @@ def test_a_file_that_is_not_text(tmp_path: Path) -> None:
 def test_unknown_preset_names_the_nearest() -> None:
     with pytest.raises(PlatformFileError, match="did you mean 'liu2000'"):
         load_preset("liu200")
-
-
-def test_whole_numbers_are_read_as_floats() -> None:
-    text = preset_text("liu2000").replace("platform_mass = 10.0", "platform_mass = 10")
-    assert platform_from_toml(text) == load_preset("liu2000")
 
 
 @pytest.mark.parametrize(
