@@ -17,8 +17,6 @@ from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.platform_toml import load_preset, preset_names
 from tests.support.uneven import UNEVEN
 
-COINCIDENT = np.array([[2.0, 0, 0], [2.0, 0, 0], [0, 2, 0], [0, -2, 0], [-2, 0, 0], [1, 1, 0]])
-
 
 @pytest.mark.parametrize(
     ("field", "value", "message"),
@@ -33,30 +31,8 @@ COINCIDENT = np.array([[2.0, 0, 0], [2.0, 0, 0], [0, 2, 0], [0, -2, 0], [-2, 0, 
         ("platform_mass", "10", "expected one number"),
         ("platform_mass", None, "expected one number"),
         ("platform_mass", np.inf, "expected finite numbers"),
-        ("platform_mass", -10.0, "is -10 kg; expected > 0: mass of the platform"),
-        ("leg_lower_mass", 0.0, "is 0 kg; expected > 0"),
-        ("leg_upper_mass", -1.0, "is -1 kg; expected > 0"),
-        ("leg_lower_inertia", -0.1, r"is -0.1 kg.m2; expected >= 0"),
-        ("platform_inertia", [[5, 1, 0], [0, 5, 0], [0, 0, 10]], r"not symmetric: \[1,2\] = 1 but \[2,1\] = 0"),
-        ("platform_inertia", np.diag([5, -5, 10]), "not positive definite"),
-        ("platform_inertia", np.diag([5, 5, 10.1]), "triangle inequality"),
-        ("leg_lower_com", -0.1, "is -0.1 m; expected >= 0"),
-        ("leg_upper_com", 4.0, "expected between 0 and the shortest leg"),
-        ("platform_com", [0, 0, 100.0], "more than ten times"),
-        ("base_points", COINCIDENT, "joints 1 and 2 coincide"),
-        ("platform_points", COINCIDENT, "joints 1 and 2 coincide"),
-        ("leg_viscous_friction", -1.0, "is -1 N.s/m; expected >= 0"),
-        ("leg_coulomb_friction", -1.0, "is -1 N; expected >= 0"),
-        ("leg_friction_velocity", 0.0, "is 0 m/s; expected > 0"),
-        ("home_orientation", [0, 1.6, 0], "expected less than ±90°"),
         ("home_orientation", [0, 0, np.pi / 2], "leg Jacobian is singular at the home pose"),
         ("home_position", [0, 0, 0.0], "leg Jacobian is singular at the home pose"),
-        ("leg_length_min", 3.5, "but a home leg is 3.2459 m long"),
-        ("leg_length_max", 3.0, "but a home leg is 3.2459 m long"),
-        ("leg_length_min", -1.0, "is -1 m; expected > 0, or leave it out"),
-        ("actuator_force_max", 0.0, "is 0 N; expected > 0, or leave it out"),
-        ("joint_angle_max", 45.0, "radians, not degrees"),
-        ("name", 3, "expected a text"),
         ("base_points", np.append(np.arange(17.0), -1e200).reshape(6, 3), "expected numbers below 1e"),
     ],
 )
