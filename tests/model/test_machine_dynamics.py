@@ -240,6 +240,10 @@ def test_a_bristle_forgets_as_fast_as_its_decay_says() -> None:
             {"leg_friction_model": "lugre", "leg_coulomb_friction": 0.0},
             "is 0 N in a leg; friction that sticks needs > 0",
         ),
+        (
+            {"leg_friction_model": "lugre", "leg_coulomb_friction_factor": [1, 1, 0, 1, 1, 1]},
+            "is 0 N in a leg; friction that sticks needs > 0",
+        ),
         ({"leg_friction_model": "lugre", "leg_bristle_stiffness": 1.0}, "is 1 N/m: legs would stick over"),
         ({"leg_breakaway_share": 1.0}, "is 1; expected at most 0.99"),
         ({"leg_stiffness": 1e6, "leg_armature": 0.0}, "is 0 kg; a leg with leg_stiffness needs a motor with inertia"),
