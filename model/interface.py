@@ -99,12 +99,7 @@ VARIABLES: tuple[Variable, ...] = (
     _input("external_force", (3,), "N", "external force at Op, world components"),
     _input("external_torque", (3,), "N.m", "external torque about Op, world components"),
     _state("position", "m", "origin Op of the platform frame in world", "home_position"),
-    _state(
-        "orientation",
-        "rad",
-        "roll, pitch, yaw about the fixed world axes X, then Y, then Z",
-        "home_orientation",
-    ),
+    _state("orientation", "rad", "roll, pitch, yaw about the fixed world axes X, then Y, then Z", "home_orientation"),
     _state("velocity", "m/s", "velocity of Op in world", 0.0),
     _state("angular_velocity", "rad/s", "angular velocity of the platform, world components", 0.0),
     _result("leg_length", (6,), "m", "output", "distance from base joint to platform joint"),
@@ -112,19 +107,11 @@ VARIABLES: tuple[Variable, ...] = (
     _result("acceleration", (3,), "m/s2", "output", "acceleration of Op in world"),
     _result("angular_acceleration", (3,), "rad/s2", "output", "angular acceleration, world components"),
     _result(
-        "joint_force",
-        (6, 3),
-        "N",
-        "local",
-        "force of leg i on the platform at platform joint i, world components",
+        "joint_force", (6, 3), "N", "local", "force of leg i on the platform at platform joint i, world components"
     ),
     _result("kinetic_energy", (), "J", "local", "kinetic energy of platform and legs"),
     _result(
-        "potential_energy",
-        (),
-        "J",
-        "local",
-        "potential energy of platform and legs in gravity, zero at world z = 0",
+        "potential_energy", (), "J", "local", "potential energy of platform and legs in gravity, zero at world z = 0"
     ),
     *(_parameter(row) for row in parameters.PHYSICAL if row.part is None),
     Variable(

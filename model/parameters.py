@@ -172,10 +172,7 @@ class PlatformFields(ParametersOf[FloatArray, float]):
 
     home_position: FloatArray = _row("m", "Op in the home pose, the start value of position", shape=(3,))
     home_orientation: FloatArray = _row(
-        "rad",
-        "roll, pitch, yaw in the home pose, the start value of orientation",
-        default=(0.0, 0.0, 0.0),
-        shape=(3,),
+        "rad", "roll, pitch, yaw in the home pose, the start value of orientation", default=(0.0, 0.0, 0.0), shape=(3,)
     )
     leg_length_min: float | None = _limit("m", "shortest leg")
     leg_length_max: float | None = _limit("m", "longest leg")

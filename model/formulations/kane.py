@@ -96,11 +96,7 @@ def partial_velocity_rate(arm: Array, omega: Array, u: Array, slide_rate: Array 
 
 
 def leg_equations(
-    parameters: Parameters,
-    configuration: Configuration,
-    y: Array,
-    actuator_force: Array,
-    axial_inertia: float = 0.0,
+    parameters: Parameters, configuration: Configuration, y: Array, actuator_force: Array, axial_inertia: float = 0.0
 ) -> tuple[Array, Array]:
     """A_i (..., 6, 4, 4) and D_i (..., 6, 4) of A_i ẏ_i = D_i; (15).
 
