@@ -69,7 +69,7 @@ def solve_mass_matrix(matrix: Array, vector: Array) -> Array:
 
 
 def solve_leg_forces(matrix: Array, vector: Array) -> Array:
-    """`solve_mass_matrix` for the transposed leg Jacobian, with a check for singularity.
+    """Leg forces (..., 6) for wrenches (..., 6), with the transposed leg Jacobian (..., 6, 6); refuses singular poses.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Friction in a leg: a function of its sliding velocity, or a bristle that sticks.
+"""Friction in a leg: a function of its sliding velocity, or a bristle that models stiction.
 
 The bristle, one per leg, bends under the sliding velocity v and carries the friction force:
 
@@ -28,7 +28,7 @@ from gough_stewart.model.vectors import Array, Scalars, per_leg
 
 # Presliding distance F_s/σ0 of ball screws and linear guides, a few to some ten micrometres.
 PRESLIDING = 1e-5
-# Of critical damping, so that a leg that sticks does not ring on.
+# Of critical damping, so that a leg in stiction does not ring on.
 DAMPING_RATIO = 0.5
 BREAKAWAY_SHARE = 0.8
 
@@ -47,10 +47,10 @@ class Bristles(NamedTuple):
 
 
 class Grip(NamedTuple):
-    """What the bristles do within a step: how fast they forget, what they take from velocities, how far they bend."""
+    """The bristles within a step: decay rates, their gain on velocities, and their deflection in fast sliding."""
 
     decay: Array  # d (..., 6) [1/s]: ż = v − d z
-    gain: Array  # Γ (..., 6, 6) [1/s]: Γ ż is taken from accelerations, of motors if legs give, else of the platform
+    gain: Array  # Γ (..., 6, 6) [1/s]: Γ ż is taken from accelerations, of motors of compliant legs, else of the platform
     ratio: Array  # σ0/σ1 (..., 6) [1/s]: so is Γ (σ0/σ1) z
     reach: Array  # F_c/σ0 (..., 6) [m]: z in fast sliding
     sliding: Array  # v (..., 6) [m/s]

@@ -76,7 +76,7 @@ def leg_rates(parameters: Parameters, state: State) -> LegRates:
 
 @without_warnings
 def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
-    """`leg_rates` for known leg geometry."""
+    """Rates of legs whose geometry is known."""
     velocity = state.velocity[..., None, :] + cross(state.angular_velocity[..., None, :], legs.arm)
     length_rate = dot(legs.direction, velocity)
     direction_rate = (velocity - length_rate[..., None] * legs.direction) * (1 / legs.length)[..., None]
@@ -119,7 +119,7 @@ def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) ->
 
 
 def jacobian_of_legs(legs: LegGeometry) -> Array:
-    """`leg_jacobian` for known leg geometry."""
+    """Leg Jacobian J (..., 6, 6) of legs whose geometry is known: rows [u_iᵀ, (c_i × u_i)ᵀ]."""
     return np.concatenate([legs.direction, cross(legs.arm, legs.direction)], axis=-1)
 
 
@@ -133,7 +133,7 @@ def conditioning(parameters: Parameters, position: Array, orientation: Array) ->
 
 
 def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
-    """`conditioning` for known leg geometry; infinite and 0 where a leg of length 0 has no direction."""
+    """Closeness to a singular pose of known leg geometry; infinite and 0 where a leg of length 0 has no direction."""
     scaled, rho = scaled_jacobian_of_legs(legs)
     has_directions = np.asarray(np.isfinite(scaled).all(axis=(-1, -2)))
     sigma = np.linalg.svd(np.where(has_directions[..., None, None], scaled, 0.0), compute_uv=False)

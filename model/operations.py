@@ -36,7 +36,7 @@ def maximum(a: Array, b: Scalars) -> Array:
 
 
 def clip(a: Array, low: Scalars, high: Scalars) -> Array:
-    """As `np.clip`, which takes three times as long for six numbers: the larger of a and low, at most high."""
+    """The larger of a and low, at most high; in a third of the time that `np.clip` takes for six numbers."""
     if a.dtype is _OBJECT:
         return minimum(maximum(a, low), high)
     return _minimum(_maximum(a, low), high)

@@ -120,7 +120,7 @@ class Platform(PlatformFields):
 
     @property
     def home_motor_position(self) -> FloatArray:
-        """Motor positions (6,) [m] that hold the home pose, for legs that give: L + F/k; L for rigid legs."""
+        """Motor positions (6,) [m] that hold the home pose, of compliant legs: L + F/k; L of rigid legs."""
         return holding_motor_position(self, self.home_position, self.home_orientation)
 
     @property
@@ -214,7 +214,7 @@ class Platform(PlatformFields):
         return new
 
     def unchecked(self, values: Mapping[str, Any]) -> Self:
-        """`with_parameters` without the checks that concern several numbers or a bound; none by leg."""
+        """A platform with other values of some parameters, checked for shape and size only; none by leg."""
         new: Self = object.__new__(type(self))
         new.__dict__.update(self.__dict__)
         for name, value in values.items():

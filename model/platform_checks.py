@@ -21,7 +21,7 @@ from gough_stewart.model.vectors import Array, FloatArray, dot, transpose
 INERTIA_SLACK = 1e-9
 # Joints closer than this fraction of the largest joint distance coincide.
 COINCIDENCE = 1e-6
-# Farther, a leg that sticks is soft, not stuck: the unit is wrong [m].
+# A longer presliding distance is that of a soft leg, not of stiction: the unit is wrong [m].
 LONGEST_PRESLIDING = 1e-3
 # Below 1, since the bristle needs a range over which it begins to slide.
 LARGEST_SHARE = 0.99

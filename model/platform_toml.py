@@ -72,7 +72,7 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
 def platform_to_toml(platform: Platform) -> str:
     """TOML text of a platform, with units and descriptions as comments; lossless.
 
-    Factors of 1 are left out, and what a plant that sticks or gives has beyond the ideal one, if it is the default.
+    Factors of 1 are left out, and parameters of stiction and compliance that have their defaults.
     """
     document = tomlkit.document()
     for key, value in platform.as_dict().items():

@@ -43,7 +43,7 @@ class Workspace:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the grid."""
+        """Number of points of each swept coordinate."""
         return tuple(len(values) for values in self.swept.values())
 
     @property

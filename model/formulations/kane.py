@@ -331,7 +331,7 @@ def simulate(
     own_steps: bool = False,
     progress: TimeProgress | None = None,
 ) -> KaneTrajectory:
-    """`integrate` from the pose and twist of the platform, (3,) arrays."""
+    """Integrate eq. (31) from the pose and twist of the platform, (3,) arrays, with consistent legs."""
     R = matrix_from_orientation(start.orientation)
     consistent = consistent_start(parameters, start.position, R, start.velocity, start.angular_velocity)
     return integrate(parameters, *consistent, inputs, time, baumgarte, rtol, own_steps, progress)

@@ -60,7 +60,7 @@ def reserved(folder: Path) -> Iterator[None]:
     Raises
     ------
     OutputError
-        As `check_output_folder`, or another process or thread writes there.
+        The folder cannot be written to, or another process or thread writes there.
     """
     check_output_folder(folder, ())
     is_new = not folder.exists()
