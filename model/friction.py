@@ -50,7 +50,7 @@ class Grip(NamedTuple):
     """The bristles within a step: decay rates, their gain on velocities, and their deflection in fast sliding."""
 
     decay: Array  # d (..., 6) [1/s]: ż = v − d z
-    gain: Array  # Γ (..., 6, 6) [1/s]: Γ ż is taken from accelerations, of motors of compliant legs, else of the platform
+    gain: Array  # Γ (..., 6, 6) [1/s]: Γ ż is taken from accelerations, of compliant legs' motors, else of the platform
     ratio: Array  # σ0/σ1 (..., 6) [1/s]: so is Γ (σ0/σ1) z
     reach: Array  # F_c/σ0 (..., 6) [m]: z in fast sliding
     sliding: Array  # v (..., 6) [m/s]

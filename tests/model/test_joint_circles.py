@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 import tomlkit
-from hypothesis import given
-from hypothesis import strategies as st
 
 import gough_stewart as gs
 from gough_stewart.model.errors import PlatformError, PlatformFileError
@@ -20,46 +18,6 @@ _JOINTS = ("base_points", "platform_points", "home_position", "home_orientation"
 
 def _others(platform: gs.Platform) -> dict[str, Any]:
     return {name: value for name, value in platform.as_dict().items() if name not in _JOINTS}
-
-
-def test_the_desktop_hexapod_comes_out_of_its_source_s_radii_and_angles() -> None:
-    """The preset's joints were entered from its source: circles of 150 and 100 mm, pairs of ± 15°, height 150 mm."""
-    preset = gs.load_preset("desktop_hexapod")
-    made = gs.Platform.from_radii(
-        0.15, 0.10, math.radians(30), math.radians(30), home_leg_length=0.170350, **_others(preset)
-    )
-    # the preset lists the same joints from the same azimuth on, in the same direction; the source rounds to 1e-6 m
-    np.testing.assert_allclose(made.base_points[0], preset.base_points[0], atol=1e-8)
-    for leg in zip(made.base_points, made.platform_points, strict=True):
-        distances = [
-            np.abs(np.concatenate([leg[0] - base, leg[1] - platform])).max()
-            for base, platform in zip(preset.base_points, preset.platform_points, strict=True)
-        ]
-        assert min(distances) < 1e-8
-    assert made.home_position[2] == pytest.approx(0.15, abs=2e-6)
-
-
-@given(
-    st.floats(0.05, 5),
-    st.floats(0.05, 5),
-    st.floats(1, 118),
-    st.floats(1, 118),
-    st.sampled_from(["near", "far"]),
-    st.floats(1.02, 4),
-)
-def test_every_leg_has_the_home_length_and_every_pair_its_angle(
-    R: float, r: float, a: float, b: float, pairing: Any, stretch: float
-) -> None:
-    """Lengths and angles measured in the joints; each is used once: six different base and platform joints."""
-    L = stretch * (R + r)
-    joints = joints_on_circles(R, r, math.radians(a), math.radians(b), L, pairing)
-    base, platform = joints["base_points"], joints["platform_points"]
-    np.testing.assert_allclose(np.linalg.norm(joints["home_position"] + platform - base, axis=-1), L, rtol=1e-12)
-    for points, radius, angle in ((base, R, a), (platform, r, b)):
-        np.testing.assert_allclose(np.linalg.norm(points, axis=-1), radius, rtol=1e-12)
-        azimuth = np.sort(np.degrees(np.arctan2(points[:, 1], points[:, 0])) % 360)
-        gaps = np.sort(np.diff([*azimuth, azimuth[0] + 360]))
-        np.testing.assert_allclose(gaps, np.sort([angle] * 3 + [120 - angle] * 3), atol=1e-6)
 
 
 def test_parameters_that_radii_and_angles_leave_open_are_asked_for_by_name() -> None:

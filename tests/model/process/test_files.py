@@ -21,7 +21,6 @@ from gough_stewart.model.process.files import (
     temporary_file,
     temporary_folder,
     write_files,
-    write_whole,
 )
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="locks are POSIX's")
@@ -155,19 +154,6 @@ def test_an_empty_set_and_one_that_fails_when_it_is_complete_have_no_note(older:
     assert contents(older) == {"table": b"new", "figure": b"old", "notes": b"mine"}
 
 
-def test_a_file_of_a_set_that_has_not_begun_to_replace_is_named_in_its_place(older: Path) -> None:
-    """Expected: number, words and place of the user's file, not of the temporary one."""
-
-    def full(path: Path) -> None:
-        raise OSError(28, "No space left on device", str(path))
-
-    with pytest.raises(OSError, match="No space") as caught:
-        write_whole(older / "table", full)
-    assert (caught.value.errno, caught.value.strerror) == (28, "No space left on device")
-    assert caught.value.filename == str(older / "table")
-    assert contents(older)["table"] == b"old"
-
-
 def test_a_refused_place_is_told_in_whole_sentences(tmp_path: Path) -> None:
     """Expected: the folder that was asked for, and what is in the way; a link to a file is a file."""
     (tmp_path / "file").write_bytes(b"mine")
@@ -287,25 +273,6 @@ def test_a_command_says_what_it_removed(tmp_path: Path) -> None:
     assert "removed from out what a command left that was killed: .check.json.0a1b2c3d.part" in done.stderr
     assert not [name for name in names(tmp_path / "out") if name.endswith(".part")]
     assert json.loads((tmp_path / "out" / "check.json").read_bytes())
-
-
-@posix
-def test_a_race_between_writing_and_removing_loses_nothing(tmp_path: Path) -> None:
-    """Expected: every file is written, though another process removes leftovers all the time."""
-    lines = ["from pathlib import Path", "from gough_stewart.model.process.files import remove_leftovers"]
-    lines += ["print('ready', flush=True)", "while True: remove_leftovers(Path('.'))"]
-    command = [sys.executable, "-c", "\n".join(lines)]
-    sweeper = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
-    assert sweeper.stdout is not None
-    sweeper.stdout.readline()
-    try:
-        for k in range(200):
-            write_files(tmp_path, {"a": str(k).encode()})
-            assert (tmp_path / "a").read_bytes() == str(k).encode()
-    finally:
-        sweeper.kill()
-        sweeper.communicate()
-    assert names(tmp_path) == {"a"}
 
 
 @posix
