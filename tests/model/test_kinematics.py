@@ -29,8 +29,8 @@ def test_the_legs_of_a_pose_are_those_of_elementary_geometry(paper: Platform) ->
     L = np.linalg.norm(l, axis=1)
     u = l / L[:, None]
     legs = kinematics.leg_geometry(UNEVEN, STATE.position, STATE.orientation)
-    for found, expected in zip(legs, (arm, l, L, u), strict=True):
-        assert found == pytest.approx(expected, abs=1e-14)
+    for part, expected in zip(legs, (arm, l, L, u), strict=True):
+        assert part == pytest.approx(expected, abs=1e-14)
     J = np.hstack([u, np.cross(arm, u)])
     assert kinematics.leg_jacobian(UNEVEN, STATE.position, STATE.orientation) == pytest.approx(J, abs=1e-13)
     forces = INPUTS.actuator_force[:, None] * u
@@ -45,9 +45,9 @@ def test_the_legs_of_a_pose_are_those_of_elementary_geometry(paper: Platform) ->
     length = kinematics.leg_geometry(paper, paper.home_position, paper.home_orientation).length
     assert length == pytest.approx(np.full(6, np.sqrt(14 - 2 * np.sqrt(3))), rel=1e-15)
     for yaw in (np.pi / 2, -np.pi / 2):
-        found = kinematics.conditioning(paper, np.array([0, 0, 3.0]), np.array([0, 0, yaw]))
-        assert found.smallest_singular_value < 1e-15
-        assert found.condition_number > 1e15
+        singular = kinematics.conditioning(paper, np.array([0, 0, 3.0]), np.array([0, 0, yaw]))
+        assert singular.smallest_singular_value < 1e-15
+        assert singular.condition_number > 1e15
 
 
 @given(seeds)
