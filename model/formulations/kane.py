@@ -47,7 +47,6 @@ class KaneSolution(NamedTuple):
 
     acceleration: Array  # ẏ (..., 30)
     joint_force: Array  # λ of the closures (..., 6, 3) [N]: force of leg i on the platform at P_i
-    spin_torque: Array  # λ of the spin rows (..., 6) [N m]: the universal joint's torque along −u_i
 
     @property
     def platform_acceleration(self) -> Array:
@@ -253,8 +252,7 @@ def solve(
     K[..., 30:, :30] = Phi_q
     D = np.concatenate([D_legs.reshape(*D_legs.shape[:-2], 24), D_p], axis=-1)
     x = np.linalg.solve(K, np.concatenate([D, gamma], axis=-1)[..., None])[..., 0]
-    multipliers = x[..., 30:]
-    return KaneSolution(x[..., :30], multipliers[..., :18].reshape(*x.shape[:-1], 6, 3), multipliers[..., 18:])
+    return KaneSolution(x[..., :30], x[..., 30:48].reshape(*x.shape[:-1], 6, 3))
 
 
 def _leg_axes(configuration: Configuration) -> Array:

@@ -21,14 +21,10 @@ _A_G, _ALPHA_P = slice(144, 147), slice(147, 150)
 
 
 class NewtonEulerSolution(NamedTuple):
-    """Accelerations of the platform frame and all constraint forces, world components."""
+    """Accelerations of the platform frame and forces in its joints, world components."""
 
     linear: Array  # v̇ of Op (..., 3) [m/s2]
     angular: Array  # ω̇ (..., 3) [rad/s2]
-    base_force: Array  # of the base on the leg at B_i (..., 6, 3) [N]
-    spin_torque: Array  # of the base on the leg, along u_i (..., 6) [N m]
-    guide_force: Array  # of the lower on the upper part, across u_i (..., 6, 3) [N]
-    guide_moment: Array  # of the lower on the upper part, about G2 (..., 6, 3) [N m]
     joint_force: Array  # of the leg on the platform at P_i (..., 6, 3) [N]
 
 
@@ -43,7 +39,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     external_torque: Array,
     axial_inertia: float = 0.0,
 ) -> NewtonEulerSolution:
-    """Accelerations and constraint forces by force and moment balance of every body.
+    """Accelerations and joint forces by force and moment balance of every body.
 
     Position, velocity, angular velocity, external force and torque at Op (..., 3), rotation from platform to
     world (..., 3, 3), actuator forces (..., 6); SI units. `axial_inertia` [kg m²] is that of each leg part about u.
@@ -142,15 +138,11 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     k[..., _ALPHA_P] = external_torque - np.cross(r_G, external_force) - cross(omega, apply(J, omega))
 
     x = np.linalg.solve(K, k[..., None])[..., 0]
-    of_legs, alpha = x[..., :144].reshape((*n, 6, 24)), x[..., _ALPHA_P]
+    alpha = x[..., _ALPHA_P]
     return NewtonEulerSolution(
         linear=x[..., _A_G] - cross(alpha, r_G) - _centripetal(omega, r_G),
         angular=alpha,
-        base_force=of_legs[..., _F_B],
-        spin_torque=of_legs[..., _T_SPIN],
-        guide_force=apply(across, of_legs[..., _N]),
-        guide_moment=of_legs[..., _M_GUIDE],
-        joint_force=of_legs[..., _F_P],
+        joint_force=x[..., :144].reshape((*n, 6, 24))[..., _F_P],
     )
 
 

@@ -11,7 +11,7 @@ import secrets
 import shutil
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -176,18 +176,14 @@ def _swap_in(files: FileSet, older: set[str]) -> None:
         raise
 
 
-@contextmanager
-def temporary_file(path: Path) -> Iterator[Path]:
+def temporary_file(path: Path) -> AbstractContextManager[Path]:
     """A new, empty file beside a path, removed at the end unless it was renamed."""
-    with _locked(path.parent, f".{path.name}", Path.touch) as temporary:
-        yield temporary
+    return _locked(path.parent, f".{path.name}", Path.touch)
 
 
-@contextmanager
-def temporary_folder(folder: Path) -> Iterator[Path]:
+def temporary_folder(folder: Path) -> AbstractContextManager[Path]:
     """A new folder in a folder, removed at the end unless it was renamed."""
-    with _locked(folder, "", Path.mkdir) as temporary:
-        yield temporary
+    return _locked(folder, "", Path.mkdir)
 
 
 def remove_leftovers(folder: Path) -> None:

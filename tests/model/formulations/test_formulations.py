@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
-from scipy.spatial.transform import Rotation
 
 from gough_stewart.model import dynamics, interface, kinematics
 from gough_stewart.model.formulations import kane, newton_euler
@@ -85,44 +84,6 @@ def test_the_kernel_gives_derivatives_and_outputs_of_the_numpy_functions(thousan
     assert found.keys() == expected.keys()
     for name, value in expected.items():
         assert relative_difference(found[name], value) <= 1e-10, name
-
-
-def test_every_constraint_force_balances_both_parts_of_every_leg() -> None:
-    """Expected: Newton's and Euler's laws of each part, with the accelerations by differences along the motion.
-
-    Rotor and screw take m_a L̈ of the push. The axial moment of inertia is none, so that only α across the leg counts.
-    """
-    R = Rotation.from_euler("xyz", STATE.orientation)
-    found = newton_euler.solve(UNEVEN, STATE.position, R.as_matrix(), STATE.velocity, STATE.angular_velocity, *INPUTS)
-
-    def legs(t: float) -> tuple[np.ndarray, ...]:
-        """Axes, rates of length, angular velocities, velocities of both centres of mass."""
-        turn = Rotation.from_rotvec(t * STATE.angular_velocity + 0.5 * t * t * found.angular) * R
-        omega, velocity = STATE.angular_velocity + t * found.angular, STATE.velocity + t * found.linear
-        arm = turn.apply(UNEVEN.platform_points.copy())
-        l = STATE.position + t * STATE.velocity + 0.5 * t * t * found.linear + arm - UNEVEN.base_points
-        L = np.linalg.norm(l, axis=1)[:, None]
-        u, v = l / L, velocity + np.cross(omega, arm)
-        rate = (u * v).sum(axis=1)[:, None]
-        turning = np.cross(u, v) / L
-        return u, rate, turning, 0.47 * np.cross(turning, u), (L - 0.58) * np.cross(turning, u) + rate * u, L
-
-    h = 1e-5
-    u, rate, _, _, _, L = legs(0.0)
-    ahead, behind = legs(h), legs(-h)
-    stretching, alpha, a1, a2 = ((ahead[k] - behind[k]) / (2 * h) for k in (1, 2, 3, 4))
-    coulomb = 1.9 * UNEVEN.leg_coulomb_friction_factor * np.tanh(rate[:, 0] / 0.06)
-    friction = 7.0 * UNEVEN.leg_viscous_friction_factor * rate[:, 0] + coulomb
-    push = (INPUTS.actuator_force - friction)[:, None] * u - 1.7 * stretching * u
-    g, N, f_B, f_P, M = UNEVEN.gravity, found.guide_force, found.base_force, found.joint_force, found.guide_moment
-    across = alpha - (alpha * u).sum(axis=1)[:, None] * u
-    scale = np.abs(f_P).max()
-    assert np.abs(2.3 * a1 - (f_B - N - push + 2.3 * g)).max() < 1e-6 * scale
-    assert np.abs(1.2 * a2 - (N + push - f_P + 1.2 * g)).max() < 1e-6 * scale
-    torque = found.spin_torque[:, None] * u
-    lower = -np.cross(0.47 * u, f_B) + torque - M - np.cross((L - 0.58 - 0.47) * u, N)
-    assert np.abs(0.13 * across - lower).max() < 1e-6 * scale
-    assert np.abs(0.061 * across - (M - np.cross(0.58 * u, f_P))).max() < 1e-6 * scale
 
 
 def start_of(platform: Platform, state: State) -> tuple[kane.Configuration, np.ndarray]:
