@@ -310,7 +310,6 @@ class KaneTrajectory:
     joint_force: Array  # λ of the closures (n, 6, 3) [N]
     position_violation: Array  # largest closure gap |Φ| (n,) [m]
     velocity_violation: Array  # largest |Φ_q y| (n,) [m/s, rad/s]
-    evaluations: int
 
     @property
     def platform(self) -> State:
@@ -408,7 +407,6 @@ def integrate(
         joint_force=forces,
         position_violation=np.abs(gap).max(axis=-1),
         velocity_violation=np.abs(slip).max(axis=-1),
-        evaluations=int(solution.nfev),
     )
 
 

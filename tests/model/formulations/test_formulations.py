@@ -196,7 +196,6 @@ def test_the_dae_takes_an_uneven_platform_where_the_kernel_does() -> None:
     assert run.velocity_violation.max() < 1e-7
     assert reached[0] == 0.0
     assert reached[-1] == pytest.approx(0.25)
-    assert len(reached) == run.evaluations
 
 
 def test_both_terms_of_baumgarte_have_their_own_number() -> None:
@@ -230,7 +229,6 @@ def test_a_simulation_has_the_asked_times_or_its_own_steps() -> None:
     assert asked.time.tolist() == times.tolist()
     assert (own.time[0], own.time[-1]) == (0.0, 0.01)
     assert own.time.tolist() != times.tolist()
-    assert asked.evaluations >= 2 + 6 * 2
     # own steps are as long as the tolerance allows, whatever times are named
     many = kane.simulate(UNEVEN, STATE, INPUTS, np.linspace(0, 0.04, 41), rtol=1e-3, own_steps=True)
     assert len(many.time) < 20
