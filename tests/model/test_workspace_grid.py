@@ -12,8 +12,7 @@ from gough_stewart.model.errors import WorkspaceError
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.workspace import Limit, limits_at
-from gough_stewart.model.workspace_grid import COORDINATES, POINTS, default_ranges, sweep
+from gough_stewart.model.workspace import COORDINATES, POINTS, Limit, default_ranges, limits_at, sweep
 from tests.support.uneven import UNEVEN
 
 MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
