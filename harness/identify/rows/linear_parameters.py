@@ -4,7 +4,7 @@
     legs       m2, m2 d, m1 r1, I0 = m1 r1² + J1 + J2 + m2 d², m_a: all parameters in the equations of a leg
     friction   viscous and Coulomb, of each leg
 
-[Khalil & Dombre, Modeling, Identification and Control of Robots, 2002, ch. 12; for the legs `model.leg_dynamics`.]
+[Khalil & Dombre, Modeling, Identification and Control of Robots, 2002, ch. 12; for the legs `model.dynamics`.]
 """
 
 from collections.abc import Mapping, Sequence
