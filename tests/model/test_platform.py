@@ -15,6 +15,7 @@ from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.platform_toml import load_preset, preset_names
+from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN
 
 
@@ -184,68 +185,65 @@ def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
     says("name: is None; expected a text", name=None)
 
 
-def test_bounds_of_shape_and_size_hold_from_both_sides() -> None:
-    """Expected: a millionth of the largest distance, 1e-9 of an inertia, ten radii, π, 1e30, the legs at home."""
-    distances = np.linalg.norm(UNEVEN.base_points[:, None] - UNEVEN.base_points[None], axis=-1)
-    spread = {"base_points": distances.max()}
-    distances = np.linalg.norm(UNEVEN.platform_points[:, None] - UNEVEN.platform_points[None], axis=-1)
-    spread["platform_points"] = distances.max()
-    for name, largest in spread.items():
-        for share, refused in ((0.9e-6, True), (1.1e-6, False)):
-            points = getattr(UNEVEN, name).copy()
-            points[5] = points[3] + share * largest * np.array([0.0, 0.6, 0.8])
-            change: dict[str, Any] = {name: points, "leg_length_min": None, "leg_length_max": None}
-            if refused:
-                with pytest.raises(PlatformError, match="joints 4 and 6 coincide"):
-                    changed(**change)
-            else:
-                changed(**change)
+def beside(name: str, share: float) -> dict[str, Any]:
+    """Joint 6 of base or platform beside joint 4, at a share of the largest distance of two of them."""
+    points = getattr(UNEVEN, name).copy()
+    largest = np.linalg.norm(points[:, None] - points[None], axis=-1).max()
+    points[5] = points[3] + share * largest * np.array([0.0, 0.6, 0.8])
+    return {name: points, "leg_length_min": None, "leg_length_max": None}
+
+
+def skewed(share: float) -> FloatArray:
+    """The inertia with one element changed by a share of its largest, 8.1."""
     J = UNEVEN.platform_inertia.copy()
-    for share, refused in ((0.9e-9, False), (1.1e-9, True)):
-        skewed, flat = J.copy(), np.diag([2.0, 1.0, 3.0 * (1 + share)])
-        skewed[0, 2] += share * 8.1
-        for inertia in (skewed, flat):
-            if refused:
-                with pytest.raises(PlatformError, match=r"not symmetric|triangle"):
-                    changed(platform_inertia=inertia)
-            else:
-                changed(platform_inertia=inertia)
-    far = np.array([0.6, 0.0, 0.8]) * 10 * float(np.sqrt((UNEVEN.platform_points**2).sum(axis=1)).max())
-    changed(platform_com=(1 - 1e-9) * far)
-    with pytest.raises(PlatformError, match="ten times"):
-        changed(platform_com=(1 + 1e-9) * far)
-    assert changed(joint_angle_max=np.pi).joint_angle_max == np.pi
-    with pytest.raises(PlatformError, match="at most π"):
-        changed(joint_angle_max=np.nextafter(np.pi, 4))
-    lengths = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
-    changed(leg_length_min=float(lengths.min()), leg_length_max=float(lengths.max()))
-    for change in (
-        {"leg_length_min": np.nextafter(lengths.min(), 9)},
-        {"leg_length_max": np.nextafter(lengths.max(), 0)},
-    ):
-        with pytest.raises(PlatformError, match="but a home leg is"):
-            changed(**change)
-    one_sided = changed(leg_length_min=None)
-    assert replace(one_sided, leg_length_max=None).leg_length_max is None
-    for name in ("platform_mass", "actuator_force_max"):
-        assert getattr(changed(**{name: 1e30}), name) == 1e30
-        with pytest.raises(PlatformError, match=rf"^{name}: is 1.1e\+30; expected numbers below 1e\+30 in SI units"):
-            changed(**{name: 1.1e30})
-    for number in (1.1e30, -1.1e30):
-        with pytest.raises(PlatformError, match=r"^gravity: is .*expected numbers below 1e"):
-            changed(gravity=[0.0, number, 0.0])
-    gravity = changed(gravity=[0.0, -1e30, 0.0]).gravity
-    assert gravity.tolist() == [0.0, -1e30, 0.0]
+    J[0, 2] += share * 8.1
+    return J
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_home_may_be_pitched_up_to_nearly_90_degrees(sign: int) -> None:
-    """Expected: 1e-3 rad below 90°, from both sides and of both signs."""
-    far = np.pi / 2 - 1e-3
-    with pytest.raises(PlatformError, match=f"has pitch {sign * far:g} rad"):
-        changed(home_orientation=[0.0, sign * (far + 1e-9), 0.0])
-    turned = [0.0, sign * (far - 1e-9), 0.0]
-    assert changed(home_orientation=turned, leg_length_min=None, leg_length_max=None).home_orientation[1] == turned[1]
+HOME_LEGS = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
+FAR = 10 * float(np.sqrt((UNEVEN.platform_points**2).sum(axis=1)).max()) * np.array([0.6, 0.0, 0.8])
+STEEP = np.pi / 2 - 1e-3
+FREE: dict[str, Any] = {"leg_length_min": None, "leg_length_max": None}
+TOO_LARGE = r"expected numbers below 1e\+30 in SI units"
+# Just accepted, just refused, and the words.
+BOUNDS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
+    (beside("base_points", 1.1e-6), beside("base_points", 0.9e-6), "joints 4 and 6 coincide"),
+    (beside("platform_points", 1.1e-6), beside("platform_points", 0.9e-6), "joints 4 and 6 coincide"),
+    ({"platform_inertia": skewed(0.9e-9)}, {"platform_inertia": skewed(1.1e-9)}, "not symmetric"),
+    ({"platform_inertia": np.diag([2, 1, 3 + 2.7e-9])}, {"platform_inertia": np.diag([2, 1, 3 + 3.3e-9])}, "triangle"),
+    ({"platform_com": (1 - 1e-9) * FAR}, {"platform_com": (1 + 1e-9) * FAR}, "ten times"),
+    ({"joint_angle_max": np.pi}, {"joint_angle_max": np.nextafter(np.pi, 4)}, "at most π"),
+    (
+        {"leg_length_min": float(HOME_LEGS.min())},
+        {"leg_length_min": np.nextafter(HOME_LEGS.min(), 9)},
+        "but a home leg is",
+    ),
+    (
+        {"leg_length_max": float(HOME_LEGS.max())},
+        {"leg_length_max": np.nextafter(HOME_LEGS.max(), 0)},
+        "but a home leg is",
+    ),
+    ({"platform_mass": 1e30}, {"platform_mass": 1.1e30}, f"^platform_mass: is 1.1e\\+30; {TOO_LARGE}"),
+    ({"actuator_force_max": 1e30}, {"actuator_force_max": 1.1e30}, f"^actuator_force_max: is 1.1e\\+30; {TOO_LARGE}"),
+    *(({"gravity": [0, s * 1e30, 0]}, {"gravity": [0, s * 1.1e30, 0]}, f"^gravity: is .*{TOO_LARGE}") for s in (1, -1)),
+    *(
+        (
+            {"home_orientation": [0.0, s * (STEEP - 1e-9), 0.0], **FREE},
+            {"home_orientation": [0.0, s * (STEEP + 1e-9), 0.0], **FREE},
+            f"has pitch {s * STEEP:g} rad",
+        )
+        for s in (1, -1)
+    ),
+]
+
+
+@pytest.mark.parametrize(("accepted", "refused", "text"), BOUNDS)
+def test_bounds_hold_from_both_sides(accepted: dict[str, Any], refused: dict[str, Any], text: str) -> None:
+    """Expected: a millionth of the largest distance, 1e-9 of an inertia, ten radii, π, 1e30, home legs, 1e-3 of 90°."""
+    for name, value in accepted.items():
+        assert np.array_equal(getattr(changed(**accepted), name), value)  # type: ignore[arg-type]
+    with pytest.raises(PlatformError, match=text):
+        changed(**refused)
 
 
 def test_a_home_pose_is_singular_from_a_condition_number_of_1e8_on(paper: Platform) -> None:
