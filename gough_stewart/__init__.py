@@ -127,7 +127,7 @@ def __getattr__(name: str) -> object:
         value = version("gough-stewart")
     elif name in _homes():
         if ".harness." in _homes()[name]:
-            import_module(f"{__name__}.model.process.environment").check_environment()
+            import_module(f"{__name__}.model.process.installed").check_environment()
         with import_module(f"{__name__}.model.process.installed").tracer_is_named():
             value = getattr(import_module(_homes()[name]), name)
         if isinstance(value, FunctionType):

@@ -69,8 +69,8 @@ from gough_stewart.model.platform_toml import preset_names as preset_names
 from gough_stewart.model.platform_toml import save_platform as save_platform
 from gough_stewart.model.state import State as State
 from gough_stewart.model.stepping import SteppingModel as SteppingModel
-from gough_stewart.model.stiffness import compliance as compliance
+from gough_stewart.model.workspace import compliance as compliance
 from gough_stewart.model.workspace import evaluate_poses as evaluate_poses
-from gough_stewart.model.workspace_grid import sweep as sweep
+from gough_stewart.model.workspace import sweep as sweep
 
 __version__: str

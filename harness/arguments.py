@@ -217,7 +217,7 @@ def _texts(name: str, value: Any) -> Any:
 
 def _coordinates(name: str, value: Any) -> Any:
     """Values or ranges by coordinate, with units as at the command line."""
-    from gough_stewart.model.workspace_grid import COORDINATES
+    from gough_stewart.model.workspace import COORDINATES
 
     if not isinstance(value, Mapping):
         raise _wrong(name, value, "a dict by coordinate, such as {'z': 2.1} or {'x': ('-20 mm', '20 mm')}")

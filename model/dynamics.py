@@ -1,8 +1,19 @@
-"""Task-space dynamics of the platform: M(pose) [v̇; ω̇] + n(state) = Jᵀ F + [f_ext; τ_ext].
+"""Task-space dynamics of the platform: M(pose) [v̇; ω̇] + n(state) = Jᵀ F + [f_ext; τ_ext], and its energy.
 
 The only implementation of the physics at run time. Pure functions over leading axes, without data-dependent branches,
 so CasADi can trace them (see `gough_stewart.model.traced`). Twists are [v; ω], wrenches [force; torque about Op], all
 in world components. The 6×6 solver is an argument: NumPy's by default, a symbolic LDLᵀ when traced.
+
+A leg is reduced to the force that it needs at its platform joint P. It is two slender parts that rotate together about
+B and slide on each other along u, without spin about u (paper, eq. (25)). Its inertia about B is
+I = m1 r1² + J1 + J2 + m2 (L − d)², its first moment h = m1 r1 + m2 (L − d), with r1 = `leg_lower_com`,
+d = `leg_upper_com`. The rotor and screw of an electric actuator rotate in proportion to L̇ and oppose L̈ with m_a L̈,
+m_a = `leg_armature`, an inertia along u without weight.
+
+Transverse, from the angular momentum I u×u̇ about B:   I ü⊥ + İ u̇ − h g⊥ = L f⊥,  İ = 2 m2 (L − d) L̇
+Axial, upper part alone:   m2 (u·P̈ + d |u̇|² − u·g) = f∥ + F − friction − m_a L̈,  L̈ = u·P̈ + L |u̇|²
+with u̇ = Ṗ⊥/L and ü⊥ = (P̈⊥ − 2 L̇ u̇)/L. So f = E P̈ + b − F u, with E = t 1 + (m2 + m_a − t) u uᵀ: at P the leg is
+a point mass t = I/L² with an additional mass along its axis.
 """
 
 from collections.abc import Callable
@@ -11,21 +22,33 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.model.errors import SingularPoseError
+from gough_stewart.model.friction import friction_force
 from gough_stewart.model.kinematics import (
     LegGeometry,
+    LegRates,
     centripetal,
     condition_number_bound,
     jacobian_of_legs,
     joint_accelerations,
     leg_geometry,
+    leg_rates,
     rates_of_legs,
     wrench_from_leg_forces,
 )
-from gough_stewart.model.leg_dynamics import axial_mass, bias_force, inertia_force, transverse_mass
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.vectors import Array, apply, concatenate, cross, dot, skew, transpose, without_warnings
+from gough_stewart.model.vectors import (
+    Array,
+    apply,
+    concatenate,
+    cross,
+    dot,
+    per_leg,
+    skew,
+    transpose,
+    without_warnings,
+)
 
 Solve = Callable[[Array, Array], Array]
 
@@ -46,7 +69,7 @@ def solve_mass_matrix(matrix: Array, vector: Array) -> Array:
 
 
 def solve_leg_forces(matrix: Array, vector: Array) -> Array:
-    """`solve_mass_matrix` for the transposed leg Jacobian, with a check for singularity.
+    """Leg forces (..., 6) for wrenches (..., 6), with the transposed leg Jacobian (..., 6, 6); refuses singular poses.
 
     Raises
     ------
@@ -55,18 +78,14 @@ def solve_leg_forces(matrix: Array, vector: Array) -> Array:
     """
     # the condition number itself would take longer than everything else here
     if not np.max(condition_number_bound(matrix)) < LARGEST_CONDITION_NUMBER / 2:
-        _check_condition(matrix)
+        worst = float(np.max(np.linalg.cond(matrix))) if np.isfinite(matrix).all() else np.inf
+        if not worst < LARGEST_CONDITION_NUMBER:
+            raise SingularPoseError(
+                f"leg Jacobian has condition number {worst:.3g}, expected below {LARGEST_CONDITION_NUMBER:g}: the leg "
+                "forces cannot hold this pose; choose a pose away from the singularity",
+                worst,
+            )
     return solve_mass_matrix(matrix, vector)
-
-
-def _check_condition(matrix: Array) -> None:
-    worst = float(np.max(np.linalg.cond(matrix))) if np.isfinite(matrix).all() else np.inf
-    if not worst < LARGEST_CONDITION_NUMBER:
-        raise SingularPoseError(
-            f"leg Jacobian has condition number {worst:.3g}, expected below {LARGEST_CONDITION_NUMBER:g}: the leg "
-            "forces cannot hold this pose; choose a pose away from the singularity",
-            worst,
-        )
 
 
 @without_warnings
@@ -74,7 +93,7 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
     """Mass matrix M (..., 6, 6) for the twist [v; ω]; symmetric, positive definite.
 
     M = [[m 1, −m r̃], [m r̃, J − m r̃ r̃]] + Σ_i G_iᵀ E_i G_i, with Ṗ_i = G_i [v; ω], G_i = [1, −c̃_i], E_i the
-    apparent mass of leg i at P_i (see `leg_dynamics`), r = R r_G, J = R J_p Rᵀ. In kg, kg m and kg m²; position [m],
+    apparent mass of leg i at P_i, r = R r_G, J = R J_p Rᵀ. In kg, kg m and kg m²; position [m],
     orientation [rad] (..., 3).
 
     Returns
@@ -187,10 +206,87 @@ def joint_forces(parameters: Parameters, state: State, actuator_force: Array, ac
     −f_i = F_i u_i − E_i P̈_i − b_i with P̈_i = v̇ + ω̇×c_i + ω×(ω×c_i); the multipliers λ_i of eq. (30).
     """
     legs = leg_geometry(parameters, state.position, state.orientation)
-    b = bias_force(parameters, legs, rates_of_legs(legs, state))
+    b = _bias_force(parameters, legs, rates_of_legs(legs, state))
     ddP = joint_accelerations(legs, state.angular_velocity, *acceleration)
-    F = actuator_force[..., None] * legs.direction
-    return np.asarray(F - inertia_force(parameters, legs, ddP) - b)
+    u, t = legs.direction, _transverse_mass(parameters, legs.length)
+    along = (axial_mass(parameters) - t) * dot(u, ddP)
+    inertia = t[..., None] * ddP + along[..., None] * u
+    return np.asarray(actuator_force[..., None] * u - inertia - b)
+
+
+@without_warnings
+def kinetic_energy(parameters: Parameters, state: State) -> Array:
+    """Kinetic energy (...) [J] of the platform and the six legs.
+
+    T = ½ m |v_G|² + ½ ωᵀ R J_p Rᵀ ω + Σ_i ½ I_i |u̇_i|² + ½ (m2 + m_a) L̇_i², with v_G = v + ω×(R r_G).
+    """
+    legs = leg_geometry(parameters, state.position, state.orientation)
+    rates = rates_of_legs(legs, state)
+    R = matrix_from_orientation(state.orientation)
+    v_G = state.velocity + cross(state.angular_velocity, apply(R, parameters.platform_com))
+    w = apply(transpose(R), state.angular_velocity)
+    _, I = _leg_moments(parameters, legs.length)
+    du, dL = rates.direction_rate, rates.length_rate
+    of_legs = I * dot(du, du) + axial_mass(parameters) * dL * dL
+    of_platform = parameters.platform_mass * dot(v_G, v_G) + dot(w, apply(parameters.platform_inertia, w))
+    return np.asarray(0.5 * (of_platform + of_legs.sum(axis=-1)))
+
+
+@without_warnings
+def potential_energy(parameters: Parameters, position: Array, orientation: Array) -> Array:
+    """Potential energy of gravity (...) [J], zero with all masses at the world origin.
+
+    V = −g·(m (t + R r_G) + Σ_i (m1 + m2) B_i + h_i u_i), h_i the first moment of leg i about B_i.
+    """
+    legs = leg_geometry(parameters, position, orientation)
+    G = position + apply(matrix_from_orientation(orientation), parameters.platform_com)
+    h, _ = _leg_moments(parameters, legs.length)
+    leg_mass = per_leg(parameters.leg_lower_mass) + per_leg(parameters.leg_upper_mass)
+    moment = np.asarray(parameters.platform_mass)[..., None] * G
+    moment = moment + (leg_mass[..., None] * parameters.base_points + h[..., None] * legs.direction).sum(axis=-2)
+    return np.asarray(-dot(parameters.gravity, moment))
+
+
+def friction_power(parameters: Parameters, state: State) -> Array:
+    """Power (...) [W] dissipated by leg friction, never negative: Σ friction(L̇_i) L̇_i."""
+    dL = leg_rates(parameters, state).length_rate
+    return dot(friction_force(parameters, dL), dL)
+
+
+def axial_mass(parameters: Parameters) -> Array:
+    """Apparent mass (..., 1) [kg] of a leg for acceleration of its platform joint along u: m2 + m_a."""
+    return np.asarray(per_leg(parameters.leg_upper_mass) + per_leg(parameters.leg_armature))
+
+
+def _leg_moments(parameters: Parameters, length: Array) -> tuple[Array, Array]:
+    """First moment h [kg m] and transverse second moment I [kg m²] of the legs about B at lengths (..., 6) [m]."""
+    m1, r1 = per_leg(parameters.leg_lower_mass), per_leg(parameters.leg_lower_com)
+    m2, s2 = per_leg(parameters.leg_upper_mass), length - per_leg(parameters.leg_upper_com)
+    J = per_leg(parameters.leg_lower_inertia) + per_leg(parameters.leg_upper_inertia)
+    return m1 * r1 + m2 * s2, m1 * r1 * r1 + J + m2 * s2 * s2
+
+
+def _transverse_mass(parameters: Parameters, length: Array) -> Array:
+    """Apparent mass (..., 6) [kg] of a leg for acceleration of its platform joint across u: t = I/L²."""
+    _, I = _leg_moments(parameters, length)
+    return np.asarray(I * (1 / length) * (1 / length))
+
+
+def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> Array:
+    """Force (..., 6, 3) [N] that the legs need at their platform joints when P̈ = 0 and F = 0.
+
+    b = ((m2 d + m_a L) |u̇|² − m2 u·g + friction) u − (2 I L̇/L² − 2 m2 (L − d) L̇/L) u̇ − (h/L) g⊥.
+    """
+    u, L, du, dL = legs.direction, legs.length, rates.direction_rate, rates.length_rate
+    m2, d = per_leg(parameters.leg_upper_mass), per_leg(parameters.leg_upper_com)
+    m_a = per_leg(parameters.leg_armature)
+    g = parameters.gravity[..., None, :]
+    h, I = _leg_moments(parameters, L)
+    ug = dot(u, g)
+    per_g = h * (1 / L)
+    along_u = (m2 * d + m_a * L) * dot(du, du) + (per_g - m2) * ug + friction_force(parameters, dL)
+    along_du = 2 * dL * (1 / L) * (m2 * (L - d) - I * (1 / L))
+    return np.asarray(along_u[..., None] * u + along_du[..., None] * du - per_g[..., None] * g)
 
 
 class _LumpedBody(NamedTuple):
@@ -206,7 +302,7 @@ def _lumped_body(parameters: Parameters, orientation: Array, legs: LegGeometry) 
     R = matrix_from_orientation(orientation)
     m, r = np.asarray(parameters.platform_mass)[..., None], apply(R, parameters.platform_com)
     J = R @ parameters.platform_inertia @ transpose(R)
-    t = transverse_mass(parameters, legs.length)[..., None]
+    t = _transverse_mass(parameters, legs.length)[..., None]
     tc, mr = t * legs.arm, m * r
     return _LumpedBody(
         mass=(m + t.sum(axis=-2))[..., 0],
@@ -236,7 +332,7 @@ def _points_inertia(moments: Array, arms: Array) -> Array:
 
 def _beyond_lumped(parameters: Parameters, legs: LegGeometry) -> Array:
     """Apparent mass of each leg along its axis in addition to its point mass: m2 + m_a − t (..., 6) [kg]."""
-    return np.asarray(axial_mass(parameters) - transverse_mass(parameters, legs.length))
+    return np.asarray(axial_mass(parameters) - _transverse_mass(parameters, legs.length))
 
 
 def _mass_matrix(parameters: Parameters, legs: LegGeometry, body: _LumpedBody) -> Array:
@@ -253,7 +349,7 @@ def _bias_wrench(parameters: Parameters, state: State, legs: LegGeometry, body: 
     # as in the mass matrix: the motion of the lumped body, then the additional forces of the legs
     omega = state.angular_velocity
     along = _beyond_lumped(parameters, legs) * dot(legs.direction, centripetal(omega[..., None, :], legs.arm))
-    needed = bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * legs.direction
+    needed = _bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * legs.direction
     weight = np.asarray(parameters.platform_mass)[..., None] * parameters.gravity
     force = centripetal(omega, body.first) + needed.sum(axis=-2) - weight
     torque = cross(omega, apply(body.second, omega)) + cross(legs.arm, needed).sum(axis=-2) - cross(body.arm, weight)

@@ -74,8 +74,8 @@ def forward_kinematics(
 
     Examples
     --------
-    >>> found = gs.forward_kinematics(gs.load_preset("liu2000"), [3.24, 3.25, 3.26, 3.25, 3.24, 3.25])
-    >>> found.position, found.orientation, found.residual
+    >>> pose = gs.forward_kinematics(gs.load_preset("liu2000"), [3.24, 3.25, 3.26, 3.25, 3.24, 3.25])
+    >>> pose.position, pose.orientation, pose.residual
     """
     if not 0 < tolerance <= 1e-3:
         raise InterfaceError("tolerance", f"is {tolerance!r}; expected in (0, 1e-3], for example 1e-12")
@@ -106,7 +106,11 @@ def forward_kinematics(
         share = min(1.0, LARGEST_STEP / float(size))
         while share > SMALLEST_SHARE:
             t_next = t + share * step[:3]
-            R_next = _turn(share * step[3:]) @ R
+            # exp(δφ~) by the quaternion (sin(φ/2) v/φ, cos(φ/2)) with φ = |v|
+            turn = share * step[3:]
+            half = np.linalg.norm(turn) / 2
+            quaternion = np.append(np.sinc(half / np.pi) * turn / 2, np.cos(half))
+            R_next = matrix_from_quaternion(quaternion) @ R
             o_next = nearest_angle(orientation_from_matrix(R_next), o)
             legs = leg_geometry(platform, t_next, o_next)
             error_next = target - legs.length
@@ -129,9 +133,3 @@ def _no_pose(reason: str, t: FloatArray, o: FloatArray, history: list[float]) ->
         "iterations; check the lengths or use a closer guess",
         result,
     )
-
-
-def _turn(vector: FloatArray) -> FloatArray:
-    """The matrix of a rotation vector, by the quaternion (sin(φ/2) v/φ, cos(φ/2)) with φ = |v|."""
-    half = np.linalg.norm(vector) / 2
-    return matrix_from_quaternion(np.append(np.sinc(half / np.pi) * vector / 2, np.cos(half)))

@@ -1,4 +1,6 @@
-"""Friction that sticks: one bristle per leg, which bends under the sliding velocity v and carries the friction force.
+"""Friction in a leg: a function of its sliding velocity, or a bristle that models stiction.
+
+The bristle, one per leg, bends under the sliding velocity v and carries the friction force:
 
     f = σ0 z + σ1 ż + σ2 v,    ż = v (1 − α(z, v) σ0 z sgn(v) / g(v)),    g(v) = F_c + (F_s − F_c) exp(−(v/v_s)²)
 
@@ -26,7 +28,7 @@ from gough_stewart.model.vectors import Array, Scalars, per_leg
 
 # Presliding distance F_s/σ0 of ball screws and linear guides, a few to some ten micrometres.
 PRESLIDING = 1e-5
-# Of critical damping, so that a leg that sticks does not ring on.
+# Of critical damping, so that a leg in stiction does not ring on.
 DAMPING_RATIO = 0.5
 BREAKAWAY_SHARE = 0.8
 
@@ -45,13 +47,24 @@ class Bristles(NamedTuple):
 
 
 class Grip(NamedTuple):
-    """What the bristles do within a step: how fast they forget, what they take from velocities, how far they bend."""
+    """The bristles within a step: decay rates, their gain on velocities, and their deflection in fast sliding."""
 
     decay: Array  # d (..., 6) [1/s]: ż = v − d z
-    gain: Array  # Γ (..., 6, 6) [1/s]: Γ ż is taken from accelerations, of motors if legs give, else of the platform
+    gain: Array  # Γ (..., 6, 6) [1/s]: Γ ż is taken from accelerations, of compliant legs' motors, else of the platform
     ratio: Array  # σ0/σ1 (..., 6) [1/s]: so is Γ (σ0/σ1) z
     reach: Array  # F_c/σ0 (..., 6) [m]: z in fast sliding
     sliding: Array  # v (..., 6) [m/s]
+
+
+def friction_force(parameters: Parameters, length_rate: Array) -> Array:
+    """Smooth friction (..., 6) [N] against the sliding velocity (..., 6) [m/s]: c_i L̇_i + C_i tanh(L̇_i/v_s).
+
+    c_i is `leg_viscous_friction` times the leg's `leg_viscous_friction_factor`, C_i likewise `leg_coulomb_friction`
+    times its factor; `leg_friction_velocity` v_s smooths the sign of the Coulomb part.
+    """
+    c = per_leg(parameters.leg_viscous_friction) * parameters.leg_viscous_friction_factor
+    C = per_leg(parameters.leg_coulomb_friction) * parameters.leg_coulomb_friction_factor
+    return np.asarray(c * length_rate + C * np.tanh(length_rate / per_leg(parameters.leg_friction_velocity)))
 
 
 def bristles_of(parameters: Parameters, mass: Array) -> Bristles:

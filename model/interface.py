@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.model import parameters
 from gough_stewart.model.errors import InterfaceError
-from gough_stewart.model.parameters import Bound, Parameter, Part
+from gough_stewart.model.parameters import Bound, ParameterRow, Part
 from gough_stewart.model.real import real_array
 from gough_stewart.model.vectors import Array
 
@@ -80,7 +80,7 @@ def _result(name: str, shape: tuple[int, ...], unit: str, causality: Causality, 
     return Variable(name, shape, unit, causality, "continuous", description)
 
 
-def _parameter(row: Parameter) -> Variable:
+def _parameter(row: ParameterRow) -> Variable:
     variability: Variability = "tunable" if row.is_tunable else "fixed"
     return Variable(
         row.name,
@@ -99,12 +99,7 @@ VARIABLES: tuple[Variable, ...] = (
     _input("external_force", (3,), "N", "external force at Op, world components"),
     _input("external_torque", (3,), "N.m", "external torque about Op, world components"),
     _state("position", "m", "origin Op of the platform frame in world", "home_position"),
-    _state(
-        "orientation",
-        "rad",
-        "roll, pitch, yaw about the fixed world axes X, then Y, then Z",
-        "home_orientation",
-    ),
+    _state("orientation", "rad", "roll, pitch, yaw about the fixed world axes X, then Y, then Z", "home_orientation"),
     _state("velocity", "m/s", "velocity of Op in world", 0.0),
     _state("angular_velocity", "rad/s", "angular velocity of the platform, world components", 0.0),
     _result("leg_length", (6,), "m", "output", "distance from base joint to platform joint"),
@@ -112,19 +107,11 @@ VARIABLES: tuple[Variable, ...] = (
     _result("acceleration", (3,), "m/s2", "output", "acceleration of Op in world"),
     _result("angular_acceleration", (3,), "rad/s2", "output", "angular acceleration, world components"),
     _result(
-        "joint_force",
-        (6, 3),
-        "N",
-        "local",
-        "force of leg i on the platform at platform joint i, world components",
+        "joint_force", (6, 3), "N", "local", "force of leg i on the platform at platform joint i, world components"
     ),
     _result("kinetic_energy", (), "J", "local", "kinetic energy of platform and legs"),
     _result(
-        "potential_energy",
-        (),
-        "J",
-        "local",
-        "potential energy of platform and legs in gravity, zero at world z = 0",
+        "potential_energy", (), "J", "local", "potential energy of platform and legs in gravity, zero at world z = 0"
     ),
     *(_parameter(row) for row in parameters.PHYSICAL if row.part is None),
     Variable(
@@ -166,7 +153,7 @@ PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in parameters.PHYSICAL if 
 SIGNALS = RESULTS[: RESULTS.index(BY_NAME["leg_velocity"]) + 1]
 # Lengths of the vectors from `pack`.
 N_INPUTS, N_STATES, N_RESULTS, N_SIGNALS, N_PARAMETERS = (
-    sum(v.size for v in each) for each in (INPUTS, STATES, RESULTS, SIGNALS, PLATFORM_PARAMETERS)
+    sum(v.size for v in variables) for variables in (INPUTS, STATES, RESULTS, SIGNALS, PLATFORM_PARAMETERS)
 )
 
 RESULT_COLUMNS = tuple(name for v in RESULTS for name in v.scalar_names)
@@ -175,18 +162,14 @@ _ELEMENTS: Mapping[str, tuple[Variable, int]] = {
 }
 
 
-def start_value(variable: Variable, platform: object) -> Array | None:
-    """Start value of a variable for a `Platform`, in its shape; None for computed variables."""
-    if variable.start is None:
-        return None
-    value = getattr(platform, variable.start) if isinstance(variable.start, str) else variable.start
-    return np.broadcast_to(np.asarray(value, dtype=float), variable.shape)
-
-
 def start_values(variables: Iterable[Variable], platform: object) -> dict[str, Array]:
-    """Start values by name, for the variables that have one."""
-    starts = {v.name: start_value(v, platform) for v in variables}
-    return {name: start for name, start in starts.items() if start is not None}
+    """Start values for a `Platform` by name, each in its shape; without computed variables, which have none."""
+    starts: dict[str, Array] = {}
+    for v in variables:
+        if v.start is not None:
+            start = getattr(platform, v.start) if isinstance(v.start, str) else v.start
+            starts[v.name] = np.broadcast_to(np.asarray(start, dtype=float), v.shape)
+    return starts
 
 
 def size_of(variables: Iterable[Variable]) -> int:
@@ -232,11 +215,11 @@ def unit_text(unit: str) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """A hint for an unknown name: '; did you mean …?', or the known names."""
-    known = list(known)
-    close = get_close_matches(name, known, n=1, cutoff=0.5)
+    names = list(known)
+    close = get_close_matches(name, names, n=1, cutoff=0.5)
     if close:
         return f"; did you mean '{close[0]}'?"
-    return f"; expected one of {', '.join(k for k in known if '[' not in k)}"
+    return f"; expected one of {', '.join(k for k in names if '[' not in k)}"
 
 
 def checked_value(variable: Variable, value: object) -> Array:

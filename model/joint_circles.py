@@ -31,6 +31,8 @@ def joints_on_circles(
 ) -> dict[str, FloatArray]:
     """Joints (6, 3) and home pose (3,) [m, rad] of a symmetric platform, by the names of its parameters.
 
+    From the radii R, r [m], the angles a, b between the two joints of a pair [rad], and the length L of the legs [m].
+
     The base has pairs of joints about the azimuths 0°, 120°, 240° (from X towards Y), the platform about 60°, 180°,
     300°: for the base angle a, platform angle b and the pair k of the base, its joints are at 120° k ± a/2. With
     `pairing` "near" each leg goes to the nearer joint of the pair beside it, a turn of Δ = 60° − (a + b)/2, with "far"
@@ -39,30 +41,14 @@ def joints_on_circles(
 
         z = √(L² − R² − r² + 2 R r cos Δ)
 
-    Parameters
-    ----------
-    base_radius, platform_radius
-        Radii R and r of the circles [m].
-    base_angle, platform_angle
-        Angle between the two joints of a pair [rad], above 0 and below 120°.
-    home_leg_length
-        Length L of all legs in the home pose [m].
-    pairing
-        "near" or "far".
-
     Raises
     ------
     PlatformError
         A number out of its range, or legs that are too short to reach.
     """
-    given = {
-        "base_radius": base_radius,
-        "platform_radius": platform_radius,
-        "base_angle": base_angle,
-        "platform_angle": platform_angle,
-        "home_leg_length": home_leg_length,
-    }
-    R, r, a, b, L = (_positive(name, value) for name, value in given.items())
+    R, r = _positive("base_radius", base_radius), _positive("platform_radius", platform_radius)
+    a, b = _positive("base_angle", base_angle), _positive("platform_angle", platform_angle)
+    L = _positive("home_leg_length", home_leg_length)
     if pairing not in get_args(Pairing):
         raise PlatformError(PAIRING, f"is {pairing!r}; expected 'near' or 'far'")
     turn = np.pi / 3 - (a + b) / 2 if pairing == "near" else np.pi / 3 - (a - b) / 2
@@ -96,18 +82,17 @@ def joints_of_keys(values: Mapping[str, Any]) -> dict[str, Any]:
     PlatformError
         A missing key, a key beside what it determines, or impossible values.
     """
-    given = {key: values[key] for key in KEYS if key in values}
-    if not given:
+    circles = {key: values[key] for key in KEYS if key in values}
+    if not circles:
         return dict(values)
-    missing = [key for key in KEYS if key not in given and key != PAIRING]
-    if missing:
+    first = next(iter(circles))
+    if missing := [key for key in KEYS if key not in circles and key != PAIRING]:
         raise PlatformError(
-            next(iter(given)), f"needs {', '.join(missing)} beside it; expected all of {', '.join(LENGTHS + ANGLES)}"
+            first, f"needs {', '.join(missing)} beside it; expected all of {', '.join(LENGTHS + ANGLES)}"
         )
-    twice = [name for name in REPLACED if name in values]
-    if twice:
-        raise PlatformError(twice[0], f"is also determined by {next(iter(given))}; expected only one of the two")
-    return {name: value for name, value in values.items() if name not in KEYS} | joints_on_circles(**given)
+    if repeated := [name for name in REPLACED if name in values]:
+        raise PlatformError(repeated[0], f"is also determined by {first}; expected only one of the two")
+    return {name: value for name, value in values.items() if name not in KEYS} | joints_on_circles(**circles)
 
 
 def _positive(name: str, value: object) -> float:

@@ -76,7 +76,7 @@ def leg_rates(parameters: Parameters, state: State) -> LegRates:
 
 @without_warnings
 def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
-    """`leg_rates` for known leg geometry."""
+    """Rates of legs whose geometry is known."""
     velocity = state.velocity[..., None, :] + cross(state.angular_velocity[..., None, :], legs.arm)
     length_rate = dot(legs.direction, velocity)
     direction_rate = (velocity - length_rate[..., None] * legs.direction) * (1 / legs.length)[..., None]
@@ -119,7 +119,7 @@ def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) ->
 
 
 def jacobian_of_legs(legs: LegGeometry) -> Array:
-    """`leg_jacobian` for known leg geometry."""
+    """Leg Jacobian J (..., 6, 6) of legs whose geometry is known: rows [u_iᵀ, (c_i × u_i)ᵀ]."""
     return np.concatenate([legs.direction, cross(legs.arm, legs.direction)], axis=-1)
 
 
@@ -133,12 +133,12 @@ def conditioning(parameters: Parameters, position: Array, orientation: Array) ->
 
 
 def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
-    """`conditioning` for known leg geometry; infinite and 0 where a leg of length 0 has no direction."""
+    """Closeness to a singular pose of known leg geometry; infinite and 0 where a leg of length 0 has no direction."""
     scaled, rho = scaled_jacobian_of_legs(legs)
-    known = np.asarray(np.isfinite(scaled).all(axis=(-1, -2)))
-    sigma = np.linalg.svd(np.where(known[..., None, None], scaled, 0.0), compute_uv=False)
+    has_directions = np.asarray(np.isfinite(scaled).all(axis=(-1, -2)))
+    sigma = np.linalg.svd(np.where(has_directions[..., None, None], scaled, 0.0), compute_uv=False)
     with np.errstate(divide="ignore", invalid="ignore"):
-        number = np.where(known, sigma[..., 0] / sigma[..., -1], np.inf)
+        number = np.where(has_directions, sigma[..., 0] / sigma[..., -1], np.inf)
     return Conditioning(np.asarray(number), np.asarray(sigma[..., -1]), rho)
 
 
@@ -174,13 +174,13 @@ def joint_angles(
 
     At B_i the angle between u_i and its home direction in world, at P_i the same in platform axes; NumPy only.
     """
-    here, home = (
+    (u, R), (u_home, R_home) = (
         (leg_geometry(parameters, p, o).direction, matrix_from_orientation(o)[..., None, :, :])
         for p, o in ((position, orientation), (home_position, home_orientation))
     )
     # Rᵀ u: R_ab u_ia summed over a
-    seen, seen_at_home = ((R * u[..., :, None]).sum(axis=-2) for u, R in (here, home))
-    return _angle_between(here[0], home[0]), _angle_between(seen, seen_at_home)
+    in_platform, in_platform_home = (R * u[..., :, None]).sum(axis=-2), (R_home * u_home[..., :, None]).sum(axis=-2)
+    return _angle_between(u, u_home), _angle_between(in_platform, in_platform_home)
 
 
 def _angle_between(a: Array, b: Array) -> Array:

@@ -1,9 +1,9 @@
-"""The plant of any variant: what friction that sticks and legs that give add to `dynamics`.
+"""The plant of any variant: what stiction and compliant legs add to `dynamics`.
 
-Rigid legs that stick: the bristles' friction f replaces the smooth one. It acts along the leg, against the actuator
+Rigid legs with stiction: the bristles' friction f replaces the smooth one. It acts along the leg, against the actuator
 force F, so the ideal dynamics see F − f and no friction of their own.
 
-Legs that give: between motor and platform's side of leg i is a spring with a damper. The motor's side has the position
+Compliant legs: between motor and platform's side of leg i is a spring with a damper. The motor's side has the position
 s, the length that the leg would have without stretch, the friction f(ṡ) and the armature:
 
     F_leg = k (s − L) + c (ṡ − L̇),    m_a s̈ = F − f(ṡ) − F_leg
@@ -16,31 +16,33 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from gough_stewart.model import energy
 from gough_stewart.model.dynamics import (
     Acceleration,
     Solve,
+    axial_mass,
     forward_dynamics,
     joint_forces,
+    kinetic_energy,
     mass_matrix,
+    potential_energy,
     solve_mass_matrix,
     static_leg_forces,
 )
-from gough_stewart.model.friction import Bristles, Grip, bristle_decay, bristle_force, bristle_rate, bristles_of
-from gough_stewart.model.kinematics import (
-    LegGeometry,
-    LegRates,
-    jacobian_of_legs,
-    leg_geometry,
-    leg_rates,
-    rates_of_legs,
+from gough_stewart.model.friction import (
+    Bristles,
+    Grip,
+    bristle_decay,
+    bristle_force,
+    bristle_rate,
+    bristles_of,
+    friction_force,
 )
-from gough_stewart.model.leg_dynamics import axial_mass, friction_force
+from gough_stewart.model.kinematics import jacobian_of_legs, leg_geometry, leg_rates, rates_of_legs
 from gough_stewart.model.operations import greater, where
 from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.variant import LUGRE, Variant
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import Array, concatenate, per_leg
 
 # Of critical, for a leg's spring between the motor and a sixth of the platform: screws and joints have 1 to 5 %.
@@ -65,36 +67,44 @@ class MachineState(NamedTuple):
         return cls(State.from_vector(x[..., :12]), **parts)
 
 
-class Rates(NamedTuple):
+class MachineRates(NamedTuple):
     """What a variant's equations give; entries of parts that it does not have are None."""
 
     acceleration: Acceleration
     bristle_rate: Array | None  # ż (..., 6) [m/s]
     motor_acceleration: Array | None  # s̈ (..., 6) [m/s2]
-    leg_force: Array  # on the platform's side of each leg (..., 6) [N]: F − f of rigid legs
+    leg_force: Array  # on the platform's side of each leg (..., 6) [N]: F of the ideal plant, F − f of rigid legs
 
 
 def machine_rates(
     variant: Variant, parameters: Parameters, state: MachineState, inputs: Inputs, solve: Solve = solve_mass_matrix
-) -> Rates:
+) -> MachineRates:
     """Accelerations, rates of the bristles, and forces of the legs, for given forces of actuators and surroundings."""
     F, platform = inputs.actuator_force, state.platform
+    if not variant.parts:
+        return MachineRates(forward_dynamics(parameters, platform, inputs, solve), None, None, F)
     legs = leg_geometry(parameters, platform.position, platform.orientation)
     rates = rates_of_legs(legs, platform)
     sliding = state.motor_velocity if variant.springs else rates.length_rate
-    friction, bent = _friction(variant, parameters, sliding, state.leg_bristle)
-    if variant.springs:
-        leg_force = spring_force(parameters, legs, rates, state.motor_position, state.motor_velocity)
-        motor = (F - friction - leg_force) / per_leg(parameters.leg_armature)
+    bristle_rates = None
+    if variant.bristles:
+        law = law_of_bristles(variant, parameters)
+        friction = bristle_force(law, sliding, state.leg_bristle)
+        bristle_rates = bristle_rate(law, sliding, state.leg_bristle)
     else:
-        leg_force, motor = F - friction, None
-    own = platform_side(variant, parameters)
-    return Rates(
-        forward_dynamics(own, platform, inputs._replace(actuator_force=leg_force), solve), bent, motor, leg_force
-    )
+        friction = friction_force(parameters, sliding)
+    leg_force, motor_acceleration = F - friction, None
+    if variant.springs:
+        # F_leg = k (s − L) + c (ṡ − L̇), positive extends the leg
+        stretch, stretch_rate = state.motor_position - legs.length, state.motor_velocity - rates.length_rate
+        leg_force = per_leg(parameters.leg_stiffness) * stretch + leg_damping(parameters) * stretch_rate
+        motor_acceleration = (F - friction - leg_force) / per_leg(parameters.leg_armature)
+    inputs = inputs._replace(actuator_force=leg_force)
+    acceleration = forward_dynamics(platform_side(variant, parameters), platform, inputs, solve)
+    return MachineRates(acceleration, bristle_rates, motor_acceleration, leg_force)
 
 
-def machine_derivatives(state: MachineState, rates: Rates) -> Array:
+def machine_derivatives(state: MachineState, rates: MachineRates) -> Array:
     """ẋ (..., n), in the order of the variant's states."""
     platform = state.platform
     turning = orientation_rate_from_angular_velocity(platform.orientation, platform.angular_velocity)
@@ -108,6 +118,8 @@ def machine_derivatives(state: MachineState, rates: Rates) -> Array:
 
 def platform_side(variant: Variant, parameters: Parameters) -> Parameters:
     """The parameters for the ideal dynamics under the force on the platform's side of the legs."""
+    if not variant.parts:
+        return parameters
     without = {"leg_viscous_friction": 0.0, "leg_coulomb_friction": 0.0}
     if variant.springs:
         without["leg_armature"] = 0.0
@@ -117,20 +129,9 @@ def platform_side(variant: Variant, parameters: Parameters) -> Parameters:
 
 def law_of_bristles(variant: Variant, parameters: Parameters) -> Bristles:
     """The friction law with its defaults for this variant: a rigid leg moves a sixth of the platform with it."""
-    mass = per_leg(parameters.leg_armature) if variant.springs else axial_mass(parameters) + _share(parameters)
-    return bristles_of(parameters, mass)
-
-
-def decay_of_bristles(variant: Variant, parameters: Parameters, state: MachineState) -> Array:
-    """Rates d (..., 6) [1/s] at which the bristles forget: ż = v − d z."""
-    return bristle_decay(
-        law_of_bristles(variant, parameters), sliding_velocity(variant, parameters, state), state.leg_bristle
-    )
-
-
-def sliding_velocity(variant: Variant, parameters: Parameters, state: MachineState) -> Array:
-    """Velocities v (..., 6) [m/s] at which friction acts: of the motors if legs give, else of the legs."""
-    return np.asarray(state.motor_velocity if variant.springs else leg_rates(parameters, state.platform).length_rate)
+    if variant.springs:
+        return bristles_of(parameters, per_leg(parameters.leg_armature))
+    return bristles_of(parameters, axial_mass(parameters) + np.asarray(per_leg(parameters.platform_mass) / 6))
 
 
 def grip_of_legs(
@@ -149,40 +150,35 @@ def grip_of_legs(
         M, wrenches = mass_matrix(parameters, *pose), jacobian_of_legs(leg_geometry(parameters, *pose))
         rows = [solve(M, law.damping[..., i : i + 1] * wrenches[..., i, :]) for i in range(6)]
         gain = np.stack(rows, axis=-1)
-    sliding = sliding_velocity(variant, parameters, state)
+    sliding = np.asarray(state.motor_velocity if variant.springs else leg_rates(parameters, state.platform).length_rate)
     decay = bristle_decay(law, sliding, state.leg_bristle)
     return Grip(decay, gain, law.stiffness / law.damping, law.coulomb / law.stiffness, sliding)
 
 
 def leg_damping(parameters: Parameters) -> Array:
     """C (..., 1) [N s/m]: `leg_damping`, or where that is 0 `LEG_DAMPING_RATIO` of critical."""
-    motor, own = per_leg(parameters.leg_armature), per_leg(parameters.leg_upper_mass) + _share(parameters)
-    critical = 2 * np.sqrt(per_leg(parameters.leg_stiffness) * motor * own / (motor + own))
-    given = per_leg(parameters.leg_damping)
-    return where(greater(given, 0.0), given, LEG_DAMPING_RATIO * critical)
+    motor = per_leg(parameters.leg_armature)
+    load = per_leg(parameters.leg_upper_mass) + np.asarray(per_leg(parameters.platform_mass) / 6)
+    critical = 2 * np.sqrt(per_leg(parameters.leg_stiffness) * motor * load / (motor + load))
+    damping = per_leg(parameters.leg_damping)
+    return where(greater(damping, 0.0), damping, LEG_DAMPING_RATIO * critical)
 
 
-def spring_force(
-    parameters: Parameters, legs: LegGeometry, rates: LegRates, motor_position: Array, motor_velocity: Array
-) -> Array:
-    """F_leg = k (s − L) + c (ṡ − L̇) (..., 6) [N], positive extends the leg."""
-    stretch, rate = motor_position - legs.length, motor_velocity - rates.length_rate
-    return np.asarray(per_leg(parameters.leg_stiffness) * stretch + leg_damping(parameters) * rate)
-
-
-def machine_results(variant: Variant, parameters: Parameters, state: MachineState, rates: Rates) -> dict[str, Array]:
+def machine_results(
+    variant: Variant, parameters: Parameters, state: MachineState, rates: MachineRates
+) -> dict[str, Array]:
     """All outputs and locals of the variant by name; energies with those of motors and springs, not of bristles."""
-    platform, own = state.platform, platform_side(variant, parameters)
+    platform, rigid_side = state.platform, platform_side(variant, parameters)
     legs = leg_geometry(parameters, platform.position, platform.orientation)
-    kinetic = energy.kinetic_energy(own, platform)
-    potential = energy.potential_energy(parameters, platform.position, platform.orientation)
+    kinetic = kinetic_energy(rigid_side, platform)
+    potential = potential_energy(parameters, platform.position, platform.orientation)
     results = {
         **platform._asdict(),
         "leg_length": legs.length,
         "leg_velocity": rates_of_legs(legs, platform).length_rate,
         "acceleration": rates.acceleration.linear,
         "angular_acceleration": rates.acceleration.angular,
-        "joint_force": joint_forces(own, platform, rates.leg_force, rates.acceleration),
+        "joint_force": joint_forces(rigid_side, platform, rates.leg_force, rates.acceleration),
     }
     if variant.bristles:
         results["leg_bristle"] = state.leg_bristle
@@ -219,43 +215,5 @@ def motors_at(parameters: Parameters, state: State) -> dict[str, Array]:
 
 
 def states_at(platform: Parameters, state: State) -> dict[str, Array]:
-    """The states at a pose and its twist, by name: legs that give hold it; bristles, which start at 0, are left out."""
+    """The states at a pose and its twist, by name: compliant legs hold it; bristles, which start at 0, are left out."""
     return state._asdict() | (motors_at(platform, state) if Variant.of(platform).springs else {})
-
-
-def friction_hints(platform: Parameters) -> tuple[str, ...]:
-    """One line if LuGre friction is not passive: σ1 < σ2 F_c/(F_s − F_c) of the leg where that is most exceeded.
-
-    The condition of N. Barahanov, R. Ortega, "Necessary and sufficient conditions for passivity of the LuGre friction
-    model", IEEE Trans. Automatic Control 45(4), 2000.
-    """
-    variant = Variant.of(platform)
-    if platform.leg_friction_model != LUGRE:
-        return ()
-    law = law_of_bristles(variant, platform)
-    excess = law.static - law.coulomb
-    with np.errstate(divide="ignore", invalid="ignore"):
-        bound = np.where(excess > 0, law.viscous * law.coulomb / excess, np.inf)
-    if (law.damping < bound).all():
-        return ()
-    k = int(np.argmax(law.damping - bound))
-    return (
-        f"LuGre friction is not passive: its bristles' damping is {law.damping[k]:.3g} N s/m, and passive is below "
-        f"sigma2 F_c/(F_s - F_c) = {bound[k]:.3g} N s/m, so that it may drive a leg for a moment; lower "
-        "leg_bristle_damping or leg_static_friction, or use leg_friction_model = 'elasto_plastic'",
-    )
-
-
-def _friction(
-    variant: Variant, parameters: Parameters, sliding: Array, bristle: Array | None
-) -> tuple[Array, Array | None]:
-    """Friction (..., 6) [N] at a sliding velocity, and the rate of the bristles [m/s]."""
-    if bristle is None:
-        return friction_force(parameters, sliding), None
-    law = law_of_bristles(variant, parameters)
-    return bristle_force(law, sliding, bristle), bristle_rate(law, sliding, bristle)
-
-
-def _share(parameters: Parameters) -> Array:
-    """A sixth of the platform's mass (..., 1) [kg]."""
-    return np.asarray(per_leg(parameters.platform_mass) / 6)

@@ -36,7 +36,7 @@ def maximum(a: Array, b: Scalars) -> Array:
 
 
 def clip(a: Array, low: Scalars, high: Scalars) -> Array:
-    """As `np.clip`, which takes three times as long for six numbers: the larger of a and low, at most high."""
+    """The larger of a and low, at most high; in a third of the time that `np.clip` takes for six numbers."""
     if a.dtype is _OBJECT:
         return minimum(maximum(a, low), high)
     return _minimum(_maximum(a, low), high)
@@ -86,6 +86,6 @@ def _by_element(name: str, *arrays: Any) -> Array:
     """A function of CasADi for each element."""
     import casadi  # needed for tracing only
 
-    of: Callable[..., Any] = getattr(casadi, name)
-    each = np.broadcast(*arrays)
-    return np.array([of(*elements) for elements in each], dtype=object).reshape(each.shape)
+    function: Callable[..., Any] = getattr(casadi, name)
+    elements = np.broadcast(*arrays)
+    return np.array([function(*one) for one in elements], dtype=object).reshape(elements.shape)

@@ -1,12 +1,13 @@
 """The ONE table of a platform's parameters: name, shape, unit, default, bound, meaning. All else derives from it.
 
 To add a parameter, add one entry at the end of `ParametersOf`, so that older ones keep their value references in the
-FMU. Its physics belongs in `leg_dynamics`, `dynamics`, `energy` and the formulations that check them. A limit that
-the dynamics ignore is one entry in `PlatformFields`.
+FMU. Its physics belongs in `dynamics`, `friction` or `machine_dynamics`, and the formulations that check them. A limit
+that the dynamics ignore is one entry in `PlatformFields`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
+from functools import partial
 from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
@@ -23,7 +24,7 @@ _Number_co = TypeVar("_Number_co", bound=Scalars, covariant=True)
 
 
 @dataclass(frozen=True)
-class Parameter:
+class ParameterRow:
     """One row of the table."""
 
     name: str
@@ -41,40 +42,39 @@ class Parameter:
     # The words that files have for the values 0, 1, 2 …; none for a quantity.
     words: tuple[str, ...] = ()
     # What a plant must have to use it; the ideal plant, rigid and with smooth friction, has none of these parts.
-    part: "Part | None" = None
+    part: Part | None = None
 
 
 def _row(
     unit: str,
     description: str,
-    bound: Bound = None,
+    lower_bound: Bound = None,
     *,
+    default: Any = MISSING,
     shape: tuple[int, ...] = (),
     tunable: bool = False,
     words: tuple[str, ...] = (),
     part: Part | None = None,
-) -> dict[str, Any]:
-    """The metadata of a field, besides name, type and default."""
-    return {
-        "row": {
-            "unit": unit,
-            "description": description,
-            "lower_bound": bound,
-            "shape": shape,
-            "is_tunable": tunable,
-            "words": words,
-            "part": part,
-        }
+) -> Any:
+    """A field of a dataclass, with its row of the table as metadata; a default is a number, a tuple, or None."""
+    row = {
+        "unit": unit,
+        "description": description,
+        "lower_bound": lower_bound,
+        "shape": shape,
+        "is_tunable": tunable,
+        "has_default": default is not MISSING,
+        "is_optional": default is None,
+        "words": words,
+        "part": part,
     }
+    if isinstance(default, tuple):
+        return field(default_factory=lambda: np.array(default), metadata={"row": row})
+    return field(default=default, metadata={"row": row})
 
 
-# Defaults have type Any, since the types of the fields are generic until `PlatformFields`.
-def _number(value: float) -> Any:
-    return value
-
-
-def _vector(*values: float) -> Callable[[], Any]:
-    return lambda: np.array(values)
+_bristle_row, _spring_row = partial(_row, default=0.0, part="bristles"), partial(_row, default=0.0, part="springs")
+_limit = partial(_row, lower_bound="> 0", default=None)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -85,107 +85,78 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
     order.
     """
 
-    base_points: _Array_co = field(metadata=_row("m", "base joints in world", shape=(6, 3)))
-    platform_points: _Array_co = field(metadata=_row("m", "platform joints in platform axes, from Op", shape=(6, 3)))
-    platform_mass: _Number_co = field(metadata=_row("kg", "mass of the platform with payload", "> 0", tunable=True))
-    platform_com: _Array_co = field(
-        default_factory=_vector(0.0, 0.0, 0.0),
-        metadata=_row("m", "platform's centre of mass in platform axes, from Op", shape=(3,), tunable=True),
+    base_points: _Array_co = _row("m", "base joints in world", shape=(6, 3))
+    platform_points: _Array_co = _row("m", "platform joints in platform axes, from Op", shape=(6, 3))
+    platform_mass: _Number_co = _row("kg", "mass of the platform with payload", "> 0", tunable=True)
+    platform_com: _Array_co = _row(
+        "m", "platform's centre of mass in platform axes, from Op", default=(0.0, 0.0, 0.0), shape=(3,), tunable=True
     )
-    platform_inertia: _Array_co = field(
-        metadata=_row("kg.m2", "platform's inertia about its centre of mass, platform axes", shape=(3, 3), tunable=True)
+    platform_inertia: _Array_co = _row(
+        "kg.m2", "platform's inertia about its centre of mass, platform axes", shape=(3, 3), tunable=True
     )
-    leg_lower_mass: _Number_co = field(metadata=_row("kg", "mass of a leg's lower part", "> 0"))
-    leg_upper_mass: _Number_co = field(metadata=_row("kg", "mass of a leg's upper part", "> 0"))
-    leg_lower_com: _Number_co = field(
-        metadata=_row("m", "lower part's centre of mass, from the base joint along the leg", ">= 0")
+    leg_lower_mass: _Number_co = _row("kg", "mass of a leg's lower part", "> 0")
+    leg_upper_mass: _Number_co = _row("kg", "mass of a leg's upper part", "> 0")
+    leg_lower_com: _Number_co = _row("m", "lower part's centre of mass, from the base joint along the leg", ">= 0")
+    leg_upper_com: _Number_co = _row("m", "upper part's centre of mass, from the platform joint along the leg", ">= 0")
+    leg_lower_inertia: _Number_co = _row("kg.m2", "lower part's transverse inertia about its centre of mass", ">= 0")
+    leg_upper_inertia: _Number_co = _row("kg.m2", "upper part's transverse inertia about its centre of mass", ">= 0")
+    leg_viscous_friction: _Number_co = _row(
+        "N.s/m", "viscous friction between the leg parts", ">= 0", default=0.0, tunable=True
     )
-    leg_upper_com: _Number_co = field(
-        metadata=_row("m", "upper part's centre of mass, from the platform joint along the leg", ">= 0")
+    leg_coulomb_friction: _Number_co = _row(
+        "N", "Coulomb friction between the leg parts", ">= 0", default=0.0, tunable=True
     )
-    leg_lower_inertia: _Number_co = field(
-        metadata=_row("kg.m2", "lower part's transverse inertia about its centre of mass", ">= 0")
+    leg_friction_velocity: _Number_co = _row(
+        "m/s", "velocity over which Coulomb friction is smoothed", "> 0", default=1e-3, tunable=True
     )
-    leg_upper_inertia: _Number_co = field(
-        metadata=_row("kg.m2", "upper part's transverse inertia about its centre of mass", ">= 0")
+    gravity: _Array_co = _row(
+        "m/s2", "acceleration of gravity in world", default=(0.0, 0.0, -9.81), shape=(3,), tunable=True
     )
-    leg_viscous_friction: _Number_co = field(
-        default=_number(0.0), metadata=_row("N.s/m", "viscous friction between the leg parts", ">= 0", tunable=True)
+    leg_armature: _Number_co = _row(
+        "kg", "inertia J of rotor and screw reflected along the leg, J (2 pi/lead)^2", ">= 0", default=0.0
     )
-    leg_coulomb_friction: _Number_co = field(
-        default=_number(0.0), metadata=_row("N", "Coulomb friction between the leg parts", ">= 0", tunable=True)
+    leg_viscous_friction_factor: _Array_co = _row(
+        "1",
+        "each leg's viscous friction over leg_viscous_friction",
+        ">= 0",
+        default=(1.0,) * 6,
+        shape=(6,),
+        tunable=True,
     )
-    leg_friction_velocity: _Number_co = field(
-        default=_number(1e-3),
-        metadata=_row("m/s", "velocity over which Coulomb friction is smoothed", "> 0", tunable=True),
-    )
-    gravity: _Array_co = field(
-        default_factory=_vector(0.0, 0.0, -9.81),
-        metadata=_row("m/s2", "acceleration of gravity in world", shape=(3,), tunable=True),
-    )
-    leg_armature: _Number_co = field(
-        default=_number(0.0),
-        metadata=_row("kg", "inertia J of rotor and screw reflected along the leg, J (2 pi/lead)^2", ">= 0"),
-    )
-    leg_viscous_friction_factor: _Array_co = field(
-        default_factory=_vector(*[1.0] * 6),
-        metadata=_row("1", "each leg's viscous friction over leg_viscous_friction", ">= 0", shape=(6,), tunable=True),
-    )
-    leg_coulomb_friction_factor: _Array_co = field(
-        default_factory=_vector(*[1.0] * 6),
-        metadata=_row("1", "each leg's Coulomb friction over leg_coulomb_friction", ">= 0", shape=(6,), tunable=True),
+    leg_coulomb_friction_factor: _Array_co = _row(
+        "1",
+        "each leg's Coulomb friction over leg_coulomb_friction",
+        ">= 0",
+        default=(1.0,) * 6,
+        shape=(6,),
+        tunable=True,
     )
     # a word of `FRICTION_MODELS`, or its number, which a platform keeps
-    leg_friction_model: Any = field(
-        default=_number(0.0),
-        metadata=_row(
-            "1", "law of friction: 0 smooth, 1 elasto_plastic, 2 lugre", words=FRICTION_MODELS, part="bristles"
-        ),
+    leg_friction_model: Any = _bristle_row(
+        "1", "law of friction: 0 smooth, 1 elasto_plastic, 2 lugre", words=FRICTION_MODELS
     )
-    leg_static_friction: _Number_co = field(
-        default=_number(0.0),
-        metadata=_row(
-            "N", "friction to overcome at rest, 0 for leg_coulomb_friction", ">= 0", tunable=True, part="bristles"
-        ),
+    leg_static_friction: _Number_co = _bristle_row(
+        "N", "friction to overcome at rest, 0 for leg_coulomb_friction", ">= 0", tunable=True
     )
-    leg_stribeck_velocity: _Number_co = field(
-        default=_number(1e-3),
-        metadata=_row(
-            "m/s", "velocity over which static friction falls to Coulomb's", "> 0", tunable=True, part="bristles"
-        ),
+    leg_stribeck_velocity: _Number_co = _bristle_row(
+        "m/s", "velocity over which static friction falls to Coulomb's", "> 0", default=1e-3, tunable=True
     )
-    leg_bristle_stiffness: _Number_co = field(
-        default=_number(0.0),
-        metadata=_row(
-            "N/m", "stiffness of a leg that sticks, 0 for presliding of 10 um", ">= 0", tunable=True, part="bristles"
-        ),
+    leg_bristle_stiffness: _Number_co = _bristle_row(
+        "N/m", "stiffness of a leg that sticks, 0 for presliding of 10 um", ">= 0", tunable=True
     )
-    leg_bristle_damping: _Number_co = field(
-        default=_number(0.0),
-        metadata=_row(
-            "N.s/m", "damping of a leg that sticks, 0 for half of critical", ">= 0", tunable=True, part="bristles"
-        ),
+    leg_bristle_damping: _Number_co = _bristle_row(
+        "N.s/m", "damping of a leg that sticks, 0 for half of critical", ">= 0", tunable=True
     )
-    leg_breakaway_share: _Number_co = field(
-        default=_number(0.0),
-        metadata=_row(
-            "1",
-            "share of Coulomb friction up to which a bristle is elastic, 0 for 0.8; lugre has none",
-            ">= 0",
-            tunable=True,
-            part="bristles",
-        ),
+    leg_breakaway_share: _Number_co = _bristle_row(
+        "1",
+        "share of Coulomb friction up to which a bristle is elastic, 0 for 0.8; lugre has none",
+        ">= 0",
+        tunable=True,
     )
-    leg_stiffness: _Number_co = field(
-        default=_number(0.0),
-        metadata=_row(
-            "N/m", "stiffness between motor and platform's side of a leg, 0 for rigid", ">= 0", part="springs"
-        ),
+    leg_stiffness: _Number_co = _spring_row(
+        "N/m", "stiffness between motor and platform's side of a leg, 0 for rigid", ">= 0"
     )
-    leg_damping: _Number_co = field(
-        default=_number(0.0),
-        metadata=_row("N.s/m", "damping of leg_stiffness, 0 for 2 % of critical", ">= 0", part="springs"),
-    )
+    leg_damping: _Number_co = _spring_row("N.s/m", "damping of leg_stiffness, 0 for 2 % of critical", ">= 0")
 
 
 # The argument of the equations: a `Platform`, a batch of platforms, or CasADi symbols.
@@ -199,23 +170,17 @@ class PlatformFields(ParametersOf[FloatArray, float]):
     The dynamics ignore the limits; motion checks, workspace, metrics and figures use them.
     """
 
-    home_position: FloatArray = field(
-        metadata=_row("m", "Op in the home pose, the start value of position", shape=(3,))
+    home_position: FloatArray = _row("m", "Op in the home pose, the start value of position", shape=(3,))
+    home_orientation: FloatArray = _row(
+        "rad", "roll, pitch, yaw in the home pose, the start value of orientation", default=(0.0, 0.0, 0.0), shape=(3,)
     )
-    home_orientation: FloatArray = field(
-        default_factory=_vector(0.0, 0.0, 0.0),
-        metadata=_row("rad", "roll, pitch, yaw in the home pose, the start value of orientation", shape=(3,)),
-    )
-    leg_length_min: float | None = field(default=None, metadata=_row("m", "shortest leg", "> 0"))
-    leg_length_max: float | None = field(default=None, metadata=_row("m", "longest leg", "> 0"))
-    leg_velocity_max: float | None = field(default=None, metadata=_row("m/s", "maximum leg velocity", "> 0"))
-    actuator_force_max: float | None = field(default=None, metadata=_row("N", "maximum actuator force", "> 0"))
-    actuator_power_max: float | None = field(default=None, metadata=_row("W", "maximum actuator power", "> 0"))
-    joint_angle_max: float | None = field(
-        default=None,
-        metadata=_row("rad", "maximum joint angle from home", "> 0"),
-    )
-    leg_acceleration_max: float | None = field(default=None, metadata=_row("m/s2", "maximum leg acceleration", "> 0"))
+    leg_length_min: float | None = _limit("m", "shortest leg")
+    leg_length_max: float | None = _limit("m", "longest leg")
+    leg_velocity_max: float | None = _limit("m/s", "maximum leg velocity")
+    actuator_force_max: float | None = _limit("N", "maximum actuator force")
+    actuator_power_max: float | None = _limit("W", "maximum actuator power")
+    joint_angle_max: float | None = _limit("rad", "maximum joint angle from home")
+    leg_acceleration_max: float | None = _limit("m/s2", "maximum leg acceleration")
     name: str = "unnamed"
     source: str = ""
 
@@ -225,27 +190,15 @@ class PlatformFields(ParametersOf[FloatArray, float]):
         return float(np.sqrt((self.platform_points**2).sum(axis=1).mean()))
 
 
-def _rows(of: type[ParametersOf[Any, Any]]) -> Mapping[str, Parameter]:
-    return {
-        f.name: Parameter(
-            name=f.name,
-            has_default=f.default is not MISSING or f.default_factory is not MISSING,
-            is_optional=f.default is None,
-            **f.metadata["row"],
-        )
-        for f in fields(of)
-        if "row" in f.metadata
-    }
-
-
 # All numeric fields of a platform by name.
-TABLE = _rows(PlatformFields)
+TABLE: Mapping[str, ParameterRow] = {
+    f.name: ParameterRow(f.name, **f.metadata["row"]) for f in fields(PlatformFields) if "row" in f.metadata
+}
 LIMITS = tuple(row for row in TABLE.values() if row.is_optional)
 TEXTS = tuple(f.name for f in fields(PlatformFields) if f.name not in TABLE)
-PHYSICAL = tuple(_rows(ParametersOf).values())
-_FACTOR = "_factor"
+PHYSICAL = tuple(TABLE[f.name] for f in fields(ParametersOf))
 # Numbers that can also be given per leg, with the parameter of their factors: see `by_leg`.
-FACTOR_OF = {name.removesuffix(_FACTOR): name for name in TABLE if name.endswith(_FACTOR)}
+FACTOR_OF = {name.removesuffix("_factor"): name for name in TABLE if name.endswith("_factor")}
 
 
 def in_words(name: str, value: Any) -> Any:
@@ -270,5 +223,5 @@ def stack(parameters: Sequence[Parameters]) -> Parameters:
     (2, 6, 6)
     """
     return Parameters(
-        **{p.name: np.stack([np.asarray(getattr(each, p.name)) for each in parameters]) for p in PHYSICAL}
+        **{row.name: np.stack([np.asarray(getattr(platform, row.name)) for platform in parameters]) for row in PHYSICAL}
     )

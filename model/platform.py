@@ -1,24 +1,25 @@
-"""The platform: geometry, masses, friction, gravity, home pose and limits; frozen and validated."""
+"""The platform: geometry, masses, friction, gravity, home pose and limits; frozen and validated. One, and N at once."""
 
-from collections.abc import Mapping
+import html
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from inspect import cleandoc
-from typing import Any, Self
+from typing import Any, Self, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.model import platform_checks
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.interface import nearest
+from gough_stewart.model.interface import nearest, unit_text
 from gough_stewart.model.joint_circles import REPLACED, Pairing, joints_on_circles
-from gough_stewart.model.joint_order import joint_order_hints
-from gough_stewart.model.machine_dynamics import friction_hints, holding_motor_position
-from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields, in_words
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.machine_dynamics import holding_motor_position
+from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, TEXTS, Parameters, PlatformFields, in_words
 from gough_stewart.model.platform_checks import by_leg
-from gough_stewart.model.platform_display import platform_html, platform_text
+from gough_stewart.model.platform_hints import platform_hints
 from gough_stewart.model.real import real_array
-from gough_stewart.model.unit_hints import unit_hints
 from gough_stewart.model.vectors import FloatArray
 
 # Far beyond any real machine, but its square and cube do not overflow.
@@ -72,11 +73,38 @@ class Platform(PlatformFields):
 
     def __repr__(self) -> str:
         """Name, masses, geometry, home pose and limits, one line each."""
-        return platform_text(self)
+        legs = leg_geometry(self, self.home_position, self.home_orientation).length
+        limits = [
+            f"{name} {_shown(getattr(self, name))} {unit_text(row.unit)}"
+            for name, row in TABLE.items()
+            if row.is_optional and getattr(self, name) is not None
+        ]
+        base, joints = (
+            _range(np.linalg.norm(points - points.mean(axis=0), axis=1))
+            for points in (self.base_points, self.platform_points)
+        )
+        return (
+            f"Platform {self.name}\n"
+            f"  masses   platform {self.platform_mass:.6g} kg, legs 6 × ({self.leg_lower_mass:.6g} + "
+            f"{self.leg_upper_mass:.6g}) kg\n"
+            f"  joints   {base} m about the base's middle, {joints} m about the platform's\n"
+            f"  home     position ({_shown(self.home_position)}) m, orientation ({_shown(self.home_orientation)}) rad, "
+            f"legs {_range(legs)} m\n"
+            f"  limits   {', '.join(limits) or 'none stated'}"
+        )
 
     def _repr_html_(self) -> str:
-        """In a notebook: every parameter."""
-        return platform_html(self)
+        """In a notebook: every parameter with its value, unit and meaning."""
+        rows = [
+            f"<tr><th scope=row>{name}</th><td>{_shown(in_words(name, getattr(self, name)))}</td>"
+            f"<td>{html.escape(unit_text(row.unit))}</td><td>{html.escape(row.description)}</td></tr>"
+            for name, row in TABLE.items()
+            if getattr(self, name) is not None
+        ]
+        texts = " – ".join(html.escape(text) for text in (getattr(self, name) for name in TEXTS) if text)
+        heads = "".join(f"<th scope=col>{head}</th>" for head in ("parameter", "value", "unit", "meaning"))
+        head = f"<caption>Platform {texts}</caption><thead><tr>{heads}</tr></thead>"
+        return f"<table>{head}<tbody>{''.join(rows)}</tbody></table>"
 
     def __setstate__(self, fields_by_name: dict[str, Any]) -> None:
         """Restore with read-only arrays."""
@@ -92,13 +120,13 @@ class Platform(PlatformFields):
 
     @property
     def home_motor_position(self) -> FloatArray:
-        """Motor positions (6,) [m] that hold the home pose, for legs that give: L + F/k; L for rigid legs."""
+        """Motor positions (6,) [m] that hold the home pose, of compliant legs: L + F/k; L of rigid legs."""
         return holding_motor_position(self, self.home_position, self.home_orientation)
 
     @property
     def hints(self) -> tuple[str, ...]:
         """What looks like a mistake but is possible: odd units, touching legs, their order, active friction."""
-        return (*unit_hints(self), *joint_order_hints(self), *friction_hints(self))
+        return platform_hints(self)
 
     @classmethod
     def from_radii(
@@ -149,9 +177,8 @@ class Platform(PlatformFields):
         >>> angle = np.radians(30)
         >>> platform = gs.Platform.from_radii(2.0, 1.0, angle, angle, home_leg_length=3.2459, **others)
         """
-        given = [name for name in REPLACED if name in parameters]
-        if given:
-            raise PlatformError(given[0], "is determined by the radii and angles; leave it out")
+        if repeated := [name for name in REPLACED if name in parameters]:
+            raise PlatformError(repeated[0], "is determined by the radii and angles; leave it out")
         joints: dict[str, Any] = dict(
             joints_on_circles(base_radius, platform_radius, base_angle, platform_angle, home_leg_length, pairing)
         )
@@ -187,7 +214,7 @@ class Platform(PlatformFields):
         return new
 
     def unchecked(self, values: Mapping[str, Any]) -> Self:
-        """`with_parameters` without the checks that concern several numbers or a bound; none by leg."""
+        """A platform with other values of some parameters, checked for shape and size only; none by leg."""
         new: Self = object.__new__(type(self))
         new.__dict__.update(self.__dict__)
         for name, value in values.items():
@@ -209,6 +236,119 @@ Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n---------
 )
 
 
+class Platforms(Sequence[Platform]):
+    """N platforms, checked and evaluated at once; each is made as a `Platform` only where it is asked for.
+
+    Parameters
+    ----------
+    bases
+        Platforms.
+    base_of
+        Which of them each of N platforms starts from (N,); by default each one once.
+    values
+        Parameters that replace those of its base, by name (N, *shape).
+    """
+
+    def __init__(
+        self,
+        bases: Sequence[Platform],
+        base_of: NDArray[np.intp] | None = None,
+        values: Mapping[str, FloatArray] | None = None,
+    ) -> None:
+        self._bases = tuple(bases)
+        self._base_of = np.arange(len(self._bases)) if base_of is None else base_of
+        self._values = dict(values or {})
+
+    @classmethod
+    def of(cls, platforms: Sequence[Platform]) -> "Platforms":
+        """These platforms."""
+        return platforms if isinstance(platforms, Platforms) else cls(platforms)
+
+    def having(self, values: Mapping[str, FloatArray]) -> "Platforms":
+        """The same, with these parameters (N, *shape) by name; unchecked."""
+        return Platforms(self._bases, self._base_of, {**self._values, **values})
+
+    def __len__(self) -> int:
+        """N."""
+        return len(self._base_of)
+
+    @overload
+    def __getitem__(self, k: int) -> Platform: ...
+
+    @overload
+    def __getitem__(self, k: slice | NDArray[np.intp]) -> "Platforms": ...
+
+    def __getitem__(self, k: int | slice | NDArray[np.intp]) -> "Platform | Platforms":
+        """One of them, or several in the order of an index."""
+        if isinstance(k, slice | np.ndarray):
+            return Platforms(self._bases, self._base_of[k], {name: v[k] for name, v in self._values.items()})
+        base: Platform = self._bases[self._base_of[k]]
+        return base.unchecked({name: v[k].tolist() for name, v in self._values.items()}) if self._values else base
+
+    def field(self, name: str) -> FloatArray:
+        """One parameter of all (N, *shape)."""
+        if name in self._values:
+            return self._values[name]
+        values = np.stack([np.asarray(getattr(base, name), dtype=float) for base in self._bases])
+        return values[self._base_of] if len(values) > 1 else np.broadcast_to(values, (len(self), *values.shape[1:]))
+
+    @property
+    def parameters(self) -> Parameters:
+        """The physical parameters of all, as `stack`."""
+        return Parameters(**{row.name: self.field(row.name) for row in PHYSICAL})
+
+    def doubtful(self, changed: Collection[str]) -> NDArray[np.bool_]:
+        """Which of them (N,) may be impossible, in the parameters that have changed; to be sure, make that one."""
+        wrong = np.zeros(len(self), dtype=bool)
+        for values in self._values.values():
+            wrong |= ~(np.abs(values) <= LARGEST_NUMBER).reshape(len(self), -1).all(axis=-1)
+        stated = [
+            name
+            for name, row in TABLE.items()
+            if not row.is_optional or name in self._values or any(getattr(b, name) is not None for b in self._bases)
+        ]
+        arrays: dict[str, Any] = {name: self.field(name) for name in stated}
+        return np.asarray(wrong | platform_checks.doubtful(PlatformFields(**arrays), changed))
+
+
+def platforms_with(
+    bases: Sequence[Platform], base_of: NDArray[np.intp], parameters: Sequence[Mapping[str, Any]]
+) -> tuple[Platforms, dict[int, PlatformError]]:
+    """N platforms `bases[base_of[k]].with_parameters(parameters[k])`, and the errors of those that are impossible."""
+    platforms, names = _at_once(bases, base_of, parameters)
+    doubtful = platforms.doubtful(names) if platforms is not None else np.ones(len(base_of), dtype=bool)
+    errors, one_by_one = dict[int, PlatformError](), dict[int, Platform]()
+    for k in np.flatnonzero(doubtful).tolist():
+        try:
+            one_by_one[k] = bases[base_of[k]].with_parameters(parameters[k])
+        except PlatformError as error:
+            errors[k] = error
+    if platforms is None:
+        platforms = Platforms([one_by_one.get(k, bases[i]) for k, i in enumerate(base_of.tolist())])
+    return platforms, errors
+
+
+def _at_once(
+    bases: Sequence[Platform], base_of: NDArray[np.intp], parameters: Sequence[Mapping[str, Any]]
+) -> tuple[Platforms | None, Collection[str]]:
+    """The platforms, unchecked, and the names of what has changed; None if their parameters are not of one kind."""
+    first = parameters[0]
+    if any(values.keys() != first.keys() for values in parameters):
+        return None, ()
+    varied = [name for name in first if any(values[name] is not first[name] for values in parameters)]
+    try:
+        common = by_leg(first)
+        arrays = {
+            name: real_array([values[name] for values in parameters], (len(base_of), *TABLE[name].shape))
+            for name in varied
+            if name in TABLE
+        }
+        started = [base.unchecked({name: common[name] for name in common if name not in varied}) for base in bases]
+    except (PlatformError, ValueError):
+        return None, ()
+    return (Platforms(started, base_of, arrays), common) if len(arrays) == len(varied) else (None, ())
+
+
 def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | float:
     """A float, or a read-only float64 array of this shape."""
     if type(value) is float and shape == () and abs(value) <= LARGEST_NUMBER:  # the usual case, a shortcut
@@ -228,3 +368,18 @@ def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | fl
         return float(array)
     array.setflags(write=False)
     return array
+
+
+def _range(values: FloatArray) -> str:
+    low, high = f"{values.min():.4g}", f"{values.max():.4g}"
+    return low if low == high else f"{low} to {high}"
+
+
+def _shown(value: Any) -> str:
+    """Numbers with commas, rows with semicolons."""
+    if isinstance(value, str):
+        return value
+    array = np.asarray(value)
+    if array.ndim < 2:
+        return ", ".join(f"{number:.6g}" for number in array.reshape(-1))
+    return "; ".join(_shown(row) for row in array)

@@ -5,7 +5,7 @@ Conditions broadcast over leading axes, so that they hold for one platform and f
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,21 +21,19 @@ from gough_stewart.model.vectors import Array, FloatArray, dot, transpose
 INERTIA_SLACK = 1e-9
 # Joints closer than this fraction of the largest joint distance coincide.
 COINCIDENCE = 1e-6
-# Farther, a leg that sticks is soft, not stuck: the unit is wrong [m].
+# A longer presliding distance is that of a soft leg, not of stiction: the unit is wrong [m].
 LONGEST_PRESLIDING = 1e-3
 # Below 1, since the bristle needs a range over which it begins to slide.
 LARGEST_SHARE = 0.99
 # Slower than the mode of a platform on its legs can be [Hz].
 SLOWEST_MODE = 1.0
-_GEOMETRY = ("base_points", "platform_points", "home_position", "home_orientation")
+_GEOMETRY = {"base_points", "platform_points", "home_position", "home_orientation"}
 _BOUNDED = [name for name, row in TABLE.items() if row.lower_bound is not None]
 
-
-class Joints(NamedTuple):
-    """The parameters that the leg geometry needs."""
-
-    base_points: FloatArray
-    platform_points: FloatArray
+# The legs in the home pose, evaluated if a check needs them.
+_Home = Callable[[], LegGeometry]
+# Whether a condition is violated (...), the name of the parameter, and what is wrong with that of a single platform.
+_Conditions = Iterator[tuple[Any, str, Callable[[], str]]]
 
 
 def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> None:
@@ -55,7 +53,7 @@ def doubtful(platforms: PlatformFields, changed: Collection[str]) -> NDArray[np.
         if value is not None:
             wrong.append(np.asarray(_beyond_bound(name, value.reshape(len(value), -1)).any(axis=-1)))
     with np.errstate(all="ignore"):
-        wrong += [np.asarray(each) for each, _, _ in _conditions(platforms, changed)]
+        wrong += [np.asarray(is_violated) for is_violated, _, _ in _conditions(platforms, changed)]
     return np.asarray(np.logical_or.reduce(wrong))
 
 
@@ -77,29 +75,59 @@ def check_leg_com_offsets(platform: PlatformFields, shortest: float, pose: str) 
     _raise_first(_leg_com_offsets(platform, shortest, pose))
 
 
+def by_leg(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters by name, with six values of a parameter replaced by their mean and six factors.
+
+    `leg_viscous_friction` = (c_1 … c_6) becomes c = Σ c_i / 6 and `leg_viscous_friction_factor` = c_i / c. The
+    parameter stays a scalar: in a batch, six values would be ambiguous between six platforms and six legs. All other
+    values are unchanged.
+
+    Raises
+    ------
+    PlatformError
+        Six values together with factors, or a value below the bound of the table.
+    """
+    spread = dict(values)
+    for name, factor in FACTOR_OF.items():
+        try:
+            is_by_leg = name in values and np.shape(values[name]) == (6,)
+        except ValueError:  # ragged, rejected later with all other parameters
+            is_by_leg = False
+        if not is_by_leg:
+            continue
+        if factor in values:
+            raise PlatformError(
+                name,
+                f"has six values beside {factor}; expected only one of the two; `Platform.with_parameters` replaces "
+                "the factors of a platform",
+            )
+        try:
+            six = real_array(values[name], (6,))
+        except ValueError as error:
+            raise PlatformError(name, str(error)) from None
+        check_bound(name, six)
+        # equal values stay exact, without the rounding of a mean
+        mean = float(six.mean()) if np.ptp(six) > 0 else float(six[0])
+        spread |= {name: mean, factor: six / mean if mean > 0 else np.ones(6)}
+    return spread
+
+
 def _beyond_bound(name: str, numbers: FloatArray) -> NDArray[np.bool_]:
     within = numbers > 0 if TABLE[name].lower_bound == "> 0" else numbers >= 0
     return np.asarray(~within)
 
 
-# The legs in the home pose, evaluated if a check needs them.
-_Home = Callable[[], LegGeometry]
-# Whether a condition is violated (...), the name of the parameter, and what is wrong with that of a single platform.
-_Conditions = Iterator[tuple[Any, str, Callable[[], str]]]
-
-
 def _conditions(platform: PlatformFields, changed: Collection[str]) -> _Conditions:
     """The conditions that concern one of these parameters, in the order in which they are reported."""
-    joints: Any = Joints(platform.base_points, platform.platform_points)  # all that the geometry needs
-    home = cache(lambda: leg_geometry(joints, platform.home_position, platform.home_orientation))
+    home = cache(lambda: leg_geometry(platform, platform.home_position, platform.home_orientation))
     for conditions, names in _CHECKS:
         if not names.isdisjoint(changed):
             yield from conditions(platform, home)
 
 
 def _raise_first(conditions: _Conditions) -> None:
-    for wrong, field, text in conditions:
-        if wrong:
+    for is_violated, field, text in conditions:
+        if is_violated:
             raise PlatformError(field, text())
 
 
@@ -109,27 +137,28 @@ def _inertia(platform: PlatformFields, _home: _Home) -> _Conditions:
     asymmetry = np.abs(J - transpose(J))
 
     def not_symmetric() -> str:
-        a, b = (int(i) + 1 for i in np.unravel_index(asymmetry.argmax(), (3, 3)))
+        a, b = (int(i) for i in np.unravel_index(asymmetry.argmax(), (3, 3)))
         return (
-            f"is not symmetric: [{a},{b}] = {J[a - 1, b - 1]:g} but [{b},{a}] = {J[b - 1, a - 1]:g} kg m²; "
-            "set both to the same value (minus the product of inertia)"
+            f"is not symmetric: [{a + 1},{b + 1}] = {J[a, b]:g} but [{b + 1},{a + 1}] = {J[b, a]:g} kg m²; set both to "
+            "the same value (minus the product of inertia)"
         )
 
     yield asymmetry.max(axis=(-2, -1)) > INERTIA_SLACK * np.abs(J).max(axis=(-2, -1)), field, not_symmetric
     moments = np.linalg.eigvalsh(J)
     least, middle, most = np.moveaxis(moments, -1, 0)
-
-    def not_positive() -> str:
-        return f"is not positive definite: principal moments {_list(moments)} kg m²; expected all > 0"
-
-    def unphysical() -> str:
-        return (
+    yield (
+        ~np.greater(least, 0),
+        field,
+        lambda: f"is not positive definite: principal moments {_list(moments)} kg m²; expected all > 0",
+    )
+    yield (
+        most > (least + middle) * (1 + INERTIA_SLACK),
+        field,
+        lambda: (
             f"is unphysical: principal moments {_list(moments)} kg m², the largest exceeds the sum of the others "
             "(triangle inequality); check the units and that they are about the centre of mass"
-        )
-
-    yield ~np.greater(least, 0), field, not_positive
-    yield most > (least + middle) * (1 + INERTIA_SLACK), field, unphysical
+        ),
+    )
 
 
 def _joints(platform: PlatformFields, _home: _Home) -> _Conditions:
@@ -152,30 +181,30 @@ def _joints(platform: PlatformFields, _home: _Home) -> _Conditions:
 def _home_pose(platform: PlatformFields, home: _Home) -> _Conditions:
     """The home pose has legs of nonzero length, a pitch below 90° and a regular leg Jacobian."""
     pitch = platform.home_orientation[..., 1]
-
-    def pitched() -> str:
-        return f"has pitch {pitch:g} rad; expected less than ±90°"
-
-    yield ~np.less(np.abs(pitch), LARGEST_PITCH), "home_orientation", pitched
+    yield (
+        ~np.less(np.abs(pitch), LARGEST_PITCH),
+        "home_orientation",
+        lambda: f"has pitch {pitch:g} rad; expected less than ±90°",
+    )
     lengths = home().length
-
-    def coincide() -> str:
-        leg = int(lengths.argmin()) + 1
-        return f"base joint and platform joint {leg} coincide in the home pose; raise home_position"
-
-    largest = np.abs(platform.base_points).max(axis=(-2, -1))
-    yield lengths.min(axis=-1) <= COINCIDENCE * largest, "home_position", coincide
+    yield (
+        lengths.min(axis=-1) <= COINCIDENCE * np.abs(platform.base_points).max(axis=(-2, -1)),
+        "home_position",
+        lambda: (
+            f"base joint and platform joint {int(lengths.argmin()) + 1} coincide in the home pose; raise home_position"
+        ),
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         number = conditioning_of_legs(home()).condition_number
-
-    def singular() -> str:
-        return (
+    yield (
+        ~np.less(number, SINGULAR_CONDITION_NUMBER),
+        "base_points, platform_points, home_position, home_orientation",
+        lambda: (
             f"the leg Jacobian is singular at the home pose (condition number {number:.3g}, expected below "
             f"{SINGULAR_CONDITION_NUMBER:g}): the legs cannot hold the platform there; choose different azimuths for "
             "base and platform joints or another home pose"
-        )
-
-    yield ~np.less(number, SINGULAR_CONDITION_NUMBER), ", ".join(_GEOMETRY), singular
+        ),
+    )
 
 
 def _com_offsets(platform: PlatformFields, home: _Home) -> _Conditions:
@@ -183,11 +212,11 @@ def _com_offsets(platform: PlatformFields, home: _Home) -> _Conditions:
     yield from _leg_com_offsets(platform, home().length.min(axis=-1), "home")
     reach = np.sqrt(dot(platform.platform_points, platform.platform_points)).max(axis=-1)
     offset = np.sqrt(dot(platform.platform_com, platform.platform_com))
-
-    def far() -> str:
-        return f"is {offset:g} m from Op, more than ten times the farthest platform joint ({reach:g} m); check units"
-
-    yield offset > 10 * reach, "platform_com", far
+    yield (
+        offset > 10 * reach,
+        "platform_com",
+        lambda: f"is {offset:g} m from Op, more than ten times the farthest platform joint ({reach:g} m); check units",
+    )
 
 
 def _leg_com_offsets(platform: PlatformFields, shortest: Any, pose: str) -> _Conditions:
@@ -222,37 +251,39 @@ def _friction(platform: PlatformFields, _home: _Home) -> _Conditions:
     """The law of friction is one that exists, static friction at least Coulomb's, and a bristle is short."""
     model, coulomb = np.asarray(platform.leg_friction_model), np.asarray(platform.leg_coulomb_friction)
     static, stiffness = np.asarray(platform.leg_static_friction), np.asarray(platform.leg_bristle_stiffness)
-    words = TABLE["leg_friction_model"].words
-    known = np.isin(model, np.arange(len(words)))
-    yield ~known, "leg_friction_model", lambda: f"is {model:g}; expected {', '.join(words)}"
-
-    def below() -> str:
-        return (
+    words, sticks = TABLE["leg_friction_model"].words, model != 0
+    yield (
+        ~np.isin(model, np.arange(len(words))),
+        "leg_friction_model",
+        lambda: f"is {model:g}; expected {', '.join(words)}",
+    )
+    yield (
+        (static > 0) & (static < coulomb),
+        "leg_static_friction",
+        lambda: (
             f"is {static:g} N, below leg_coulomb_friction = {coulomb:g} N; expected at least that, or 0 for the same "
             "friction at rest as in motion"
-        )
-
-    yield (static > 0) & (static < coulomb), "leg_static_friction", below
-    sticks = model != 0
+        ),
+    )
     least = coulomb * np.asarray(platform.leg_coulomb_friction_factor).min(axis=-1)
-
-    def nothing() -> str:
-        return (
+    yield (
+        sticks & ~(least > 0),
+        "leg_coulomb_friction",
+        lambda: (
             f"is {least:g} N in a leg; friction that sticks needs > 0 in each: set leg_coulomb_friction, or "
             "leg_friction_model = 'smooth'"
-        )
-
-    yield sticks & ~(least > 0), "leg_coulomb_friction", nothing
+        ),
+    )
     distance = np.maximum(static, coulomb) / np.where(stiffness > 0, stiffness, np.inf)
-
-    def soft() -> str:
-        return (
+    yield (
+        sticks & (distance > LONGEST_PRESLIDING),
+        "leg_bristle_stiffness",
+        lambda: (
             f"is {stiffness:g} N/m: legs would stick over {distance:.3g} m before they slide; expected at most "
             f"{LONGEST_PRESLIDING:g} m, that is {np.maximum(static, coulomb) / LONGEST_PRESLIDING:g} N/m or more "
             "(real legs: 5 to 10 um), or 0 to derive it"
-        )
-
-    yield sticks & (distance > LONGEST_PRESLIDING), "leg_bristle_stiffness", soft
+        ),
+    )
     share = np.asarray(platform.leg_breakaway_share)
     yield (
         share > LARGEST_SHARE,
@@ -262,99 +293,48 @@ def _friction(platform: PlatformFields, _home: _Home) -> _Conditions:
 
 
 def _springs(platform: PlatformFields, _home: _Home) -> _Conditions:
-    """Legs that give have motors with inertia, and are no softer than a machine that stands."""
+    """Compliant legs have motors with inertia, and are no softer than a machine that stands."""
     stiffness, damping = np.asarray(platform.leg_stiffness), np.asarray(platform.leg_damping)
-    armature = np.asarray(platform.leg_armature)
-
-    def without() -> str:
-        return (
+    yield (
+        (stiffness > 0) & ~(np.asarray(platform.leg_armature) > 0),
+        "leg_armature",
+        lambda: (
             "is 0 kg; a leg with leg_stiffness needs a motor with inertia: set leg_armature = J (2 pi/lead)^2, or "
             "leg_stiffness = 0, which is rigid"
-        )
-
-    yield (stiffness > 0) & ~(armature > 0), "leg_armature", without
+        ),
+    )
     mass = np.asarray(platform.leg_upper_mass) + np.asarray(platform.platform_mass) / 6
     frequency = np.sqrt(stiffness / mass) / (2 * np.pi)
-
-    def soft() -> str:
-        least = (2 * np.pi * SLOWEST_MODE) ** 2 * mass
-        return (
-            f"is {stiffness:g} N/m: the platform would bounce at about {frequency:.2g} Hz; expected {least:.3g} N/m "
-            f"({SLOWEST_MODE:g} Hz) or more, or 0 for rigid legs"
-        )
-
-    yield (stiffness > 0) & (frequency < SLOWEST_MODE), "leg_stiffness", soft
-
-    def rigid() -> str:
-        return f"is {damping:g} N s/m, but legs are rigid; set leg_stiffness, or remove leg_damping"
-
-    yield (damping > 0) & ~(stiffness > 0), "leg_damping", rigid
+    yield (
+        (stiffness > 0) & (frequency < SLOWEST_MODE),
+        "leg_stiffness",
+        lambda: (
+            f"is {stiffness:g} N/m: the platform would bounce at about {frequency:.2g} Hz; expected "
+            f"{(2 * np.pi * SLOWEST_MODE) ** 2 * mass:.3g} N/m ({SLOWEST_MODE:g} Hz) or more, or 0 for rigid legs"
+        ),
+    )
+    yield (
+        (damping > 0) & ~(stiffness > 0),
+        "leg_damping",
+        lambda: f"is {damping:g} N s/m, but legs are rigid; set leg_stiffness, or remove leg_damping",
+    )
 
 
 # What a check depends on; bounds come first.
-_CHECKS: tuple[tuple[Callable[[PlatformFields, _Home], _Conditions], frozenset[str]], ...] = (
-    (_inertia, frozenset({"platform_inertia"})),
-    (_joints, frozenset({"base_points", "platform_points"})),
-    (_home_pose, frozenset(_GEOMETRY)),
-    (_com_offsets, frozenset({*_GEOMETRY, "leg_lower_com", "leg_upper_com", "platform_com"})),
-    (_limits, frozenset({*_GEOMETRY, "leg_length_min", "leg_length_max", "joint_angle_max"})),
+_CHECKS: tuple[tuple[Callable[[PlatformFields, _Home], _Conditions], set[str]], ...] = (
+    (_inertia, {"platform_inertia"}),
+    (_joints, {"base_points", "platform_points"}),
+    (_home_pose, _GEOMETRY),
+    (_com_offsets, _GEOMETRY | {"leg_lower_com", "leg_upper_com", "platform_com"}),
+    (_limits, _GEOMETRY | {"leg_length_min", "leg_length_max", "joint_angle_max"}),
     (
         _friction,
-        frozenset(
-            {
-                "leg_coulomb_friction",
-                "leg_coulomb_friction_factor",
-                *(row.name for row in TABLE.values() if row.part == "bristles"),
-            }
-        ),
+        {"leg_coulomb_friction", "leg_coulomb_friction_factor"}
+        | {name for name, row in TABLE.items() if row.part == "bristles"},
     ),
-    (
-        _springs,
-        frozenset({"leg_stiffness", "leg_damping", "leg_armature", "leg_upper_mass", "platform_mass"}),
-    ),
+    (_springs, {"leg_stiffness", "leg_damping", "leg_armature", "leg_upper_mass", "platform_mass"}),
 )
 
 
 def _list(values: Array) -> str:
     return "(" + ", ".join(f"{v:g}" for v in values) + ")"
-
-
-def by_leg(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameters by name, with six values of a parameter replaced by their mean and six factors.
-
-    `leg_viscous_friction` = (c_1 … c_6) becomes c = Σ c_i / 6 and `leg_viscous_friction_factor` = c_i / c. The
-    parameter stays a scalar: in a batch, six values would be ambiguous between six platforms and six legs. All other
-    values are unchanged.
-
-    Raises
-    ------
-    PlatformError
-        Six values together with factors, or a value below the bound of the table.
-    """
-    spread = dict(values)
-    for name, factor in FACTOR_OF.items():
-        if name not in values or not _is_six(values[name]):
-            continue
-        if factor in values:
-            raise PlatformError(
-                name,
-                f"has six values beside {factor}; expected only one of the two; `Platform.with_parameters` replaces "
-                "the factors of a platform",
-            )
-        try:
-            each = real_array(values[name], (6,))
-        except ValueError as error:
-            raise PlatformError(name, str(error)) from None
-        check_bound(name, each)
-        # equal values stay exact, without the rounding of a mean
-        mean = float(each.mean()) if np.ptp(each) > 0 else float(each[0])
-        spread |= {name: mean, factor: each / mean if mean > 0 else np.ones(6)}
-    return spread
-
-
-def _is_six(value: Any) -> bool:
-    """Whether there are six values; other shapes are rejected later, with all other parameters."""
-    try:
-        return bool(np.shape(value) == (6,))
-    except ValueError:  # ragged
-        return False

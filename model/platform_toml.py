@@ -17,12 +17,11 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import by_leg
-from gough_stewart.model.process import shipped
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.toml import toml_item, toml_values
+from gough_stewart.model.process.toml import toml_item, toml_names, toml_text, toml_values
 
 KEYS = (*TEXTS, *TABLE)
-DEFAULTS = {each.name: each.default for each in fields(PlatformFields)}
+DEFAULTS = {field.name: field.default for field in fields(PlatformFields)}
 _FILE_KEYS = (*KEYS, *joint_circles.KEYS)
 _PRESETS = ("gough_stewart.model", "presets")
 
@@ -73,7 +72,7 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
 def platform_to_toml(platform: Platform) -> str:
     """TOML text of a platform, with units and descriptions as comments; lossless.
 
-    Factors of 1 are left out, and what a plant that sticks or gives has beyond the ideal one, if it is the default.
+    Factors of 1 are left out, and parameters of stiction and compliance that have their defaults.
     """
     document = tomlkit.document()
     for key, value in platform.as_dict().items():
@@ -139,7 +138,7 @@ def preset_names() -> tuple[str, ...]:
     tuple of str
         In alphabetical order.
     """
-    return shipped.names(*_PRESETS)
+    return toml_names(*_PRESETS)
 
 
 def preset_text(name: str) -> str:
@@ -152,7 +151,7 @@ def preset_text(name: str) -> str:
     """
     if name not in preset_names():
         raise PlatformFileError(f"preset '{name}'", f"no such preset{nearest(name, preset_names())}")
-    return shipped.text(*_PRESETS, name)
+    return toml_text(*_PRESETS, name)
 
 
 def load_preset(name: str) -> Platform:

@@ -106,7 +106,7 @@ def orientation_from_matrix(rotation: Array) -> Array:
 
 
 def angles_of(rotation: Array, arctan2: Callable[[Any, Any], Any] = np.arctan2) -> Array:
-    """`orientation_from_matrix` without its checks; of symbols with their own `arctan2`."""
+    """Roll, pitch, yaw (..., 3) [rad] of rotation matrices, unchecked; of symbols with their own `arctan2`."""
     cos_pitch = np.hypot(rotation[..., 0, 0], rotation[..., 1, 0])
     return np.stack(
         [

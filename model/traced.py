@@ -5,11 +5,11 @@
 x (12): position, orientation, velocity, angular_velocity. u (12): the inputs of the interface table. p: its
 platform parameters. y: its outputs and locals. Every vector in table order (`gough_stewart.model.interface`).
 
-The Functions are traced by calling the functions of `dynamics`, `kinematics` and `energy` with object arrays of
+The Functions are traced by calling the functions of `machine_dynamics` and `kinematics` with object arrays of
 `casadi.SX` scalars. They keep a leading axis of length 1, since NumPy turns 0-d object arrays into scalars.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import cache
 from itertools import combinations
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 import casadi
 import numpy as np
 
-from gough_stewart.model import dynamics, energy, interface, kinematics, machine_dynamics
+from gough_stewart.model import dynamics, interface, kinematics, machine_dynamics
 from gough_stewart.model.friction import Grip
 from gough_stewart.model.interface import N_INPUTS, N_STATES
 from gough_stewart.model.machine_dynamics import MachineState
@@ -61,17 +61,15 @@ def jacobians_function(variant: Variant = IDEAL) -> casadi.Function:
 @interrupts_held_back()
 def decays_function(variant: Variant) -> casadi.Function:
     """CasADi Function `decays`: (x, p) -> decay (6) [1/s], of the bristles of a variant: ż = v − decay · z."""
-    x, p, state, parameters = _of_state(variant)
-    decay = machine_dynamics.decay_of_bristles(variant, parameters, state)
-    return _function("decays", [x, p], [_column(decay)], ["decay"])
+    x, p, grip = _traced_grip(variant)
+    return _function("decays", [x, p], [_column(grip.decay)], ["decay"])
 
 
 @cache
 @interrupts_held_back()
 def grip_function(variant: Variant) -> casadi.Function:
     """CasADi Function `grip`: (x, p) -> the parts of `friction.Grip`, the gain (36) column by column."""
-    x, p, state, parameters = _of_state(variant)
-    grip = machine_dynamics.grip_of_legs(variant, parameters, state, _solve_symbolically)
+    x, p, grip = _traced_grip(variant)
     results = [_column(part) for part in grip._replace(gain=grip.gain.swapaxes(-1, -2))]
     return _function("grip", [x, p], results, [*Grip._fields])
 
@@ -80,9 +78,8 @@ def grip_function(variant: Variant) -> casadi.Function:
 @interrupts_held_back()
 def sliding_function(variant: Variant) -> casadi.Function:
     """CasADi Function `sliding`: (x, p) -> sliding (6) [m/s], the velocities at which friction acts."""
-    x, p, state, parameters = _of_state(variant)
-    sliding = machine_dynamics.sliding_velocity(variant, parameters, state)
-    return _function("sliding", [x, p], [_column(sliding)], ["sliding"])
+    x, p, grip = _traced_grip(variant)
+    return _function("sliding", [x, p], [_column(grip.sliding)], ["sliding"])
 
 
 @cache
@@ -129,13 +126,11 @@ def legs_function(variant: Variant = IDEAL) -> casadi.Function:
     For checks of the pose limits, at a fifth of the cost of the derivatives. Row i of the Jacobian is
     (u_i, c_i × u_i / ρ), with ρ the platform's characteristic length.
     """
-    x, _, p = _arguments(variant)
-    state, parameters = State.from_vector(_symbols(x)[..., :N_STATES]), _parameters(p, variant)
-    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
+    x, p, _, state, legs = _traced_legs(variant)
     rates = kinematics.rates_of_legs(legs, state).length_rate
     scaled, rho = kinematics.scaled_jacobian_of_legs(legs)
-    results = casadi.cse([_column(v) for v in (legs.length, rates, scaled, rho)])
-    return casadi.Function("legs", [x, p], results, ["x", "p"], ["length", "length_rate", "jacobian", "rho"])
+    results = [_column(v) for v in (legs.length, rates, scaled, rho)]
+    return _function("legs", [x, p], results, ["length", "length_rate", "jacobian", "rho"])
 
 
 @cache
@@ -144,7 +139,7 @@ def signals_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `signals`: (x, p) -> y, the `interface.SIGNALS`: outputs without direct feedthrough."""
     x, u, p = _arguments(variant)
     _, y = _trace(x, u, p, variant)
-    return casadi.Function("signals", [x, p], casadi.cse([y[: interface.N_SIGNALS]]), ["x", "p"], ["y"])
+    return _function("signals", [x, p], [y[: interface.N_SIGNALS]], ["y"])
 
 
 @cache
@@ -155,15 +150,13 @@ def margins_function(variant: Variant = IDEAL) -> casadi.Function:
     L_i², det K and ρ². K has the rows (l_i, c_i × l_i), so det K = det J L_1 ⋯ L_6. Without roots and quotients, for a
     fast check after every integration step.
     """
-    x, _, p = _arguments(variant)
-    state, parameters = State.from_vector(_symbols(x)[..., :N_STATES]), _parameters(p, variant)
-    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
+    x, p, parameters, _, legs = _traced_legs(variant)
     halves = [
         [[part[0, i, k] for k in range(3)] for i in range(6)] for part in (legs.vector, cross(legs.arm, legs.vector))
     ]
     size = dot(parameters.platform_points, parameters.platform_points).sum(axis=-1) / 6
-    results = casadi.cse([_column(dot(legs.vector, legs.vector)), _determinant(*halves), _column(size)])
-    return casadi.Function("margins", [x, p], results, ["x", "p"], ["square", "determinant", "size"])
+    results = [_column(dot(legs.vector, legs.vector)), _determinant(*halves), _column(size)]
+    return _function("margins", [x, p], results, ["square", "determinant", "size"])
 
 
 @cache
@@ -185,7 +178,7 @@ def posed_function(variant: Variant = IDEAL) -> casadi.Function:
         results, names = [*results, _split(x, u, p)[0]], [*names, "s"]
     if variant.bristles:
         results, names = [*results, decays_function(variant)(x, p)], [*names, "decay"]
-    return casadi.Function("posed", [x, p], casadi.cse(results), ["x", "p"], names)
+    return _function("posed", [x, p], results, names)
 
 
 @cache
@@ -203,48 +196,31 @@ def _arguments(variant: Variant = IDEAL) -> tuple[casadi.SX, casadi.SX, casadi.S
     return casadi.SX.sym("x", n), casadi.SX.sym("u", N_INPUTS), casadi.SX.sym("p", q)
 
 
-def _of_state(variant: Variant) -> tuple[casadi.SX, casadi.SX, MachineState, Parameters]:
-    """X and p of a function that needs no inputs, and what is in them."""
+def _traced_legs(variant: Variant) -> tuple[casadi.SX, casadi.SX, Parameters, State, kinematics.LegGeometry]:
+    """X and p of a function of the pose, and the parameters, state of the platform and legs in them."""
     x, _, p = _arguments(variant)
-    return x, p, MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
+    state, parameters = State.from_vector(_symbols(x)[..., :N_STATES]), _parameters(p, variant)
+    return x, p, parameters, state, kinematics.leg_geometry(parameters, state.position, state.orientation)
 
 
-def _function(name: str, arguments: Iterable[Any], results: list[Any], names: list[str]) -> casadi.Function:
-    arguments = list(arguments)
+def _traced_grip(variant: Variant) -> tuple[casadi.SX, casadi.SX, Grip]:
+    x, _, p = _arguments(variant)
+    state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
+    return x, p, machine_dynamics.grip_of_legs(variant, parameters, state, _solve_symbolically)
+
+
+def _function(name: str, arguments: list[casadi.SX], results: list[Any], names: list[str]) -> casadi.Function:
     return casadi.Function(name, arguments, casadi.cse(results), [v[0].name()[:-2] for v in arguments], names)
 
 
 def _trace(x: casadi.SX, u: casadi.SX, p: casadi.SX, variant: Variant = IDEAL) -> tuple[casadi.SX, casadi.SX]:
     """The equations with symbols instead of numbers: (ẋ, y)."""
-    if variant != IDEAL:
-        return _trace_machine(x, u, p, variant)
-    state, inputs = State.from_vector(_symbols(x)), Inputs.from_vector(_symbols(u))
-    parameters = _parameters(p)
-    a = dynamics.forward_dynamics(parameters, state, inputs, solve=_solve_symbolically)
-    rate = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
-    xdot = State(state.velocity, rate, a.linear, a.angular).to_vector()
-
-    legs = kinematics.leg_geometry(parameters, state.position, state.orientation)
-    values = {
-        **state._asdict(),
-        "leg_length": legs.length,
-        "leg_velocity": kinematics.rates_of_legs(legs, state).length_rate,
-        "acceleration": a.linear,
-        "angular_acceleration": a.angular,
-        "joint_force": dynamics.joint_forces(parameters, state, inputs.actuator_force, a),
-        "kinetic_energy": energy.kinetic_energy(parameters, state),
-        "potential_energy": energy.potential_energy(parameters, state.position, state.orientation),
-    }
-    return _column(xdot), casadi.vertcat(*(_column(values[v.name]) for v in interface.RESULTS))
-
-
-def _trace_machine(x: casadi.SX, u: casadi.SX, p: casadi.SX, variant: Variant) -> tuple[casadi.SX, casadi.SX]:
     state, parameters = MachineState.from_vector(variant, _symbols(x)), _parameters(p, variant)
     inputs = Inputs.from_vector(_symbols(u))
     rates = machine_dynamics.machine_rates(variant, parameters, state, inputs, _solve_symbolically)
-    values = machine_dynamics.machine_results(variant, parameters, state, rates)
+    results = machine_dynamics.machine_results(variant, parameters, state, rates)
     xdot = machine_dynamics.machine_derivatives(state, rates)
-    return _column(xdot), casadi.vertcat(*(_column(values[v.name]) for v in variant.results))
+    return _column(xdot), casadi.vertcat(*(_column(results[v.name]) for v in variant.results))
 
 
 def _split(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, Callable[[casadi.SX], casadi.SX]]:
@@ -292,22 +268,21 @@ def _column(array: Array) -> Any:
 
 
 def _determinant(left: list[list[Any]], right: list[list[Any]]) -> Any:
-    """Determinant of [left, right], each (6, 3), by Laplace: Σ ± (minor of three rows of left) (rest of right)."""
+    """Determinant of [left, right], each (6, 3), by Laplace: Σ ± (minor of three rows of left) (rest of right).
+
+    A minor is taken from 2×2 minors of its first two columns, which several minors share.
+    """
+
+    def minor(m: list[list[Any]]) -> Any:
+        second = {(i, k): m[i][0] * m[k][1] - m[k][0] * m[i][1] for i, k in ((1, 2), (0, 2), (0, 1))}
+        return m[0][2] * second[1, 2] - m[1][2] * second[0, 2] + m[2][2] * second[0, 1]
+
     terms = []
     for rows in combinations(range(6), 3):
-        others = [i for i in range(6) if i not in rows]
+        rest = [i for i in range(6) if i not in rows]
         sign = (-1) ** (sum(rows) - 3)
-        terms.append(sign * _minor([left[i] for i in rows]) * _minor([right[i] for i in others]))
+        terms.append(sign * minor([left[i] for i in rows]) * minor([right[i] for i in rest]))
     return sum(terms)
-
-
-def _minor(m: list[list[Any]]) -> Any:
-    """Determinant of (3, 3), from 2×2 minors of the first two columns, which several determinants share."""
-
-    def second(i: int, k: int) -> Any:
-        return m[i][0] * m[k][1] - m[k][0] * m[i][1]
-
-    return m[0][2] * second(1, 2) - m[1][2] * second(0, 2) + m[2][2] * second(0, 1)
 
 
 def _solve_symbolically(matrix: Array, vector: Array) -> Array:

@@ -37,8 +37,7 @@ def skew(a: Array) -> Array:
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     o = 0 * x
     return np.stack(
-        [np.stack([o, -z, y], axis=-1), np.stack([z, o, -x], axis=-1), np.stack([-y, x, o], axis=-1)],
-        axis=-2,
+        [np.stack([o, -z, y], axis=-1), np.stack([z, o, -x], axis=-1), np.stack([-y, x, o], axis=-1)], axis=-2
     )
 
 

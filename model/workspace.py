@@ -1,16 +1,21 @@
-"""Workspace analysis at poses: reachability, conditioning and static load capacity.
+"""Workspace analysis: reachability, conditioning, static load capacity and stiffness, at poses and on grids of them.
 
-All functions are NumPy only and broadcast over leading axes of poses.
+Functions of poses are NumPy only and broadcast over leading axes of poses.
+
+With motors that hold, a compliant leg i is a spring k along its direction, so that a wrench w at Op moves the platform
+by the small twist K⁻¹ w, K = k Jᵀ J. What gravity adds by turning the legs is left out: mg/L, a millionth of k.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, bias_wrench
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, bias_wrench, mass_matrix
+from gough_stewart.model.errors import PlatformError, WorkspaceError
 from gough_stewart.model.kinematics import (
     LegGeometry,
     conditioning_of_legs,
@@ -19,14 +24,34 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     scaled_jacobian_of_legs,
 )
+from gough_stewart.model.machine_dynamics import platform_side
+from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
+from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle
 from gough_stewart.model.state import State
-from gough_stewart.model.stiffness import pose_stiffness
-from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
+from gough_stewart.model.variant import Variant
+from gough_stewart.model.vectors import Array, FloatArray, apply, per_leg, transpose
 
 # Poses per chunk: enough for fast NumPy loops, with tens of MB of intermediate results.
 CHUNK = 4096
+# In the order of position and orientation, with their units.
+COORDINATES: Mapping[str, str] = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
+LARGEST_ANGLES: Mapping[str, float] = {"roll": np.pi, "pitch": np.pi / 2, "yaw": np.pi}
+# Default number of points per coordinate, for two and three swept coordinates.
+POINTS = {2: 101, 3: 31}
+# Larger results would give files that programs cannot open.
+LARGEST_GRID = 250_000
+# Ranges for unbounded platforms: about home, in characteristic lengths and in rad.
+UNBOUNDED_LENGTH, UNBOUNDED_ANGLE = 1.0, np.pi / 2
+# Search for a range: points per coordinate, and number of refinements.
+_SEARCH, _ROUNDS = {2: 101, 3: 21}, 3
+# Margin around the reachable region, as a fraction of its size on either side.
+_BEYOND = 0.06
+# A range is made symmetric if its parts on either side of home differ by less than this.
+_NEARLY = 0.75
+
+Range = tuple[float, float]
 
 
 class Limit(IntEnum):
@@ -57,6 +82,16 @@ _TEXTS = {
 }
 
 
+class PoseStiffness(NamedTuple):
+    """Stiffness and first mode at poses, each (...); 0 at singular poses."""
+
+    translational_stiffness: FloatArray  # force at Op over displacement along it, in the softest direction [N/m]
+    translational_stiffness_max: FloatArray  # in the stiffest [N/m]
+    rotational_stiffness: FloatArray  # torque over rotation about it, about the softest axis [N m/rad]
+    rotational_stiffness_max: FloatArray  # about the stiffest [N m/rad]
+    first_mode: FloatArray  # lowest natural frequency with motors that hold [Hz]
+
+
 class PoseQualities(NamedTuple):
     """Results at poses, each (...); None if the platform does not state the limit, or has rigid legs."""
 
@@ -68,12 +103,12 @@ class PoseQualities(NamedTuple):
     payload: FloatArray | None  # largest point mass at Op that the actuators hold at rest [kg]
     force_margin: FloatArray | None  # largest force at Op in any direction that they hold at rest [N]
     largest_speed: FloatArray | None  # of the twist [v; ρ ω] in any direction, limited by `leg_velocity_max` [m/s]
-    # of legs that give, with motors that hold; see `stiffness.PoseStiffness`
-    translational_stiffness: FloatArray | None  # in the softest direction [N/m]
-    translational_stiffness_max: FloatArray | None  # in the stiffest [N/m]
-    rotational_stiffness: FloatArray | None  # about the softest axis [N m/rad]
-    rotational_stiffness_max: FloatArray | None  # about the stiffest [N m/rad]
-    first_mode: FloatArray | None  # lowest natural frequency [Hz]
+    # the parts of `PoseStiffness`
+    translational_stiffness: FloatArray | None
+    translational_stiffness_max: FloatArray | None
+    rotational_stiffness: FloatArray | None
+    rotational_stiffness_max: FloatArray | None
+    first_mode: FloatArray | None
 
     @property
     def reachable(self) -> NDArray[np.bool_]:
@@ -107,15 +142,15 @@ def evaluate_poses(
         Arrays with the poses' leading axes, each None if the platform does not state its limit: `limit`, 0 if the
         pose is reachable; `leg_length_margin` [m] and `joint_angle_margin` [rad], negative beyond; `singular_margin`,
         the smallest singular value of the scaled leg Jacobian, negative beyond a singular pose; `condition_number`;
-        `payload` [kg]; `force_margin` [N]; `largest_speed` [m/s]. Of legs that give, whose motors hold: the stiffness
+        `payload` [kg]; `force_margin` [N]; `largest_speed` [m/s]. Of compliant legs, whose motors hold: the stiffness
         at Op in the softest and the stiffest direction, `translational_stiffness` and `translational_stiffness_max`
         [N/m], `rotational_stiffness` and `rotational_stiffness_max` [N m/rad], and `first_mode`, the lowest natural
         frequency [Hz].
 
     Examples
     --------
-    >>> found = gs.evaluate_poses(gs.load_preset("motion_base"), [[0, 0, 2.0], [0, 0, 3.5]], [0, 0.1, 0])
-    >>> found.reachable, found.condition_number, found.payload
+    >>> qualities = gs.evaluate_poses(gs.load_preset("motion_base"), [[0, 0, 2.0], [0, 0, 3.5]], [0, 0.1, 0])
+    >>> qualities.reachable, qualities.condition_number, qualities.payload
     """
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
     shape = position.shape[:-1]
@@ -123,8 +158,8 @@ def evaluate_poses(
     parts = []
     # without poses, there is one empty chunk
     for first in range(0, max(len(positions), 1), CHUNK):
-        here = slice(first, first + CHUNK)
-        parts.append(_evaluated(platform, positions[here], orientations[here]))
+        chunk = slice(first, first + CHUNK)
+        parts.append(_evaluated(platform, positions[chunk], orientations[chunk]))
         if progress is not None:
             progress(min(first + CHUNK, len(positions)))
     columns: list[Any] = [None if c[0] is None else np.concatenate(c) for c in zip(*parts, strict=True)]
@@ -136,17 +171,71 @@ def limits_at(platform: Platform, position: Array, orientation: Array) -> NDArra
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, position, orientation)
-        side = side_of_singular_poses(platform, legs)
-        leg_margins = _leg_margins(platform, legs)
-        joint_margins = _joint_margins(platform, position, orientation)
-    return _first_limit(orientation, side, leg_margins, joint_margins)
+        return _first_limit(
+            orientation, side_of_singular_poses(platform, legs), _margins(platform, legs, position, orientation)
+        )
 
 
-class LoadCapacity(NamedTuple):
-    """Static load capacity of the actuators, each (...)."""
+def compliance(parameters: Parameters, position: Array, orientation: Array) -> Array:
+    """Compliance K⁻¹ (..., 6, 6) of a platform whose motors hold: small twist [m, rad] per wrench at Op [N, N m].
 
-    payload: FloatArray  # [kg]
-    force_margin: FloatArray  # [N]
+    K⁻¹ = J⁻¹ J⁻ᵀ/k with the leg Jacobian J and k = `leg_stiffness`, in world components; position [m], orientation
+    [rad] (..., 3).
+
+    Returns
+    -------
+    ndarray
+        (..., 6, 6), symmetric: blocks [m/N], [rad/N] = [1/N] and [rad/(N m)].
+
+    Raises
+    ------
+    PlatformError
+        Rigid legs, `leg_stiffness` is 0.
+
+    Examples
+    --------
+    >>> soft = gs.load_preset("motion_base").with_parameters({"leg_stiffness": 2e7})
+    >>> 1e6 * gs.compliance(soft, soft.home_position, soft.home_orientation)[2, 2]  # µm/N
+    """
+    k = _stiffness_of(parameters)
+    J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
+    inverse = np.linalg.inv(J)
+    return np.asarray(inverse @ transpose(inverse) / k[..., None])
+
+
+def held_frequencies(parameters: Parameters, position: Array, orientation: Array) -> Array:
+    """Natural frequencies (..., 6) [Hz] of the platform on its legs, motors held, lowest first; damping left out.
+
+    det(k Jᵀ J − ω² M) = 0 with M without armature: ω² are eigenvalues of k J M⁻¹ Jᵀ; 0 where a leg has no direction.
+    """
+    k = _stiffness_of(parameters)
+    J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
+    M = mass_matrix(platform_side(Variant(springs=True), parameters), position, orientation)
+    mobility = np.nan_to_num(J @ np.linalg.solve(M, transpose(J)))
+    squares = k * np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)
+    return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi))
+
+
+def pose_stiffness(parameters: Parameters, position: Array, orientation: Array) -> PoseStiffness:
+    """Stiffness in the softest and stiffest directions, and the first mode, at poses (..., 3) [m], [rad].
+
+    In all other directions the platform is free to move: stiffness is the inverse of an eigenvalue of the 3×3 block of
+    the compliance, λ(K⁻¹_tt) or λ(K⁻¹_rr).
+    """
+    k = _stiffness_of(parameters)[..., 0]
+    J = np.asarray(jacobian_of_legs(leg_geometry(parameters, position, orientation)), dtype=float)
+    regular = np.isfinite(J).all(axis=(-2, -1)) & (np.linalg.det(np.nan_to_num(J)) != 0)
+    regular_J = np.where(regular[..., None, None], J, np.eye(6))
+    stiffness = []
+    with np.errstate(all="ignore"):
+        inverse = np.linalg.inv(regular_J)
+        for rows in (inverse[..., :3, :], inverse[..., 3:, :]):
+            sigma = np.linalg.svd(rows, compute_uv=False)
+            stiffness += [np.where(regular, k / sigma[..., edge] ** 2, 0.0) for edge in (0, -1)]
+        frequency = np.where(regular, np.nan, 0.0)
+        positions, orientations = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
+        frequency[regular] = held_frequencies(parameters, positions[regular], orientations[regular])[..., 0]
+    return PoseStiffness._make([*stiffness, frequency])
 
 
 def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray) -> PoseQualities:
@@ -155,69 +244,57 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
         legs = leg_geometry(platform, position, orientation)
         side = side_of_singular_poses(platform, legs)
         number, smallest, _ = conditioning_of_legs(legs)
-        leg_margins = _leg_margins(platform, legs)
-        joint_margins = _joint_margins(platform, position, orientation)
-    capacity: LoadCapacity | tuple[None, None] = (None, None)
+        margins = _margins(platform, legs, position, orientation)
+        speed = None
+        if platform.leg_velocity_max is not None:
+            rows, _ = scaled_jacobian_of_legs(legs)
+            speed = np.nan_to_num(platform.leg_velocity_max / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1))
+    payload = force_margin = None
     if platform.actuator_force_max is not None:
         regular = number < LARGEST_CONDITION_NUMBER
-        capacity = _load_capacity(platform, position, orientation, legs, regular, platform.actuator_force_max)
-    stiffness = pose_stiffness(platform, position, orientation) if platform.leg_stiffness > 0 else (None,) * 5
+        payload, force_margin = _load_capacity(
+            platform, position, orientation, legs, regular, platform.actuator_force_max
+        )
+    leg_margins, joint_margins = (
+        [margins[limit] for limit in limits if limit in margins]
+        for limits in ((Limit.LEG_TOO_SHORT, Limit.LEG_TOO_LONG), (Limit.BASE_JOINT, Limit.PLATFORM_JOINT))
+    )
     return PoseQualities(
-        _first_limit(orientation, side, leg_margins, joint_margins),
-        _nearest([leg_margins[limit] for limit in leg_margins]),
-        _nearest([joint_margins[limit] for limit in joint_margins]),
+        _first_limit(orientation, side, margins),
+        np.minimum.reduce(leg_margins) if leg_margins else None,
+        np.minimum.reduce(joint_margins) if joint_margins else None,
         np.where(side == 1, smallest, -smallest),
         number,
-        capacity[0],
-        capacity[1],
-        None if platform.leg_velocity_max is None else _largest_speed(legs, platform.leg_velocity_max),
-        *stiffness,
+        payload,
+        force_margin,
+        speed,
+        *(pose_stiffness(platform, position, orientation) if platform.leg_stiffness > 0 else (None,) * 5),
     )
 
 
-def _largest_speed(legs: LegGeometry, fastest: float) -> FloatArray:
-    """Largest speed at poses (n, 3) [m/s]; 0 if a leg has no direction."""
-    with np.errstate(all="ignore"):
-        rows, _ = scaled_jacobian_of_legs(legs)
-        speed = fastest / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1)
-    return np.asarray(np.nan_to_num(speed))
+def _first_limit(orientation: FloatArray, side: FloatArray, margins: dict[Limit, FloatArray]) -> NDArray[np.int8]:
+    is_kept = {Limit.PITCH: np.abs(orientation[..., 1]) < LARGEST_PITCH, Limit.SINGULAR: side == 1}
+    is_kept |= {limit: margin >= 0 for limit, margin in margins.items()}
+    first = np.zeros(orientation.shape[:-1], np.int8)
+    for limit in sorted(is_kept, reverse=True):
+        first[~is_kept[limit]] = limit
+    return first
 
 
-def _first_limit(
-    orientation: FloatArray,
-    side: FloatArray,
-    leg_margins: dict[Limit, FloatArray],
-    joint_margins: dict[Limit, FloatArray],
-) -> NDArray[np.int8]:
-    kept = {Limit.PITCH: np.abs(orientation[..., 1]) < LARGEST_PITCH, Limit.SINGULAR: side == 1}
-    kept |= {limit: margin >= 0 for limit, margin in (leg_margins | joint_margins).items()}
-    limit = np.zeros(orientation.shape[:-1], np.int8)
-    for each in sorted(kept, reverse=True):
-        limit[~kept[each]] = each
-    return limit
-
-
-def _leg_margins(platform: Platform, legs: LegGeometry) -> dict[Limit, FloatArray]:
-    """Stroke margin of the worst leg [m]."""
+def _margins(
+    platform: Platform, legs: LegGeometry, position: FloatArray, orientation: FloatArray
+) -> dict[Limit, FloatArray]:
+    """Margin of the worst leg [m] and of the worst joint [rad] for each limit that the platform states."""
     margins = {}
     if platform.leg_length_min is not None:
         margins[Limit.LEG_TOO_SHORT] = np.asarray(legs.length.min(axis=-1) - platform.leg_length_min)
     if platform.leg_length_max is not None:
         margins[Limit.LEG_TOO_LONG] = np.asarray(platform.leg_length_max - legs.length.max(axis=-1))
+    if platform.joint_angle_max is not None:
+        angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
+        for limit, angle in zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), angles, strict=True):
+            margins[limit] = np.asarray(platform.joint_angle_max - angle.max(axis=-1))
     return margins
-
-
-def _joint_margins(platform: Platform, position: FloatArray, orientation: FloatArray) -> dict[Limit, FloatArray]:
-    """Angle margin of the worst joint [rad]."""
-    if platform.joint_angle_max is None:
-        return {}
-    angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
-    margins = (np.asarray(platform.joint_angle_max - each.max(axis=-1)) for each in angles)
-    return dict(zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), margins, strict=True))
-
-
-def _nearest(margins: list[FloatArray]) -> FloatArray | None:
-    return np.minimum.reduce(margins) if margins else None
 
 
 def _load_capacity(
@@ -227,8 +304,8 @@ def _load_capacity(
     legs: LegGeometry,
     regular: NDArray[np.bool_],
     largest_force: float,
-) -> LoadCapacity:
-    """Largest payload and largest force in any direction that leg forces within ±`largest_force` hold at rest.
+) -> tuple[FloatArray, FloatArray]:
+    """Largest payload [kg] and largest force in any direction [N] that leg forces within ±`largest_force` hold at rest.
 
     With A = J⁻ᵀ[:, :3] and the static leg forces f0, a force f at Op requires leg forces f0 − A f. A point mass m at Op
     adds m f1, f1 = −A g, so m = min_i (F − sign(f1_i) f0_i)/|f1_i|, which is infinite if no leg force changes. The
@@ -251,4 +328,240 @@ def _load_capacity(
         reserves = (largest_force - np.abs(f0)) / np.sqrt((A * A).sum(axis=-1))
     payload[regular] = np.where(holds, masses.min(axis=-1), 0.0)
     margin[regular] = np.where(holds, np.where(np.isnan(reserves), np.inf, reserves).min(axis=-1), 0.0)
-    return LoadCapacity(payload, margin)
+    return payload, margin
+
+
+def _stiffness_of(parameters: Parameters) -> FloatArray:
+    """The stiffness k of a leg (..., 1) [N/m]."""
+    k = np.asarray(per_leg(parameters.leg_stiffness), dtype=float)
+    if not (k > 0).all():
+        raise PlatformError("leg_stiffness", "is 0, rigid legs, which have no stiffness; expected a number > 0 [N/m]")
+    return k
+
+
+# --- grids of poses over two or three coordinates ---------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Workspace:
+    """Workspace results on a grid of poses; arrays have one axis per swept coordinate, in order."""
+
+    platform: Platform
+    swept: Mapping[str, FloatArray]  # the grid's values by coordinate, two or three [m or rad]
+    fixed: Mapping[str, float]  # all other coordinates
+    found: tuple[str, ...]  # swept coordinates with a range derived from the platform's limits
+    assumed: tuple[str, ...]  # swept coordinates without limits, with a default range about home
+    qualities: PoseQualities
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of points of each swept coordinate."""
+        return tuple(len(values) for values in self.swept.values())
+
+    @property
+    def home(self) -> dict[str, float]:
+        """The home pose by coordinate [m or rad], with angles in the turns of the grid."""
+        middle = {**self.fixed, **{name: values.mean() for name, values in self.swept.items()}}
+        home = home_of(self.platform)
+        return home | {name: float(nearest_angle(np.array(home[name]), middle[name])) for name in LARGEST_ANGLES}
+
+    def __repr__(self) -> str:
+        """The swept ranges and the reachable share, on one line."""
+        ranges = ", ".join(f"{name} {v[0]:.4g} to {v[-1]:.4g} {COORDINATES[name]}" for name, v in self.swept.items())
+        reachable = self.qualities.reachable
+        share = f"{100 * reachable.mean():.3g} % of {reachable.size} poses can be reached"
+        return f"<Workspace of {self.platform.name} over {ranges}: {share}>"
+
+    def coordinates(self) -> FloatArray:
+        """Poses (…, 6): position [m], orientation [rad]."""
+        return _poses(self.swept, self.fixed)
+
+
+def sweep(
+    platform: Platform,
+    over: Mapping[str, Range | None] | None = None,
+    at: Mapping[str, float] | None = None,
+    points: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Workspace:
+    """Workspace of a platform: `evaluate_poses` on a grid.
+
+    Parameters
+    ----------
+    platform
+        The platform with its limits; limits that it does not state are not checked.
+    over
+        Two or three coordinates and their ranges [m or rad]; with None the range is derived from the limits. Default:
+        x and y, or roll and pitch where the platform states no `leg_length_max`: singular poses bound angles, but not
+        lengths.
+    at
+        Values of other coordinates [m or rad]; by default those of the home pose.
+    points
+        Number of points per swept coordinate; by default 101 for two coordinates, 31 for three.
+    progress
+        Called with the number of completed poses.
+
+    Returns
+    -------
+    Workspace
+        `swept`, the values of each swept coordinate; `fixed`, the other coordinates; `qualities` as of
+        `evaluate_poses`, with one axis for each swept coordinate.
+
+    Raises
+    ------
+    WorkspaceError
+        Coordinates, ranges or a number of points that do not define a grid.
+
+    Examples
+    --------
+    >>> space = gs.sweep(gs.load_preset("motion_base"), {"x": None, "pitch": (-0.2, 0.2)}, {"z": 2.2}, points=21)
+    >>> space.qualities.reachable.mean(), space.swept["x"][[0, -1]]
+    """
+    # a map over x and y would be empty where no leg has an end
+    usual = ("roll", "pitch") if platform.leg_length_max is None else ("x", "y")
+    over = dict.fromkeys(usual) if over is None else dict(over)
+    at = {} if at is None else dict(at)
+    home = home_of(platform)
+    _check(over, at, home)
+    count, largest = POINTS[len(over)] if points is None else points, int(round(LARGEST_GRID ** (1 / len(over)), 9))
+    if not 2 <= count <= largest:
+        total = f", in all {count ** len(over):,} poses," if count > largest else ""
+        raise WorkspaceError(
+            f"{count} points per coordinate{total} for {len(over)} swept coordinates; expected from 2 to {largest}"
+        )
+    fixed = {name: float(at.get(name, home[name])) for name in COORDINATES if name not in over}
+    without_range = [name for name, limits in over.items() if limits is None]
+    assumed = tuple(name for name in without_range if not _is_bounded(platform, name))
+    found = tuple(name for name in without_range if name not in assumed)
+    ranges = default_ranges(platform, over, fixed)
+    swept = {name: np.linspace(*ranges[name], count) for name in over}
+    poses = _poses(swept, fixed)
+    qualities = evaluate_poses(platform, poses[..., :3], poses[..., 3:], progress)
+    return Workspace(platform, swept, fixed, found, assumed, qualities)
+
+
+def home_of(platform: Platform) -> dict[str, float]:
+    """The home pose by coordinate [m or rad]."""
+    return dict(zip(COORDINATES, [*platform.home_position, *platform.home_orientation], strict=True))
+
+
+def default_ranges(
+    platform: Platform, over: Mapping[str, Range | None], fixed: Mapping[str, float]
+) -> dict[str, Range]:
+    """Ranges [m or rad] about the reachable region with the other coordinates fixed, rounded outward.
+
+    P_i stays within `leg_length_max` of B_i, which bounds Op by a box; roll and yaw are bounded by half turns from
+    home, pitch by ±90°. A coarse grid over this box finds the region, and two finer ones its ends. A tip thinner than
+    a step of the coarse grid, a hundredth of the box (a twentieth for three coordinates), can be missed. If no limit
+    of the platform bounds a coordinate, the range is `UNBOUNDED_LENGTH` or `UNBOUNDED_ANGLE` about home. Given ranges
+    are not changed.
+    """
+    home = home_of(platform)
+    free = [name for name, limits in over.items() if limits is None and _is_bounded(platform, name)]
+    box = {name: limits or _outer_range(platform, name, home[name], over, fixed) for name, limits in over.items()}
+    ranges = dict(box)
+    for _ in range(_ROUNDS if free else 0):
+        swept = {name: np.linspace(*ranges[name], _SEARCH[len(over)]) for name in over}
+        # a region too thin for the grid still contains home
+        around = [name for name in free if ranges[name][0] <= home[name] <= ranges[name][1]]
+        swept |= {name: np.union1d(swept[name], home[name]) for name in around}
+        poses = _poses(swept, fixed)
+        reached = limits_at(platform, poses[..., :3], poses[..., 3:]) == Limit.NONE
+        if not reached.any():
+            return {name: _rounded(name, *box[name]) if name in free else box[name] for name in over}
+        for axis, name in enumerate(over):
+            if name in free:
+                # the ends of the region, extended by one point on either side
+                rows = np.flatnonzero(reached.any(axis=tuple(k for k in range(reached.ndim) if k != axis)))
+                values = swept[name]
+                ranges[name] = float(values[max(rows[0] - 1, 0)]), float(values[min(rows[-1] + 1, len(values) - 1)])
+    for name in free:
+        low, high = ranges[name]
+        low, high = low - _BEYOND * (high - low), high + _BEYOND * (high - low)
+        below, above = home[name] - low, high - home[name]
+        if min(below, above) >= _NEARLY * max(below, above):  # so that home is in the middle and on the grid
+            low, high = home[name] - max(below, above), home[name] + max(below, above)
+        low, high = _rounded(name, low, high)
+        ranges[name] = (max(low, box[name][0]), min(high, box[name][1]))
+    return ranges
+
+
+def _is_bounded(platform: Platform, name: str) -> bool:
+    if name in LARGEST_ANGLES:
+        return platform.leg_length_max is not None or platform.joint_angle_max is not None
+    return platform.leg_length_max is not None
+
+
+def _outer_range(
+    platform: Platform, name: str, home: float, over: Mapping[str, Range | None], fixed: Mapping[str, float]
+) -> Range:
+    if name in LARGEST_ANGLES and _is_bounded(platform, name):
+        return (-np.pi / 2, np.pi / 2) if name == "pitch" else (home - np.pi, home + np.pi)
+    longest = platform.leg_length_max
+    if name in LARGEST_ANGLES or longest is None:
+        size = UNBOUNDED_ANGLE if name in LARGEST_ANGLES else UNBOUNDED_LENGTH * platform.characteristic_length
+        low, high = float(home - size), float(home + size)
+        return (max(low, -np.pi / 2), min(high, np.pi / 2)) if name == "pitch" else (low, high)
+    k = list(COORDINATES).index(name)
+    if any(angle in over for angle in LARGEST_ANGLES):
+        arms = np.sqrt((platform.platform_points**2).sum(axis=1))
+        centres, radii = platform.base_points[:, k], longest + arms
+    else:
+        R = matrix_from_orientation(np.array([fixed[angle] for angle in LARGEST_ANGLES]))
+        centres, radii = (platform.base_points - platform.platform_points @ R.T)[:, k], np.full(6, longest)
+    low, high = float((centres - radii).max()), float((centres + radii).min())
+    # no pose fits all legs: use a range to display anyway
+    return (low, high) if low < high else (home - platform.characteristic_length, home + platform.characteristic_length)
+
+
+def _rounded(name: str, low: float, high: float) -> Range:
+    """Round outward to 1, 2 or 5 times a power of ten, in degrees for angles."""
+    unit = np.pi / 180 if name in LARGEST_ANGLES else 1.0
+    rough = (high - low) / unit / 40
+    decade = 10.0 ** np.floor(np.log10(rough))
+    step = next(k * decade for k in (1, 2, 5, 10) if k * decade >= rough * (1 - 1e-9))
+    # digits of the step, so that 3 · 0.1 is 0.3
+    digits = max(0, -int(np.floor(np.log10(step))))
+    ends = (round(float(f(end / unit / step) * step), digits) for f, end in ((np.floor, low), (np.ceil, high)))
+    first, last = (unit * end for end in ends)
+    return first, last
+
+
+def _poses(swept: Mapping[str, FloatArray], fixed: Mapping[str, float]) -> FloatArray:
+    """(…, 6) with one leading axis per swept coordinate."""
+    grid = dict(zip(swept, np.meshgrid(*swept.values(), indexing="ij"), strict=True))
+    shape = next(iter(grid.values())).shape
+    return np.stack([grid[name] if name in grid else np.full(shape, fixed[name]) for name in COORDINATES], axis=-1)
+
+
+def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapping[str, float]) -> None:
+    for name in (*over, *at):
+        if name not in COORDINATES:
+            raise WorkspaceError(f"unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
+    if len(over) not in POINTS:
+        raise WorkspaceError(f"{len(over)} swept coordinates; expected two for maps, or three for a volume")
+    for name in over:
+        if name in at:
+            raise WorkspaceError(f"{name} is both swept and fixed; expected one of them: leave it out of the other")
+    for name, limits in over.items():
+        for end in limits or ():
+            _check_value(name, end, home[name])
+        if limits is not None and not limits[0] < limits[1]:
+            low, high = (f"{end:g} {COORDINATES[name]}" for end in limits)
+            raise WorkspaceError(f"{name} goes from {low} to {high}; expected a range from low to high")
+    for name, value in at.items():
+        _check_value(name, value, home[name])
+
+
+def _check_value(name: str, value: float, home: float) -> None:
+    if not np.isfinite(value):
+        raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
+    # of a frame that is turned round at home, as many half turns as a quarter turn on either side of home needs
+    turns = max(1.0, np.ceil(abs(home) / np.pi + 0.5)) if name != "pitch" else 1.0
+    most = LARGEST_ANGLES.get(name, np.inf) * turns
+    if abs(value) > most * (1 + 1e-12):
+        largest = np.degrees(most)
+        raise WorkspaceError(
+            f"{name} is {value:g} rad, {np.degrees(value):g}°; expected from −{largest:g}° to {largest:g}°; "
+            "numbers without a unit are in rad"
+        )

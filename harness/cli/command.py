@@ -16,8 +16,7 @@ from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.terminal import Terminal, errors
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.process.environment import check_environment
-from gough_stewart.model.process.installed import tracer_is_named
+from gough_stewart.model.process.installed import check_environment, tracer_is_named
 
 
 @dataclass
@@ -69,7 +68,7 @@ class _Remarks(logging.Handler):
         errors.say((record.getMessage(), "dim"))
 
 
-_remarks = logging.getLogger("gough_stewart.model.process.temporary")
+_remarks = logging.getLogger("gough_stewart.model.process.files")
 _remarks.addHandler(_Remarks())
 _remarks.setLevel(logging.INFO)
 _latest = [Command()]

@@ -75,7 +75,7 @@ def workspace_command(
             from gough_stewart.harness.workspace.report import FIGURES, workspace_report
             from gough_stewart.harness.workspace.tables import workspace_csv
             from gough_stewart.model.process.files import check_output_folder, write_files
-            from gough_stewart.model.workspace_grid import POINTS, sweep
+            from gough_stewart.model.workspace import POINTS, sweep
 
         check_output_folder(out, [TABLE])
         with progress_bar() as progress:
@@ -129,7 +129,7 @@ def _fixed(assignments: list[str]) -> dict[str, float]:
 
 
 def _check_name(option: str, value: str, name: str) -> None:
-    from gough_stewart.model.workspace_grid import COORDINATES
+    from gough_stewart.model.workspace import COORDINATES
 
     if name not in COORDINATES:
         raise UsageError(f"{option} {value}: unknown coordinate '{name}'; expected one of {', '.join(COORDINATES)}")
@@ -137,7 +137,7 @@ def _check_name(option: str, value: str, name: str) -> None:
 
 def _quantity(option: str, value: str, name: str, text: str) -> float:
     from gough_stewart.harness.quantities import number
-    from gough_stewart.model.workspace_grid import COORDINATES
+    from gough_stewart.model.workspace import COORDINATES
 
     unit = COORDINATES[name]
     # numbers without a unit are in SI units here as well

@@ -22,9 +22,8 @@ from gough_stewart.harness.experiment.file import Settings, experiment_of
 from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.errors import OutputError
-from gough_stewart.model.process.files import check_output_folder, reserved, write_whole
+from gough_stewart.model.process.files import check_output_folder, remove_leftovers, reserved, write_whole
 from gough_stewart.model.process.progress import StepProgress
-from gough_stewart.model.process.temporary import remove_leftovers
 
 PLAN = "plan.json"
 # Called with the number of finished members, and the total.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.members import PerMember
-from gough_stewart.model.platforms import Platforms
+from gough_stewart.model.platform import Platforms
 
 T = TypeVar("T")
 S = TypeVar("S")

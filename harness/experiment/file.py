@@ -13,8 +13,7 @@ from gough_stewart.harness.errors import ExperimentError, SettingError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.section import complaints
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.process import shipped
-from gough_stewart.model.process.toml import toml_values
+from gough_stewart.model.process.toml import toml_names, toml_text, toml_values
 
 _SHIPPED = ("gough_stewart.harness.experiment", "shipped")
 
@@ -114,7 +113,7 @@ def experiment_names() -> tuple[str, ...]:
     tuple of str
         In alphabetical order.
     """
-    return shipped.names(*_SHIPPED)
+    return toml_names(*_SHIPPED)
 
 
 def shipped_text(name: str) -> str:
@@ -127,7 +126,7 @@ def shipped_text(name: str) -> str:
     """
     if name not in experiment_names():
         raise ExperimentError(f"experiment '{name}'", "", f"no such experiment{nearest(name, experiment_names())}")
-    return shipped.text(*_SHIPPED, name)
+    return toml_text(*_SHIPPED, name)
 
 
 def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:

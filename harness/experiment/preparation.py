@@ -28,8 +28,7 @@ from gough_stewart.harness.loop.seeds import Seed
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, SingularPoseError
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platforms import Platforms, platforms_with
+from gough_stewart.model.platform import Platform, Platforms, platforms_with
 from gough_stewart.model.state import State
 from gough_stewart.model.variant import CHOOSING, SMOOTH, Variant
 from gough_stewart.model.vectors import FloatArray

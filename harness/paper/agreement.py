@@ -9,7 +9,7 @@ from gough_stewart.harness.paper.open_loop import Trajectory
 from gough_stewart.model import dynamics
 from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.formulations.cases import OpenLoopCase
-from gough_stewart.model.formulations.kane_simulation import KaneTrajectory
+from gough_stewart.model.formulations.kane import KaneTrajectory
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import FloatArray

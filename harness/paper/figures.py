@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from gough_stewart.harness.output.plotting import COLOURS, DASHES, label, panel, png, two_panels
 from gough_stewart.harness.paper.open_loop import Trajectory
 from gough_stewart.model.formulations.cases import OpenLoopCase
-from gough_stewart.model.formulations.kane_simulation import KaneTrajectory
+from gough_stewart.model.formulations.kane import KaneTrajectory
 from gough_stewart.model.vectors import FloatArray
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from gough_stewart.model import energy, interface
+from gough_stewart.model import dynamics, interface
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.formulations import kane_simulation
+from gough_stewart.model.formulations import kane
 from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.process.progress import TimeProgress
@@ -45,7 +45,7 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress |
     def derivative(t: float, x: Array) -> Array:
         if progress is not None:
             progress(t)
-        lost = energy.friction_power(platform, State.from_vector(x[:12])) if has_friction else 0.0
+        lost = dynamics.friction_power(platform, State.from_vector(x[:12])) if has_friction else 0.0
         return np.append(kernel.derivatives(x[:12], u, p), lost)
 
     solution = solve_ivp(
@@ -92,8 +92,6 @@ def run_kane(
     rtol: float = 1e-10,
     own_steps: bool = False,
     progress: TimeProgress | None = None,
-) -> kane_simulation.KaneTrajectory:
-    """The paper's DAE with the method of ode45; see `kane_simulation.simulate`."""
-    return kane_simulation.simulate(
-        case.platform, case.start, case.inputs, case.time, baumgarte, rtol, own_steps, progress
-    )
+) -> kane.KaneTrajectory:
+    """The paper's DAE with the method of ode45; see `kane.simulate`."""
+    return kane.simulate(case.platform, case.start, case.inputs, case.time, baumgarte, rtol, own_steps, progress)

@@ -18,7 +18,7 @@ from gough_stewart.harness.report.words import sentence
 from gough_stewart.harness.results.record import Record, platform_of
 from gough_stewart.harness.results.run_charts import run_charts, scenes, shown
 from gough_stewart.model.formulations.cases import OpenLoopCase
-from gough_stewart.model.formulations.kane_simulation import KaneTrajectory
+from gough_stewart.model.formulations.kane import KaneTrajectory
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.state import State
 

@@ -24,9 +24,8 @@ from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, SingularPoseError, StepError
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.machine_dynamics import motors_at
-from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform import Platform, Platforms
 from gough_stewart.model.platform_checks import check_leg_com_offsets
-from gough_stewart.model.platforms import Platforms
 from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES, end_of_step

@@ -9,8 +9,7 @@ from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, PlatformError
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platforms import Platforms
+from gough_stewart.model.platform import Platform, Platforms
 from gough_stewart.model.real import real_array
 from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray

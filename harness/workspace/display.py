@@ -12,8 +12,7 @@ from gough_stewart.model.parameters import LIMITS, TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import Limit, PoseQualities
-from gough_stewart.model.workspace_grid import COORDINATES, Workspace
+from gough_stewart.model.workspace import COORDINATES, Limit, PoseQualities, Workspace
 
 # Smaller platforms are shown in mm [m].
 _SMALL = 0.5

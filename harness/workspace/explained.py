@@ -5,8 +5,7 @@ import numpy as np
 from gough_stewart.harness.workspace.display import Shown, clearance, shown_coordinate, shown_length
 from gough_stewart.model.kinematics import joint_angles, leg_geometry
 from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import Limit, limits_at
-from gough_stewart.model.workspace_grid import Workspace
+from gough_stewart.model.workspace import Limit, Workspace, limits_at
 
 _BOUNDING = ("leg_length_min", "leg_length_max", "joint_angle_max")
 _JOINTS = {Limit.BASE_JOINT: "base", Limit.PLATFORM_JOINT: "platform"}

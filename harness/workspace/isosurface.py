@@ -14,8 +14,7 @@ from scipy.ndimage import binary_dilation
 
 from gough_stewart.harness.workspace.display import clearance, clearance_of
 from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import evaluate_poses
-from gough_stewart.model.workspace_grid import COORDINATES, Workspace
+from gough_stewart.model.workspace import COORDINATES, Workspace, evaluate_poses
 
 # Corners of a cell are numbered by their bits, 4 a + 2 b + c for the corner (a, b, c).
 _TETRAHEDRA = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])

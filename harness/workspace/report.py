@@ -22,8 +22,7 @@ from gough_stewart.harness.workspace.explained import notices
 from gough_stewart.harness.workspace.isosurface import surface_of
 from gough_stewart.harness.workspace.tables import quantity_of, size_text, workspace_tables
 from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import Limit
-from gough_stewart.model.workspace_grid import Workspace
+from gough_stewart.model.workspace import Limit, Workspace
 
 # The group of the maps, and the name of their figure.
 FIGURES = ("maps",)

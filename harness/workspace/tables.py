@@ -17,10 +17,8 @@ from gough_stewart.harness.workspace.display import (
     results_of,
     shown_coordinate,
 )
-from gough_stewart.model.stiffness import PoseStiffness
 from gough_stewart.model.vectors import FloatArray, first_of_largest
-from gough_stewart.model.workspace import Limit
-from gough_stewart.model.workspace_grid import COORDINATES, Workspace
+from gough_stewart.model.workspace import COORDINATES, Limit, PoseStiffness, Workspace
 
 
 def workspace_tables(workspace: Workspace) -> list[Table]:

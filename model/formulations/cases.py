@@ -74,10 +74,7 @@ def case_of(platform: Platform) -> OpenLoopCase:
     scale = np.sqrt(_mean_home_length(platform) / _mean_home_length(paper.platform))
     turned = platform.home_orientation + paper.start.orientation
     start = State(
-        platform.home_position.copy(),
-        turned,
-        paper.start.velocity * scale,
-        paper.start.angular_velocity / scale,
+        platform.home_position.copy(), turned, paper.start.velocity * scale, paper.start.angular_velocity / scale
     )
     ratio = paper.actuator_force / paper.actuator_force.min()
     return OpenLoopCase(

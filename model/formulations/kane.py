@@ -4,19 +4,32 @@ Each leg and the platform are substructures with their own generalized speeds,
 
     y_i = (ω_i, ṡ_i),  y_p = (ω_p, v_p),  y = (y_1, …, y_6, y_p), 30 numbers,            (6), (16), (30)
 
-coupled by 24 velocity constraints with Lagrange multipliers. Written for verification, not for speed: the
-run-time model is `gough_stewart.model.dynamics`, and neither module uses the other.
+coupled by 24 velocity constraints with Lagrange multipliers: an index-1 DAE with 67 states, integrated by SciPy's RK45,
+the Dormand–Prince pair of MATLAB's ode45, which the paper used. Written for verification, not for speed: the run-time
+model is `gough_stewart.model.dynamics`, and neither module uses the other.
 
 Frames of a leg: both local frames are parallel, x along u_i. The origin O_i,1 is at B_i and O_i,2 at P_i, so that
 q_i = 0, s_i = (L_i, 0, 0), r_i,1 = (`leg_lower_com`, 0, 0) and r_i,2 = (−`leg_upper_com`, 0, 0). Everything below
 is in world components already: r1 stands for R_i r_i,1, s + r2 for R_i (s_i + r_i,2), s + q for R_i (s_i + q_i).
 """
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
+from gough_stewart.model.errors import StepError
 from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.process.progress import TimeProgress
+from gough_stewart.model.rotations import (
+    matrix_from_orientation,
+    matrix_from_quaternion,
+    orientation_from_matrix,
+    quaternion_rate,
+)
+from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import Array, apply, cross, dot, outer, per_leg, skew, transpose
 
 
@@ -29,12 +42,11 @@ class Configuration(NamedTuple):
     rotation: Array  # 0_R_p (..., 3, 3), platform to world
 
 
-class Solution(NamedTuple):
+class KaneSolution(NamedTuple):
     """Solution of the augmented system."""
 
     acceleration: Array  # ẏ (..., 30)
     joint_force: Array  # λ of the closures (..., 6, 3) [N]: force of leg i on the platform at P_i
-    spin_torque: Array  # λ of the spin rows (..., 6) [N m]: the universal joint's torque along −u_i
 
     @property
     def platform_acceleration(self) -> Array:
@@ -83,11 +95,7 @@ def partial_velocity_rate(arm: Array, omega: Array, u: Array, slide_rate: Array 
 
 
 def leg_equations(
-    parameters: Parameters,
-    configuration: Configuration,
-    y: Array,
-    actuator_force: Array,
-    axial_inertia: float = 0.0,
+    parameters: Parameters, configuration: Configuration, y: Array, actuator_force: Array, axial_inertia: float = 0.0
 ) -> tuple[Array, Array]:
     """A_i (..., 6, 4, 4) and D_i (..., 6, 4) of A_i ẏ_i = D_i; (15).
 
@@ -169,7 +177,9 @@ def constraint_jacobian(parameters: Parameters, configuration: Configuration) ->
     """
     u = _leg_axes(configuration)
     of_leg = partial_velocity(configuration.slide[..., None] * u, u)
-    of_platform = _platform_point_partial_velocity(_platform_arms(parameters, configuration))
+    arm = _platform_arms(parameters, configuration)
+    one = np.broadcast_to(np.eye(3), (*arm.shape[:-1], 3, 3))
+    of_platform = np.concatenate([-skew(arm), one], axis=-1)
     return _constraint_rows(of_leg, of_platform, u)
 
 
@@ -182,10 +192,7 @@ def constraint_jacobian_rate(parameters: Parameters, configuration: Configuratio
     arm = _platform_arms(parameters, configuration)
     omega_p = platform_speeds(y)[0][..., None, :]
     of_leg = partial_velocity_rate(configuration.slide[..., None] * u, omega, u, slide_rate)
-    of_platform = np.concatenate(
-        [skew(cross(arm, omega_p)), np.zeros((*arm.shape[:-1], 3, 3))],
-        axis=-1,
-    )
+    of_platform = np.concatenate([skew(cross(arm, omega_p)), np.zeros((*arm.shape[:-1], 3, 3))], axis=-1)
     return _constraint_rows(of_leg, of_platform, cross(omega, u))
 
 
@@ -212,7 +219,7 @@ def solve(
     external_wrench: Array | float = 0.0,
     baumgarte: tuple[float, float] = (0.0, 0.0),
     axial_inertia: float = 0.0,
-) -> Solution:
+) -> KaneSolution:
     """Accelerations and multipliers from the augmented 54×54 system; (30), (31).
 
     [[A, Φ_qᵀ], [Φ_q, 0]] [ẏ; λ] = [D; −Φ̇_q y − 2 α Φ_q y − β² Φ].
@@ -245,8 +252,7 @@ def solve(
     K[..., 30:, :30] = Phi_q
     D = np.concatenate([D_legs.reshape(*D_legs.shape[:-2], 24), D_p], axis=-1)
     x = np.linalg.solve(K, np.concatenate([D, gamma], axis=-1)[..., None])[..., 0]
-    multipliers = x[..., 30:]
-    return Solution(x[..., :30], multipliers[..., :18].reshape(*x.shape[:-1], 6, 3), multipliers[..., 18:])
+    return KaneSolution(x[..., :30], x[..., 30:48].reshape(*x.shape[:-1], 6, 3))
 
 
 def _leg_axes(configuration: Configuration) -> Array:
@@ -257,12 +263,6 @@ def _leg_axes(configuration: Configuration) -> Array:
 def _platform_arms(parameters: Parameters, configuration: Configuration) -> Array:
     """0_R_p r_p,i (..., 6, 3)."""
     return apply(configuration.rotation[..., None, :, :], parameters.platform_points)
-
-
-def _platform_point_partial_velocity(arm: Array) -> Array:
-    """v_p,i = [−(0_R_p r_p,i)~ 1] (..., 6, 3, 6); (22), with (21) v_p,i y_p the point's velocity."""
-    one = np.broadcast_to(np.eye(3), (*arm.shape[:-1], 3, 3))
-    return np.concatenate([-skew(arm), one], axis=-1)
 
 
 def _constraint_rows(of_leg: Array, of_platform: Array, spin: Array) -> Array:
@@ -291,12 +291,126 @@ def consistent_start(
     omega = cross(u, point_velocity) / slide[..., None]
     legs = np.concatenate([omega, dot(u, point_velocity)[..., None]], axis=-1)
     y = np.concatenate([legs.reshape(*legs.shape[:-2], 24), angular_velocity, velocity], axis=-1)
-    return Configuration(_frame_with_x_axis(u), slide, position, rotation), y
+    # any frame with first column u: the angle about the leg is arbitrary, since legs do not spin
+    across = cross(u, np.eye(3)[np.argmin(np.abs(u), axis=-1)])
+    across = across / np.sqrt(dot(across, across))[..., None]
+    return Configuration(np.stack([u, across, cross(u, across)], axis=-1), slide, position, rotation), y
 
 
-def _frame_with_x_axis(u: Array) -> Array:
-    """A rotation with first column u; the angle about the leg is arbitrary, since legs do not spin."""
-    helper = np.eye(3)[np.argmin(np.abs(u), axis=-1)]
-    y_axis = cross(u, helper)
-    y_axis = y_axis / np.sqrt(dot(y_axis, y_axis))[..., None]
-    return np.stack([u, y_axis, cross(u, y_axis)], axis=-1)
+# --- E. simulation -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class KaneTrajectory:
+    """Motion of all substructures at the output times; the leading axis is time."""
+
+    time: Array  # (n,) [s]
+    configuration: Configuration
+    speeds: Array  # y (n, 30)
+    joint_force: Array  # λ of the closures (n, 6, 3) [N]
+    position_violation: Array  # largest closure gap |Φ| (n,) [m]
+    velocity_violation: Array  # largest |Φ_q y| (n,) [m/s, rad/s]
+
+    @property
+    def platform(self) -> State:
+        """Pose and twist of the platform, each (n, 3)."""
+        omega, velocity = platform_speeds(self.speeds)
+        return State(self.configuration.position, orientation_from_matrix(self.configuration.rotation), velocity, omega)
+
+
+def simulate(
+    parameters: Parameters,
+    start: State,
+    inputs: Inputs,
+    time: Array,
+    baumgarte: tuple[float, float] = (10.0, 10.0),
+    rtol: float = 1e-10,
+    own_steps: bool = False,
+    progress: TimeProgress | None = None,
+) -> KaneTrajectory:
+    """Integrate eq. (31) from the pose and twist of the platform, (3,) arrays, with consistent legs."""
+    R = matrix_from_orientation(start.orientation)
+    consistent = consistent_start(parameters, start.position, R, start.velocity, start.angular_velocity)
+    return integrate(parameters, *consistent, inputs, time, baumgarte, rtol, own_steps, progress)
+
+
+def integrate(
+    parameters: Parameters,
+    configuration: Configuration,
+    speeds: Array,
+    inputs: Inputs,
+    time: Array,
+    baumgarte: tuple[float, float] = (10.0, 10.0),
+    rtol: float = 1e-10,
+    own_steps: bool = False,
+    progress: TimeProgress | None = None,
+) -> KaneTrajectory:
+    """Integrate eq. (31) under constant inputs from a configuration and speeds y (30,), consistent or not.
+
+    States: six leg orientations and the platform's as quaternions (so that the paper's d(R)/dt = ω~ R, eq. (3), keeps
+    R a rotation), six slides, the position of Op, and the 30 generalized speeds y.
+
+    Parameters
+    ----------
+    time
+        Increasing output times (n,) [s], beginning with the start time.
+    baumgarte
+        (α, β) [1/s]; the paper takes both between 1 and 20.
+    rtol
+        Relative tolerance, and absolute tolerance in SI units.
+    own_steps
+        Output at the integrator's own steps between the first and the last time, which shows the drift
+        of the constraints without interpolation errors.
+    progress
+        Called with the simulation time.
+
+    Raises
+    ------
+    StepError
+        The integration failed.
+    """
+    wrench = np.concatenate([inputs.external_force, inputs.external_torque])
+    legs, body = (Rotation.from_matrix(R).as_quat() for R in (configuration.leg_rotation, configuration.rotation))
+    start = np.concatenate([legs.reshape(24), configuration.slide, configuration.position, body, speeds])
+
+    def derivative(t: float, x: Array) -> Array:
+        if progress is not None:
+            progress(t)
+        configuration, y = _unpack(x)
+        ydot = solve(parameters, configuration, y, inputs.actuator_force, wrench, baumgarte).acceleration
+        omega, slide_rate = leg_speeds(y)
+        omega_p, velocity = platform_speeds(y)
+        turning = quaternion_rate(x[:24].reshape(6, 4), omega).reshape(24)
+        return np.concatenate([turning, slide_rate, velocity, quaternion_rate(x[33:37], omega_p), ydot])
+
+    solution = solve_ivp(
+        derivative,
+        (time[0], time[-1]),
+        start,
+        method="RK45",
+        t_eval=None if own_steps else time,
+        rtol=rtol,
+        atol=rtol,
+        # dense output has a lower order than the steps: keep the steps short
+        max_step=np.inf if own_steps else float(np.diff(time).max()),
+    )
+    if not solution.success:
+        raise StepError("Kane's DAE", float("nan"), float(solution.t[-1]), solution.message)
+    configuration, y = _unpack(solution.y.T)
+    forces = solve(parameters, configuration, y, inputs.actuator_force, wrench, baumgarte).joint_force
+    gap = constraint_residual(parameters, configuration)
+    slip = apply(constraint_jacobian(parameters, configuration), y)
+    return KaneTrajectory(
+        time=solution.t,
+        configuration=configuration,
+        speeds=y,
+        joint_force=forces,
+        position_violation=np.abs(gap).max(axis=-1),
+        velocity_violation=np.abs(slip).max(axis=-1),
+    )
+
+
+def _unpack(x: Array) -> tuple[Configuration, Array]:
+    legs = matrix_from_quaternion(x[..., :24].reshape(*x.shape[:-1], 6, 4))
+    configuration = Configuration(legs, x[..., 24:30], x[..., 30:33], matrix_from_quaternion(x[..., 33:37]))
+    return configuration, x[..., 37:]

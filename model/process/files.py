@@ -1,18 +1,32 @@
-"""Atomic writing of files and of sets of files: written to temporary places, then moved."""
+"""Atomic writing of files and of sets of files: written to temporary places, then moved.
 
+Each temporary place is locked as long as its process lives. A process that is killed leaves its temporary files,
+without the lock; the next command in the folder removes them.
+"""
+
+import logging
 import os
+import re
+import secrets
+import shutil
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from gough_stewart.model.errors import OutputError
-from gough_stewart.model.process.temporary import lock, remove_leftovers, temporary_file, temporary_folder
+
+try:
+    import fcntl
+except ImportError:  # Windows: nothing is locked, and nothing is removed
+    fcntl = None  # type: ignore[assignment]
 
 # The content of a file, or a function that writes it to a path.
 Content = bytes | Callable[[Path], None]
 _reserved: set[tuple[int, Path]] = set()
+_NAME = re.compile(r"\.(?:.+\.)?[a-z0-9_]{8}\.part")
+_log = logging.getLogger(__name__)
 
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
@@ -46,7 +60,7 @@ def reserved(folder: Path) -> Iterator[None]:
     Raises
     ------
     OutputError
-        As `check_output_folder`, or another process or thread writes there.
+        The folder cannot be written to, or another process or thread writes there.
     """
     check_output_folder(folder, ())
     is_new = not folder.exists()
@@ -157,6 +171,85 @@ def _swap_in(files: FileSet, older: set[str]) -> None:
             (files.temporary / name).replace(files.folder / name)
     except OSError as error:
         # under a name that the next command does not take for a leftover
-        kept = files.temporary.rename(files.temporary.with_name(f"not-moved{files.temporary.stem}"))
-        error.add_note(f"the new files are in {kept}")
+        place = files.temporary.rename(files.temporary.with_name(f"not-moved{files.temporary.stem}"))
+        error.add_note(f"the new files are in {place}")
         raise
+
+
+def temporary_file(path: Path) -> AbstractContextManager[Path]:
+    """A new, empty file beside a path, removed at the end unless it was renamed."""
+    return _locked(path.parent, f".{path.name}", Path.touch)
+
+
+def temporary_folder(folder: Path) -> AbstractContextManager[Path]:
+    """A new folder in a folder, removed at the end unless it was renamed."""
+    return _locked(folder, "", Path.mkdir)
+
+
+def remove_leftovers(folder: Path) -> None:
+    """Remove what processes that have ended left in a folder, and log it; what a living process writes stays."""
+    if fcntl is None:
+        return
+    if removed := [p.name for p in sorted(folder.glob(".*.part")) if _NAME.fullmatch(p.name) and _remove(p)]:
+        _log.info("removed from %s what a command left that was killed: %s", folder, ", ".join(removed))
+
+
+@contextmanager
+def _locked(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterator[Path]:
+    """Make a temporary file or folder, hold its lock, and remove it."""
+    while True:
+        path, descriptor = folder / f"{stem}.{secrets.token_hex(4)}.part", None
+        try:
+            make(path)
+            # in the moment before its lock, another process may remove it, at any of these steps
+            try:
+                descriptor = None if fcntl is None else os.open(path, os.O_RDONLY)
+            except FileNotFoundError:
+                continue
+            if descriptor is None or (lock(descriptor) is not False and _is_there(path, descriptor)):
+                yield path
+                return
+        finally:
+            if descriptor is not None:
+                os.close(descriptor)
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            elif path.exists():
+                path.unlink(missing_ok=True)
+
+
+def lock(descriptor: int) -> bool | None:
+    """Whether the lock is ours now; None on file systems without locks."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return None
+    return True
+
+
+def _is_there(path: Path, descriptor: int) -> bool:
+    with suppress(OSError):
+        return os.path.samestat(path.stat(), os.fstat(descriptor))
+    return False
+
+
+def _remove(path: Path) -> bool:
+    """Remove a file or folder that nobody holds."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        if not lock(descriptor) or not _is_there(path, descriptor):
+            return False
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+    except OSError:  # belongs to somebody else
+        return False
+    finally:
+        os.close(descriptor)
+    return True

@@ -1,7 +1,8 @@
-"""TOML, read with errors that name line and key, and values as they are written."""
+"""TOML, read with errors that name line and key; values as they are written; the files that ship with the package."""
 
 import re
 import tomllib
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -40,12 +41,23 @@ def toml_item(value: Any) -> tomlkit.items.Item:
     return array
 
 
+def toml_names(package: str, folder: str) -> tuple[str, ...]:
+    """Names of the TOML files in a folder of a package, without .toml."""
+    files = resources.files(package).joinpath(folder).iterdir()
+    return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
+
+
+def toml_text(package: str, folder: str, name: str) -> str:
+    """The text of such a file, with its comments."""
+    return resources.files(package).joinpath(folder, f"{name}.toml").read_text(encoding="utf-8")
+
+
 def _explained(message: str, text: str) -> str:
-    found = _PLACE.search(message)
-    if found is None:
+    place = _PLACE.search(message)
+    if place is None:
         return message
     # TOML counts line feeds only
-    number, lines = int(found[1]), text.split("\n")
+    number, lines = int(place[1]), text.split("\n")
     # the key of a value with several lines is in a line above
     before = enumerate(reversed(lines[:number]))
     key = next(((number - k, match[1]) for k, line in before if (match := _KEY.match(line))), None)

@@ -11,8 +11,8 @@ from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
-from tests.model.formulations.test_formulations import solve_by_kane, solve_by_newton_euler
-from tests.model.test_energy import spring_energy_error
+from tests.model.formulations.test_formulations import by_kane, by_newton_euler
+from tests.model.test_dynamics import spring_energy_error
 from tests.support.fmu_plants import Fmu
 from tests.support.random_platforms import random_sample, relative_difference
 
@@ -27,18 +27,18 @@ def test_formulations_agree_on_20_000_random_platforms() -> None:
         sample = random_sample(1000, seed)
         a = dynamics.forward_dynamics(sample.parameters, sample.state, sample.inputs)
         task = np.concatenate(a, axis=-1)
-        kane, newton = solve_by_kane(sample), solve_by_newton_euler(sample)
+        (kane, kane_forces), (newton, newton_forces) = by_kane(sample), by_newton_euler(sample)
         x, u = sample.state.to_vector(), sample.inputs.to_vector()
         traced = [
             kernel.derivatives(x[k], u[k], parameter_vector(p))[6:].copy() for k, p in enumerate(sample.platforms)
         ]
         forces = dynamics.joint_forces(sample.parameters, sample.state, sample.inputs.actuator_force, a)
         for name, value, expected in (
-            ("Kane", kane.platform_acceleration, task),
-            ("Newton–Euler", np.concatenate([newton.linear, newton.angular], axis=-1), task),
+            ("Kane", kane, task),
+            ("Newton–Euler", newton, task),
             ("kernel", np.array(traced), task),
-            ("joint forces", kane.joint_force, forces),
-            ("joint forces", newton.joint_force, forces),
+            ("joint forces", kane_forces, forces),
+            ("joint forces", newton_forces, forces),
         ):
             worst[name] = max(worst[name], relative_difference(value, expected))
     print("\n" + ", ".join(f"{name} {value:.2e}" for name, value in worst.items()))

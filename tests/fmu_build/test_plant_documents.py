@@ -100,7 +100,7 @@ def test_reference_results_are_those_of_another_formulation_under_linear_inputs(
     inputs = INPUTS.to_vector() + np.outer([0, 1, -1], more)
     found = interface.unpack(interface.RESULTS, reference_results(ReferenceCase("own", UNEVEN, STATE, time, inputs)))
 
-    def solved(t: float, y: np.ndarray) -> newton_euler.Solution:
+    def solved(t: float, y: np.ndarray) -> newton_euler.NewtonEulerSolution:
         u = np.array([np.interp(t, time, column) for column in inputs.T])
         return newton_euler.solve(UNEVEN, y[:3], y[3:12].reshape(3, 3), y[12:15], y[15:], u[:6], u[6:9], u[9:])
 

@@ -54,10 +54,6 @@ def test_copies_of_errors_keep_text_and_data(error: errors.GoughStewartError, co
     assert vars(other) == vars(error)
 
 
-def test_a_step_error_says_quantity_value_and_time() -> None:
-    assert str(EXAMPLES[-1]) == "leg_length[1] = 0.1 at time 2 s: has collapsed"
-
-
 def test_an_error_of_many_names_the_first_of_them_and_their_number() -> None:
     """Expected: the lowest index, in whatever order they were found."""
     failures = {7: errors.StepError("a", 1, 0.5, "late"), 3: errors.StepError("b", 2, 7.3, "early")}

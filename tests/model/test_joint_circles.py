@@ -2,110 +2,22 @@
 
 import math
 from dataclasses import replace
-from itertools import permutations
 from typing import Any
 
 import numpy as np
 import pytest
 import tomlkit
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.optimize import brentq, lsq_linear
-from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.model import joint_order
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.joint_circles import joints_of_keys, joints_on_circles
-from gough_stewart.model.joint_order import segment_distances
-from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform_toml import platform_from_toml, platform_to_toml
-from gough_stewart.model.vectors import FloatArray
-from tests.support.uneven import UNEVEN
 
 _JOINTS = ("base_points", "platform_points", "home_position", "home_orientation")
 
 
 def _others(platform: gs.Platform) -> dict[str, Any]:
     return {name: value for name, value in platform.as_dict().items() if name not in _JOINTS}
-
-
-def test_the_desktop_hexapod_comes_out_of_its_source_s_radii_and_angles() -> None:
-    """The preset's joints were entered from its source: circles of 150 and 100 mm, pairs of ± 15°, height 150 mm."""
-    preset = gs.load_preset("desktop_hexapod")
-    made = gs.Platform.from_radii(
-        0.15, 0.10, math.radians(30), math.radians(30), home_leg_length=0.170350, **_others(preset)
-    )
-    # the preset lists the same joints from the same azimuth on, in the same direction; the source rounds to 1e-6 m
-    np.testing.assert_allclose(made.base_points[0], preset.base_points[0], atol=1e-8)
-    for leg in zip(made.base_points, made.platform_points, strict=True):
-        distances = [
-            np.abs(np.concatenate([leg[0] - base, leg[1] - platform])).max()
-            for base, platform in zip(preset.base_points, preset.platform_points, strict=True)
-        ]
-        assert min(distances) < 1e-8
-    assert made.home_position[2] == pytest.approx(0.15, abs=2e-6)
-
-
-@pytest.mark.parametrize(("pairing", "turn"), [("near", 30), ("far", 60)])
-def test_the_paper_s_legs_turn_by_30_degrees_or_by_60(pairing: Any, turn: float) -> None:
-    """Base pairs ± 15° about 0°, platform pairs ± 15° about 60°: 15° and 45° are near, 15° and 75° far."""
-    joints = joints_on_circles(2.0, 1.0, math.radians(30), math.radians(30), 3.2459, pairing)
-    azimuths = [np.degrees(np.arctan2(joints[name][:, 1], joints[name][:, 0])) for name in _JOINTS[:2]]
-    turns = (azimuths[1] - azimuths[0] + 180) % 360 - 180
-    np.testing.assert_allclose(turns, [turn, -turn] * 3, atol=1e-9)
-    np.testing.assert_allclose(azimuths[0] % 360, [15, 105, 135, 225, 255, 345], atol=1e-9)
-
-
-@given(
-    st.floats(0.05, 5),
-    st.floats(0.05, 5),
-    st.floats(1, 118),
-    st.floats(1, 118),
-    st.sampled_from(["near", "far"]),
-    st.floats(1.02, 4),
-)
-def test_every_leg_has_the_home_length_and_every_pair_its_angle(
-    R: float, r: float, a: float, b: float, pairing: Any, stretch: float
-) -> None:
-    """Lengths and angles measured in the joints; each is used once: six different base and platform joints."""
-    L = stretch * (R + r)
-    joints = joints_on_circles(R, r, math.radians(a), math.radians(b), L, pairing)
-    base, platform = joints["base_points"], joints["platform_points"]
-    np.testing.assert_allclose(np.linalg.norm(joints["home_position"] + platform - base, axis=-1), L, rtol=1e-12)
-    for points, radius, angle in ((base, R, a), (platform, r, b)):
-        np.testing.assert_allclose(np.linalg.norm(points, axis=-1), radius, rtol=1e-12)
-        azimuth = np.sort(np.degrees(np.arctan2(points[:, 1], points[:, 0])) % 360)
-        gaps = np.sort(np.diff([*azimuth, azimuth[0] + 360]))
-        np.testing.assert_allclose(gaps, np.sort([angle] * 3 + [120 - angle] * 3), atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "says"),
-    [
-        ("base_radius", -1.0, "above 0"),
-        ("platform_angle", 30.0, "in radians"),
-        ("base_angle", 0.0, "below 2.0944"),
-        ("home_leg_length", 0.5, "more than the 1.239"),
-        ("pairing", "cross", "'near' or 'far'"),
-        ("platform_radius", "1 m", "expected"),
-        ("base_points", np.zeros((6, 3)), "leave it out"),
-    ],
-)
-def test_impossible_circles_are_refused_by_name(key: str, value: Any, says: str) -> None:
-    """1.239 m is √(4 + 1 − 4 cos 30°)."""
-    values: dict[str, Any] = {
-        **_others(gs.load_preset("liu2000")),
-        "base_radius": 2.0,
-        "platform_radius": 1.0,
-        "base_angle": math.radians(30),
-        "platform_angle": math.radians(30),
-        "home_leg_length": 3.2459,
-        key: value,
-    }
-    with pytest.raises(PlatformError, match=says) as refused:
-        gs.Platform.from_radii(**values)
-    assert refused.value.field == key
 
 
 def test_parameters_that_radii_and_angles_leave_open_are_asked_for_by_name() -> None:
@@ -167,67 +79,6 @@ def test_an_experiment_may_state_circles_with_units() -> None:
     np.testing.assert_allclose(np.linalg.norm(home + tips - points, axis=-1), 3.1, rtol=1e-12)
 
 
-def test_presets_have_no_hints() -> None:
-    """Their joints are in the order of their sources."""
-    for name in ("liu2000", "desktop_hexapod", "motion_base"):
-        assert gs.load_preset(name).hints == ()
-
-
-def test_nearly_all_exchanged_joints_that_assemble_are_hinted_at() -> None:
-    """All orders of a preset's platform joints that assemble, its own aside: most cross, the others condition worse."""
-    preset = gs.load_preset("motion_base")
-    hinted = 0
-    for order in list(permutations(range(6)))[1:]:
-        try:
-            exchanged = replace(preset, platform_points=preset.platform_points[list(order)])
-        except PlatformError:
-            continue
-        hinted += bool(exchanged.hints)
-    assert hinted >= 70
-
-
-def test_the_hint_s_better_order_has_the_condition_number_that_it_states() -> None:
-    """Against NumPy's condition number of the Jacobian of the named order, with angles scaled by the joints' radius."""
-    preset = gs.load_preset("liu2000")
-    for order in permutations(range(6)):
-        try:
-            exchanged = replace(preset, platform_points=preset.platform_points[list(order)])
-        except PlatformError:
-            continue
-        hint = next((each for each in exchanged.hints if "in the order" in each), None)
-        if hint is None:
-            continue
-        named = [int(k) - 1 for k in hint.split("in the order ")[1].split(";")[0].split(", ")]
-        stated = [float(part.split()[0].rstrip(",")) for part in hint.split(" of ")[1:3]]
-        for joints, number in ((exchanged.platform_points, stated[0]), (exchanged.platform_points[named], stated[1])):
-            legs = exchanged.home_position + joints - exchanged.base_points
-            u = legs / np.linalg.norm(legs, axis=-1, keepdims=True)
-            J = np.hstack([u, np.cross(joints, u) / np.sqrt((joints**2).sum(axis=1).mean())])
-            assert float(np.linalg.cond(J)) == pytest.approx(number, rel=6e-3)
-        mended = replace(exchanged, platform_points=exchanged.platform_points[named])
-        assert mended.hints == ()
-        return
-    pytest.fail("no order of the joints of liu2000 has a hint at a better one")
-
-
-@given(st.lists(st.floats(-1, 1), min_size=36, max_size=36))
-def test_distances_of_legs_are_those_of_a_search(numbers: list[float]) -> None:
-    """The least distance over a grid of both parameters, which is never smaller and close to it."""
-    ends = np.array(numbers).reshape(2, 6, 3)
-    base, tip = ends[0], ends[0] + ends[1] + np.array([0.0, 0.0, 2.5])
-    found = segment_distances(base, tip)
-    share = np.linspace(0, 1, 61)[:, None]
-    points = base[:, None] + share * (tip - base)[:, None]
-    k = 0
-    for i in range(6):
-        for j in range(i + 1, 6):
-            searched = np.linalg.norm(points[i][:, None] - points[j][None], axis=-1).min()
-            step = max(np.linalg.norm(tip[i] - base[i]), np.linalg.norm(tip[j] - base[j])) / 60
-            assert found[k] <= searched + 1e-12
-            assert found[k] >= searched - step
-            k += 1
-
-
 @pytest.mark.parametrize(
     ("key", "value", "text"),
     [
@@ -242,6 +93,8 @@ def test_distances_of_legs_are_those_of_a_search(numbers: list[float]) -> None:
             "is 1.2 m; expected more than the 1.23931 m between a base joint and the platform joint above it, seen "
             "from above",
         ),
+        ("platform_radius", "1 m", "is '1 m'; expected one number"),
+        ("base_points", np.zeros((6, 3)), "is determined by the radii and angles; leave it out"),
         ("pairing", "cross", "is 'cross'; expected 'near' or 'far'"),
         ("home_position", np.zeros(3), "is determined by the radii and angles; leave it out"),
         ("home_orientation", np.zeros(3), "is determined by the radii and angles; leave it out"),
@@ -319,96 +172,3 @@ def test_keys_of_circles_in_a_file_are_all_needed_but_the_pairing() -> None:
     found = joints_of_keys({**values, **circles})
     assert set(found) == {"gravity", "name", *_JOINTS}
     np.testing.assert_array_equal(found["base_points"], joints_on_circles(**circles)["base_points"])
-
-
-def _crossing(share: float, **limits: Any) -> gs.Platform:
-    """The uneven platform with the tip of leg 4 moved until that leg passes leg 5 at a share of the shorter one."""
-    base, home = UNEVEN.base_points, UNEVEN.home_position
-    R = Rotation.from_euler("xyz", UNEVEN.home_orientation)
-    tips = home + R.apply(UNEVEN.platform_points.copy())
-
-    def moved(t: float) -> FloatArray:
-        points = UNEVEN.platform_points.copy()
-        points[3] = R.inv().apply(tips[3] + t * (tips[4] + np.array([-0.8, 0.0, 0.0]) - tips[3]) - home)
-        return points
-
-    def gap(t: float) -> float:
-        return _measured(base, home + R.apply(moved(t)), 3, 4) - share
-
-    grid = np.linspace(0, 1, 80)
-    gaps = [gap(t) for t in grid]
-    k = next(k for k in range(1, 80) if gaps[k] < 0)
-    return replace(UNEVEN, platform_points=moved(brentq(gap, grid[k - 1], grid[k], xtol=1e-7)), **limits)
-
-
-def _measured(base: FloatArray, tip: FloatArray, i: int, j: int) -> float:
-    """The least distance of two legs as a share of the shorter, by SciPy's bounded least squares."""
-    d, e, r = tip[i] - base[i], tip[j] - base[j], base[j] - base[i]
-    found = lsq_linear(np.stack([d, -e], axis=1), r, (0, 1), tol=1e-14)
-    return float(np.sqrt(2 * found.cost) / min(np.linalg.norm(d), np.linalg.norm(e)))
-
-
-def test_legs_that_nearly_touch_are_named_with_their_distance_from_5_percent_on() -> None:
-    """Expected: the distance by another method, the numbers of the legs; nothing from just above 5 % on."""
-    close = _crossing(0.031, leg_length_min=None, leg_length_max=None)
-    (first, *_) = close.hints
-    assert first == (
-        "legs 4 and 5 come within 3.1 % of their length of each other at home, so real legs would collide; check the "
-        "order of base_points and platform_points: joint i of one belongs to joint i of the other"
-    )
-    for share, is_hinted in ((0.0495, True), (0.0505, False)):
-        hints = _crossing(share, leg_length_min=None, leg_length_max=None).hints
-        assert any(hint.startswith("legs 4 and 5") for hint in hints) == is_hinted
-
-
-def test_a_better_order_is_named_only_if_its_legs_fit_and_keep_their_distance() -> None:
-    """Expected: the best of all orders by a search with NumPy's condition number, SciPy's distances and the stroke."""
-    order = [1, 0, 3, 4, 5, 2]
-    exchanged = replace(UNEVEN, platform_points=UNEVEN.platform_points[order], leg_length_min=None, leg_length_max=None)
-    base, home = exchanged.base_points, exchanged.home_position
-    R = Rotation.from_euler("xyz", exchanged.home_orientation)
-
-    orders = np.array(list(permutations(range(6))))
-    arms = R.apply(exchanged.platform_points.copy())[orders]
-    l = home + arms - base
-    L = np.linalg.norm(l, axis=-1)
-    u, rho = l / L[..., None], np.sqrt((arms[0] ** 2).sum() / 6)
-    numbers = np.linalg.cond(np.concatenate([u, np.cross(arms, u) / rho], axis=-1))
-
-    def searched(low: float, high: float) -> tuple[float, str]:
-        """The least condition number of an order that fits, and its numbers of joints."""
-        for k in np.argsort(numbers):
-            # distances are tested by themselves, above
-            shorter = [min(L[k, i], L[k, j]) for i in range(6) for j in range(i + 1, 6)]
-            fits = low <= L[k].min() and L[k].max() <= high
-            if fits and (segment_distances(base, home + arms[k]) / shorter).min() >= 0.05:
-                return float(numbers[k]), ", ".join(str(j + 1) for j in orders[k])
-        raise AssertionError("no order fits")
-
-    now = conditioning(exchanged, home, exchanged.home_orientation).condition_number
-    own = leg_geometry(exchanged, home, exchanged.home_orientation).length
-    seen = set()
-    for low, high in ((None, None), (None, float(own.max()) * 1.001), (float(own.min()) * 0.999, None)):
-        platform = replace(exchanged, leg_length_min=low, leg_length_max=high)
-        number, best = searched(low or 0.0, high or np.inf)
-        seen.add(best)
-        assert [hint for hint in platform.hints if "in the order" in hint] == [
-            f"the leg Jacobian has a condition number of {now:.3g} at home, and of {number:.3g} with the platform "
-            f"joints in the order {best}; check the order of base_points and platform_points: joint i of one belongs "
-            "to joint i of the other"
-        ]
-    assert len(seen) == 3
-
-
-def test_an_order_is_named_from_a_third_of_the_condition_number_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: the ratio of the two numbers of the hint, just met and just missed."""
-    exchanged = replace(UNEVEN, platform_points=UNEVEN.platform_points[[1, 0, 3, 4, 5, 2]], leg_length_max=None)
-    assert joint_order.BETTER == 3
-    home = exchanged.home_position, exchanged.home_orientation
-    (hint,) = (each for each in exchanged.hints if "in the order" in each)
-    order = [int(k) - 1 for k in hint.split("in the order ")[1].split(";")[0].split(", ")]
-    better = replace(exchanged, platform_points=exchanged.platform_points[order])
-    ratio = conditioning(exchanged, *home).condition_number / conditioning(better, *home).condition_number
-    for factor, is_named in ((ratio * (1 - 1e-9), True), (ratio * (1 + 1e-9), False)):
-        monkeypatch.setattr(joint_order, "BETTER", factor)
-        assert any("in the order" in each for each in exchanged.hints) == is_named

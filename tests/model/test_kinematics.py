@@ -12,98 +12,74 @@ from scipy.spatial.transform import Rotation
 from gough_stewart.model import dynamics, kinematics, pose_limits
 from gough_stewart.model.errors import SingularPoseError
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.rotations import angular_velocity_from_orientation_rate
 from gough_stewart.model.state import State
-from tests.support.random_platforms import Sample, random_platform, random_state
-from tests.support.uneven import STATE, UNEVEN
+from tests.support.random_platforms import random_platform, random_state
+from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 seeds = st.integers(0, 2**32 - 1)
 
 
-def test_published_legs_have_the_length_of_the_30_degree_pairing(paper: Platform) -> None:
-    """Expected: cosine rule, L² = 2² + 1² − 2·2·1 cos 30° + 3²."""
-    legs = kinematics.leg_geometry(paper, paper.home_position, paper.home_orientation)
-    assert np.allclose(legs.length, np.sqrt(14 - 2 * np.sqrt(3)), rtol=1e-15)
+def test_the_legs_of_a_pose_are_those_of_elementary_geometry(paper: Platform) -> None:
+    """Expected: written out with SciPy's rotation; of the paper's platform the cosine rule; Fichter's singularity.
 
-
-def test_directions_are_unit_vectors_from_base_to_platform(thousand: Sample) -> None:
-    state = thousand.state
-    legs = kinematics.leg_geometry(thousand.parameters, state.position, state.orientation)
-    assert np.allclose(np.linalg.norm(legs.direction, axis=-1), 1, atol=1e-15)
-    tip = thousand.parameters.base_points + legs.length[..., None] * legs.direction
-    assert np.allclose(tip, state.position[:, None, :] + legs.arm, atol=1e-13)
-
-
-@given(seeds)
-def test_rates_are_the_derivatives_of_lengths_and_directions(seed: int) -> None:
-    """Expected: central differences along the motion."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    state = random_state(platform, rng)
-    angle_rate = rng.normal(size=3)
-    omega = angular_velocity_from_orientation_rate(state.orientation, angle_rate)
-    state = state._replace(angular_velocity=omega)
-    h = 1e-6
-    ahead, behind = (
-        kinematics.leg_geometry(platform, state.position + s * state.velocity, state.orientation + s * angle_rate)
-        for s in (h, -h)
-    )
-    rates = kinematics.leg_rates(platform, state)
-    assert np.allclose(rates.length_rate, (ahead.length - behind.length) / (2 * h), atol=1e-7)
-    assert np.allclose(rates.direction_rate, (ahead.direction - behind.direction) / (2 * h), atol=1e-7)
-
-
-@given(seeds)
-def test_jacobian_maps_twist_to_leg_velocities(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    state = random_state(platform, rng)
-    twist = np.concatenate([state.velocity, state.angular_velocity])
-    J = kinematics.leg_jacobian(platform, state.position, state.orientation)
-    assert np.allclose(J @ twist, kinematics.leg_rates(platform, state).length_rate, rtol=1e-12)
-
-
-def test_wrench_of_leg_forces_is_the_sum_of_forces_and_moments(thousand: Sample) -> None:
-    """Expected: forces F u at P_i, summed with NumPy's cross product."""
-    legs = kinematics.leg_geometry(thousand.parameters, thousand.state.position, thousand.state.orientation)
-    F = thousand.inputs.actuator_force
-    forces = F[..., None] * legs.direction
-    expected = np.concatenate([forces.sum(axis=1), np.cross(legs.arm, forces).sum(axis=1)], axis=-1)
-    wrench = kinematics.wrench_from_leg_forces(legs, F)
-    assert np.allclose(wrench, expected, atol=1e-12 * np.abs(expected).max())
-
-
-def test_yaw_of_90_degrees_is_singular(paper: Platform) -> None:
-    """Expected: Fichter's singularity, at ±90° of yaw from the symmetric pose whatever the height."""
+    Conditioning by singular values of [u, c × u / ρ], ρ the joints' root mean square distance.
+    """
+    arm = Rotation.from_euler("xyz", STATE.orientation).apply(UNEVEN.platform_points.copy())
+    l = STATE.position + arm - UNEVEN.base_points
+    L = np.linalg.norm(l, axis=1)
+    u = l / L[:, None]
+    legs = kinematics.leg_geometry(UNEVEN, STATE.position, STATE.orientation)
+    for part, expected in zip(legs, (arm, l, L, u), strict=True):
+        assert part == pytest.approx(expected, abs=1e-14)
+    J = np.hstack([u, np.cross(arm, u)])
+    assert kinematics.leg_jacobian(UNEVEN, STATE.position, STATE.orientation) == pytest.approx(J, abs=1e-13)
+    forces = INPUTS.actuator_force[:, None] * u
+    wrench = [*forces.sum(axis=0), *np.cross(arm, forces).sum(axis=0)]
+    assert kinematics.wrench_from_leg_forces(legs, INPUTS.actuator_force) == pytest.approx(wrench, rel=1e-12)
+    rho = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
+    sigma = np.linalg.svd(np.hstack([u, np.cross(arm, u) / rho]), compute_uv=False)
+    expected_conditioning = [sigma[0] / sigma[5], sigma[5], rho]
+    found = kinematics.conditioning(UNEVEN, STATE.position, STATE.orientation)
+    assert list(found) == pytest.approx(expected_conditioning, rel=1e-10)
+    assert UNEVEN.characteristic_length == pytest.approx(rho, rel=1e-12)
+    length = kinematics.leg_geometry(paper, paper.home_position, paper.home_orientation).length
+    assert length == pytest.approx(np.full(6, np.sqrt(14 - 2 * np.sqrt(3))), rel=1e-15)
     for yaw in (np.pi / 2, -np.pi / 2):
-        found = kinematics.conditioning(paper, np.array([0, 0, 3.0]), np.array([0, 0, yaw]))
-        assert found.smallest_singular_value < 1e-15
-        assert found.condition_number > 1e15
+        singular = kinematics.conditioning(paper, np.array([0, 0, 3.0]), np.array([0, 0, yaw]))
+        assert singular.smallest_singular_value < 1e-15
+        assert singular.condition_number > 1e15
 
 
-def test_conditioning_worsens_on_the_way_to_the_singular_pose(paper: Platform) -> None:
-    yaw = np.radians([0, 30, 60, 80, 89])
-    orientation = np.stack([0 * yaw, 0 * yaw, yaw], axis=-1)
-    found = kinematics.conditioning(paper, np.array([0, 0, 3.0]), orientation)
-    assert np.all(np.diff(found.condition_number) > 0)
-    assert np.all(np.diff(found.smallest_singular_value) < 0)
-
-
-@given(seeds, st.floats(0.01, 100))
-def test_conditioning_does_not_depend_on_the_unit_of_length(seed: int, scale: float) -> None:
-    """Expected: a dimensionless measure is the same for a scaled copy."""
+@given(seeds)
+def test_rates_and_accelerations_are_the_derivatives_along_a_motion(seed: int) -> None:
+    """Expected: central differences along t + v t + v̇ t²/2 and exp(ω t + ω̇ t²/2) R, of lengths, directions, rates."""
     rng = np.random.default_rng(seed)
     platform = random_platform(rng)
-    position, orientation = random_state(platform, rng)[:2]
-    from gough_stewart.model.parameters import stack
+    state = random_state(platform, rng)
+    linear, angular = rng.normal(size=(2, 3))
+    h = 1e-5
 
-    scaled = stack([platform])
-    scaled.base_points[...] *= scale
-    scaled.platform_points[...] *= scale
-    one = kinematics.conditioning(platform, position, orientation)
-    other = kinematics.conditioning(scaled, scale * position[None], orientation[None])
-    assert np.allclose(other.condition_number, one.condition_number, rtol=1e-9)
-    assert np.allclose(other.smallest_singular_value, one.smallest_singular_value, rtol=1e-9)
+    def at(t: float) -> tuple[kinematics.LegGeometry, kinematics.LegRates]:
+        turn = Rotation.from_rotvec(t * state.angular_velocity + 0.5 * t * t * angular)
+        o = (turn * Rotation.from_euler("xyz", state.orientation)).as_euler("xyz")
+        p = state.position + t * state.velocity + 0.5 * t * t * linear
+        moving = State(p, o, state.velocity + t * linear, state.angular_velocity + t * angular)
+        return kinematics.leg_geometry(platform, p, o), kinematics.leg_rates(platform, moving)
+
+    (ahead, fast), (legs, rates), (behind, slow) = at(h), at(0.0), at(-h)
+
+    def agrees(found: np.ndarray, one: np.ndarray, other: np.ndarray) -> None:
+        expected = (one - other) / (2 * h)
+        assert found == pytest.approx(expected, abs=1e-5 * (1 + np.abs(expected).max()))
+
+    agrees(rates.length_rate, ahead.length, behind.length)
+    agrees(rates.direction_rate, ahead.direction, behind.direction)
+    agrees(rates.joint_velocity, ahead.vector, behind.vector)
+    agrees(kinematics.leg_accelerations(legs, state, linear, angular), fast.length_rate, slow.length_rate)
+    joints = kinematics.joint_accelerations(legs, state.angular_velocity, linear, angular)
+    agrees(joints, fast.joint_velocity, slow.joint_velocity)
+    J = kinematics.leg_jacobian(platform, *state[:2])
+    assert rates.length_rate == pytest.approx(J @ np.concatenate(state[2:]), rel=1e-11, abs=1e-11)
 
 
 def test_joint_angles_are_those_between_directions_in_world_and_in_platform_axes() -> None:
@@ -127,11 +103,6 @@ def test_joint_angles_are_those_between_directions_in_world_and_in_platform_axes
     across = np.linalg.norm(aside - there[0] * (there[0] @ aside)[:, None], axis=1)
     length = kinematics.leg_geometry(UNEVEN, *home).length
     assert turned == pytest.approx(across / length, rel=1e-5)
-
-
-def test_state_vector_round_trip(thousand: Sample) -> None:
-    again = State.from_vector(thousand.state.to_vector())
-    assert all(np.array_equal(a, b) for a, b in zip(again, thousand.state, strict=True))
 
 
 def test_poses_and_motions_may_be_lists(paper: Platform) -> None:
@@ -180,23 +151,6 @@ def test_a_leg_of_length_zero_is_a_singular_pose_and_no_warning(paper: Platform)
         dynamics.static_leg_forces(met, o, o)
     with pytest.raises(SingularPoseError, match="condition number inf"):
         dynamics.inverse_dynamics(met, State(o, o, o, o), dynamics.Acceleration(o, o))
-
-
-def test_conditioning_is_that_of_singular_values_with_angles_scaled() -> None:
-    """Expected: NumPy's singular values of [u, c × u / ρ], written out; ρ is the joints' root mean square distance."""
-    turn = Rotation.from_euler("xyz", STATE.orientation)
-    arm = turn.apply(UNEVEN.platform_points.copy())
-    l = STATE.position + arm - UNEVEN.base_points
-    u = l / np.linalg.norm(l, axis=1)[:, None]
-    rho = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
-    sigma = np.linalg.svd(np.hstack([u, np.cross(arm, u) / rho]), compute_uv=False)
-    found = kinematics.conditioning(UNEVEN, STATE.position, STATE.orientation)
-    assert found.condition_number == pytest.approx(sigma[0] / sigma[5], rel=1e-10)
-    assert found.smallest_singular_value == pytest.approx(sigma[5], rel=1e-10)
-    assert found.characteristic_length == pytest.approx(rho, rel=1e-12)
-    assert UNEVEN.characteristic_length == pytest.approx(rho, rel=1e-12)
-    J = np.hstack([u, np.cross(arm, u)])
-    assert kinematics.leg_jacobian(UNEVEN, STATE.position, STATE.orientation) == pytest.approx(J, abs=1e-13)
 
 
 def test_poses_of_a_batch_know_nothing_of_each_other() -> None:
@@ -248,30 +202,3 @@ def test_the_side_of_singular_poses_is_the_sign_of_the_determinant_against_home(
         assert pose_limits.side_of_singular_poses(flat, legs) == np.sign(dets[0] * dets[1])
         assert kinematics.handedness_of_legs(legs) == np.sign(dets[0])
     assert pose_limits.side_of_singular_poses(flat, kinematics.leg_geometry(flat, *mirrored)) == -1
-
-
-@given(seeds)
-def test_leg_accelerations_are_the_second_derivatives_of_lengths(seed: int) -> None:
-    """Expected: central differences of L̇ along the motion; joint accelerations those of the joint velocities."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    state = random_state(platform, rng)
-    linear, angular = rng.normal(size=(2, 3))
-    h = 1e-5
-
-    def rates(t: float) -> kinematics.LegRates:
-        turn = Rotation.from_rotvec(t * state.angular_velocity + 0.5 * t * t * angular)
-        o = (turn * Rotation.from_euler("xyz", state.orientation)).as_euler("xyz")
-        p = state.position + t * state.velocity + 0.5 * t * t * linear
-        return kinematics.leg_rates(
-            platform, State(p, o, state.velocity + t * linear, state.angular_velocity + t * angular)
-        )
-
-    ahead, behind = rates(h), rates(-h)
-    legs = kinematics.leg_geometry(platform, state.position, state.orientation)
-    found = kinematics.leg_accelerations(legs, state, linear, angular)
-    expected = (ahead.length_rate - behind.length_rate) / (2 * h)
-    assert found == pytest.approx(expected, abs=1e-5 * (1 + np.abs(expected).max()))
-    joints = kinematics.joint_accelerations(legs, state.angular_velocity, linear, angular)
-    expected = (ahead.joint_velocity - behind.joint_velocity) / (2 * h)
-    assert joints == pytest.approx(expected, abs=1e-5 * (1 + np.abs(expected).max()))

@@ -105,9 +105,3 @@ def test_broadcasting_is_numpys_for_symbols() -> None:
     f = casadi.Function("f", [casadi.vertcat(*x.ravel())], [casadi.vertcat(*found.ravel())])
     values = np.array([0.5, 2.5, -1.0])
     np.testing.assert_array_equal(np.asarray(f(values)).reshape(3, 4), np.minimum(values[:, None], np.arange(4.0)))
-
-
-def test_numbers_become_floats_and_symbols_stay() -> None:
-    assert operations.numbers_or_symbols([1, 2]).dtype == float
-    symbols = np.array([casadi.SX.sym("x")], dtype=object)
-    assert operations.numbers_or_symbols(symbols) is symbols

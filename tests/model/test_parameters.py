@@ -1,4 +1,4 @@
-"""Every parameter reaches all that it concerns. What is expected stands here and in the tables for users."""
+"""Every parameter reaches all that it concerns, and is what docs/notation.md says of it."""
 
 import re
 import tomllib
@@ -26,60 +26,38 @@ from tests.support.random_platforms import random_inputs, random_platform, rando
 DOCS = Path(__file__).parents[2] / "docs"
 
 
-class Expected(NamedTuple):
-    """Of one parameter; `default` is a number, a list, None for a limit that is not stated, or NEEDED."""
+class Documented(NamedTuple):
+    """A row of the tables in docs/notation.md, which are written by hand: what the code must hold to."""
 
     shape: tuple[int, ...]
     unit: str
-    default: Any
+    default: Any  # a list, None for a limit that is not stated, or NEEDED
     bound: str | None
-    is_tunable: bool = False
+    is_tunable: bool
+    in_fmu: str
 
 
 NEEDED = "needed"
-PHYSICAL = {
-    "base_points": Expected((6, 3), "m", NEEDED, None),
-    "platform_points": Expected((6, 3), "m", NEEDED, None),
-    "platform_mass": Expected((), "kg", NEEDED, "> 0", True),
-    "platform_com": Expected((3,), "m", [0, 0, 0], None, True),
-    "platform_inertia": Expected((3, 3), "kg.m2", NEEDED, None, True),
-    "leg_lower_mass": Expected((), "kg", NEEDED, "> 0"),
-    "leg_upper_mass": Expected((), "kg", NEEDED, "> 0"),
-    "leg_lower_com": Expected((), "m", NEEDED, ">= 0"),
-    "leg_upper_com": Expected((), "m", NEEDED, ">= 0"),
-    "leg_lower_inertia": Expected((), "kg.m2", NEEDED, ">= 0"),
-    "leg_upper_inertia": Expected((), "kg.m2", NEEDED, ">= 0"),
-    "leg_viscous_friction": Expected((), "N.s/m", 0, ">= 0", True),
-    "leg_coulomb_friction": Expected((), "N", 0, ">= 0", True),
-    "leg_friction_velocity": Expected((), "m/s", 0.001, "> 0", True),
-    "gravity": Expected((3,), "m/s2", [0, 0, -9.81], None, True),
-    "leg_armature": Expected((), "kg", 0, ">= 0"),
-    "leg_viscous_friction_factor": Expected((6,), "1", [1] * 6, ">= 0", True),
-    "leg_coulomb_friction_factor": Expected((6,), "1", [1] * 6, ">= 0", True),
-}
-OTHERS = {
-    "home_position": Expected((3,), "m", NEEDED, None),
-    "home_orientation": Expected((3,), "rad", [0, 0, 0], None),
-    "leg_length_min": Expected((), "m", None, "> 0"),
-    "leg_length_max": Expected((), "m", None, "> 0"),
-    "leg_velocity_max": Expected((), "m/s", None, "> 0"),
-    "actuator_force_max": Expected((), "N", None, "> 0"),
-    "actuator_power_max": Expected((), "W", None, "> 0"),
-    "joint_angle_max": Expected((), "rad", None, "> 0"),
-    "leg_acceleration_max": Expected((), "m/s2", None, "> 0"),
-}
-# Of plants whose friction sticks or whose legs give; units of the ideal plant do not have them.
-PARTS = {
-    "leg_friction_model": Expected((), "1", 0, None),
-    "leg_static_friction": Expected((), "N", 0, ">= 0", True),
-    "leg_stribeck_velocity": Expected((), "m/s", 0.001, "> 0", True),
-    "leg_bristle_stiffness": Expected((), "N/m", 0, ">= 0", True),
-    "leg_bristle_damping": Expected((), "N.s/m", 0, ">= 0", True),
-    "leg_breakaway_share": Expected((), "1", 0, ">= 0", True),
-    "leg_stiffness": Expected((), "N/m", 0, ">= 0"),
-    "leg_damping": Expected((), "N.s/m", 0, ">= 0"),
-}
-ALL = PHYSICAL | PARTS | OTHERS
+
+
+def documented() -> dict[str, Documented]:
+    section = (DOCS / "notation.md").read_text(encoding="utf-8").split("## Parameters")[1]
+    rows = {}
+    for line in section.split("\n##")[0].splitlines():
+        cells = [cell.strip() for cell in line.split("|")[1:-1]]
+        if len(cells) == 6 and cells[0].startswith("`"):
+            name, shape, unit, default, bound, in_fmu = cells
+            numbers: Any = NEEDED if default == "–" else None
+            if default not in ("–", "no limit"):
+                numbers = [float(text) for text in default.replace("−", "-").split(",")]
+            sides = () if shape == "1" else tuple(int(text) for text in shape.split(" × "))
+            tunable = in_fmu == "tunable"
+            rows[name.strip("`")] = Documented(sides, unit, numbers, None if bound == "any" else bound, tunable, in_fmu)
+    return rows
+
+
+ALL = documented()
+PHYSICAL = {name: row for name, row in ALL.items() if row.in_fmu in ("fixed", "tunable")}
 OF_PARTS: dict[str, Any] = {
     "leg_friction_model": 2.0,
     "leg_static_friction": 1e6,
@@ -116,7 +94,11 @@ def uneven() -> Platform:
 
 
 def test_a_platform_has_these_parameters_and_no_others(uneven: Platform) -> None:
+    assert len(ALL) == 35
     assert set(uneven.as_dict()) == {"name", "source", *ALL}
+    assert not set(tomllib.loads(platform_to_toml(uneven))) & set(OF_PARTS)
+    homes = {name: row.in_fmu for name, row in ALL.items() if row.in_fmu.startswith("start")}
+    assert homes == {f"home_{name}": f"start of `{name}`" for name in ("position", "orientation")}
     for name, expected in ALL.items():
         assert np.shape(getattr(uneven, name)) == expected.shape, name
 
@@ -126,7 +108,8 @@ def test_only_what_is_needed_has_to_be_named(uneven: Platform) -> None:
     platform = Platform(**needed)
     for name, expected in ALL.items():
         if expected.default is not NEEDED:
-            assert np.array_equal(getattr(platform, name), expected.default), name
+            value = getattr(platform, name)
+            assert value is None if expected.default is None else np.all(np.ravel(value) == expected.default), name
     for name in needed:
         with pytest.raises(TypeError, match=name):
             Platform(**{other: value for other, value in needed.items() if other != name})
@@ -163,10 +146,6 @@ def test_a_platform_file_holds_every_parameter_with_its_unit(uneven: Platform) -
         found = re.search(r"# \[(.*?)\] \S", entry)
         assert found, name
         assert found[1] == expected.unit, name
-
-
-def test_a_file_leaves_out_what_an_ideal_plant_does_not_have(uneven: Platform) -> None:
-    assert not set(tomllib.loads(platform_to_toml(uneven))) & set(PARTS)
 
 
 @pytest.mark.parametrize("name", PHYSICAL)
@@ -297,27 +276,6 @@ def test_the_page_of_records_shows_every_parameter_with_its_unit(uneven: Platfor
     rows = {name: unit for name, _, unit in heads}
     written = {"kg.m2": "kg·m²", "m/s2": "m/s²", "N.s/m": "N·s/m"}
     assert {name: rows[name] for name in ALL} == {n: written.get(each.unit, each.unit) for n, each in ALL.items()}
-
-
-def test_the_documentation_lists_every_parameter_as_it_is() -> None:
-    """Expected: the table of docs/notation.md says the same as this file."""
-    section = (DOCS / "notation.md").read_text(encoding="utf-8").split("## Parameters")[1]
-    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in section.split("##")[0].splitlines()[1:]]
-    found = {row[0].strip("`"): row[1:] for row in rows if len(row) == 6 and row[0].startswith("`")}
-    assert list(found) == list(PHYSICAL | OTHERS | PARTS)
-    for name, (shape, unit, default, bound, in_fmu) in found.items():
-        expected = ALL[name]
-        assert shape == (" × ".join(map(str, expected.shape)) or "1")
-        assert unit == expected.unit
-        assert bound == (expected.bound or "any")
-        if expected.default is NEEDED or expected.default is None:
-            assert default == ("–" if expected.default is NEEDED else "no limit")
-        else:
-            numbers = [float(text) for text in default.replace("−", "-").split(",")]
-            assert np.all(np.ravel(expected.default) == numbers)
-        assert in_fmu.split()[0] == (
-            ("tunable" if expected.is_tunable else "fixed") if name in PHYSICAL else "start" if "home" in name else "–"
-        )
 
 
 def test_the_guide_of_the_fmu_names_what_is_tunable() -> None:

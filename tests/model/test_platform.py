@@ -15,9 +15,8 @@ from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.platform_toml import load_preset, preset_names
+from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN
-
-COINCIDENT = np.array([[2.0, 0, 0], [2.0, 0, 0], [0, 2, 0], [0, -2, 0], [-2, 0, 0], [1, 1, 0]])
 
 
 @pytest.mark.parametrize(
@@ -33,30 +32,8 @@ COINCIDENT = np.array([[2.0, 0, 0], [2.0, 0, 0], [0, 2, 0], [0, -2, 0], [-2, 0, 
         ("platform_mass", "10", "expected one number"),
         ("platform_mass", None, "expected one number"),
         ("platform_mass", np.inf, "expected finite numbers"),
-        ("platform_mass", -10.0, "is -10 kg; expected > 0: mass of the platform"),
-        ("leg_lower_mass", 0.0, "is 0 kg; expected > 0"),
-        ("leg_upper_mass", -1.0, "is -1 kg; expected > 0"),
-        ("leg_lower_inertia", -0.1, r"is -0.1 kg.m2; expected >= 0"),
-        ("platform_inertia", [[5, 1, 0], [0, 5, 0], [0, 0, 10]], r"not symmetric: \[1,2\] = 1 but \[2,1\] = 0"),
-        ("platform_inertia", np.diag([5, -5, 10]), "not positive definite"),
-        ("platform_inertia", np.diag([5, 5, 10.1]), "triangle inequality"),
-        ("leg_lower_com", -0.1, "is -0.1 m; expected >= 0"),
-        ("leg_upper_com", 4.0, "expected between 0 and the shortest leg"),
-        ("platform_com", [0, 0, 100.0], "more than ten times"),
-        ("base_points", COINCIDENT, "joints 1 and 2 coincide"),
-        ("platform_points", COINCIDENT, "joints 1 and 2 coincide"),
-        ("leg_viscous_friction", -1.0, "is -1 N.s/m; expected >= 0"),
-        ("leg_coulomb_friction", -1.0, "is -1 N; expected >= 0"),
-        ("leg_friction_velocity", 0.0, "is 0 m/s; expected > 0"),
-        ("home_orientation", [0, 1.6, 0], "expected less than ±90°"),
         ("home_orientation", [0, 0, np.pi / 2], "leg Jacobian is singular at the home pose"),
         ("home_position", [0, 0, 0.0], "leg Jacobian is singular at the home pose"),
-        ("leg_length_min", 3.5, "but a home leg is 3.2459 m long"),
-        ("leg_length_max", 3.0, "but a home leg is 3.2459 m long"),
-        ("leg_length_min", -1.0, "is -1 m; expected > 0, or leave it out"),
-        ("actuator_force_max", 0.0, "is 0 N; expected > 0, or leave it out"),
-        ("joint_angle_max", 45.0, "radians, not degrees"),
-        ("name", 3, "expected a text"),
         ("base_points", np.append(np.arange(17.0), -1e200).reshape(6, 3), "expected numbers below 1e"),
     ],
 )
@@ -67,12 +44,6 @@ def test_an_impossible_parameter_is_refused_by_name(paper: Platform, field: str,
     assert isinstance(caught.value, GoughStewartError)
 
 
-def test_base_and_platform_joint_in_one_place_is_refused(paper: Platform) -> None:
-    shifted = paper.home_position - (paper.home_position + paper.platform_points[0] - paper.base_points[0])
-    with pytest.raises(PlatformError, match="joint 1 coincide in the home pose"):
-        replace(paper, home_position=shifted)
-
-
 @pytest.mark.parametrize("leg", range(6))
 def test_a_leg_of_no_length_is_told_by_its_share_of_the_base(leg: int) -> None:
     """Expected: a millionth of the largest coordinate of a base joint, 2.04 m."""
@@ -81,16 +52,6 @@ def test_a_leg_of_no_length_is_told_by_its_share_of_the_base(leg: int) -> None:
         above = joint + share * 2.04e-6 * np.array([0.6, 0.0, 0.8])
         with pytest.raises(PlatformError, match=message):
             replace(UNEVEN, home_position=above)
-
-
-def test_contradictory_stroke_is_refused(paper: Platform) -> None:
-    with pytest.raises(PlatformError, match="expected below leg_length_max"):
-        replace(paper, leg_length_min=3.0, leg_length_max=2.0)
-
-
-def test_a_disc_on_the_edge_of_the_triangle_inequality_is_accepted(paper: Platform) -> None:
-    """Expected: a flat body has J_z = J_x + J_y exactly, as the published platform does."""
-    assert np.linalg.eigvalsh(paper.platform_inertia)[2] == 10.0
 
 
 def test_is_frozen_and_its_arrays_are_read_only(paper: Platform) -> None:
@@ -115,24 +76,6 @@ def test_does_not_share_memory_with_what_it_was_made_from(paper: Platform) -> No
     assert platform == paper
 
 
-def test_equal_platforms_hash_alike_and_different_ones_differ(paper: Platform) -> None:
-    same = replace(paper)
-    assert same == paper
-    assert hash(same) == hash(paper)
-    assert replace(paper, platform_mass=11) != paper
-    assert paper != "liu2000"
-
-
-@pytest.mark.parametrize(
-    ("name", "size", "mass"), [("desktop_hexapod", (0.1, 0.4), (1, 3)), ("motion_base", (2, 4), (1000, 2000))]
-)
-def test_presets_have_the_size_they_claim(name: str, size: tuple[float, float], mass: tuple[float, float]) -> None:
-    platform = load_preset(name)
-    reach = np.linalg.norm(platform.base_points, axis=1).max()
-    assert size[0] <= reach <= size[1]
-    assert mass[0] <= platform.platform_mass <= mass[1]
-
-
 @pytest.mark.parametrize("name", preset_names())
 def test_presets_are_well_conditioned_and_cite_a_source(name: str) -> None:
     platform = load_preset(name)
@@ -153,12 +96,6 @@ def test_published_preset_follows_the_formulas_of_the_appendix(paper: Platform) 
             top.append([np.sin(near), np.cos(near), 0])
     assert np.allclose(paper.base_points, base, atol=1e-15)
     assert np.allclose(paper.platform_points, top, atol=1e-15)
-
-
-def test_published_platform_joints_are_those_of_the_appendix(paper: Platform) -> None:
-    """Expected: the set (2i−1)π/3 ± π/12 in whatever order."""
-    azimuths = sorted(np.degrees(np.arctan2(*paper.platform_points[:, :2].T)) % 360)
-    assert np.allclose(azimuths, [45, 75, 165, 195, 285, 315])
 
 
 def test_desktop_preset_has_the_published_leg_length() -> None:
@@ -248,68 +185,65 @@ def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
     says("name: is None; expected a text", name=None)
 
 
-def test_bounds_of_shape_and_size_hold_from_both_sides() -> None:
-    """Expected: a millionth of the largest distance, 1e-9 of an inertia, ten radii, π, 1e30, the legs at home."""
-    distances = np.linalg.norm(UNEVEN.base_points[:, None] - UNEVEN.base_points[None], axis=-1)
-    spread = {"base_points": distances.max()}
-    distances = np.linalg.norm(UNEVEN.platform_points[:, None] - UNEVEN.platform_points[None], axis=-1)
-    spread["platform_points"] = distances.max()
-    for name, largest in spread.items():
-        for share, refused in ((0.9e-6, True), (1.1e-6, False)):
-            points = getattr(UNEVEN, name).copy()
-            points[5] = points[3] + share * largest * np.array([0.0, 0.6, 0.8])
-            change: dict[str, Any] = {name: points, "leg_length_min": None, "leg_length_max": None}
-            if refused:
-                with pytest.raises(PlatformError, match="joints 4 and 6 coincide"):
-                    changed(**change)
-            else:
-                changed(**change)
+def beside(name: str, share: float) -> dict[str, Any]:
+    """Joint 6 of base or platform beside joint 4, at a share of the largest distance of two of them."""
+    points = getattr(UNEVEN, name).copy()
+    largest = np.linalg.norm(points[:, None] - points[None], axis=-1).max()
+    points[5] = points[3] + share * largest * np.array([0.0, 0.6, 0.8])
+    return {name: points, "leg_length_min": None, "leg_length_max": None}
+
+
+def skewed(share: float) -> FloatArray:
+    """The inertia with one element changed by a share of its largest, 8.1."""
     J = UNEVEN.platform_inertia.copy()
-    for share, refused in ((0.9e-9, False), (1.1e-9, True)):
-        skewed, flat = J.copy(), np.diag([2.0, 1.0, 3.0 * (1 + share)])
-        skewed[0, 2] += share * 8.1
-        for inertia in (skewed, flat):
-            if refused:
-                with pytest.raises(PlatformError, match=r"not symmetric|triangle"):
-                    changed(platform_inertia=inertia)
-            else:
-                changed(platform_inertia=inertia)
-    far = np.array([0.6, 0.0, 0.8]) * 10 * float(np.sqrt((UNEVEN.platform_points**2).sum(axis=1)).max())
-    changed(platform_com=(1 - 1e-9) * far)
-    with pytest.raises(PlatformError, match="ten times"):
-        changed(platform_com=(1 + 1e-9) * far)
-    assert changed(joint_angle_max=np.pi).joint_angle_max == np.pi
-    with pytest.raises(PlatformError, match="at most π"):
-        changed(joint_angle_max=np.nextafter(np.pi, 4))
-    lengths = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
-    changed(leg_length_min=float(lengths.min()), leg_length_max=float(lengths.max()))
-    for change in (
-        {"leg_length_min": np.nextafter(lengths.min(), 9)},
-        {"leg_length_max": np.nextafter(lengths.max(), 0)},
-    ):
-        with pytest.raises(PlatformError, match="but a home leg is"):
-            changed(**change)
-    one_sided = changed(leg_length_min=None)
-    assert replace(one_sided, leg_length_max=None).leg_length_max is None
-    for name in ("platform_mass", "actuator_force_max"):
-        assert getattr(changed(**{name: 1e30}), name) == 1e30
-        with pytest.raises(PlatformError, match=rf"^{name}: is 1.1e\+30; expected numbers below 1e\+30 in SI units"):
-            changed(**{name: 1.1e30})
-    for number in (1.1e30, -1.1e30):
-        with pytest.raises(PlatformError, match=r"^gravity: is .*expected numbers below 1e"):
-            changed(gravity=[0.0, number, 0.0])
-    gravity = changed(gravity=[0.0, -1e30, 0.0]).gravity
-    assert gravity.tolist() == [0.0, -1e30, 0.0]
+    J[0, 2] += share * 8.1
+    return J
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_home_may_be_pitched_up_to_nearly_90_degrees(sign: int) -> None:
-    """Expected: 1e-3 rad below 90°, from both sides and of both signs."""
-    far = np.pi / 2 - 1e-3
-    with pytest.raises(PlatformError, match=f"has pitch {sign * far:g} rad"):
-        changed(home_orientation=[0.0, sign * (far + 1e-9), 0.0])
-    turned = [0.0, sign * (far - 1e-9), 0.0]
-    assert changed(home_orientation=turned, leg_length_min=None, leg_length_max=None).home_orientation[1] == turned[1]
+HOME_LEGS = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
+FAR = 10 * float(np.sqrt((UNEVEN.platform_points**2).sum(axis=1)).max()) * np.array([0.6, 0.0, 0.8])
+STEEP = np.pi / 2 - 1e-3
+FREE: dict[str, Any] = {"leg_length_min": None, "leg_length_max": None}
+TOO_LARGE = r"expected numbers below 1e\+30 in SI units"
+# Just accepted, just refused, and the words.
+BOUNDS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
+    (beside("base_points", 1.1e-6), beside("base_points", 0.9e-6), "joints 4 and 6 coincide"),
+    (beside("platform_points", 1.1e-6), beside("platform_points", 0.9e-6), "joints 4 and 6 coincide"),
+    ({"platform_inertia": skewed(0.9e-9)}, {"platform_inertia": skewed(1.1e-9)}, "not symmetric"),
+    ({"platform_inertia": np.diag([2, 1, 3 + 2.7e-9])}, {"platform_inertia": np.diag([2, 1, 3 + 3.3e-9])}, "triangle"),
+    ({"platform_com": (1 - 1e-9) * FAR}, {"platform_com": (1 + 1e-9) * FAR}, "ten times"),
+    ({"joint_angle_max": np.pi}, {"joint_angle_max": np.nextafter(np.pi, 4)}, "at most π"),
+    (
+        {"leg_length_min": float(HOME_LEGS.min())},
+        {"leg_length_min": np.nextafter(HOME_LEGS.min(), 9)},
+        "but a home leg is",
+    ),
+    (
+        {"leg_length_max": float(HOME_LEGS.max())},
+        {"leg_length_max": np.nextafter(HOME_LEGS.max(), 0)},
+        "but a home leg is",
+    ),
+    ({"platform_mass": 1e30}, {"platform_mass": 1.1e30}, f"^platform_mass: is 1.1e\\+30; {TOO_LARGE}"),
+    ({"actuator_force_max": 1e30}, {"actuator_force_max": 1.1e30}, f"^actuator_force_max: is 1.1e\\+30; {TOO_LARGE}"),
+    *(({"gravity": [0, s * 1e30, 0]}, {"gravity": [0, s * 1.1e30, 0]}, f"^gravity: is .*{TOO_LARGE}") for s in (1, -1)),
+    *(
+        (
+            {"home_orientation": [0.0, s * (STEEP - 1e-9), 0.0], **FREE},
+            {"home_orientation": [0.0, s * (STEEP + 1e-9), 0.0], **FREE},
+            f"has pitch {s * STEEP:g} rad",
+        )
+        for s in (1, -1)
+    ),
+]
+
+
+@pytest.mark.parametrize(("accepted", "refused", "text"), BOUNDS)
+def test_bounds_hold_from_both_sides(accepted: dict[str, Any], refused: dict[str, Any], text: str) -> None:
+    """Expected: a millionth of the largest distance, 1e-9 of an inertia, ten radii, π, 1e30, home legs, 1e-3 of 90°."""
+    for name, value in accepted.items():
+        assert np.array_equal(getattr(changed(**accepted), name), value)  # type: ignore[arg-type]
+    with pytest.raises(PlatformError, match=text):
+        changed(**refused)
 
 
 def test_a_home_pose_is_singular_from_a_condition_number_of_1e8_on(paper: Platform) -> None:

@@ -33,12 +33,6 @@ def test_parts_are_joined_along_the_last_axis_over_axes_that_broadcast() -> None
         assert found[i, j].tolist() == [*A[i, 0], *B[0, j], 7.0]
 
 
-def test_one_value_for_all_legs_broadcasts_against_six() -> None:
-    """Expected: a platform's own value in its own row."""
-    assert vectors.per_leg(2.5).shape == (1,)
-    assert (vectors.per_leg(np.array([1.0, 2.0, 3.0])) * np.ones((3, 6)))[:, 5].tolist() == [1.0, 2.0, 3.0]
-
-
 @pytest.mark.parametrize(
     ("value", "shape", "text"),
     [

@@ -8,45 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.model.errors import GoughStewartError, WorkspaceError
+from gough_stewart.model.errors import WorkspaceError
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.workspace import Limit, evaluate_poses, limits_at
-from gough_stewart.model.workspace_grid import COORDINATES, LARGEST_GRID, POINTS, default_ranges, sweep
+from gough_stewart.model.workspace import COORDINATES, POINTS, Limit, default_ranges, limits_at, sweep
 from tests.support.uneven import UNEVEN
 
 MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
-
-
-@pytest.mark.parametrize("over", [("x", "y"), ("z", "yaw"), ("roll", "pitch")])
-@pytest.mark.parametrize("platform", [MOTION_BASE, DESKTOP], ids=["motion_base", "desktop_hexapod"])
-def test_default_ranges_hold_what_can_be_reached_and_little_else(platform: Platform, over: tuple[str, ...]) -> None:
-    """Expected: nothing reached at the ends of the grid; a grid over three times the range reaches no more."""
-    w = sweep(platform, dict.fromkeys(over), points=61)
-    reached = w.qualities.reachable
-    assert not reached[[0, -1]].any()
-    assert not reached[:, [0, -1]].any()
-    ends = {name: (values[0], values[-1]) for name, values in w.swept.items()}
-    for axis, name in enumerate(over):
-        rows = np.flatnonzero(reached.any(axis=1 - axis))
-        assert rows[-1] - rows[0] > 0.6 * 60, name
-    wide = {n: (1.5 * a - 0.5 * b, 1.5 * b - 0.5 * a) for n, (a, b) in ends.items()}
-    wide = {n: (max(a, -1.5), min(b, 1.5)) if COORDINATES[n] == "rad" else (a, b) for n, (a, b) in wide.items()}
-    far = sweep(platform, wide, points=61)
-    first, second = (far.swept[name] for name in over)
-    i, j = np.nonzero(far.qualities.reachable)
-    (a, b), (c, d) = (ends[name] for name in over)
-    assert ((a < first[i]) & (first[i] < b) & (c < second[j]) & (second[j] < d)).all()
-
-
-def test_without_limits_a_range_about_home_is_assumed_and_said() -> None:
-    """Expected: as documented, one characteristic length (here 1 m), and 90°."""
-    w = sweep(PAPER, {"z": None, "roll": None}, points=3)
-    assert w.assumed == ("z", "roll")
-    assert w.found == ()
-    assert w.swept["z"] == pytest.approx([2, 3, 4])
-    assert w.swept["roll"] == pytest.approx([-np.pi / 2, 0, np.pi / 2])
 
 
 @pytest.mark.parametrize(
@@ -64,44 +33,6 @@ def test_a_pitch_without_limits_goes_90_degrees_about_home_but_not_beyond_90(
 def test_a_map_has_101_points_per_coordinate_unless_told_otherwise() -> None:
     """Expected: as documented."""
     assert sweep(PAPER, {"x": (-0.1, 0.1), "yaw": (0.0, 0.1)}).shape == (101, 101)
-
-
-def test_a_grid_has_its_poses_in_order() -> None:
-    w = sweep(DESKTOP, {"z": (0.14, 0.16), "x": (0.0, 0.02)}, {"yaw": 0.1}, points=3)
-    poses = w.coordinates()
-    assert w.shape == (3, 3)
-    assert poses[2, 1] == pytest.approx([0.01, 0, 0.16, 0, 0, 0.1])
-    alone = evaluate_poses(DESKTOP, poses[2, 1, :3], poses[2, 1, 3:])
-    assert w.qualities.condition_number[2, 1] == pytest.approx(float(alone.condition_number))
-
-
-def test_where_nothing_can_be_reached_there_is_still_a_range() -> None:
-    fixed = {"z": 5.0, "roll": 0.0, "pitch": 0.0, "yaw": 0.0}
-    for low, high in default_ranges(MOTION_BASE, {"x": None, "y": None}, fixed).values():
-        assert low < high
-
-
-BAD: list[tuple[dict[str, Any], str]] = [
-    ({"over": {"x": None, "q": None}}, "unknown coordinate 'q'; expected one of x, y, z"),
-    ({"at": {"w": 1.0}}, "unknown coordinate 'w'"),
-    ({"over": {"x": None}}, "1 swept coordinates; expected two"),
-    ({"over": dict.fromkeys("xyz") | {"yaw": None}}, "4 swept coordinates"),
-    ({"at": {"x": 0.1}}, "x is both swept and fixed"),
-    ({"over": {"x": (1.0, -1.0), "y": None}}, "x goes from 1 m to -1 m; expected a range from low to high"),
-    ({"over": {"x": (0.0, np.inf), "y": None}}, "x is inf; expected a finite number of m"),
-    ({"at": {"pitch": 5.0}}, "pitch is 5 rad, 286.479°; expected from −90° to 90°; numbers without a unit are in rad"),
-    ({"points": 1}, "1 points per coordinate for 2 swept coordinates; expected from 2 to 500"),
-    ({"points": 501}, "in all 251,001 poses, for 2 swept coordinates; expected from 2 to 500"),
-    ({"over": dict.fromkeys("xyz"), "points": 63}, "expected from 2 to 62"),
-]
-
-
-@pytest.mark.parametrize(("asked", "text"), BAD, ids=[text[:24] for _, text in BAD])
-def test_what_makes_no_grid_is_refused(asked: dict[str, Any], text: str) -> None:
-    with pytest.raises(WorkspaceError, match=text.replace("?", r"\?")) as caught:
-        sweep(DESKTOP, **asked)
-    assert isinstance(caught.value, GoughStewartError)
-    assert 500**2 <= LARGEST_GRID < 501**2
 
 
 def test_a_sweep_over_an_uneven_platform_says_what_it_did() -> None:
@@ -233,10 +164,7 @@ def test_errors_of_a_grid_are_whole_sentences() -> None:
     x_and = {"x": (0.0, 0.1)}
     for asked, text in (
         ({"over": {"x": None, "q": None}}, "unknown coordinate 'q'; expected one of x, y, z, roll, pitch, yaw"),
-        (
-            {"over": {**x_and, "yaw": (-1.0, 3.2)}},
-            "yaw is 3.2 rad, 183.346°; expected from −180° to 180°; numbers w",
-        ),
+        ({"over": {**x_and, "yaw": (-1.0, 3.2)}}, "yaw is 3.2 rad, 183.346°; expected from −180° to 180°; numbers w"),
         ({"over": {**x_and, "roll": (0.5, 0.5)}}, "roll goes from 0.5 rad to 0.5 rad; expected a range from low to hi"),
         ({"over": {**x_and, "pitch": (-1.6, 0.0)}}, "pitch is -1.6 rad, -91.6732°; expected from −90° to 90°; numbers"),
         ({"over": x_and}, "1 swept coordinates; expected two for maps, or three for a volume"),
@@ -244,15 +172,12 @@ def test_errors_of_a_grid_are_whole_sentences() -> None:
         ({"over": {**x_and, "y": (np.nan, 1.0)}}, "y is nan; expected a finite number of m"),
         ({"over": {**x_and, "z": (0.0, np.inf)}}, "z is inf; expected a finite number of m"),
         ({"over": {**x_and, "roll": (-np.inf, 0.0)}}, "roll is -inf; expected a finite number of rad"),
+        ({"at": {"w": 1.0}}, "unknown coordinate 'w'; expected one of x"),
+        ({"over": dict.fromkeys("xyz") | {"yaw": None}}, "4 swept coordinates; expected two for maps, or three"),
+        ({"over": dict.fromkeys("xyz"), "points": 63}, "63 points per coordinate, in all 250,047 poses, for 3 swept"),
         ({"over": {"x": (0.3, 0.1), "z": None}}, "x goes from 0.3 m to 0.1 m; expected a range from low to high"),
-        (
-            {"points": 501},
-            "501 points per coordinate, in all 251,001 poses, for 2 swept coordinates; expected",
-        ),
-        (
-            {"over": dict.fromkeys("xyz"), "points": 1},
-            "1 points per coordinate for 3 swept coordinates; expected",
-        ),
+        ({"points": 501}, "501 points per coordinate, in all 251,001 poses, for 2 swept coordinates; expected"),
+        ({"over": dict.fromkeys("xyz"), "points": 1}, "1 points per coordinate for 3 swept coordinates; expected"),
     ):
         with pytest.raises(WorkspaceError, match=f"^{re.escape(text)}"):
             sweep(UNEVEN, **asked)

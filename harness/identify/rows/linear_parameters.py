@@ -4,7 +4,7 @@
     legs       m2, m2 d, m1 r1, I0 = m1 r1² + J1 + J2 + m2 d², m_a: all parameters in the equations of a leg
     friction   viscous and Coulomb, of each leg
 
-[Khalil & Dombre, Modeling, Identification and Control of Robots, 2002, ch. 12; for the legs `model.leg_dynamics`.]
+[Khalil & Dombre, Modeling, Identification and Control of Robots, 2002, ch. 12; for the legs `model.dynamics`.]
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,8 +18,8 @@ from scipy.linalg import qr
 
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
+from gough_stewart.model.friction import friction_force
 from gough_stewart.model.kinematics import jacobian_of_legs, leg_geometry, rates_of_legs
-from gough_stewart.model.leg_dynamics import friction_force
 from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.interrupts import interrupts_held_back

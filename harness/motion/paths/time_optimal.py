@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.motion.paths.legs_along import DynamicLimits, LegsAlong, without_dry_friction
-from gough_stewart.model.leg_dynamics import friction_force
+from gough_stewart.model.friction import friction_force
 from gough_stewart.model.vectors import FloatArray
 
 # Share of the largest x below which √x is not linearised.

@@ -348,7 +348,7 @@ def test_workspace(notes: Notes, kind: str) -> None:
         args[4](77)
 
     opened = notes.opened()
-    notes.replace("model.workspace_grid.sweep", space, act)
+    notes.replace("model.workspace.sweep", space, act)
     told = (Note("nothing is reached", "warning"),) if kind == "two" else ()
     notes.replace(f"{WORKSPACE}.report.workspace_report", replace(made_report("limits"), notes=told))
     notes.replace(f"{WORKSPACE}.tables.workspace_csv", b"c" * 400)

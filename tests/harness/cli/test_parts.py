@@ -198,7 +198,7 @@ def test_only_the_errors_named_are_wrong_usage() -> None:
 
 def test_remarks_of_functions_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     """Expected: what the module on temporary files remarks, such as leftovers that it removed, but no details."""
-    log = logging.getLogger("gough_stewart.model.process.temporary")
+    log = logging.getLogger("gough_stewart.model.process.files")
     log.info("removed %d leftovers", 3)
     log.debug("and more")
     assert capsys.readouterr().err == "removed 3 leftovers\n"

@@ -7,7 +7,7 @@ import gough_stewart as gs
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.model import energy
+from gough_stewart.model import dynamics
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.rotations import matrix_from_orientation
@@ -37,7 +37,7 @@ def test_gravity_holds_every_pose_at_rest(motion: Motion) -> None:
             ends = [np.split(pose + sign * step, 2) for sign in (1, -1)]
             work = force[k] @ np.subtract(*(leg_geometry(UNEVEN, *end).length for end in ends))
             assert work == pytest.approx(
-                np.subtract(*(energy.potential_energy(UNEVEN, *end) for end in ends)), abs=1e-9
+                np.subtract(*(dynamics.potential_energy(UNEVEN, *end) for end in ends)), abs=1e-9
             )
 
 

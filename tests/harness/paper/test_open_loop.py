@@ -156,7 +156,7 @@ def test_the_papers_platform_under_another_name_is_the_papers_case() -> None:
     ("run", "solver"),
     [
         (run_kernel, "gough_stewart.harness.paper.open_loop"),
-        (run_kane, "gough_stewart.model.formulations.kane_simulation"),
+        (run_kane, "gough_stewart.model.formulations.kane"),
     ],
 )
 def test_an_integration_that_gives_up_is_an_error(

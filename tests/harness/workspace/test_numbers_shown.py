@@ -29,8 +29,7 @@ from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import Limit, PoseQualities, evaluate_poses
-from gough_stewart.model.workspace_grid import Workspace, sweep
+from gough_stewart.model.workspace import Limit, PoseQualities, Workspace, evaluate_poses, sweep
 from tests.support.tables_shown import heads_of, rows_of
 from tests.support.uneven import UNEVEN
 

@@ -8,8 +8,7 @@ import pytest
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.workspace.report import workspace_report
 from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.workspace import Limit, limits_at
-from gough_stewart.model.workspace_grid import sweep
+from gough_stewart.model.workspace import Limit, limits_at, sweep
 
 
 def test_the_verdict_has_extents_share_and_the_limit_that_keeps_off_most() -> None:

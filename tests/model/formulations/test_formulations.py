@@ -1,137 +1,292 @@
-"""Task space, Kane, Newton–Euler and kernel on 1,000 random platforms and states: one set of accelerations."""
+"""Task space, Kane, Newton–Euler and kernel: one set of accelerations and joint forces; the paper's relations."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
-from gough_stewart.model import dynamics, interface
+from gough_stewart.model import dynamics, interface, kinematics
 from gough_stewart.model.formulations import kane, newton_euler
+from gough_stewart.model.formulations.cases import case_of, paper_case, with_pairs_swapped
 from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
-from tests.support.random_platforms import Sample, relative_difference
+from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.vectors import skew
+from tests.support.random_platforms import Sample, random_platform, random_state, relative_difference
+from tests.support.uneven import INPUTS, STATE, UNEVEN
+
+PAPER_START = State(np.array([0, 0, 3.0]), np.array([0, 0, -0.1]), np.array([0, 0.2, 0]), np.array([0, 0.1, 0]))
+PAPER_INPUTS = Inputs.from_actuators(np.array([55.0, 49.5] * 3))
 
 
-@pytest.fixture(scope="module")
-def task_space(thousand: Sample) -> dynamics.Acceleration:
-    return dynamics.forward_dynamics(thousand.parameters, thousand.state, thousand.inputs)
+def by_kane(sample: Sample, axial_inertia: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Accelerations (n, 6) and joint forces (n, 6, 3)."""
+    p, state, inputs = sample.parameters, sample.state, sample.inputs
+    start = kane.consistent_start(p, state.position, matrix_from_orientation(state.orientation), *state[2:])
+    wrench = np.concatenate(inputs[1:], axis=-1)
+    solution = kane.solve(p, *start, inputs.actuator_force, wrench, axial_inertia=axial_inertia)
+    return solution.platform_acceleration, solution.joint_force
 
 
-@pytest.fixture(scope="module")
-def by_kane(thousand: Sample) -> kane.Solution:
-    return solve_by_kane(thousand)
-
-
-@pytest.fixture(scope="module")
-def by_newton_euler(thousand: Sample) -> newton_euler.Solution:
-    return solve_by_newton_euler(thousand)
-
-
-def solve_by_kane(sample: Sample, axial_inertia: float = 0.0) -> kane.Solution:
-    state, inputs = sample.state, sample.inputs
-    start = kane.consistent_start(
-        sample.parameters,
-        state.position,
-        matrix_from_orientation(state.orientation),
-        state.velocity,
-        state.angular_velocity,
+def by_newton_euler(sample: Sample, axial_inertia: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    state, R = sample.state, matrix_from_orientation(sample.state.orientation)
+    solution = newton_euler.solve(
+        sample.parameters, state.position, R, *state[2:], *sample.inputs, axial_inertia=axial_inertia
     )
-    wrench = np.concatenate([inputs.external_force, inputs.external_torque], axis=-1)
-    return kane.solve(sample.parameters, *start, inputs.actuator_force, wrench, axial_inertia=axial_inertia)
+    return np.concatenate([solution.linear, solution.angular], axis=-1), solution.joint_force
 
 
-def solve_by_newton_euler(sample: Sample, axial_inertia: float = 0.0) -> newton_euler.Solution:
-    state = sample.state
-    return newton_euler.solve(
-        sample.parameters,
-        state.position,
-        matrix_from_orientation(state.orientation),
-        state.velocity,
-        state.angular_velocity,
-        *sample.inputs,
-        axial_inertia=axial_inertia,
-    )
+@pytest.mark.parametrize("formulation", [by_kane, by_newton_euler])
+def test_accelerations_and_joint_forces_agree_with_task_space(thousand: Sample, formulation: object) -> None:
+    """The multipliers λ of eq. (30) are the forces that Newton and Euler find in the platform joints."""
+    assert callable(formulation)
+    p, state, inputs = thousand.parameters, thousand.state, thousand.inputs
+    a = dynamics.forward_dynamics(p, state, inputs)
+    acceleration, joint_force = formulation(thousand)
+    assert relative_difference(acceleration, np.concatenate(a, axis=-1)) <= 1e-10
+    assert relative_difference(joint_force, dynamics.joint_forces(p, state, inputs.actuator_force, a)) <= 1e-10
 
 
-def stacked(acceleration: dynamics.Acceleration) -> np.ndarray:
-    return np.concatenate(acceleration, axis=-1)
+@pytest.mark.parametrize("formulation", [by_kane, by_newton_euler])
+def test_axial_inertia_of_the_legs_plays_no_part(thousand: Sample, formulation: object) -> None:
+    """Expected: eq. (25): legs do not spin, so the moment of inertia about u never works."""
+    assert callable(formulation)
+    for spun, free in zip(formulation(thousand, axial_inertia=0.7), formulation(thousand), strict=True):
+        assert relative_difference(spun, free) <= 1e-10
 
 
-def test_kane_agrees_with_task_space(task_space: dynamics.Acceleration, by_kane: kane.Solution) -> None:
-    assert relative_difference(by_kane.platform_acceleration, stacked(task_space)) <= 1e-10
-
-
-def test_newton_euler_agrees_with_task_space(
-    task_space: dynamics.Acceleration, by_newton_euler: newton_euler.Solution
-) -> None:
-    newton = np.concatenate([by_newton_euler.linear, by_newton_euler.angular], axis=-1)
-    assert relative_difference(newton, stacked(task_space)) <= 1e-10
-
-
-def test_kernel_agrees_with_task_space(thousand: Sample, task_space: dynamics.Acceleration) -> None:
-    kernel = Kernel()
-    x, u = thousand.state.to_vector(), thousand.inputs.to_vector()
-    traced = np.array(
-        [
-            kernel.derivatives(x[k], u[k], parameter_vector(platform))[6:].copy()
-            for k, platform in enumerate(thousand.platforms)
-        ]
-    )
-    assert relative_difference(traced, stacked(task_space)) <= 1e-10
-
-
-def test_kernel_outputs_agree_with_the_numpy_functions(
-    thousand: Sample, task_space: dynamics.Acceleration, by_newton_euler: newton_euler.Solution
-) -> None:
-    """Expected: joint forces of Newton–Euler, energies and kinematics of the NumPy functions."""
-    from gough_stewart.model import energy, kinematics
-
+def test_the_kernel_gives_derivatives_and_outputs_of_the_numpy_functions(thousand: Sample) -> None:
+    """Expected: accelerations and joint forces of Newton–Euler, energies and kinematics of the NumPy functions."""
     p, state = thousand.parameters, thousand.state
     kernel, x, u = Kernel(), state.to_vector(), thousand.inputs.to_vector()
-    y = np.array(
-        [kernel.outputs(x[k], u[k], parameter_vector(each)).copy() for k, each in enumerate(thousand.platforms)]
-    )
-    values = interface.unpack(interface.RESULTS, y)
+    of_platforms = [parameter_vector(platform) for platform in thousand.platforms]
+    rates = np.array([kernel.derivatives(x[k], u[k], of_platforms[k]).copy() for k in range(1000)])
+    outputs = np.array([kernel.outputs(x[k], u[k], of_platforms[k]).copy() for k in range(1000)])
+    acceleration, joint_force = by_newton_euler(thousand)
+    assert relative_difference(rates[:, 6:], acceleration) <= 1e-10
     expected = {
         **state._asdict(),
         "leg_length": kinematics.leg_geometry(p, state.position, state.orientation).length,
         "leg_velocity": kinematics.leg_rates(p, state).length_rate,
-        "acceleration": task_space.linear,
-        "angular_acceleration": task_space.angular,
-        "joint_force": by_newton_euler.joint_force,
-        "kinetic_energy": energy.kinetic_energy(p, state),
-        "potential_energy": energy.potential_energy(p, state.position, state.orientation),
+        "acceleration": acceleration[:, :3],
+        "angular_acceleration": acceleration[:, 3:],
+        "joint_force": joint_force,
+        "kinetic_energy": dynamics.kinetic_energy(p, state),
+        "potential_energy": dynamics.potential_energy(p, state.position, state.orientation),
     }
-    assert values.keys() == expected.keys()
+    found = interface.unpack(interface.RESULTS, outputs)
+    assert found.keys() == expected.keys()
     for name, value in expected.items():
-        assert relative_difference(values[name], value) <= 1e-10, name
+        assert relative_difference(found[name], value) <= 1e-10, name
 
 
-def test_joint_forces_agree(
-    thousand: Sample,
-    task_space: dynamics.Acceleration,
-    by_kane: kane.Solution,
-    by_newton_euler: newton_euler.Solution,
-) -> None:
-    """The multipliers λ of eq. (30) are the forces that Newton–Euler finds in the platform joints."""
-    forces = dynamics.joint_forces(thousand.parameters, thousand.state, thousand.inputs.actuator_force, task_space)
-    assert relative_difference(by_kane.joint_force, forces) <= 1e-10
-    assert relative_difference(by_newton_euler.joint_force, forces) <= 1e-10
+def start_of(platform: Platform, state: State) -> tuple[kane.Configuration, np.ndarray]:
+    R = matrix_from_orientation(state.orientation)
+    return kane.consistent_start(platform, state.position, R, state.velocity, state.angular_velocity)
 
 
-def test_axial_inertia_of_the_legs_plays_no_part(
-    thousand: Sample, by_kane: kane.Solution, by_newton_euler: newton_euler.Solution
-) -> None:
-    """Expected: eq. (25): legs do not spin, so the moment of inertia about u never works."""
-    spun = solve_by_kane(thousand, axial_inertia=0.7)
-    assert relative_difference(spun.platform_acceleration, by_kane.platform_acceleration) <= 1e-10
-    free = solve_by_newton_euler(thousand, axial_inertia=0.7)
-    assert relative_difference(free.linear, by_newton_euler.linear) <= 1e-10
-    assert relative_difference(free.joint_force, by_newton_euler.joint_force) <= 1e-10
+def moved(configuration: kane.Configuration, y: np.ndarray, h: float) -> kane.Configuration:
+    """The configuration after h seconds at speeds y, to first order; d(R)/dt = ω~ R, eq. (3)."""
+    omega, slide_rate = kane.leg_speeds(y)
+    omega_p, v = kane.platform_speeds(y)
+    return kane.Configuration(
+        configuration.leg_rotation + h * skew(omega) @ configuration.leg_rotation,
+        configuration.slide + h * slide_rate,
+        configuration.position + h * v,
+        configuration.rotation + h * skew(omega_p) @ configuration.rotation,
+    )
 
 
-def test_guide_forces_are_across_the_legs(thousand: Sample, by_newton_euler: newton_euler.Solution) -> None:
-    """Expected: what acts along the leg is the actuator, not the guide."""
-    from gough_stewart.model.kinematics import leg_geometry
+def test_consistent_start_satisfies_all_constraints(thousand: Sample) -> None:
+    """Expected: Φ = 0 and Φ_q y = 0, eq. (27)."""
+    configuration, y = start_of(thousand.parameters, thousand.state)  # type: ignore[arg-type]
+    assert np.abs(kane.constraint_residual(thousand.parameters, configuration)).max() < 1e-14
+    slip = (kane.constraint_jacobian(thousand.parameters, configuration) @ y[..., None])[..., 0]
+    assert np.abs(slip).max() < 1e-12
 
-    u = leg_geometry(thousand.parameters, thousand.state.position, thousand.state.orientation).direction
-    along = (by_newton_euler.guide_force * u).sum(axis=-1)
-    assert np.abs(along).max() <= 1e-12 * np.abs(by_newton_euler.guide_force).max()
+
+@given(st.integers(0, 2**32 - 1))
+def test_partial_velocities_give_the_velocities_of_the_mass_centres(seed: int) -> None:
+    """Expected: central differences of R r1 and R (s + r2); eqs. (9) to (12)."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    configuration, y = start_of(platform, random_state(platform, rng))
+    h, y_legs = 1e-6, y[:24].reshape(6, 4)
+
+    def centres(c: kane.Configuration) -> tuple[np.ndarray, np.ndarray]:
+        u = c.leg_rotation[..., :, 0]
+        return platform.leg_lower_com * u, (c.slide - platform.leg_upper_com)[..., None] * u
+
+    u = configuration.leg_rotation[..., :, 0]
+    G1, G2 = centres(configuration)
+    ahead, behind = centres(moved(configuration, y, h)), centres(moved(configuration, y, -h))
+    for G, direction, a, b in zip((G1, G2), (None, u), ahead, behind, strict=True):
+        v = kane.partial_velocity(G, direction)
+        assert np.allclose((v @ y_legs[..., None])[..., 0], (a - b) / (2 * h), atol=1e-8)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_jacobian_is_the_rate_of_the_closure_gaps(seed: int) -> None:
+    """Expected: central differences of Φ along any speeds, also inconsistent ones; eqs. (24), (28)."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    configuration, _ = start_of(platform, random_state(platform, rng))
+    y, h = rng.normal(size=30), 1e-6
+    ahead, behind = (kane.constraint_residual(platform, moved(configuration, y, step)) for step in (h, -h))
+    rate = kane.constraint_jacobian(platform, configuration) @ y
+    assert np.allclose(rate[:18], ((ahead - behind) / (2 * h))[:18], atol=1e-8)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_jacobian_rate_is_the_derivative_of_the_jacobian(seed: int) -> None:
+    """Expected: central differences of Φ_q; eqs. (20), (23), (26), (29)."""
+    rng = np.random.default_rng(seed)
+    platform = random_platform(rng)
+    configuration, y = start_of(platform, random_state(platform, rng))
+    h = 1e-6
+    ahead, behind = (kane.constraint_jacobian(platform, moved(configuration, y, step)) for step in (h, -h))
+    rate = kane.constraint_jacobian_rate(platform, configuration, y)
+    assert np.allclose(rate, (ahead - behind) / (2 * h), atol=1e-7 * (1 + np.abs(rate).max()))
+
+
+def test_baumgarte_lets_a_gap_decay_as_the_damped_oscillator_does(paper: Platform) -> None:
+    """Expected: Φ¨ + 2αΦ˙ + β²Φ = 0 with α = β and Φ˙(0) = 0 has Φ(t) = Φ(0) (1 + αt) exp(−αt)."""
+    alpha, gap = 8.0, 1e-4
+    configuration, y = start_of(paper, PAPER_START)
+    # legs too long by the gap; speeds that satisfy the constraints of this configuration
+    stretched = configuration._replace(slide=configuration.slide + gap)
+    Phi_q = kane.constraint_jacobian(paper, stretched)
+    y = y - np.linalg.pinv(Phi_q) @ (Phi_q @ y)
+
+    times = np.array([0.0, 0.1, 0.3])
+    run = kane.integrate(paper, stretched, y, PAPER_INPUTS, times, (alpha, alpha))
+    left = kane.constraint_residual(paper, run.configuration)
+    assert np.linalg.norm(left[0, :18].reshape(6, 3), axis=1) == pytest.approx(np.full(6, gap), rel=1e-9)
+    expected = left[0] * ((1 + alpha * times) * np.exp(-alpha * times))[:, None]
+    assert np.allclose(left, expected, atol=1e-9)
+
+
+def test_the_dae_takes_an_uneven_platform_where_the_kernel_does() -> None:
+    """Expected: the task-space kernel under DOP853; joint forces by its outputs; no drift to speak of."""
+    reached: list[float] = []
+    times = np.array([0.0, 0.1, 0.25])
+    run = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-9, progress=reached.append)
+    kernel, p, u = Kernel(), parameter_vector(UNEVEN), INPUTS.to_vector()
+    path = solve_ivp(
+        lambda _t, x: kernel.derivatives(x, u, p).copy(),
+        (0.0, 0.25),
+        STATE.to_vector(),
+        method="DOP853",
+        t_eval=times,
+        rtol=1e-11,
+        atol=1e-11,
+    ).y.T
+    assert run.time.tolist() == times.tolist()
+    assert np.abs(run.platform.to_vector() - path).max() < 1e-7
+    for k, x in enumerate(path):
+        expected = interface.unpack(interface.RESULTS, kernel.outputs(x, u, p))["joint_force"]
+        assert np.abs(run.joint_force[k] - expected).max() < 1e-5
+    assert run.position_violation.max() < 1e-8
+    assert run.velocity_violation.max() < 1e-7
+    assert reached[0] == 0.0
+    assert reached[-1] == pytest.approx(0.25)
+
+
+def test_both_terms_of_baumgarte_have_their_own_number() -> None:
+    """Expected: Φ¨ + 2αΦ˙ + β²Φ = 0 with α ≠ β from a gap and from a slip, by the exponential of its matrix.
+
+    Legs too long by six different gaps, with speeds that satisfy no constraint of the closures.
+    """
+    alpha, beta, times = 9.0, 3.5, np.array([0.0, 0.05, 0.2])
+    configuration, y = start_of(UNEVEN, STATE)
+    stretched = configuration._replace(slide=configuration.slide + 1e-5 * np.arange(1, 7))
+    faster = y + 1e-5 * np.append(np.tile([0.0, 0.0, 0.0, 3.0], 6), np.zeros(6))
+    run = kane.integrate(UNEVEN, stretched, faster, INPUTS, times, (alpha, beta))
+    gap = kane.constraint_residual(UNEVEN, run.configuration)[:, :18]
+    slip = np.einsum("nab,nb->na", kane.constraint_jacobian(UNEVEN, run.configuration), run.speeds)
+    assert np.abs(gap[0]).max() > 3e-5
+    assert np.abs(slip[0, :18]).max() > 1e-5
+    for k, t in enumerate(times):
+        decay = expm(np.array([[0.0, 1.0], [-(beta**2), -2 * alpha]]) * t)
+        assert gap[k] == pytest.approx(decay[0, 0] * gap[0] + decay[0, 1] * slip[0, :18], abs=1e-9)
+        # the gaps turn with the legs: their rate is the slip up to the product of two small numbers
+        assert slip[k, :18] == pytest.approx(decay[1, 0] * gap[0] + decay[1, 1] * slip[0, :18], abs=1e-8)
+    assert run.position_violation == pytest.approx(np.abs(gap).max(axis=1), rel=1e-9)
+    assert run.velocity_violation == pytest.approx(np.abs(slip).max(axis=1), rel=1e-9)
+
+
+def test_a_simulation_has_the_asked_times_or_its_own_steps() -> None:
+    """Expected: the paper's default of α = β = 10; between asked times no longer steps than these."""
+    times = np.array([0.0, 0.004, 0.01])
+    asked = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6)
+    own = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6, own_steps=True)
+    assert asked.time.tolist() == times.tolist()
+    assert (own.time[0], own.time[-1]) == (0.0, 0.01)
+    assert own.time.tolist() != times.tolist()
+    # own steps are as long as the tolerance allows, whatever times are named
+    many = kane.simulate(UNEVEN, STATE, INPUTS, np.linspace(0, 0.04, 41), rtol=1e-3, own_steps=True)
+    assert len(many.time) < 20
+    same = kane.simulate(UNEVEN, STATE, INPUTS, times, (10.0, 10.0), 1e-6)
+    assert np.array_equal(same.speeds, asked.speeds)
+    first, last = asked.platform, own.platform
+    assert first.to_vector()[0] == pytest.approx(STATE.to_vector(), abs=1e-12)
+    assert first.to_vector()[-1] == pytest.approx(last.to_vector()[-1], abs=1e-6)
+    assert asked.joint_force.shape == (3, 6, 3)
+    # to first order in 4 ms, and what is half of the second
+    moved = STATE.position + 0.004 * STATE.velocity
+    assert first.position[1] == pytest.approx(moved, abs=2e-4)
+
+
+def test_the_case_is_that_of_section_iv() -> None:
+    """Expected: the numbers of the paper."""
+    case = paper_case()
+    assert np.concatenate(case.start).tolist() == [0, 0, 3, 0, 0, -0.1, 0, 0.2, 0, 0, 0.1, 0]
+    assert case.actuator_force.tolist() == [55, 49.5, 55, 49.5, 55, 49.5]
+    assert np.concatenate(case.inputs).tolist() == [55, 49.5, 55, 49.5, 55, 49.5, 0, 0, 0, 0, 0, 0]
+    assert case.time == pytest.approx(np.arange(101) / 100)
+    assert case.is_published
+    assert not case.minus_first
+    assert case.platform == load_preset("liu2000")
+
+
+def test_minus_first_swaps_the_legs_of_each_pair_under_the_same_forces() -> None:
+    """Expected: the appendix with − before +, azimuths 2(i−1)π/3 ∓ π/12."""
+    case = paper_case(minus_first=True)
+    azimuth = np.radians([-15, 15, 105, 135, 225, 255])
+    base = 2 * np.stack([np.sin(azimuth), np.cos(azimuth), 0 * azimuth], axis=1)
+    assert case.platform.base_points == pytest.approx(base, abs=1e-12)
+    assert case.actuator_force.tolist() == paper_case().actuator_force.tolist()
+    assert case.minus_first
+    swapped = with_pairs_swapped(UNEVEN)
+    for k, old in enumerate([1, 0, 3, 2, 5, 4]):
+        assert swapped.base_points[k].tolist() == UNEVEN.base_points[old].tolist()
+        assert swapped.platform_points[k].tolist() == UNEVEN.platform_points[old].tolist()
+
+
+def test_on_another_platform_the_case_is_scaled_by_froude() -> None:
+    """Expected: λ of the mean home legs; velocities × √λ, angular velocities / √λ, time × √λ; forces by statics."""
+    case, home = case_of(UNEVEN), (UNEVEN.home_position, UNEVEN.home_orientation)
+    root = np.sqrt(kinematics.leg_geometry(UNEVEN, *home).length.mean() / np.sqrt(14 - 2 * np.sqrt(3)))
+    assert case.start.position.tolist() == UNEVEN.home_position.tolist()
+    assert case.start.orientation == pytest.approx(UNEVEN.home_orientation + np.array([0, 0, -0.1]))
+    assert case.start.velocity == pytest.approx([0, 0.2 * root, 0])
+    assert case.start.angular_velocity == pytest.approx([0, 0.1 / root, 0])
+    assert case.duration == pytest.approx(root)
+    assert case.actuator_force == pytest.approx(
+        dynamics.static_leg_forces(UNEVEN, *home) * [10 / 9, 1, 10 / 9, 1, 10 / 9, 1]
+    )
+    assert not case.is_published
+
+
+def test_the_papers_platform_under_another_name_has_the_papers_case() -> None:
+    renamed = replace(load_preset("liu2000"), name="mine", source="")
+    case = case_of(renamed)
+    assert case.platform == renamed
+    assert case.is_published
+    assert case.actuator_force.tolist() == paper_case().actuator_force.tolist()

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from gough_stewart.model.errors import EnvironmentVariableError
-from gough_stewart.model.process.environment import check_environment
+from gough_stewart.model.process.installed import check_environment
 
 _NAMES = ("POLARS_MAX_THREADS", "SOURCE_DATE_EPOCH", "MPLBACKEND")
 

@@ -1,0 +1,144 @@
+"""What looks like a mistake in a platform but is possible: odd units, legs that touch, their order, active friction."""
+
+from itertools import combinations, permutations
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
+from gough_stewart.model.machine_dynamics import law_of_bristles
+from gough_stewart.model.parameters import PlatformFields
+from gough_stewart.model.variant import LUGRE, Variant
+from gough_stewart.model.vectors import FloatArray, dot
+
+# Mass of the platform over the cube of its joints' radius [kg/m³]: machines have 10 to 1e5, in mm a billionth of it.
+_LEAST_DENSITY = 0.1
+# Radius of gyration over the joints' radius: machines have 0.2 to 5. An inertia in kg mm² makes it a thousand times as
+# large, in g mm² 30,000 times, beside a mass in g 30 and 1,000 times; a mass in g alone makes it 32 times as small.
+_LEAST_RATIO, _MOST_RATIO = 0.06, 8.0
+# The same of a leg's part over the leg's length, at most 1/2 for a rod.
+_MOST_OF_LEG = 3.0
+# More than the pull of any planet [m/s²].
+_MOST_GRAVITY = 100.0
+# Legs whose axes come closer than this fraction of the shorter one.
+_CLOSEST = 0.05
+# Another order is named if its condition number is this many times smaller.
+_BETTER = 3.0
+_PAIRS = np.array([*combinations(range(6), 2)])
+
+
+def platform_hints(platform: PlatformFields) -> tuple[str, ...]:
+    """One line for each thing that looks like a mistake."""
+    return (*_unit_hints(platform), *_joint_order_hints(platform), *_friction_hints(platform))
+
+
+def _unit_hints(platform: PlatformFields) -> list[str]:
+    """Lengths, inertias, mass and gravity as a CAD program writes them: in mm, kg mm² or g mm², g, and mm/s²."""
+    points, mass = platform.platform_points - platform.platform_points.mean(axis=0), platform.platform_mass
+    radius, pull = float(np.linalg.norm(points, axis=1).mean()), float(np.linalg.norm(platform.gravity))
+    length = float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
+    hints = [f"gravity is {pull:.4g} m/s2; expected about 9.81, or 0: is it in mm/s2?"] if pull > _MOST_GRAVITY else []
+    if mass < _LEAST_DENSITY * radius**3:
+        joints = f"legs are {length:.4g} m long and joints {radius:.4g} m from the platform's middle"
+        # radii of gyration would be compared in two units
+        return [*hints, f"{joints}, with a mass of {mass:.4g} kg: are lengths in mm? Expected m, and inertias in kg m2"]
+    gyration = float(np.sqrt(np.linalg.eigvalsh(platform.platform_inertia)[-1] / mass))
+    if not _LEAST_RATIO < gyration / radius < _MOST_RATIO:
+        is_large = gyration > radius
+        question = (
+            "is it in kg mm2 or g mm2? Expected kg m2" if is_large else f"is a mass of {mass:.4g} in g? Expected kg"
+        )
+        hints.append(
+            f"platform_inertia has a radius of gyration of {gyration:.4g} m, with joints {radius:.4g} m from the "
+            f"platform's middle: {question}"
+        )
+    for part in ("lower", "upper"):
+        part_mass, inertia = (float(getattr(platform, f"leg_{part}_{name}")) for name in ("mass", "inertia"))
+        if inertia > part_mass * (_MOST_OF_LEG * length) ** 2:
+            hints.append(
+                f"leg_{part}_inertia is that of a rod longer than the legs, {length:.4g} m, with {part_mass:.4g} kg: "
+                "is it in kg mm2 or g mm2? Expected kg m2"
+            )
+    return hints
+
+
+def _joint_order_hints(platform: PlatformFields) -> list[str]:
+    """Legs that nearly touch at home, and an order of joints that conditions them far better.
+
+    The order of the joints is the pairing of base and platform joints; a permuted list often still assembles. Another
+    order must keep the legs' distance and the stroke.
+    """
+    base, hints = platform.base_points, []
+    remedy = "check the order of base_points and platform_points: joint i of one belongs to joint i of the other"
+    orders = np.array(list(permutations(range(6))))
+    joints: Any = SimpleNamespace(base_points=base, platform_points=platform.platform_points[orders])
+    legs = leg_geometry(joints, platform.home_position, platform.home_orientation)
+    pair, share = _closest(base, base + legs.vector[0])
+    if share < _CLOSEST:
+        hints.append(
+            f"legs {pair[0] + 1} and {pair[1] + 1} come within {100 * share:.2g} % of their length of each other at "
+            f"home, so real legs would collide; {remedy}"
+        )
+    numbers = conditioning_of_legs(legs).condition_number
+    low = 0.0 if platform.leg_length_min is None else platform.leg_length_min
+    high = np.inf if platform.leg_length_max is None else platform.leg_length_max
+    fits = np.all((legs.length >= low) & (legs.length <= high), axis=-1)
+    better = np.argsort(numbers, kind="stable")
+    for k in better[_BETTER * numbers[better] <= numbers[0]]:
+        if fits[k] and _closest(base, base + legs.vector[k])[1] >= _CLOSEST:
+            order = ", ".join(str(joint + 1) for joint in orders[k])
+            hints.append(
+                f"the leg Jacobian has a condition number of {numbers[0]:.3g} at home, and of {numbers[k]:.3g} with "
+                f"the platform joints in the order {order}; {remedy}"
+            )
+            break
+    return hints
+
+
+def _closest(base: FloatArray, tip: FloatArray) -> tuple[FloatArray, float]:
+    """The pair of legs, from base to tip (6, 3), that come nearest, and that distance over the length of the shorter.
+
+    For p + s d and q + t e with s, t in [0, 1]: the least of the distance between the lines, where both feet are on
+    the segments, and of the four distances of an end from the other segment.
+    """
+
+    def from_segment(point: FloatArray, start: FloatArray, along: FloatArray) -> FloatArray:
+        share = np.clip(dot(point - start, along) / dot(along, along), 0.0, 1.0)
+        return np.asarray(np.linalg.norm(point - start - share[:, None] * along, axis=-1))
+
+    i, j = _PAIRS.T
+    p, d, q, e = base[i], (tip - base)[i], base[j], (tip - base)[j]
+    ends = [from_segment(p, q, e), from_segment(p + d, q, e), from_segment(q, p, d), from_segment(q + e, p, d)]
+    # feet of the common perpendicular: [d·d −d·e; d·e −e·e] [s; t] = [d·(q − p); e·(q − p)]
+    dd, de, ee, r = dot(d, d), dot(d, e), dot(e, e), q - p
+    with np.errstate(divide="ignore", invalid="ignore"):  # parallel legs have no single foot
+        s = (ee * dot(d, r) - de * dot(e, r)) / (dd * ee - de * de)
+        t = (de * dot(d, r) - dd * dot(e, r)) / (dd * ee - de * de)
+    on_both = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
+    between = np.where(on_both, np.linalg.norm(p + s[:, None] * d - q - t[:, None] * e, axis=-1), np.inf)
+    shares = np.minimum(np.min(ends, axis=0), between) / np.sqrt(np.minimum(dd, ee))
+    k = int(shares.argmin())
+    return _PAIRS[k], float(shares[k])
+
+
+def _friction_hints(platform: PlatformFields) -> list[str]:
+    """LuGre friction that is not passive: σ1 < σ2 F_c/(F_s − F_c), in the leg where that is most exceeded.
+
+    The condition of N. Barahanov, R. Ortega, "Necessary and sufficient conditions for passivity of the LuGre friction
+    model", IEEE Trans. Automatic Control 45(4), 2000.
+    """
+    if platform.leg_friction_model != LUGRE:
+        return []
+    law = law_of_bristles(Variant.of(platform), platform)
+    excess = law.static - law.coulomb
+    with np.errstate(divide="ignore", invalid="ignore"):
+        bound = np.where(excess > 0, law.viscous * law.coulomb / excess, np.inf)
+    if (law.damping < bound).all():
+        return []
+    k = int(np.argmax(law.damping - bound))
+    return [
+        f"LuGre friction is not passive: its bristles' damping is {law.damping[k]:.3g} N s/m, and passive is below "
+        f"sigma2 F_c/(F_s - F_c) = {bound[k]:.3g} N s/m, so that it may drive a leg for a moment; lower "
+        "leg_bristle_damping or leg_static_friction, or use leg_friction_model = 'elasto_plastic'"
+    ]

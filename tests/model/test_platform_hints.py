@@ -1,0 +1,194 @@
+"""What looks like a mistake: numbers of CAD programs in mm, g, kg mm², g mm², mm/s²; joints in the wrong order."""
+
+from dataclasses import replace
+from itertools import combinations, permutations
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, lsq_linear
+from scipy.spatial.transform import Rotation
+
+import gough_stewart as gs
+from gough_stewart.model import platform_hints
+from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.kinematics import conditioning, leg_geometry
+from gough_stewart.model.vectors import FloatArray
+from tests.support.nano import HEAVY, NANO
+from tests.support.real_platforms import real_platform
+from tests.support.uneven import UNEVEN
+
+MACHINES = {name: gs.load_preset(name) for name in ("liu2000", "motion_base", "motion_base_screws", "desktop_hexapod")}
+MACHINES |= {"nano": NANO, "heavy": HEAVY}
+# What the exponent of each unit is multiplied by: lengths, masses, inertias, gravity.
+_UNITS: dict[str, tuple[float, float, float, float, str]] = {
+    "inertia in kg mm²": (1, 1, 1e6, 1, "in kg mm2 or g mm2"),
+    "inertia in g mm²": (1, 1, 1e9, 1, "in kg mm2 or g mm2"),
+    "mass in g, inertia in g mm²": (1, 1e3, 1e9, 1, "in kg mm2 or g mm2"),
+    "mass in g, inertia in kg mm²": (1, 1e3, 1e6, 1, "in kg mm2 or g mm2"),
+    "mass in g": (1, 1e3, 1, 1, "in g?"),
+    "gravity in mm/s²": (1, 1, 1, 1e3, "in mm/s2"),
+    "lengths in mm": (1e3, 1, 1, 1, "lengths in mm"),
+    "lengths in mm, inertia in kg mm²": (1e3, 1, 1e6, 1, "lengths in mm"),
+    "mm and g": (1e3, 1e3, 1e9, 1, "lengths in mm"),
+}
+_LENGTHS = ("base_points", "platform_points", "platform_com", "home_position", "leg_lower_com", "leg_upper_com")
+_LIMITS = ("leg_length_min", "leg_length_max")
+
+
+def in_units(platform: gs.Platform, length: float, mass: float, inertia: float, gravity: float) -> gs.Platform:
+    """A platform with the numbers of other units."""
+    values: dict[str, Any] = platform.as_dict()
+    factors = dict.fromkeys((*_LENGTHS, *_LIMITS), length)
+    factors |= dict.fromkeys(("platform_mass", "leg_lower_mass", "leg_upper_mass"), mass)
+    factors |= dict.fromkeys(("platform_inertia", "leg_lower_inertia", "leg_upper_inertia"), inertia)
+    factors["gravity"] = gravity
+    changed = {name: values[name] * factor for name, factor in factors.items() if name in values}
+    return gs.Platform(**{**values, **changed})
+
+
+@pytest.mark.parametrize("units", _UNITS)
+@pytest.mark.parametrize("machine", MACHINES)
+def test_units_of_cad_programs_are_hinted_at(machine: str, units: str) -> None:
+    """Expected: a hint that names the unit, for machines from 0.4 kg to 50 t."""
+    *factors, said = _UNITS[units]
+    assert any(said in hint for hint in in_units(MACHINES[machine], *factors).hints)
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_real_machines_have_no_such_hint(machine: str) -> None:
+    """Expected: none; nor of one in space, with a load far above its joints, or with its mass in its middle."""
+    platform = MACHINES[machine]
+    radius, mass = float(np.linalg.norm(platform.platform_points, axis=1).mean()), platform.platform_mass
+    tall, dense = (mass * (share * radius) ** 2 * np.diag([1.0, 1.0, 0.9]) for share in (4.0, 0.1))
+    for changed in ({}, {"gravity": [0, 0, 0]}, {"platform_inertia": tall}, {"platform_inertia": dense}):
+        assert platform.with_parameters(changed).hints == ()
+
+
+def test_an_inertia_of_a_leg_alone_is_hinted_at() -> None:
+    """Expected: kg mm² of one part of a leg, by its name; legs without inertia of their own are sound."""
+    for part in ("lower", "upper"):
+        name = f"leg_{part}_inertia"
+        (hint,) = UNEVEN.with_parameters({name: 1e6 * getattr(UNEVEN, name)}).hints
+        assert hint.startswith(name)
+        assert UNEVEN.with_parameters({name: 0.0}).hints == ()
+
+
+def test_lugre_friction_that_is_not_passive_is_said() -> None:
+    """Expected: σ1 < σ2 F_c/(F_s − F_c), by hand, with 4 N s/m · 20 N / 5 N = 16 N s/m."""
+    one: dict[str, Any] = {
+        "leg_viscous_friction": 4.0,
+        "leg_viscous_friction_factor": np.ones(6),
+        "leg_coulomb_friction": 20.0,
+        "leg_coulomb_friction_factor": np.ones(6),
+        "leg_static_friction": 25.0,
+    }
+    said = real_platform("lugre", **one, leg_bristle_damping=16.1).hints[-1]
+    assert "damping is 16.1 N s/m, and passive is below sigma2 F_c/(F_s - F_c) = 16 N s/m" in said
+    assert not any("passive" in each for each in real_platform("lugre", **one, leg_bristle_damping=15.9).hints)
+    assert not any("passive" in each for each in real_platform("elasto_plastic", **one).hints)
+
+
+def test_nearly_all_exchanged_joints_that_assemble_are_hinted_at() -> None:
+    """All orders of a preset's platform joints that assemble, its own aside: most cross, the others condition worse."""
+    preset = gs.load_preset("motion_base")
+    hinted = 0
+    for order in list(permutations(range(6)))[1:]:
+        try:
+            exchanged = replace(preset, platform_points=preset.platform_points[list(order)])
+        except PlatformError:
+            continue
+        hinted += bool(exchanged.hints)
+    assert hinted >= 70
+
+
+def _crossing(share: float, **limits: Any) -> gs.Platform:
+    """The uneven platform with the tip of leg 4 moved until that leg passes leg 5 at a share of the shorter one."""
+    base, home = UNEVEN.base_points, UNEVEN.home_position
+    R = Rotation.from_euler("xyz", UNEVEN.home_orientation)
+    tips = home + R.apply(UNEVEN.platform_points.copy())
+
+    def moved(t: float) -> FloatArray:
+        points = UNEVEN.platform_points.copy()
+        points[3] = R.inv().apply(tips[3] + t * (tips[4] + np.array([-0.8, 0.0, 0.0]) - tips[3]) - home)
+        return points
+
+    def gap(t: float) -> float:
+        return _measured(base, home + R.apply(moved(t)), 3, 4) - share
+
+    grid = np.linspace(0, 1, 80)
+    gaps = [gap(t) for t in grid]
+    k = next(k for k in range(1, 80) if gaps[k] < 0)
+    return replace(UNEVEN, platform_points=moved(brentq(gap, grid[k - 1], grid[k], xtol=1e-7)), **limits)
+
+
+def _measured(base: FloatArray, tip: FloatArray, i: int, j: int) -> float:
+    """The least distance of two legs as a share of the shorter, by SciPy's bounded least squares."""
+    d, e, r = tip[i] - base[i], tip[j] - base[j], base[j] - base[i]
+    found = lsq_linear(np.stack([d, -e], axis=1), r, (0, 1), tol=1e-14)
+    return float(np.sqrt(2 * found.cost) / min(np.linalg.norm(d), np.linalg.norm(e)))
+
+
+def test_legs_that_nearly_touch_are_named_with_their_distance_from_5_percent_on() -> None:
+    """Expected: the distance by another method, the numbers of the legs; nothing from just above 5 % on."""
+    close = _crossing(0.031, leg_length_min=None, leg_length_max=None)
+    (first, *_) = close.hints
+    assert first == (
+        "legs 4 and 5 come within 3.1 % of their length of each other at home, so real legs would collide; check the "
+        "order of base_points and platform_points: joint i of one belongs to joint i of the other"
+    )
+    for share, is_hinted in ((0.0495, True), (0.0505, False)):
+        hints = _crossing(share, leg_length_min=None, leg_length_max=None).hints
+        assert any(hint.startswith("legs 4 and 5") for hint in hints) == is_hinted
+
+
+def test_a_better_order_is_named_only_if_its_legs_fit_and_keep_their_distance() -> None:
+    """Expected: the best of all orders by a search with NumPy's condition number, SciPy's distances and the stroke."""
+    order = [1, 0, 3, 4, 5, 2]
+    exchanged = replace(UNEVEN, platform_points=UNEVEN.platform_points[order], leg_length_min=None, leg_length_max=None)
+    base, home = exchanged.base_points, exchanged.home_position
+    R = Rotation.from_euler("xyz", exchanged.home_orientation)
+
+    orders = np.array(list(permutations(range(6))))
+    arms = R.apply(exchanged.platform_points.copy())[orders]
+    l = home + arms - base
+    L = np.linalg.norm(l, axis=-1)
+    u, rho = l / L[..., None], np.sqrt((arms[0] ** 2).sum() / 6)
+    numbers = np.linalg.cond(np.concatenate([u, np.cross(arms, u) / rho], axis=-1))
+
+    def searched(low: float, high: float) -> tuple[float, str]:
+        """The least condition number of an order that fits, and its numbers of joints."""
+        for k in np.argsort(numbers):
+            fits = low <= L[k].min() and L[k].max() <= high
+            pairs = combinations(range(6), 2)
+            if fits and min(_measured(base, home + arms[k], *pair) for pair in pairs) >= 0.05:
+                return float(numbers[k]), ", ".join(str(j + 1) for j in orders[k])
+        raise AssertionError("no order fits")
+
+    now = conditioning(exchanged, home, exchanged.home_orientation).condition_number
+    own = leg_geometry(exchanged, home, exchanged.home_orientation).length
+    seen = set()
+    for low, high in ((None, None), (None, float(own.max()) * 1.001), (float(own.min()) * 0.999, None)):
+        platform = replace(exchanged, leg_length_min=low, leg_length_max=high)
+        number, best = searched(low or 0.0, high or np.inf)
+        seen.add(best)
+        assert [hint for hint in platform.hints if "in the order" in hint] == [
+            f"the leg Jacobian has a condition number of {now:.3g} at home, and of {number:.3g} with the platform "
+            f"joints in the order {best}; check the order of base_points and platform_points: joint i of one belongs "
+            "to joint i of the other"
+        ]
+    assert len(seen) == 3
+
+
+def test_an_order_is_named_from_a_third_of_the_condition_number_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: the ratio of the two numbers of the hint, just met and just missed."""
+    exchanged = replace(UNEVEN, platform_points=UNEVEN.platform_points[[1, 0, 3, 4, 5, 2]], leg_length_max=None)
+    assert platform_hints._BETTER == 3
+    home = exchanged.home_position, exchanged.home_orientation
+    (hint,) = (each for each in exchanged.hints if "in the order" in each)
+    order = [int(k) - 1 for k in hint.split("in the order ")[1].split(";")[0].split(", ")]
+    better = replace(exchanged, platform_points=exchanged.platform_points[order])
+    ratio = conditioning(exchanged, *home).condition_number / conditioning(better, *home).condition_number
+    for factor, is_named in ((ratio * (1 - 1e-9), True), (ratio * (1 + 1e-9), False)):
+        monkeypatch.setattr(platform_hints, "_BETTER", factor)
+        assert any("in the order" in each for each in exchanged.hints) == is_named
