@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gough_stewart import Platform, State
 from gough_stewart.model.formulations.cases import OpenLoopCase
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.state import Inputs
 
 UNEVEN = Platform(
     name="uneven",
