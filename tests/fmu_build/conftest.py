@@ -1,10 +1,8 @@
 """The native FMUs of the uneven platform, one by one."""
 
-from pathlib import Path
-
 import pytest
 
-from gough_stewart.fmu_build.build import build
+import gough_stewart as gs
 from tests.support.fmu_plants import Fmu
 from tests.support.uneven import UNEVEN
 
@@ -12,8 +10,8 @@ from tests.support.uneven import UNEVEN
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
     """By FMI version: archives and what is in them."""
-    folder = tmp_path_factory.mktemp("fmus")
-    return {str(fmu.description.fmiVersion): fmu for fmu in (Fmu(path) for path in build(folder, platform=UNEVEN))}
+    units = map(Fmu, gs.build(tmp_path_factory.mktemp("fmus"), platform=UNEVEN))
+    return {unit.version: unit for unit in units}
 
 
 @pytest.fixture(scope="session")
@@ -32,9 +30,3 @@ def fmu3(fmus: dict[str, Fmu]) -> Fmu:
 def fmu(request: pytest.FixtureRequest, fmus: dict[str, Fmu]) -> Fmu:
     """Both, one after the other."""
     return fmus[request.param]
-
-
-@pytest.fixture
-def fmu_folder(fmus: dict[str, Fmu]) -> Path:
-    """Where the archives lie."""
-    return next(iter(fmus.values())).path.parent
