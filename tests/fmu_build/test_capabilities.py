@@ -173,7 +173,7 @@ def test_foreign_bytes_are_refused_and_change_nothing(stepped: tuple[Fmu, bytes]
 
 
 def test_numbers_that_no_state_has_are_refused(stepped: tuple[Fmu, bytes]) -> None:
-    """Expected: no NaN; infinity for a stop time alone; below 0 neither tolerance nor step; 1e-13 ≤ tolerance ≤ 1e-2."""
+    """Expected: no NaN; infinity for a stop time alone; no step below 0; 1e-13 ≤ tolerance ≤ 1e-2."""
     fmu, blob = stepped
     good = np.frombuffer(blob[NUMBERS:-8], "<f8").copy()
     never_below_0 = []
@@ -224,10 +224,7 @@ def test_directional_derivatives_are_difference_quotients(fmu: Fmu, mode: str) -
         if before.is_fmi2:
             before.fmu.setupExperiment()
         before.fmu.enterInitializationMode()
-        if mode == "initialisation":
-            asked = before
-        else:
-            asked = p.start({**MOVING, **smooth})
+        asked = before if mode == "initialisation" else p.start({**MOVING, **smooth})
         kinds = {name: whole.declared[0].causality for name, whole in p.variables.items()}
         unknowns = [name for name, kind in kinds.items() if kind in ("output", "local") and name not in STATES]
         knowns = [
@@ -358,9 +355,9 @@ def updated(fmu: Fmu, act: Act, *, early_return: bool = False, start: bool = Tru
 
 @pytest.mark.parametrize("early_return", [True, False])
 def test_intermediate_updates_come_at_the_states_that_a_step_passes(fmu3: Fmu, early_return: bool) -> None:
-    """Expected: states of the Lagrangian's motion; inputs may be set, results read, an internal step has finished;
+    """Expected: states of the Lagrangian's motion. After an internal step inputs may be set and results read.
 
-    before the end an early return, if allowed.
+    Before the end an early return may be asked for, if it was allowed.
     """
     seen: list[tuple[float, FloatArray]] = []
 

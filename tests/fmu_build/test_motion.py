@@ -275,9 +275,9 @@ def test_the_size_of_steps_carries_over_communication_steps(fmu3: Fmu, asked: Pl
 
 @pytest.mark.parametrize(("start", "parts"), [(0.0, 1), (0.01, 5), (-0.1, 3), (-0.1, 7), (1e6, 100), (-1e9, 10)])
 def test_fixed_steps_are_equal_and_fit_into_the_communication_step(fmu3: Fmu, start: float, parts: int) -> None:
-    """Expected: ⌈step/size⌉, early and late; the last ends where it should to the last bit, also where rounding leaves
+    """Expected: ⌈step/size⌉, early and late; the last ends where it should, to the last bit.
 
-    start + (end - start) below the end, as of steps from -0.1 s.
+    Of steps from -0.1 s, start + (end - start) is less than the end.
     """
     step = 0.35000000000000003 if start == -0.1 else 0.01
     assert (start + ((start + step) - start) < start + step) == (start == -0.1)

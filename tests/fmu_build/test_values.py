@@ -1,4 +1,4 @@
-"""Values of a unit, and what it refuses: both versions, by FMPy. Every message names quantity, value and expectation."""
+"""Values of a unit, and what it refuses, by FMPy. Every message names quantity, value and expectation."""
 
 import re
 from collections.abc import Callable
@@ -412,7 +412,10 @@ FAILURES: list[tuple[dict[str, Any], dict[str, Any], float, str]] = [
     ({}, {"actuator_force": 1e29}, 0.1, "at time"),
     ({"fixed_step_size": 1e-3}, {"actuator_force": 1e29}, 0.1, "at time"),
     *(
-        ({**HOME, "orientation": [0, sign * (NEAR - 2e-3), 0], "angular_velocity": [0, sign, 0], **fixed}, {}, 0.01, "90 degrees")
+        (
+            {**HOME, "orientation": [0, sign * (NEAR - 2e-3), 0], "angular_velocity": [0, sign, 0], **fixed},
+            {}, 0.01, "90 degrees",
+        )
         for sign in (1.0, -1.0)
         for fixed in ({}, {"fixed_step_size": 1e-3})
     ),
