@@ -6,7 +6,6 @@ from typing import Any
 import fmpy
 from lxml import etree
 
-
 _SCHEMAS = Path(fmpy.__file__).parent / "schema"
 _COMPANIONS = {
     "sources/buildDescription.xml": "fmi3/fmi3BuildDescription.xsd",
