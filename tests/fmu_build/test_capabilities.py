@@ -1,11 +1,8 @@
 """Every capability that the model descriptions declare, tried by FMPy in both versions."""
 
 import struct
-import subprocess
-import sys
 from collections.abc import Callable
-from ctypes import POINTER, byref, c_double
-from pathlib import Path
+from ctypes import POINTER, c_double
 from typing import Any
 
 import numpy as np
@@ -57,27 +54,6 @@ def test_a_restored_state_has_the_same_future_from_any_history(
             assert p.serialized() == instance.serialized()
 
 
-def test_a_state_restored_in_another_process_has_the_same_future(fmu: Fmu, tmp_path: Path) -> None:
-    """Expected: the bytes of a run that was never interrupted."""
-    with plant(fmu) as p:
-        p.start(MOVING)
-        p.do_step(0.0, 0.2)
-        (tmp_path / "state").write_bytes(p.serialized())
-        p.do_step(0.2, 0.3)
-        whole = p.serialized()
-    script = f"""
-from pathlib import Path
-from tests.support.fmu_plants import Fmu, plant
-with plant(Fmu(Path({str(fmu.path)!r}))) as p:
-    p.restore(Path("state").read_bytes())
-    p.do_step(0.2, 0.3)
-    Path("end").write_bytes(p.serialized())
-"""
-    root = Path(__file__).parents[2]
-    subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env={"PYTHONPATH": str(root)}, check=True)
-    assert (tmp_path / "end").read_bytes() == whole
-
-
 def test_a_restored_state_goes_on_where_it_was_in_every_respect(fmu: Fmu) -> None:
     """Expected: mode, time, stop time, tolerance; and not in an instance of the other kind."""
     with plant(fmu) as p, plant(fmu) as q, plant(fmu, co_simulation=False) as other:
@@ -93,29 +69,6 @@ def test_a_restored_state_goes_on_where_it_was_in_every_respect(fmu: Fmu) -> Non
         other.start()
         assert refused(p.restore, other.serialized()) == ERROR
         assert "Model Exchange" in p.messages[-1].text
-
-
-def test_pointers_to_states_are_used_as_the_standards_say(fmu: Fmu) -> None:
-    """Expected: a state is written over when given again, and freed to a null pointer; deserialising makes a new one.
-
-    The standards call that pointer an output, so that what lies there before is not looked at.
-    """
-    with plant(fmu) as p:
-        p.start()
-        state = p.fmu.getFMUState()
-        address = state.value
-        (p.fmu.fmi2GetFMUstate if p.is_fmi2 else p.fmu.fmi3GetFMUState)(p.fmu.component, byref(state))
-        assert state.value == address
-        for _ in range(2):
-            p.fmu.freeFMUState(state)
-            assert state.value is None
-        blob = p.serialized()
-        one = p.fmu.deserializeFMUState(blob)
-        first, one.value = one.value, 1
-        second = p.fmu.deserializeFMUState(blob, one).value
-        assert second not in (1, first)
-        for address in (first, second):
-            p.fmu.freeFMUState(type(one)(address))
 
 
 # Magic (8), format, kind, mode, number of doubles (4 each), layout (8), numbers, checksum (8); little-endian.

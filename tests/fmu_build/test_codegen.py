@@ -1,18 +1,13 @@
 """The kernel as C: complete, with plain signatures, and refused where it is not straight-line code."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import casadi
 import pytest
 
 from gough_stewart.fmu_build import codegen, tables
-from gough_stewart.fmu_build.layout import Layout
-from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.fmu_build.sources import standard_headers
-from gough_stewart.model.platform import Platform
 
 
 def test_the_code_is_arithmetic_only() -> None:
@@ -41,12 +36,6 @@ def test_code_that_branches_is_refused() -> None:
     function = casadi.Function("f", [x], [casadi.if_else(x > 0, casadi.sin(x), casadi.fmod(x, 2))], ["x"], ["y"])
     with pytest.raises(RuntimeError, match="unknown construct"):
         codegen.function_source(function)
-
-
-def test_the_layout_number_changes_with_the_variables_and_the_saved_form(paper: Platform) -> None:
-    component = plant_component(paper)
-    others = replace(component, layout=Layout(PLANT.rows[:-1])), replace(component, saved_form="another")
-    assert len({tables.layout_number(each) for each in (component, *others)}) == 3
 
 
 # --- one function, whole -------------------------------------------------------------------------------------------
@@ -99,26 +88,6 @@ void kernel_f(const double x[], const double p[], double y[], double z[])
 def test_a_function_is_written_in_double_with_one_reciprocal_for_two_quotients() -> None:
     """Expected: written out by hand; what is divided by once stays a quotient."""
     assert codegen.function_source(mixed()) == IN_DOUBLE
-
-
-def test_a_function_is_written_in_another_type_with_its_calls_casts_and_literals() -> None:
-    """Expected: as in double, changed by hand; only inputs and outputs of another type are cast."""
-    expected = IN_DOUBLE.replace("void kernel_f", "static void of_f").replace("double", "float")
-    for before, after in (
-        ("const float p[]", "const double p[]"),
-        ("float z[]", "double z[]"),
-        ("a1=p[0]", "a1=(float)p[0]"),
-        ("a4=p[1]", "a4=(float)p[1]"),
-        ("z[0]=a0", "z[0]=(double)a0"),
-        ("=1.4999999999999999e-07", "=((float)1.4999999999999999e-07)"),
-        ("(2.*a5)", "(((float)2.)*a5)"),
-        ("HUGE_VAL", "((float)HUGE_VAL)"),
-        *((f"={name}(", f"={name}f(") for name in ("sqrt", "sin", "fmod")),
-    ):
-        assert expected.count(before) == 1
-        expected = expected.replace(before, after)
-    types = codegen.Types("float", {"p": "double", "z": "double"}, "{}f")
-    assert codegen.function_source(mixed(), "static void of_", types) == expected
 
 
 def test_conditions_compare_with_zero_where_they_are_allowed() -> None:

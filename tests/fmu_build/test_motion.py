@@ -1,9 +1,11 @@
 """Motions of a unit in FMPy, in importers as they come, and its internal steps."""
 
+import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import casadi
@@ -18,6 +20,8 @@ from tests.support.fmu_plants import DISCARD, OK, POSE, Fmu, Plant, plant, refus
 from tests.support.lagrangian import FloatArray
 from tests.support.plain_motion import trajectory
 from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
+from tests.support.uneven_loops import POSE as POSE_AWAY
+from tests.support.uneven_loops import experiment_of
 
 PAPER = gs.load_preset("liu2000")
 # The paper's case; at 1.136 s it passes a singular pose.
@@ -324,3 +328,42 @@ def test_time_begins_where_the_experiment_does(fmu: Fmu) -> None:
         assert p.time == -4.5
         assert p.pose == pytest.approx(end_of("uneven"), abs=BOUND)
         assert np.abs(p.pose - np.concatenate(STATE[:2])).max() > 0.1
+
+
+# --- beside a controller ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def in_a_system(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
+    """The plant in an SSP, whose experiment asks for a tolerance of 1e-9."""
+    folder = tmp_path_factory.mktemp("system")
+    (path,) = gs.export(experiment_of("pid", plant={"tolerance": 1e-9}), forms="ssp", out=folder, anyway=True)
+    with zipfile.ZipFile(path) as archive:
+        return Fmu(Path(archive.extract("resources/plant.fmu", folder)))
+
+
+def test_zeros_in_the_very_first_step_stand_for_the_forces_of_the_start(in_a_system: Fmu) -> None:
+    """Expected: the unit under the forces themselves; zeros later, or beside one force that is not, are meant."""
+
+    def pose_after(*forces: FloatArray, tolerance: float | None = None, resets: bool = False) -> FloatArray:
+        with plant(in_a_system) as p:
+            for _ in range(1 + resets):
+                p.fmu.reset()
+                p.start(time=12.3, tolerance=tolerance)
+                for k, force in enumerate(forces):
+                    p.set("actuator_force", force)
+                    p.do_step(12.3 + k * 0.004, 0.004)
+            return p.pose
+
+    with plant(in_a_system) as p:
+        held = p.get("actuator_force")
+        assert p.get("position") == pytest.approx(POSE_AWAY[:3])
+    zero, one = np.zeros(6), np.array([0.0, 0, 0, 0, 0, 1e-3])
+    assert np.abs(held).min() > 1
+    assert np.array_equal(pose_after(zero, held), pose_after(held, held))
+    assert np.array_equal(pose_after(zero, resets=True), pose_after(held))
+    assert np.abs(pose_after(held, zero) - pose_after(held, held)).max() > 1e-5
+    assert np.abs(pose_after(one) - pose_after(held)).max() > 1e-5
+    many = [1.5 * held] * 20
+    assert np.array_equal(pose_after(*many), pose_after(*many, tolerance=1e-9))
+    assert not np.array_equal(pose_after(*many), pose_after(*many, tolerance=1e-13))

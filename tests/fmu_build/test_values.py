@@ -2,11 +2,9 @@
 
 import re
 from collections.abc import Callable
-from ctypes import CFUNCTYPE, POINTER, byref, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint32, c_void_p
-from pathlib import Path
+from ctypes import POINTER, byref, c_double, c_uint32, c_void_p
 from typing import Any
 
-import fmpy
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -470,23 +468,6 @@ def test_steps_before_initialisation_and_after_the_end_are_errors(fmu: Fmu) -> N
         p.do_step(0.0, 0.1)
 
 
-@pytest.mark.parametrize("co_simulation", [True, False])
-def test_calls_of_the_other_kind_are_errors_in_every_mode(fmu: Fmu, co_simulation: bool) -> None:
-    nothing: list[Any] = [None, c_size_t(0), None, None, *([] if fmu.is_fmi2 else [c_size_t(0)])]
-    others: dict[str, list[Any]] = (
-        {"SetTime": [c_double(1.0)], "GetNominalsOfContinuousStates": [(c_double * 12)(), c_size_t(12)]}
-        if co_simulation
-        else {"GetRealOutputDerivatives" if fmu.is_fmi2 else "GetOutputDerivatives": nothing}
-    )
-    with plant(fmu, co_simulation) as p:
-        for prepare in (lambda: None, p.start, p.fmu.terminate):
-            prepare()
-            for name, arguments in others.items():
-                function = p.fmu.dll[f"fmi{fmu.version[0]}{name}"]
-                assert function(c_void_p(p.fmu.component), *arguments) == ERROR
-                assert "not allowed in" in p.messages[-1].text
-
-
 @pytest.mark.parametrize(
     ("time", "step", "expected"),
     [
@@ -583,70 +564,6 @@ def test_an_importer_with_another_description_gets_no_instance_and_a_reason(fmu:
         with plant(fmu) as p:
             assert not p.fmu.dll.fmi2Instantiate(b"plant", 7, fmu.token.encode(), b"", byref(p.callbacks), 0, 0)
             assert "unknown FMU type 7" in p.messages[-1].text
-
-
-# --- functions that the unit has not ---------------------------------------------------------------------------------
-
-OTHER_TYPES = {
-    "2.0": ("Integer", "Boolean", "String"),
-    "3.0": (
-        *("Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String"),
-        "Binary",
-    ),
-}
-# The functions of clocks, with the number of vectors that they take besides the references.
-OF_CLOCKS = {
-    **{"GetClock": 1, "SetClock": 1, "GetIntervalDecimal": 2, "SetIntervalDecimal": 1, "GetIntervalFraction": 3},
-    **{"SetIntervalFraction": 2, "GetShiftDecimal": 1, "SetShiftDecimal": 1, "GetShiftFraction": 2},
-    "SetShiftFraction": 2,
-}
-
-
-def test_a_reference_with_a_value_of_another_type_is_an_error_and_none_is_nothing(fmu: Fmu) -> None:
-    with plant(fmu) as p:
-        instance, one, room = c_void_p(p.fmu.component), byref(c_uint32(0)), byref((c_double * 4)())
-        for access, other in ((a, t) for a in ("Get", "Set") for t in OTHER_TYPES[fmu.version]):
-            function = p.fmu.dll[f"fmi{fmu.version[0]}{access}{other}"]
-            arrays = [room] * (2 if other == "Binary" else 1)
-            for n, n_values, expected in ((1, 1, ERROR), (1, 0, ERROR), (0, 1, ERROR), (0, 0, OK)):
-                if p.is_fmi2 and n != n_values:
-                    continue
-                counted = [] if p.is_fmi2 else [c_size_t(n_values)]
-                assert function(instance, one, c_size_t(n), *arrays, *counted) == expected, (other, n, n_values)
-                assert expected == OK or "no variables of this type" in p.messages[-1].text
-
-
-def test_there_are_no_clocks_and_no_scheduled_execution(fmu3: Fmu) -> None:
-    """Expected: every call is an error with its reason, but one for no clock at all."""
-    with plant(fmu3) as p:
-        instance, one, room = c_void_p(p.fmu.component), byref(c_uint32(1000)), byref((c_double * 4)())
-        for name, vectors in OF_CLOCKS.items():
-            function = p.fmu.dll[f"fmi3{name}"]
-            assert function(instance, one, c_size_t(1), *[room] * vectors) == ERROR, name
-            assert p.messages[-1].text.startswith(f"fmi3{name}: the unit has no variables of this type")
-            assert function(instance, None, c_size_t(0), *[None] * vectors) == OK, name
-        for name, arguments in (("EnterStepMode", ()), ("ActivateModelPartition", (c_uint32(1000), c_double(0.0)))):
-            assert p.fmu.dll[f"fmi3{name}"](instance, *arguments) == ERROR
-            assert p.messages[-1].text == f"fmi3{name}: not offered by this unit"
-        instantiate = p.fmu.dll["fmi3InstantiateScheduledExecution"]
-        instantiate.restype = c_void_p
-        told = list[tuple[int, bytes]]()
-        logger = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)(lambda _e, s, _c, text: told.append((s, text)))
-        arguments = (None, c_bool(False), c_bool(False), None, logger, None, None, None)
-        assert instantiate(b"plant", fmu3.token.encode(), *arguments) is None
-        ((status, text),) = told
-        assert status == ERROR
-        assert b"Scheduled Execution is not offered by this unit; it has Model Exchange and Co-Simulation" in text
-
-
-def test_every_function_of_the_standard_is_exported(fmu: Fmu) -> None:
-    """Expected: the declarations in the standard's own header, which FMPy carries."""
-    major = fmu.version[0]
-    header = (Path(fmpy.__file__).parent / "c-code" / f"fmi{major}Functions.h").read_text()
-    names = set(re.findall(rf"^\s*FMI{major}_Export\s+\w+\s+(fmi{major}\w+);", header, re.M))
-    assert len(names) > 40
-    with plant(fmu) as p:
-        assert all(getattr(p.fmu.dll, name) for name in names)
 
 
 # --- messages --------------------------------------------------------------------------------------------------------

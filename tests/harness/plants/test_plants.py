@@ -4,7 +4,6 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from unittest import mock
 from zipfile import ZipFile
@@ -21,9 +20,8 @@ from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.plants.unit import Unit, UnitFile
 from gough_stewart.model import interface
-from gough_stewart.model.errors import GoughStewartError, InterfaceError, PlatformError, StepError
+from gough_stewart.model.errors import InterfaceError, PlatformError, StepError
 from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
@@ -136,18 +134,6 @@ def test_an_inertia_that_no_body_has_is_refused_at_once_and_changes_nothing(open
         with pytest.raises(PlatformError, match="triangle"):
             plant.set_parameters({"platform_inertia": np.diag([1.0, 2.0, 3.1])})
         plant.do_step(0.01, 0.01)
-
-
-def test_a_centre_of_mass_beyond_the_shortest_leg_of_the_start_is_refused(open_one: Open) -> None:
-    """Expected: legs are alike, so that what is not on the shortest lies beside it; home has longer legs."""
-    long = replace(UNEVEN, leg_lower_com=2.35)
-    low = State(UNEVEN.home_position - [0.0, 0.0, 0.9], np.zeros(3), np.zeros(3), np.zeros(3))
-    lengths = leg_geometry(long, low.position, low.orientation).length
-    assert lengths.min() < 2.35 < lengths.max()
-    with open_one(long, None) as plant:
-        plant.do_step(0.0, 0.01)
-    with pytest.raises(GoughStewartError, match=r"leg_lower_com.* is 2.35 m"), open_one(long, low) as plant:
-        plant.do_step(0.0, 0.01)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="mapped files are read from /proc")
