@@ -38,58 +38,6 @@ def test_code_that_branches_is_refused() -> None:
         codegen.function_source(function)
 
 
-# --- one function, whole -------------------------------------------------------------------------------------------
-
-
-def mixed() -> casadi.Function:
-    """Two inputs and two outputs with all that the generator changes: quotients, literals, calls, infinity."""
-    x, p = casadi.SX.sym("x", 3), casadi.SX.sym("p", 2)
-    y = casadi.vertcat(x[0] / p[0], x[1] / p[0], x[2] / p[1] + 1.5e-7, casadi.sqrt(x[0]) + 2 * casadi.sin(p[1]))
-    z = casadi.fmod(x[0], p[1]) + casadi.sign(p[0]) + x[1] ** 2 + casadi.inf
-    return casadi.Function("f", [x, p], [y, z], ["x", "p"], ["y", "z"])
-
-
-IN_DOUBLE = """
-void kernel_f(const double x[], const double p[], double y[], double z[])
-{
-  double r0;
-  double a0, a1, a2, a3, a4, a5;
-  a0=x[0];
-  a1=p[0];
-  r0=1/a1;
-  a2=(a0*r0);
-  y[0]=a2;
-  a2=x[1];
-  a3=(a2*r0);
-  y[1]=a3;
-  a3=x[2];
-  a4=p[1];
-  a3=(a3/a4);
-  a5=1.4999999999999999e-07;
-  a3=(a3+a5);
-  y[2]=a3;
-  a3=sqrt(a0);
-  a5=sin(a4);
-  a5=(2.*a5);
-  a3=(a3+a5);
-  y[3]=a3;
-  a0=fmod(a0,a4);
-  a1=sign(a1);
-  a0=(a0+a1);
-  a2=sq(a2);
-  a0=(a0+a2);
-  a2=HUGE_VAL;
-  a0=(a0+a2);
-  z[0]=a0;
-}
-"""
-
-
-def test_a_function_is_written_in_double_with_one_reciprocal_for_two_quotients() -> None:
-    """Expected: written out by hand; what is divided by once stays a quotient."""
-    assert codegen.function_source(mixed()) == IN_DOUBLE
-
-
 def test_conditions_compare_with_zero_where_they_are_allowed() -> None:
     """Expected: a choice, a negation and a conjunction of numbers, written out; refused by default."""
     x = casadi.SX.sym("x", 2)

@@ -252,6 +252,7 @@ def test_no_limit_is_0_in_the_unit_and_none_in_the_c(unit: Plant) -> None:
 # --- description -----------------------------------------------------------------------------------------------------
 
 REPORT = "inputs of the last sample: 0 good, 1 out of range, 2 frozen; unless they are good, the forces are safe ones"
+BAD_TIME = "for how long the inputs have not been good; 0 while they are"
 DELAY = "samples from the inputs to the forces that they determine, a whole number from 1 to 12"
 # name, size, causality, variability, unit, description, start; in the order of their value references
 VARIABLES: list[tuple[str, int, str, str, str | None, str, Any]] = [
@@ -269,15 +270,7 @@ VARIABLES: list[tuple[str, int, str, str, str | None, str, Any]] = [
     ("time", 1, "independent", "continuous", "s", "", None),
     ("output_delay", 1, "parameter", "fixed", None, DELAY, 1),
     ("input_status", 1, "output", "continuous", None, REPORT, None),
-    (
-        "input_bad_time",
-        1,
-        "output",
-        "continuous",
-        "s",
-        "for how long the inputs have not been good; 0 while they are",
-        None,
-    ),
+    ("input_bad_time", 1, "output", "continuous", "s", BAD_TIME, None),
 ]
 
 
@@ -349,19 +342,9 @@ def test_terminals_hold_the_actuators_the_measured_pose_and_the_reference() -> N
             {name: name for name in ("reference_position", "reference_velocity")},
         ),
     }
-    legs = {
-        f"actuator_{k}": (
-            f"actuator of leg {k}",
-            {"actuator_force": f"actuator_force[{k}]", "leg_length": f"leg_length[{k}]"},
-        )
-        for k in range(1, 7)
-    }
-    assert found["2.0"] == legs | {
-        "pose": ("pose and its rates", {f"position[{k}]": f"position[{k}]" for k in (1, 2, 3)}),
-        "reference": (
-            "reference of the platform",
-            {f"{n}[{k}]": f"{n}[{k}]" for n in ("reference_position", "reference_velocity") for k in (1, 2, 3)},
-        ),
-    }
+    leg = {"actuator_force": "actuator_force[4]", "leg_length": "leg_length[4]"}
+    assert found["2.0"]["actuator_4"] == ("actuator of leg 4", leg)
+    assert list(found["2.0"]) == [*(f"actuator_{k}" for k in range(1, 7)), "pose", "reference"]
+    assert set(found["2.0"]["pose"][1].values()) == {f"position[{k}]" for k in (1, 2, 3)}
     alone = _terminals(unit_of(controller_component(ALONE), "3.0").documents[place])
     assert list(alone) == ["actuators", "pose"]

@@ -68,30 +68,6 @@ def test_inputs_and_results_mean_what_the_interface_says(open_one: Open) -> None
     assert found["leg_length"] == pytest.approx(np.linalg.norm(legs, axis=1), rel=1e-12)
 
 
-def test_a_plant_begins_at_home_at_rest(open_one: Open) -> None:
-    """Expected: rule 1, on a platform that the FMU was not built for; the forces that hold it there, and no wrench."""
-    with open_one(UNEVEN, None) as plant:
-        results = interface.unpack(interface.RESULTS, plant.results())
-    assert np.abs(results["acceleration"]).max() < 1e-9
-    assert np.abs(results["angular_acceleration"]).max() < 1e-9
-    assert (results["position"] == UNEVEN.home_position).all()
-    assert (results["orientation"] == UNEVEN.home_orientation).all()
-    assert (results["velocity"] == 0).all()
-    assert (results["angular_velocity"] == 0).all()
-
-
-def test_results_are_copies_and_change_nothing(open_one: Open, paper: Platform) -> None:
-    """Expected: rule 4."""
-    with open_one(paper, None) as plant:
-        one = plant.results()
-        kept = one.copy()
-        plant.set_inputs(np.arange(12.0))
-        plant.do_step(0.0, 0.01)
-        two = plant.results()
-        assert (one == kept).all()
-        assert (plant.results() == two).all()
-
-
 def test_a_failed_step_leaves_the_plant_as_it_was(open_one: Open, paper: Platform) -> None:
     """Expected: rule 6; 1e5 N turn the paper's platform through its singular pose within a second."""
     with open_one(paper, None) as plant:
