@@ -16,7 +16,7 @@ from fmpy.fmi1 import FMICallException
 from scipy.integrate import RK45
 
 import gough_stewart as gs
-from tests.support.fmu_plants import DISCARD, OK, POSE, Fmu, Plant, plant, refused
+from tests.support.fmu_plants import DISCARD, OK, POSE, Fmu, Plant, by_element, plant, refused
 from tests.support.lagrangian import FloatArray
 from tests.support.plain_motion import trajectory
 from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
@@ -52,16 +52,6 @@ def end_of(case: str) -> FloatArray:
     platform, values, duration = CASES[case]
     flat = np.concatenate([np.ravel(value) for value in values.values()])
     return trajectory(platform, flat[:12], lambda _t: flat[12:], np.array([0.0, duration]))[-1, :6]
-
-
-def by_element(fmu: Fmu, values: dict[str, Any]) -> dict[str, Any]:
-    """Values as FMPy's simulation takes them: scalars in FMI 2.0, lists in FMI 3.0."""
-    found: dict[str, Any] = {}
-    for name, value in values.items():
-        flat, whole = np.ravel(value).astype(float).tolist(), fmu.variables[name]
-        names = [declared.name for declared in whole.declared]
-        found |= dict(zip(names, flat, strict=True)) if fmu.is_fmi2 else {name: flat if whole.shape else flat[0]}
-    return found
 
 
 def simulate(fmu: Fmu, case: str, fmi_type: str, duration: float | None = None, **options: Any) -> Any:

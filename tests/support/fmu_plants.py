@@ -284,6 +284,16 @@ class Plant:
         return np.array(values)
 
 
+def by_element(fmu: Fmu, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values as FMPy's simulation takes them: scalars in FMI 2.0, lists in FMI 3.0."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        flat, whole = np.ravel(value).astype(float).tolist(), fmu.variables[name]
+        names = [declared.name for declared in whole.declared]
+        found |= dict(zip(names, flat, strict=True)) if fmu.is_fmi2 else {name: flat if whole.shape else flat[0]}
+    return found
+
+
 @contextmanager
 def plant(fmu: Any, co_simulation: bool = True, **options: Any) -> Iterator[Plant]:
     """An instance that is freed."""
