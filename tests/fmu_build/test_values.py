@@ -386,7 +386,12 @@ def test_derivatives_that_are_not_finite_are_told_and_those_of_other_poses_given
 @pytest.mark.parametrize("co_simulation", [True, False])
 def test_results_that_are_not_finite_are_discarded_only_where_fmi_2_knows_that(fmu: Fmu, co_simulation: bool) -> None:
     """Expected: FMI 2.0, 2.1.3, lists fmi2GetReal for Model Exchange, and directional derivatives for nobody."""
-    tiny = {"platform_mass": 1e-300, "platform_inertia": 1e-300 * np.eye(3), "platform_com": 0.0, "leg_armature": 0.0}
+    tiny: dict[str, Any] = {
+        "platform_mass": 1e-300,
+        "platform_inertia": 1e-300 * np.eye(3),
+        "platform_com": 0.0,
+        "leg_armature": 0.0,
+    }
     tiny |= {f"leg_{part}_{kind}": 1e-300 for part in ("lower", "upper") for kind in ("mass", "inertia")}
     with plant(fmu, co_simulation) as p:
         p.start(tiny)
