@@ -26,8 +26,7 @@ from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.lanes import Stepping
-from gough_stewart.harness.results.fold_library import metric_kernels
-from gough_stewart.harness.results.metric_folds import folds_of_loop
+from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
 
 ROUNDS, MEMBERS = 3, 1000
 VARIED = "ensemble.platform_mass={factor={uniform=[0.8,1.3]}}"

@@ -4,7 +4,7 @@ from typing import Literal
 
 import numpy as np
 
-from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.motion import Motion, once_at_rest
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
@@ -23,10 +23,13 @@ def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatA
     SingularPoseError
         The legs cannot hold a pose of the motion.
     """
-    if kind == "gravity":
-        return np.asarray(static_leg_forces(platform, motion.position, motion.orientation))
-    if kind == "computed_torque":
-        state = State(motion.position, motion.orientation, motion.velocity, motion.angular_velocity)
-        acceleration = Acceleration(motion.acceleration, motion.angular_acceleration)
-        return np.asarray(inverse_dynamics(platform, state, acceleration))
-    return np.zeros((len(motion.position), 6))
+    if kind == "none":
+        return np.zeros((len(motion.position), 6))
+
+    def held(rows: Motion) -> list[FloatArray]:
+        if kind == "gravity":
+            return [static_leg_forces(platform, rows.position, rows.orientation)]
+        return [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))]
+
+    (forces,) = once_at_rest(held, motion)
+    return forces

@@ -10,7 +10,7 @@ from gough_stewart.harness.report.quantities import ANGLE, FORCE, LENGTH, Quanti
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.results.metrics import finite_part, flattened, metrics
-from gough_stewart.harness.results.outcome import outcome_text
+from gough_stewart.harness.results.oscillation import outcome_text
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.comparison import difference
 from gough_stewart.model.vectors import FloatArray

@@ -38,8 +38,7 @@ from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
-from gough_stewart.harness.results.fold_library import metric_kernels
-from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
+from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop, metric_kernels
 from gough_stewart.harness.results.oscillation import Oscillation
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import nearest

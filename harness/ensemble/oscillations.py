@@ -3,11 +3,9 @@
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from math import ceil
-from typing import Any
 
 import numpy as np
 import polars
-from numpy.typing import NDArray
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
 from gough_stewart.harness.experiment.batch import Batch
@@ -17,14 +15,7 @@ from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.loop.run import samples_of_rows
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.results.oscillation import (
-    LegRows,
-    Oscillation,
-    least_amplitude,
-    may_move,
-    rest_begins,
-    self_excited,
-)
+from gough_stewart.harness.results.oscillation import Oscillation, SelfExcitation, least_amplitude, rest_begins
 from gough_stewart.model.vectors import FloatArray
 
 # Rows that are kept of each member: 100 kB, 50 MB in a chunk.
@@ -61,15 +52,24 @@ def oscillations(
 
     Rows that are left out of long runs make fast oscillations look slower, so that `frequency` is then None.
     """
-    completed = [k for k, outcome in enumerate(outcomes) if outcome.status == "completed"]
     found: list[Oscillation | None] = [None] * len(batch)
-    for k, reference, begins in _candidates(batch, completed, kept, threads):
-        prepared, error = batch.member(k), kept.errors[:, :, k].copy()
-        sensors, length = prepared.loop.sensors, float(np.mean(reference - error))
-        explained = _one(sensors.noise), _one(sensors.quantisation)
-        least = least_amplitude(length, prepared.platform.platform_points, *explained)
-        found[k] = self_excited(LegRows(kept.time, error, reference, begins, least))
-    return found if kept.every == 1 else [each and each._replace(frequency=None) for each in found]
+
+    def judged(members: list[int], reference: FloatArray, judge: SelfExcitation) -> None:
+        # those of consecutive members without a copy
+        together = slice(members[0], members[-1] + 1) if members[-1] - members[0] == len(members) - 1 else members
+        errors = kept.errors[..., together]
+        for k in np.flatnonzero(~judge.sound_at_a_glance(errors)).tolist():
+            member, error = members[k], np.ascontiguousarray(errors[..., k].T)
+            sensors, platform = batch.sensors[member], batch.platform[member]
+            length = float(np.mean(reference) - np.mean(error))
+            least = least_amplitude(length, platform.platform_points, sensors.noise, sensors.quantisation)
+            found[member] = judge(error, least)
+
+    with ThreadPoolExecutor(threads) as pool:
+        for members, reference, judge in _alike(batch, outcomes, kept):
+            parts = [members[k : k + _TOGETHER] for k in range(0, len(members), _TOGETHER)]
+            list(pool.map(lambda part, reference=reference, judge=judge: judged(part, reference, judge), parts))
+    return found if kept.every == 1 else [motion and motion._replace(frequency=None) for motion in found]
 
 
 def oscillation_columns(found: Sequence[Oscillation | None]) -> dict[str, polars.Series]:
@@ -85,39 +85,23 @@ def oscillation_columns(found: Sequence[Oscillation | None]) -> dict[str, polars
     }
 
 
-def _candidates(
-    batch: Batch, members: Sequence[int], kept: LegErrors, threads: int
-) -> Iterator[tuple[int, FloatArray, int]]:
-    """Members that may oscillate or grow, the reference of their legs, and the kept row from which nothing acts.
-
-    Those that share what acts on the loop are looked at together.
-    """
+def _alike(
+    batch: Batch, outcomes: Sequence[Outcome], kept: LegErrors
+) -> Iterator[tuple[list[int], FloatArray, SelfExcitation]]:
+    """Members that completed and share what acts on them, their legs' reference at the kept rows, and their judge."""
     alike = dict[tuple[int | None, ...], list[int]]()
-    for k in members:
-        if batch.planned[k] is not None and batch.controller[k] is not None:
+    for k, outcome in enumerate(outcomes):
+        is_closed = batch.planned[k] is not None and batch.controller[k] is not None
+        if is_closed and outcome.status == "completed":
             # changes are each machine's own, and with jitter the rows of an injection each member's
             own = k if batch.injection[k] is not None and batch.jitter[k] else None
-            key = (*(int(each.of[k]) for each in (batch.planned, batch.changes, batch.injection)), own)
+            key = (*(int(part.of[k]) for part in (batch.planned, batch.changes, batch.injection)), own)
             alike.setdefault(key, []).append(k)
-    for group in alike.values():
-        prepared = batch.member(group[0])
-        reference = prepared.loop.reference
-        assert reference is not None
-        reference = reference[:: kept.every, LENGTHS]
+    for members in alike.values():
+        prepared = batch.member(members[0])
+        assert prepared.loop.reference is not None
+        reference = np.ascontiguousarray(prepared.loop.reference[:: kept.every, LENGTHS].T)
         acting = acting_columns(prepared, samples_of_rows(prepared.loop.timing))
         # up to the first kept row at or after it
-        begins = ceil(rest_begins(values for _, values in acting) / kept.every)
-
-        def may(part: list[int], reference: FloatArray = reference, begins: int = begins) -> NDArray[np.bool_]:
-            # those of consecutive members without a copy
-            at = slice(part[0], part[-1] + 1) if part[-1] - part[0] == len(part) - 1 else part
-            return may_move(np.moveaxis(kept.errors[..., at], 1, 2), kept.time, reference, begins)
-
-        parts = [group[k : k + _TOGETHER] for k in range(0, len(group), _TOGETHER)]
-        with ThreadPoolExecutor(threads) as pool:
-            for part, found in zip(parts, pool.map(may, parts), strict=True):
-                yield from ((k, reference, begins) for k, is_one in zip(part, found.tolist(), strict=True) if is_one)
-
-
-def _one(values: Any) -> dict[str, float]:
-    return {name: float(value) for name, value in values.items()}
+        begin = ceil(rest_begins(values for _, values in acting) / kept.every)
+        yield members, reference, SelfExcitation(kept.time, reference, begin)

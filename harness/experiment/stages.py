@@ -23,7 +23,7 @@ from gough_stewart.harness.experiment import schema
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.loop import Change, Limits, stroke_of
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, legs_of
+from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, jacobians_of, legs_of
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.model.errors import GoughStewartError, PlatformError
@@ -160,7 +160,7 @@ class Stages:
             legs = legs_of(platform, motion)
             signals = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
             at = slice(0, timing.steps, timing.steps_a_sample)
-            jacobians = leg_jacobian(platform, motion.position[at], motion.orientation[at])
+            jacobians = jacobians_of(platform, Motion(*(part[at] for part in motion)))
             return Planned(reference, motion, legs, signals, jacobians)
 
     def start(self, choice: schema.Start, platform: Platform, planned: Planned | None) -> State:

@@ -39,7 +39,7 @@ class _RowsOfMembers(ctypes.Structure):
 
 
 class FoldKernels:
-    """A library of `fmu_build.folds`; it releases the GIL while it works."""
+    """A library of c/folds; it releases the GIL while it works."""
 
     def __init__(self, path: Path) -> None:
         self._library = ctypes.CDLL(str(path))

@@ -3,8 +3,8 @@
 1. A fold names the columns it needs, as a record does. `start` gives its state: arrays with the members on their last
    axis; `rows` adds a block of rows to it in place; `result` reads it.
 2. A row may be used with the one before it, which a block brings along: a result does not depend on where blocks end.
-3. A sum takes one row after the other, with the state as its first term: `add_rows`. So a member's sums have the same
-   bits alone, among others, and for every size of blocks.
+3. A sum takes one row after the other, with the state as its first term. So a member's sums have the same bits alone,
+   among others, and for every size of blocks.
 4. A fold need not look at which members have ended: their state is kept as it was at their last row. One that has to
    know, such as a count of running members, reads `running` and sets `keeps_ended` to False.
 """
@@ -184,20 +184,3 @@ class KeptRows(Fold):
                 block.of_rows(rows, name, into[first:last])
             else:
                 into[first:last] = np.nan
-
-
-def add_rows(total: FloatArray, terms: FloatArray) -> None:
-    """Add terms (rows, size, N) to a total (size, N): one row after the other.
-
-    NumPy adds along the first axis in this order if there are at least two columns; a single one it adds in pairs.
-    """
-    if not len(terms):
-        return
-    terms = terms if terms.flags.owndata else terms.copy()
-    first = terms[0].copy()
-    terms[0] += total
-    if total.size > 1:
-        np.add.reduce(terms, axis=0, out=total)
-    else:
-        total[...] = np.add.accumulate(terms, axis=0)[-1]
-    terms[0] = first

@@ -1,59 +1,44 @@
-"""Folds that are described once, for blocks of rows in NumPy and, traced, for one row after the other in C.
+"""Folds that are described once, for one row after the other: traced to C, and in NumPy where there is no machine code.
 
 1. `terms` gives named arrays of a row: a pure function of columns of the row and the row before it, the row's index and
-   the fold's parameters. The row before the first is the first itself.
+   the fold's parameters; not of the error of the row before. The row before the first is the first itself.
 2. Nothing branches on a value: what compares is in `model/operations.py`. Arrays have elements and members last,
-   (..., size, N): of all rows of a block, or one member of CasADi symbols.
-3. Each term has reductions. `next` defines one, from row to row; `block` does the same for many rows at once, with the
-   same bits: sums take one row after the other, and all else does not depend on the order.
+   (size, N): numbers of N members, or CasADi symbols of one.
+3. Each term has reductions, which `next` defines from row to row.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from gough_stewart.harness.loop.folds import Block, Fold, State, add_rows
+from gough_stewart.harness.loop.folds import Block, Fold, State
 from gough_stewart.model.operations import maximum, minimum, where
-from gough_stewart.model.vectors import Array, FloatArray, Scalars
+from gough_stewart.model.vectors import Array, Scalars
 
 if TYPE_CHECKING:
     from gough_stewart.fmu_build.libraries import FoldKernel
 
-# Whether elements of an array and a bound have a relation; if any element has it, the largest has.
+# Whether elements of an array and a bound have a relation.
 Comparison = Callable[[Array, Scalars], Array]
 
 
-class Given(Protocol):
+@dataclass(frozen=True, eq=False)
+class TermRow:
     """What the terms of a row are computed from."""
 
-    index: Array  # of the row (..., 1, 1)
+    columns: Mapping[str, Array]  # (size, N), by the names that the terms use
+    before: Mapping[str, Array]  # those of the row before
+    index: Array  # of the row (1, 1)
+    parameters: Mapping[str, Array]  # of the fold (1, N) or (1, 1)
 
     def __getitem__(self, column: str) -> Array:
-        """A column of the row (..., size, N)."""
-
-    def before(self, column: str) -> Array:
-        """A column of the row before."""
-
-    def of(self, parameter: str) -> Array:
-        """A parameter of the fold (1, N) or (1, 1)."""
-
-
-class Term:
-    """A term of a row, or of the rows of a block, with what several reductions use."""
-
-    def __init__(self, given: Given, values: Array) -> None:
-        self.given, self.values = given, values
-
-    @cached_property
-    def largest(self) -> FloatArray:
-        """The largest over the rows (size, N)."""
-        return np.asarray(np.maximum.reduce(self.values))
+        return self.columns[column]
 
     def bound(self, bound: str | float) -> Any:
         """A number, or that of a parameter."""
-        return self.given.of(bound) if isinstance(bound, str) else bound
+        return self.parameters[bound] if isinstance(bound, str) else bound
 
 
 class Reduction:
@@ -64,12 +49,8 @@ class Reduction:
     def __init__(self, term: str) -> None:
         self.term = term
 
-    def next(self, state: tuple[Array, ...], term: Term) -> tuple[Array, ...]:
-        """The state after a row, from that before."""
-        raise NotImplementedError
-
-    def block(self, state: tuple[FloatArray, ...], term: Term) -> None:
-        """The same in place, for the terms of a block (rows, size, N)."""
+    def next(self, state: tuple[Array, ...], values: Array, row: TermRow) -> tuple[Array, ...]:
+        """The state after a row in which the term has these values (size, N), from that before."""
         raise NotImplementedError
 
 
@@ -78,11 +59,8 @@ class Sum(Reduction):
 
     starts: ClassVar[Mapping[str, float]] = {"": 0.0}
 
-    def next(self, state: tuple[Array, ...], term: Term) -> tuple[Array, ...]:
-        return (state[0] + term.values,)
-
-    def block(self, state: tuple[FloatArray, ...], term: Term) -> None:
-        _add(state[0], term.values)
+    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
+        return (state[0] + values,)
 
 
 class SumButLast(Reduction):
@@ -90,14 +68,8 @@ class SumButLast(Reduction):
 
     starts: ClassVar[Mapping[str, float]] = {"": 0.0, ".last": 0.0}
 
-    def next(self, state: tuple[Array, ...], term: Term) -> tuple[Array, ...]:
-        return state[0] + state[1], term.values
-
-    def block(self, state: tuple[FloatArray, ...], term: Term) -> None:
-        total, last = state
-        total += last
-        last[...] = term.values[-1]
-        _add(total, term.values[:-1])
+    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
+        return state[0] + state[1], values
 
 
 class Largest(Reduction):
@@ -105,11 +77,8 @@ class Largest(Reduction):
 
     starts: ClassVar[Mapping[str, float]] = {"": -np.inf}
 
-    def next(self, state: tuple[Array, ...], term: Term) -> tuple[Array, ...]:
-        return (maximum(state[0], term.values),)
-
-    def block(self, state: tuple[FloatArray, ...], term: Term) -> None:
-        np.maximum(state[0], term.largest, out=state[0])
+    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
+        return (maximum(state[0], values),)
 
 
 class Smallest(Reduction):
@@ -117,11 +86,8 @@ class Smallest(Reduction):
 
     starts: ClassVar[Mapping[str, float]] = {"": np.inf}
 
-    def next(self, state: tuple[Array, ...], term: Term) -> tuple[Array, ...]:
-        return (minimum(state[0], term.values),)
-
-    def block(self, state: tuple[FloatArray, ...], term: Term) -> None:
-        np.minimum(state[0], np.minimum.reduce(term.values), out=state[0])
+    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
+        return (minimum(state[0], values),)
 
 
 class Last(Reduction):
@@ -129,11 +95,8 @@ class Last(Reduction):
 
     starts: ClassVar[Mapping[str, float]] = {"": 0.0}
 
-    def next(self, _state: tuple[Array, ...], term: Term) -> tuple[Array, ...]:
-        return (term.values,)
-
-    def block(self, state: tuple[FloatArray, ...], term: Term) -> None:
-        state[0][...] = term.values[-1]
+    def next(self, _state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
+        return (values,)
 
 
 class First(Reduction):
@@ -141,21 +104,13 @@ class First(Reduction):
 
     starts: ClassVar[Mapping[str, float]] = {"": np.inf}
 
-    def __init__(self, term: str, has: Comparison, bound: str | float) -> None:
+    def __init__(self, term: str, relation: Comparison, bound: str | float) -> None:
         super().__init__(term)
-        self._has, self._bound = has, bound
+        self.relation, self.bound = relation, bound
 
-    def next(self, state: tuple[Array, ...], term: Term) -> tuple[Array, ...]:
-        here = self._has(term.values, term.bound(self._bound))
-        return (where(here, minimum(state[0], term.given.index), state[0]),)
-
-    def block(self, state: tuple[FloatArray, ...], term: Term) -> None:
-        bound = term.bound(self._bound)
-        # most blocks are before or after
-        new = np.asarray(self._has(term.largest, bound), dtype=bool) & np.isinf(state[0])
-        if new.any():
-            here = self._has(term.values, bound)
-            np.copyto(state[0], term.given.index[0] + here.argmax(axis=0), where=new)
+    def next(self, state: tuple[Array, ...], values: Array, row: TermRow) -> tuple[Array, ...]:
+        holds = self.relation(values, row.bound(self.bound))
+        return (where(holds, minimum(state[0], row.index), state[0]),)
 
 
 class AfterLast(First):
@@ -163,17 +118,9 @@ class AfterLast(First):
 
     starts: ClassVar[Mapping[str, float]] = {"": 0.0}
 
-    def next(self, state: tuple[Array, ...], term: Term) -> tuple[Array, ...]:
-        here = self._has(term.values, term.bound(self._bound))
-        return (where(here, term.given.index + 1.0, state[0]),)
-
-    def block(self, state: tuple[FloatArray, ...], term: Term) -> None:
-        here = np.asarray(self._has(term.values, term.bound(self._bound)), dtype=bool)
-        if here[-1].all():
-            state[0][...] = term.given.index[-1] + 1.0
-        elif here.any():
-            after = term.given.index[-1] + 1.0 - here[::-1].argmax(axis=0)
-            np.copyto(state[0], after, where=here.any(axis=0))
+    def next(self, state: tuple[Array, ...], values: Array, row: TermRow) -> tuple[Array, ...]:
+        holds = self.relation(values, row.bound(self.bound))
+        return (where(holds, row.index + 1.0, state[0]),)
 
 
 class TermFold(Fold):
@@ -204,15 +151,9 @@ class TermFold(Fold):
     reductions: Mapping[str, Reduction]
     parameters: Mapping[str, Any]
 
-    def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
-        """The terms of a row by name, one after the other, since few arrays fit into the processor's cache."""
+    def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
+        """The terms of a row by name."""
         raise NotImplementedError
-
-    def reductions_of(self, term: str) -> Iterator[tuple[tuple[str, ...], Reduction]]:
-        """The reductions of a term, with the names of the arrays that they keep."""
-        for name, reduction in self.reductions.items():
-            if reduction.term == term:
-                yield tuple(f"{name}{part}" for part in reduction.starts), reduction
 
     def start(self, members: int) -> State:
         """The reductions of no rows."""
@@ -228,12 +169,30 @@ class TermFold(Fold):
         ]
 
     def rows(self, state: State, block: Block) -> None:
-        """Reduce the terms of a block."""
-        given = _OfBlock(self, block)
-        for name, values in self.terms(given):
-            term = Term(given, values)
-            for names, reduction in self.reductions_of(name):
-                reduction.block(tuple(state[name] for name in names), term)
+        """Reduce the terms of one row after the other."""
+        values, before = State(), State()
+        for name, column in zip(self.sizes, self.needs, strict=True):
+            elements = slice(self.begins.get(name, 0), self.begins.get(name, 0) + self.sizes[name])
+            values[name] = block[column][:, elements]
+            if not column.startswith("error."):  # computed from the reference, which the block has of its own rows
+                before[name] = block.before(column)[:, elements]
+        parameters = {name: np.atleast_2d(value) for name, value in self.parameters.items()}
+        for k in range(block.rows):
+            row, previous = ({name: column[k] for name, column in part.items()} for part in (values, before))
+            following = self._next(state, TermRow(row, previous, np.array([[block.first + k]], float), parameters))
+            for name, array in following.items():
+                state[name][...] = array
+
+    def _next(self, state: State, row: TermRow) -> State:
+        """The state after a row, from that before."""
+        following = State()
+        for term, values in self.terms(row):
+            for name, reduction in self.reductions.items():
+                if reduction.term == term:
+                    names = [f"{name}{part}" for part in reduction.starts]
+                    after = reduction.next(tuple(state[part] for part in names), values, row)
+                    following |= dict(zip(names, after, strict=True))
+        return following
 
     def traced(self) -> "FoldKernel":
         """The states after a row, from those before."""
@@ -242,79 +201,23 @@ class TermFold(Fold):
         from gough_stewart.fmu_build.libraries import FoldKernel
 
         def symbols(name: str, size: int) -> Array:
-            return np.array(
-                [[each] for each in casadi.vertsplit(casadi.SX.sym(name, size))] if size else [], dtype=object
-            )
-
-        columns, parameters = list(self.sizes.items()), list(self.parameters)
-        row, before = ([symbols(f"{of}{k}", size) for k, (_, size) in enumerate(columns)] for of in ("row", "before"))
-        index, given = symbols("index", 1), symbols("parameters", len(parameters))
-        states = {name: symbols("state", size) for name, size, _ in self.states}
-        of_row = _OfSymbols(
-            dict(zip(self.sizes, row, strict=True)),
-            dict(zip(self.sizes, before, strict=True)),
-            index,
-            {name: given[k : k + 1] for k, name in enumerate(parameters)},
-        )
-        found = dict[str, Array]()
-        for name, values in self.terms(of_row):
-            for names, reduction in self.reductions_of(name):
-                following = reduction.next(tuple(states[each] for each in names), Term(of_row, values))
-                found |= dict(zip(names, following, strict=True))
+            vector = casadi.vertsplit(casadi.SX.sym(name, size)) if size else []
+            return np.array([[symbol] for symbol in vector], dtype=object)
 
         def joined(arrays: Iterable[Array]) -> Any:
-            return casadi.vertcat(*(each for array in arrays for each in np.ravel(array)))
+            return casadi.vertcat(*(symbol for array in arrays for symbol in np.ravel(array)))
 
-        inputs = [*(joined([each]) for each in (*row, *before, index, given)), joined(states.values())]
-        of_columns = (f"{of}{k}" for of in ("row", "before") for k in range(len(columns)))
-        given_names, following_states = [*of_columns, "index", "parameters", "state"], joined(found[n] for n in states)
-        return FoldKernel(casadi.Function(self.kernel, inputs, [following_states], given_names, ["next"]), len(columns))
-
-
-class _OfSymbols:
-    """What the terms of a row are computed from, as symbols."""
-
-    def __init__(
-        self, row: Mapping[str, Array], before: Mapping[str, Array], index: Array, parameters: Mapping[str, Array]
-    ) -> None:
-        self._row, self._before, self.index, self._parameters = row, before, index, parameters
-
-    def __getitem__(self, column: str) -> Array:
-        return self._row[column]
-
-    def before(self, column: str) -> Array:
-        return self._before[column]
-
-    def of(self, parameter: str) -> Array:
-        return self._parameters[parameter]
-
-
-class _OfBlock:
-    """What the terms of all rows of a block are computed from."""
-
-    def __init__(self, fold: TermFold, block: Block) -> None:
-        self._block, self._parameters = block, fold.parameters
-        self._columns = {
-            name: (column, slice(begin := fold.begins.get(name, 0), begin + fold.sizes[name]))
-            for name, column in zip(fold.sizes, fold.needs, strict=True)
-        }
-        self.index: Array = np.arange(block.first, block.first + block.rows, dtype=float)[:, None, None]
-
-    def __getitem__(self, column: str) -> Array:
-        name, elements = self._columns[column]
-        return self._block[name][:, elements]
-
-    def before(self, column: str) -> Array:
-        name, elements = self._columns[column]
-        return self._block.before(name)[:, elements]
-
-    def of(self, parameter: str) -> Array:
-        return np.atleast_2d(self._parameters[parameter])
-
-
-def _add(total: FloatArray, terms: Array) -> None:
-    """Add terms (rows, size, N) to a total."""
-    if terms.dtype != bool:
-        add_rows(total, terms)
-    elif terms.any():
-        total += np.count_nonzero(terms, axis=0)
+        row, before = (
+            {name: symbols(f"{of_row}{k}", size) for k, (name, size) in enumerate(self.sizes.items())}
+            for of_row in ("row", "before")
+        )
+        index, parameters = symbols("index", 1), symbols("parameters", len(self.parameters))
+        state = {name: symbols("state", size) for name, size, _ in self.states}
+        named = {name: parameters[k : k + 1] for k, name in enumerate(self.parameters)}
+        following = self._next(state, TermRow(row, before, index, named))
+        columns = [*row.values(), *before.values()]
+        inputs = [*(joined([part]) for part in (*columns, index, parameters)), joined(state.values())]
+        names = [f"{of_row}{k}" for of_row in ("row", "before") for k in range(len(row))]
+        names += ["index", "parameters", "state"]
+        outputs = [joined(following[name] for name in state)]
+        return FoldKernel(casadi.Function(self.kernel, inputs, outputs, names, ["next"]), len(row))

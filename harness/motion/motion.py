@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
@@ -30,6 +31,17 @@ class Motion(NamedTuple):
     angular_velocity: FloatArray  # world components [rad/s]
     acceleration: FloatArray  # [m/s²]
     angular_acceleration: FloatArray  # world components [rad/s²]
+
+
+def once_at_rest(evaluate: Callable[[Motion], Sequence[FloatArray]], motion: Motion) -> list[FloatArray]:
+    """Arrays (n, …) of the rows of a motion, computed once for consecutive rows that are equal, as at rest."""
+    rows = np.concatenate(motion, axis=1)
+    is_new = (rows[1:] != rows[:-1]).any(axis=1)
+    if is_new.all():
+        return list(evaluate(motion))
+    first = np.flatnonzero(np.append(True, is_new))
+    of_row = np.append(0, np.cumsum(is_new))
+    return [values[of_row] for values in evaluate(Motion(*(part[first] for part in motion)))]
 
 
 class Reference(Protocol):

@@ -47,7 +47,7 @@ class _CBatch(ctypes.Structure):
 
 
 class CompiledLanes:
-    """The library of `fmu_build.lanes` or of c/loop; it releases the GIL while it works.
+    """A library of c/lanes or c/loop; it releases the GIL while it works.
 
     Members that do not run, or fail, stay exactly as they were. Poses are checked, and errors estimated, as in
     c/lanes/lanes.h.

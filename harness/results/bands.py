@@ -74,9 +74,9 @@ class Bands(KeptRows):
         self.at = np.unique(np.linspace(0, timing.steps, min(times, timing.steps + 1)).round().astype(np.intp))
         self._time = timing.times[self.at]
         of_names = [_columns(name) for name in self._names]
-        self.columns = tuple(column for each in of_names for column in each)
+        self.columns = tuple(column for columns in of_names for column in columns)
         ends = np.cumsum([0, *map(len, of_names)]).tolist()
-        self._places = {name: slice(*each) for name, each in zip(self._names, pairwise(ends), strict=True)}
+        self._places = {name: slice(*span) for name, span in zip(self._names, pairwise(ends), strict=True)}
         self._counted = min(members, max(MOST_MEMBERS - first, 0))
         self.start(0)
         self.result({}, np.zeros(0, np.intp))
@@ -84,9 +84,9 @@ class Bands(KeptRows):
     def start(self, members: int) -> State:
         """No samples; columns are kept where they belong, and those of norms beside them."""
         self._values: FloatArray = np.zeros((len(self.at), len(self.columns), members))
-        own = {name: self._values[:, at] for name, at in self._places.items() if not name.endswith(".norm")}
-        others = [name for name in self.needs if name not in own]
-        self.kept = own | {name: np.zeros((len(self.at), _size(name), members)) for name in others}
+        columns = {name: self._values[:, at] for name, at in self._places.items() if not name.endswith(".norm")}
+        others = [name for name in self.needs if name not in columns]
+        self.kept = columns | {name: np.zeros((len(self.at), _size(name), members)) for name in others}
         return {}
 
     def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
@@ -97,8 +97,8 @@ class Bands(KeptRows):
                 self._values[:, self._places[name]] = np.sqrt((kept * kept).sum(axis=1, keepdims=True))
         values, runs = self._values[..., : self._members], self.at[:, None] < rows[: self._members]
         # one time after the other: few numbers fit into the processor's cache
-        for at, has in zip(values, runs, strict=True):
-            np.copyto(at, np.nan, where=~(np.isfinite(at) & has))
+        for sampled, is_running in zip(values, runs, strict=True):
+            np.copyto(sampled, np.nan, where=~(np.isfinite(sampled) & is_running))
         size = self._values.shape[:2]
         self._lowest, self._highest = np.full(size, np.nan), np.full(size, np.nan)
         if values.size:
@@ -164,15 +164,15 @@ def samples_frame(samples: BandSamples, members: Sequence[int]) -> polars.DataFr
 
 def _quantiles(values: FloatArray) -> FloatArray:
     """Quantiles (levels, T, C) of values (T, C, n) without NaN; one time after another, to avoid a second copy."""
-    found = np.full((len(LEVELS), *values.shape[:2]), np.nan)
+    quantiles = np.full((len(LEVELS), *values.shape[:2]), np.nan)
     for k, at in enumerate(values):
         # NaN, of members that have ended, sorts last
         order = np.sort(at, axis=1)
         counts = np.count_nonzero(np.isfinite(order), axis=1)
         for count in set(counts.tolist()) - {0}:
             columns = counts == count
-            found[:, k, columns] = np.quantile(order[columns, :count], LEVELS, axis=1)
-    return found
+            quantiles[:, k, columns] = np.quantile(order[columns, :count], LEVELS, axis=1)
+    return quantiles
 
 
 def _columns(name: str) -> list[str]:

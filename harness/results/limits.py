@@ -8,6 +8,8 @@ import numpy as np
 from gough_stewart.harness.plants.signals import AT_MOTORS
 from gough_stewart.harness.report.quantities import FORCE, POWER, VELOCITY, Quantity
 from gough_stewart.harness.results.record_data import RecordData
+from gough_stewart.model.kinematics import joint_angles
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -60,3 +62,27 @@ def shares_of_limits(record: RecordData, platform: Mapping[str, Any]) -> dict[st
         for limit, each in zip(DRIVE_LIMITS, used, strict=True)
         if platform.get(limit.name) is not None
     }
+
+
+def nearness_to_limits(record: RecordData, platform: Platform) -> dict[str, FloatArray]:
+    """Nearness of each leg to each limit of the platform or its actuators (n, 6) [1]; 1 is at the limit.
+
+    - `stroke`: |L − middle| over half the stroke;
+    - `force`: |F| over the limit of the actuators in the loop;
+    - `velocity`, `power`: |ṡ| and |F ṡ| of the drives over the platform's limits;
+    - `joint angle`: the larger angle of the leg's two joints from home over the largest allowed.
+    """
+    nearness: dict[str, FloatArray] = {}
+    low, high = platform.leg_length_min, platform.leg_length_max
+    if low is not None and high is not None:
+        nearness["stroke"] = np.abs(record["leg_length"] - (low + high) / 2) / ((high - low) / 2)
+    if record.metadata.get("force_limit"):
+        nearness["force"] = np.abs(record["actuator_force"]) / record.metadata["force_limit"]
+    shares = shares_of_limits(record, platform.as_dict())
+    names = {"velocity": "leg_velocity_max", "power": "actuator_power_max"}
+    nearness |= {drive: shares[name] for drive, name in names.items() if name in shares}
+    if platform.joint_angle_max is not None:
+        pose = (record["position"], record["orientation"])
+        angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
+        nearness["joint angle"] = np.maximum(*angles) / platform.joint_angle_max
+    return nearness

@@ -1,41 +1,85 @@
 """The metrics of a run: each is declared here once, with the fold over rows that computes it.
 
-The same folds give the metrics of a record, of a run, and of thousands of members.
+The same folds, in machine code, give the metrics of a record, of a run, and of thousands of members.
 """
 
+import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import reduce
-from typing import Any
+from functools import cache, reduce
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.fmu_build.cache import state_of_files
+from gough_stewart.fmu_build.libraries import FoldKernel, Library, folds_sources, machine_code, vector_library
+from gough_stewart.harness.loop.fold_kernels import FoldKernels
 from gough_stewart.harness.loop.folds import FORCES, MOTORS, Fold, State
 from gough_stewart.harness.loop.loop import Loop, stroke_of
-from gough_stewart.harness.loop.term_folds import First, Given, Largest, Reduction, Smallest, Sum, SumButLast, TermFold
+from gough_stewart.harness.loop.term_folds import (
+    AfterLast,
+    First,
+    Largest,
+    Last,
+    Reduction,
+    Smallest,
+    Sum,
+    SumButLast,
+    TermFold,
+    TermRow,
+)
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     ENERGY,
     FORCE,
     LENGTH,
     NUMBER,
+    PERCENT,
     POWER,
     SHARE,
     TIME,
     Quantity,
 )
 from gough_stewart.harness.results.limits import DRIVE_LIMITS, DriveLimit
-from gough_stewart.harness.results.metric import Metric
-from gough_stewart.harness.results.step_fold import STEP_METRICS, steps_of
-from gough_stewart.model.operations import greater, less, maximum
+from gough_stewart.model.operations import greater, less, maximum, reached, where
 from gough_stewart.model.vectors import Array, FloatArray
 
 STROKE_EXCEEDED = "flag.stroke_exceeded"
 # Terms of flags, with their sizes.
 _COUNTED = {"legs": 6, "any": 1}
+# Axes of the pose: name, signal, and place in it.
+AXES = (
+    ("x", "position", 0),
+    ("y", "position", 1),
+    ("z", "position", 2),
+    ("roll", "orientation", 0),
+    ("pitch", "orientation", 1),
+    ("yaw", "orientation", 2),
+)
+# The rise is from `LOW` to `HIGH`; a response has settled when it stays within `BAND` of its final value.
+LOW, HIGH, BAND = 0.1, 0.9, 0.02
+# References closer than this [m, rad], or this share of the largest, count as equal.
+_ROUNDING = 1e-9
+# The reference of a step has to be constant over this share of the rows at the end.
+_REST = 0.1
+# Sources of the machine code, besides those of the plant's.
+_SOURCES = (("gough_stewart.harness.loop", "term_folds.py"), (str(__package__), "metric_folds.py"))
 
 
-class Rows(Fold):
+class Metric(NamedTuple):
+    """A number of a run, or one for each leg or axis."""
+
+    path: str
+    text: str  # in tables, of one number for all legs or axes
+    quantity: Quantity
+    sentence: str
+    better: Literal["smaller", "larger"] | None = None
+    is_compared: bool = True  # whether it is shown beside that of other runs
+    is_least: bool = False  # of several legs or axes, the least stands for all; of other metrics, the largest
+    needs: tuple[str, ...] = ()  # columns of the record
+
+
+class CoveredRows(Fold):
     """How much of the run the metrics cover: rows count as long as what they need is finite."""
 
     needs = ("position", "orientation", "leg_length", "leg_velocity", FORCES)
@@ -49,7 +93,7 @@ class Rows(Fold):
 
     def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`rows` and `duration`."""
-        return _named(self.metrics, (rows.astype(float), _defined(rows > 0, _duration(self._time, rows))))
+        return _named(self.metrics, (rows.astype(float), np.where(rows > 0, _duration(self._time, rows), np.nan)))
 
 
 class Tracking(TermFold):
@@ -57,25 +101,30 @@ class Tracking(TermFold):
 
     parameters: Mapping[str, Any] = {}
 
-    def __init__(self, name: str, what: str, size: int, quantity: Quantity, has_norm: bool) -> None:
+    def __init__(self, name: str, text: str, size: int, quantity: Quantity, has_norm: bool) -> None:
         self.needs, self._has_norm = (f"error.{name}",), has_norm
         self.kernel, self.sizes = "tracking_norm" if has_norm else "tracking", {"error": size}
         self.term_sizes = {"square": size, **({"norm": 1} if has_norm else {})}
         self.reductions = {f"{kind.__name__} {term}": kind(term) for term in self.term_sizes for kind in (Largest, Sum)}
-        path, of, by = f"tracking.{name}", " of an axis" if has_norm else "", "axis" if has_norm else "leg"
-        own = [
-            Metric(f"{path}.rms", f"{what}, RMS{of}", quantity, f"√(∑ e²/n) of the {what}, by {by}", "smaller"),
-            Metric(f"{path}.peak", f"{what}, peak{of}", quantity, f"largest |e| of the {what}, by {by}", "smaller"),
+        path, element = f"tracking.{name}", "axis" if has_norm else "leg"
+        of_one = " of an axis" if has_norm else ""
+        declared = [
+            Metric(
+                f"{path}.rms", f"{text}, RMS{of_one}", quantity, f"√(∑ e²/n) of the {text}, by {element}", "smaller"
+            ),
+            Metric(
+                f"{path}.peak", f"{text}, peak{of_one}", quantity, f"largest |e| of the {text}, by {element}", "smaller"
+            ),
         ]
         if has_norm:
-            own = [each._replace(is_compared=False) for each in own]
-            own += [
-                Metric(f"{path}.norm_rms", f"{what}, RMS", quantity, f"RMS of the {what}'s Euclidean norm", "smaller"),
-                Metric(f"{path}.norm_peak", f"{what}, peak", quantity, f"largest norm of the {what}", "smaller"),
+            declared = [metric._replace(is_compared=False) for metric in declared]
+            declared += [
+                Metric(f"{path}.norm_rms", f"{text}, RMS", quantity, f"RMS of the {text}'s Euclidean norm", "smaller"),
+                Metric(f"{path}.norm_peak", f"{text}, peak", quantity, f"largest norm of the {text}", "smaller"),
             ]
-        self.metrics = tuple(own)
+        self.metrics = tuple(declared)
 
-    def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
+    def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
         """Squares, also of the norm."""
         error = row["error"]
         square = error * error
@@ -86,23 +135,21 @@ class Tracking(TermFold):
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """RMS = √(∑ e²/n), and the largest |e|."""
-        found: list[FloatArray] = []
+        values: list[FloatArray] = []
         for term in self.term_sizes:
             total, peak = state[f"Sum {term}"], state[f"Largest {term}"]
-            found += [np.sqrt(total / rows), np.sqrt(peak)]
-        if self._has_norm:
-            found[2:] = [each[0] for each in found[2:]]
-        return _named(self.metrics, [_defined(rows > 0, each) for each in found])
+            values += [np.sqrt(total / rows), np.sqrt(peak)]
+        return _named(self.metrics, [*values[:2], *(norm[0] for norm in values[2:])], rows > 0)
 
 
 def _of_limit(limit: DriveLimit) -> tuple[Metric, ...]:
-    path, what = f"limits.{limit.name}", limit.text
+    path, text = f"limits.{limit.name}", limit.text
     return (
-        Metric(f"{path}.limit", f"limit of {what}", limit.quantity, f"the platform's limit of the {what}", None, False),
-        Metric(f"{path}.used", f"{what}, of its limit", SHARE, "largest share of the limit, by leg", "smaller"),
+        Metric(f"{path}.limit", f"limit of {text}", limit.quantity, f"the platform's limit of the {text}", None, False),
+        Metric(f"{path}.used", f"{text}, of its limit", SHARE, "largest share of the limit, by leg", "smaller"),
         Metric(
             f"{path}.first_exceeded",
-            f"{what}, first beyond",
+            f"{text}, first beyond",
             TIME,
             "when the limit was first exceeded, by leg",
             is_compared=False,
@@ -111,7 +158,7 @@ def _of_limit(limit: DriveLimit) -> tuple[Metric, ...]:
     )
 
 
-class Drives(TermFold):
+class DriveLoads(TermFold):
     """Forces F, power F·ṡ and work F Δs of the drives, and how much of the platform's limits they use.
 
     Drives move the motors' side s of legs that give; of rigid legs that is their length.
@@ -138,13 +185,8 @@ class Drives(TermFold):
     )
     reductions: Mapping[str, Reduction] = {
         **{f"peak {term}": Largest(term) for term in ("velocity", "force", "power", "power at the end")},
-        **{
-            f"beyond {term}": First(term, greater, f"{limit} limit")
-            for term, limit in (
-                *(("velocity", "velocity"), ("force", "force")),
-                *(("power", "power"), ("power at the end", "power")),
-            )
-        },
+        **{f"beyond {term}": First(term, greater, f"{term} limit") for term in ("velocity", "force", "power")},
+        "beyond power at the end": First("power at the end", greater, "power limit"),
         "total": SumButLast("force"),
         "net": Sum("work"),
         "absolute": Sum("size of work"),
@@ -152,47 +194,46 @@ class Drives(TermFold):
 
     def __init__(self, time: FloatArray, limits: Mapping[str, Any]) -> None:
         self._time = time
-        self._limits = {k: limits[each.name] for k, each in enumerate(DRIVE_LIMITS) if each.name in limits}
+        self._limits = {k: limits[limit.name] for k, limit in enumerate(DRIVE_LIMITS) if limit.name in limits}
         of_limits = (metric for k in self._limits for metric in _of_limit(DRIVE_LIMITS[k]))
         self.metrics = (*self.without_limits, *of_limits)
         self.parameters = {
-            f"{what} limit": np.square(self._limits.get(k, np.inf))
-            for k, what in enumerate(("velocity", "force", "power"))
+            f"{quantity} limit": np.square(self._limits.get(k, np.inf))
+            for k, quantity in enumerate(("velocity", "force", "power"))
         }
 
-    def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
+    def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
         """Squares of ṡ, F and F ṡ, with the force of the row and the one that ends at it, and the latter's work."""
-        held, velocity = row.before("force"), row["velocity"] * row["velocity"]
+        held, velocity = row.before["force"], row["velocity"] * row["velocity"]
         yield "velocity", velocity
         yield "power at the end", velocity * (held * held)
         force = row["force"] * row["force"]
         yield "force", force
         force = force * velocity
         yield "power", force
-        del velocity, force
-        work = (row["position"] - row.before("position")) * held
+        work = (row["position"] - row.before["position"]) * held
         yield "work", work
         yield "size of work", np.abs(work)
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`force`, `power`, `energy`, `limits`."""
-        some, duration = rows > 0, _duration(self._time, rows)
+        duration = _duration(self._time, rows)
         mean_square = np.where(rows > 1, state["total"], state["total.last"]) / np.maximum(rows - 1, 1)
         peak = np.maximum(state["peak power"], state["peak power at the end"])
-        velocity, force, power = (np.sqrt(each) for each in (state["peak velocity"], state["peak force"], peak))
+        velocity, force, power = (np.sqrt(square) for square in (state["peak velocity"], state["peak force"], peak))
         # the power at the end of a row is known at the next one
         of_power = np.minimum(state["beyond power"], np.maximum(state["beyond power at the end"] - 1, 0))
         beyond = (state["beyond velocity"], state["beyond force"], of_power)
         net, absolute = state["net"], state["absolute"]
         mean = np.where(duration > 0, net / duration, np.nan)
         totals = (absolute.sum(axis=0), net.sum(axis=0))
-        found = [force, np.sqrt(mean_square), power, mean, net, absolute, *totals]
+        values = [force, np.sqrt(mean_square), power, mean, net, absolute, *totals]
         for k, limit in self._limits.items():
             first = beyond[k]
             row = np.where(np.isfinite(first), first, 0.0).astype(np.intp)
             since = np.where(np.isfinite(first), self._time[row], np.nan)
-            found += [np.broadcast_to(limit, rows.shape), (velocity, force, power)[k] / limit, since]
-        return _named(self.metrics, [_defined(some, each) for each in found])
+            values += [np.broadcast_to(limit, rows.shape), (velocity, force, power)[k] / limit, since]
+        return _named(self.metrics, values, rows > 0)
 
 
 class Saturation(TermFold):
@@ -203,27 +244,26 @@ class Saturation(TermFold):
     parameters: Mapping[str, Any] = {}
 
     def __init__(self, name: str) -> None:
-        self.needs, what, path = (f"flag.{name}",), name.replace("_", " "), f"saturation.{name}"
+        self.needs, text, path = (f"flag.{name}",), name.replace("_", " "), f"saturation.{name}"
         share = "share of the rows but the last in which"
         self.metrics = (
-            Metric(f"{path}.legs", f"{what}, a leg", SHARE, f"{share} a leg is {what}, by leg", "smaller", False),
-            Metric(f"{path}.any", what, SHARE, f"{share} any leg is {what}", "smaller"),
+            Metric(f"{path}.legs", f"{text}, a leg", SHARE, f"{share} a leg is {text}, by leg", "smaller", False),
+            Metric(f"{path}.any", text, SHARE, f"{share} any leg is {text}", "smaller"),
         )
 
-    def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
+    def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
         """Flags by leg, and of any leg."""
         yield from _counted(row["flag"])
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Shares of the rows but the last, or of a single one."""
-        legs, some = (
-            _defined(rows > 0, np.where(rows > 1, state[term], state[f"{term}.last"]) / np.maximum(rows - 1, 1))
-            for term in _COUNTED
+        legs, any_leg = (
+            np.where(rows > 1, state[term], state[f"{term}.last"]) / np.maximum(rows - 1, 1) for term in _COUNTED
         )
-        return _named(self.metrics, (legs, some[0]))
+        return _named(self.metrics, (legs, any_leg[0]), rows > 0)
 
 
-class Stroke(TermFold):
+class StrokeUse(TermFold):
     """Lengths of the legs, their distance from the ends of the stroke, and the rows in which they are beyond it.
 
     Flags of the rows count where there are any, as in a record; else what the limits say of the lengths.
@@ -259,14 +299,14 @@ class Stroke(TermFold):
         low, high = stroke_of(self._low, self._high)
         self.parameters = {} if has_flags else {"least": low, "most": high}
 
-    def terms(self, row: Given) -> Iterator[tuple[str, Array]]:
+    def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
         """Lengths, and which are beyond the stroke."""
         length = row["length"]
         yield "length", length
         if self._has_flags:
             yield from _counted(row["flag"])
         else:
-            yield from _counted(maximum(less(length, row.of("least")), greater(length, row.of("most"))))
+            yield from _counted(maximum(less(length, row.parameters["least"]), greater(length, row.parameters["most"])))
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Ends, the least distance to a limit, and shares of the rows."""
@@ -274,10 +314,156 @@ class Stroke(TermFold):
         margins = [] if self._low is None else [shortest.min(axis=0) - self._low]
         margins += [] if self._high is None else [self._high - longest.max(axis=0)]
         margin = np.min(margins, axis=0) if margins else np.full(rows.shape, np.nan)
-        every = (shortest, longest, margin, *(state[term] / rows for term in _COUNTED))
-        known = self.metrics if self._knows_exceeded else self.metrics[:3]
-        found = [_defined(rows > 0, each) for each in every[: len(known)]]
-        return _named(known, [*found[:4], *(each[0] for each in found[4:])])
+        values = [shortest, longest, margin]
+        if self._knows_exceeded:
+            values += [state["legs"] / rows, state["any"][0] / rows]
+        return _named(self.metrics[: len(values)], values, rows > 0)
+
+
+class ReferenceStep(NamedTuple):
+    """The step of each reference (...)."""
+
+    exists: NDArray[np.bool_]
+    first: FloatArray
+    last: FloatArray
+    start: NDArray[np.intp]  # the row at which the response starts
+
+
+def step_in(reference: FloatArray) -> ReferenceStep:
+    """The step in each reference (n, ...), from its first value to its last, at which it stays.
+
+    It starts at the row of a jump, or else at the last row at which the reference has its first value.
+    """
+    n = len(reference)
+    first, last = reference[0], reference[-1]
+    rounding = _ROUNDING * np.maximum(1.0, np.abs(reference).max(axis=0))
+    rest = max(2, math.ceil(_REST * n))
+    exists = (np.abs(last - first) > rounding) & ~(np.abs(reference[-rest:] - last).max(axis=0) > rounding)
+    start = n - 1 - (np.abs(reference - first) <= rounding)[::-1].argmax(axis=0)
+    following = np.take_along_axis(reference, np.minimum(start + 1, n - 1)[None], axis=0)[0]
+    # a jump is at the first row with the new value
+    return ReferenceStep(exists, first, last, start + (exists & (np.abs(following - last) <= rounding)))
+
+
+def _of_axis(axis: str, signal: str) -> tuple[Metric, ...]:
+    """The metrics of a response (y − from)/(to − from), as in python-control's `step_info`."""
+    path, pose = f"step_response.{axis}", LENGTH if signal == "position" else ANGLE
+    declared = (
+        Metric(f"{path}.from", f"{axis}: from", pose, "the reference before the step", None, False),
+        Metric(f"{path}.to", f"{axis}: to", pose, "the reference after the step", None, False),
+        Metric(f"{path}.at", f"{axis}: step at", TIME, "start of the response", None, False),
+        Metric(
+            *(f"{path}.overshoot_percent", f"{axis}: overshoot", PERCENT),
+            *("overshoot in percent of the step; 0 if it did not rise", "smaller"),
+        ),
+        Metric(f"{path}.rise_time", f"{axis}: rise time", TIME, "from 10 to 90 % of the step"),
+        Metric(
+            f"{path}.settling_time", f"{axis}: settling time", TIME, "until it stays within 2 % of the step", "smaller"
+        ),
+        Metric(f"{path}.final_error", f"{axis}: final error", pose, "reference − actual at the end", "smaller"),
+    )
+    return tuple(metric._replace(needs=(signal, f"reference.{signal}")) for metric in declared)
+
+
+_OF_AXES = tuple(_of_axis(axis, signal) for axis, signal, _ in AXES)
+STEP_METRICS = tuple(metric for of_axis in _OF_AXES for metric in of_axis)
+
+
+def steps_of(time: FloatArray, reference: FloatArray) -> list["StepResponse"]:
+    """Folds of the axes on which the reference steps.
+
+    Parameters
+    ----------
+    time
+        Times of all rows (n,) [s].
+    reference
+        Reference poses at all rows, (n, 6 or more) or (n, N, 6 or more).
+    """
+    # (n, N), or (n, 1) if common to all members
+    of_axes = [np.atleast_2d(reference[..., axis].T).T for axis in range(len(AXES))]
+    return [
+        StepResponse(axis, time, wanted, step)
+        for axis, wanted in enumerate(of_axes)
+        if (step := step_in(wanted)).exists.any()
+    ]
+
+
+class StepResponse(TermFold):
+    """The response of an axis to the step of its reference.
+
+    A member that ended early has one if its reference steps in its part of the run as in the whole.
+
+    Parameters
+    ----------
+    axis
+        Its place in `AXES`.
+    time
+        Times of all rows (n,) [s].
+    reference
+        Of the axis, at all rows (n, N) or (n, 1).
+    step
+        Its steps (N,) or (1,).
+    """
+
+    kernel, sizes = "step_response", {"pose": 1}
+    term_sizes: Mapping[str, int] = {"pose": 1, "response": 1, "distance": 1}
+    reductions: Mapping[str, Reduction] = {
+        "pose": Last("pose"),
+        "highest": Largest("response"),
+        "low": First("response", reached, LOW),
+        "high": First("response", reached, HIGH),
+        "settled": AfterLast("distance", reached, BAND),
+    }
+
+    def __init__(self, axis: int, time: FloatArray, reference: FloatArray, step: ReferenceStep) -> None:
+        _, signal, place = AXES[axis]
+        self.needs, self.begins, self.metrics = (signal,), {"pose": place}, _OF_AXES[axis]
+        self._time, self._reference, self._step = time, reference, step
+        self.parameters = {
+            "from": step.first,
+            # without a step, any value but 0 to avoid a division by zero
+            "span": np.where(step.exists, step.last - step.first, 1.0),
+            "start": step.start.astype(float),
+        }
+
+    def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
+        """The response (y − from)/(to − from), none before the start, and its distance from the end."""
+        pose = row["pose"]
+        response = where(
+            less(row.index, row.parameters["start"]), -np.inf, (pose - row.parameters["from"]) / row.parameters["span"]
+        )
+        yield "pose", pose
+        yield "response", response
+        yield "distance", np.abs(response - 1.0)
+
+    def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
+        """Metrics of the step; NaN without one."""
+        pose, highest, low, high, settled = (state[name][0] for name in self.reductions)
+        first, last, start = (np.broadcast_to(values, rows.shape) for values in self._step[1:])
+        exists = self._step.exists & (rows > 0)
+        for n in np.unique(rows[(rows > 0) & (rows < len(self._time))]).tolist():
+            members = rows == n
+            part = step_in(self._reference[:n] if self._reference.shape[1] == 1 else self._reference[:n, members])
+            # a constant reference has values that are equal only up to rounding
+            is_near = np.abs(part.last - last[members]) <= 1e-9 * np.maximum(1.0, np.abs(last[members]))
+            exists[members] &= part.exists & (part.start == start[members]) & is_near
+
+        def since_start(row: FloatArray) -> FloatArray:
+            # in a part of the run without a step, rows may be beyond its end; of a level that was not reached, infinite
+            return self._time[np.minimum(np.maximum(row, start), rows - 1).astype(np.intp)] - began
+
+        began, rose = self._time[np.minimum(start, rows - 1)], highest >= HIGH
+        settled = np.maximum(settled, start)
+        numbers: tuple[Any, ...] = (
+            first,
+            last,
+            began,
+            np.where(rose, 100 * np.maximum(highest - 1, 0.0), 0.0),
+            np.where(rose, since_start(high) - since_start(low), np.nan),
+            np.where(rose & (settled < rows), since_start(settled), np.nan),
+            last - pose,
+        )
+        return _named(self.metrics, numbers, exists)
 
 
 _OF_MARGINS = (
@@ -288,20 +474,20 @@ _OF_MARGINS = (
 
 def _of_motion(time: FloatArray) -> list[Any]:
     return [
-        Rows(time),
+        CoveredRows(time),
         Tracking("position", "position error", 3, LENGTH, has_norm=True),
         Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True),
         Tracking("leg_length", "leg error", 6, LENGTH, has_norm=False),
     ]
 
 
-def _of_legs(time: FloatArray, limits: Mapping[str, Any], stroke: Stroke) -> list[Any]:
-    return [Drives(time, limits), Saturation("force_limited"), Saturation("rate_limited"), stroke]
+def _of_legs(time: FloatArray, limits: Mapping[str, Any], stroke: StrokeUse) -> list[Any]:
+    return [DriveLoads(time, limits), Saturation("force_limited"), Saturation("rate_limited"), stroke]
 
 
 def _declared() -> tuple[Metric, ...]:
     none, limits = np.zeros(0), {limit.name: 1.0 for limit in DRIVE_LIMITS}
-    of_legs = [metric for fold in _of_legs(none, limits, Stroke(limits)) for metric in _of(fold)]
+    of_legs = [metric for fold in _of_legs(none, limits, StrokeUse(limits)) for metric in _of(fold)]
     return (
         *(metric for fold in _of_motion(none) for metric in _of(fold)),
         *STEP_METRICS,
@@ -344,7 +530,7 @@ def metric_folds(
     """
     stated = {name: value for name, value in limits.items() if value is not None}
     has_flags = known is not None and known(STROKE_EXCEEDED)
-    stroke = Stroke(stated, has_flags, knows_exceeded=known is None or has_flags)
+    stroke = StrokeUse(stated, has_flags, knows_exceeded=known is None or has_flags)
     steps: list[Any] = [] if reference is None else steps_of(time, reference)
     rows, *folds = [*_of_motion(time), *steps, *_of_legs(time, stated, stroke)]
 
@@ -388,10 +574,35 @@ def _duration(time: FloatArray, rows: NDArray[np.intp]) -> FloatArray:
     return np.asarray(time[np.maximum(rows - 1, 0)] - time[0]) if len(time) else np.zeros(rows.shape)
 
 
-def _named(metrics: Sequence[Metric], values: Sequence[FloatArray]) -> dict[str, FloatArray]:
-    return {metric.path: each for metric, each in zip(metrics, values, strict=True)}
+def _named(
+    metrics: Sequence[Metric], results: Sequence[FloatArray], is_defined: NDArray[np.bool_] | bool = True
+) -> dict[str, FloatArray]:
+    """Results by path where they are defined and finite, NaN elsewhere."""
+    return {
+        metric.path: np.where(is_defined & np.isfinite(values), values, np.nan)
+        for metric, values in zip(metrics, results, strict=True)
+    }
 
 
-def _defined(where: NDArray[np.bool_], values: FloatArray) -> FloatArray:
-    """Values where they are defined and finite, NaN elsewhere."""
-    return np.where(where & np.isfinite(values), values, np.nan)
+@cache
+def metric_kernels() -> FoldKernels:
+    """The machine code of all metrics for this processor.
+
+    Raises
+    ------
+    BuildError, OSError
+        As `machine_code`.
+    """
+    return FoldKernels(machine_code(folds_code()).path)
+
+
+def folds_code() -> Library:
+    """Name, sources and their state."""
+    return vector_library("folds", lambda: folds_sources(_traced()), state_of_files(*_SOURCES))
+
+
+def _traced() -> list[FoldKernel]:
+    """The kernels of a run with a reference that steps."""
+    steps = np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0)
+    folds = metric_folds(np.arange(40.0), steps, {})
+    return [fold.traced() for fold in {fold.kernel: fold for fold in folds if isinstance(fold, TermFold)}.values()]

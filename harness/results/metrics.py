@@ -1,22 +1,27 @@
-"""Metrics of a run: tracking, step responses, forces, power and energy, saturation, stroke."""
+"""Metrics of a run as numbers and as tables: tracking, step responses, forces, power, energy, saturation, stroke."""
 
 import json
+import math
 from collections.abc import Mapping, Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.harness.loop.folding import Folding
-from gough_stewart.harness.loop.folds import ERRORS, Block, Fold
+from gough_stewart.harness.loop.folds import ERRORS, Block
+from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.limits import column_of_drives
-from gough_stewart.harness.results.metric_folds import METRICS, STROKE_EXCEEDED, Rows, metric_folds, metric_of
-from gough_stewart.harness.results.outcome import outcome_of
+from gough_stewart.harness.results.metric_folds import METRICS, CoveredRows, metric_folds, metric_kernels, metric_of
+from gough_stewart.harness.results.oscillation import is_sound, outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.vectors import FloatArray
 
-# Rows of a record in a block.
-_ROWS = 8192
+_LEGS = tuple(Column(f"{leg}") for leg in range(1, 7))
+_POSE = (("position", ("x", "y", "z"), LENGTH), ("orientation", ("roll", "pitch", "yaw"), ANGLE))
 
 
 class Metrics(dict[str, Any]):
@@ -25,23 +30,17 @@ class Metrics(dict[str, Any]):
     def __str__(self) -> str:
         """The tables that `gough-stewart run` prints."""
         from gough_stewart.harness.report.terminal import tables_text
-        from gough_stewart.harness.results.tables import metrics_tables
 
         return "\n".join([*self._remarks(), tables_text(metrics_tables(self))])
 
     def _repr_html_(self) -> str:
-        from html import escape
-
         from gough_stewart.harness.report.notebook import table_to_html
-        from gough_stewart.harness.results.tables import metrics_tables
 
-        remarks = (f"<p><strong>{escape(each)}</strong></p>" for each in self._remarks())
+        remarks = (f"<p><strong>{escape(text)}</strong></p>" for text in self._remarks())
         return "".join([*remarks, *map(table_to_html, metrics_tables(self))])
 
     def _remarks(self) -> list[str]:
         """The outcome, if the run did not complete, or its loop oscillates or grows."""
-        from gough_stewart.harness.results.outcome import is_sound, outcome_text
-
         return [] if is_sound(self["outcome"]) else [outcome_text(self["outcome"])]
 
 
@@ -84,57 +83,54 @@ def metrics(record: RecordData) -> Metrics:
     >>> print(found)
     >>> found["tracking"]["position"]["norm_peak"], found["step_response"][0]["rise_time"]
     """
-    kept = finite_part(record)
-    found: dict[str, Any] = {"outcome": outcome_of(record)}
-    n = kept.table.height
-    parts = dict[str, Any](_parts(kept) if n else {})
+    record_of_finite = finite_part(record)
+    n = record_of_finite.table.height
+    parts = _parts(record_of_finite) if n else {}
     steps = parts.pop("step_response", {})
-    knows_steps = bool(n) and _reference(kept) is not None
     names = ("tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
-    found |= {"rows": n, "duration": parts.get("duration"), **{name: parts.get(name) for name in names}}
-    found["step_response"] = [{"axis": axis, **part} for axis, part in steps.items()] if knows_steps else None
+    found = Metrics(outcome=outcome_of(record), rows=n, duration=parts.get("duration"))
+    found |= {name: parts.get(name) for name in names}
+    if n and _reference(record_of_finite) is not None:
+        found["step_response"] = [{"axis": axis, **part} for axis, part in steps.items()]
     if found["stroke"]:
         found["stroke"].setdefault("exceeded", None)
-    return Metrics(found)
+    return found
 
 
 def _parts(record: RecordData) -> dict[str, Any]:
     """Metrics of a record of at least one row, nested by the parts of their paths."""
-    limits, knows = record.metadata["platform"], lambda name: column_of_drives(record, name) in record
-    folds = metric_folds(record["time"], _reference(record), limits, knows)
-    results = _folded(record, folds)
-    found = dict[str, Any]()
+    folds = metric_folds(
+        record["time"],
+        _reference(record),
+        record.metadata["platform"],
+        lambda name: column_of_drives(record, name) in record,
+    )
+    rows, columns = record.table.height, dict[str, NDArray[Any]]()
+    for name in dict.fromkeys(name for fold in folds for name in fold.needs):
+        values = record[column_of_drives(record, name)][:, :, None]
+        values = values.astype(bool) if name.startswith("flag.") else values
+        columns[name] = np.concatenate([values[:1], values])  # any row stands for the one before the first
+    try:
+        kernels = metric_kernels()
+    except (BuildError, OSError):  # of a processor without machine code: NumPy computes the same, row by row
+        kernels = None
+    folding = Folding(folds, 1, kernels)
+    folding.add(Block(0, rows, columns, folding.running))
+    results = folding.results()
+    parts = dict[str, Any]()
     for metric in METRICS:
-        if metric.path not in results:
-            continue
-        *above, name = metric.path.split(".")
-        part = found
-        for each in above:
-            part = part.setdefault(each, {})
-        values = results[metric.path][..., 0]
-        part[name] = [_number(value) for value in values] if values.ndim else _number(values)
-    return found
+        if metric.path in results:
+            *above, name = metric.path.split(".")
+            part = parts
+            for key in above:
+                part = part.setdefault(key, {})
+            values = results[metric.path][..., 0].tolist()
+            part[name] = [_finite(value) for value in values] if isinstance(values, list) else _finite(values)
+    return parts
 
 
-def _folded(record: RecordData, folds: Sequence[Fold]) -> dict[str, FloatArray]:
-    """Results of folds over the rows of a record, as over those of a run."""
-    names = dict.fromkeys([*(name for fold in folds for name in fold.needs), STROKE_EXCEEDED])
-    own = {name: column_of_drives(record, name) for name in names}
-    columns = {name: _column(record, column) for name, column in own.items() if column in record}
-    folding, n = Folding(folds, 1), record.table.height
-    for first in range(0, n, _ROWS):
-        last = min(first + _ROWS, n)
-        # in the first block, any row stands for the one before
-        before = slice(first - 1, last) if first else np.r_[0, :last]
-        part = {name: values[before] for name, values in columns.items()}
-        folding.add(Block(first, last - first, part, folding.running))
-    return folding.results()
-
-
-def _column(record: RecordData, name: str) -> NDArray[Any]:
-    """A column (n, size, 1)."""
-    values = record[name][:, :, None]
-    return values.astype(bool) if name.startswith("flag.") else values
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _reference(record: RecordData) -> FloatArray | None:
@@ -151,15 +147,11 @@ def metrics_json(metrics: dict[str, Any]) -> bytes:
 def finite_part(record: RecordData) -> RecordData:
     """The rows before the first one with values of the plant that are not finite."""
     fine: NDArray[np.bool_] = np.ones(record.table.height, dtype=bool)
-    for name in (*Rows.needs, *ERRORS, "reference.position", "reference.orientation"):
+    for name in (*CoveredRows.needs, *ERRORS, "reference.position", "reference.orientation"):
         if name in record:
             fine &= np.isfinite(record[name]).all(axis=1)
     rows = len(fine) if fine.all() else int(fine.argmin())
     return RecordData(record.table.head(rows), record.metadata)
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
@@ -192,3 +184,77 @@ def _of_list(path: str, values: list[float | None]) -> float | None:
     if not finite or (len(finite) < len(values) and not path.endswith(".first_exceeded")):
         return None
     return min(finite) if metric_of(path).is_least else max(finite)
+
+
+def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:
+    """Tables of tracking, step response and legs, where the record has their columns."""
+    parts = (("tracking", _tracking), ("step_response", _steps))
+    tables = [make(metrics[name]) for name, make in parts if metrics[name]]
+    return [*tables, _legs(metrics)] if metrics["force"] else tables
+
+
+def _tracking(tracking: Mapping[str, Any]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    ends = []
+    for name, axes, quantity in _POSE:
+        if name not in tracking:
+            continue
+        part = tracking[name]
+        of_axes = zip(axes, part["rms"], part["peak"], strict=True)
+        for what, *values in (*of_axes, (f"|{name}|", part["norm_rms"], part["norm_peak"])):
+            rows.append((what, *(Value(each, quantity) for each in values)))
+        ends.append(len(rows) - 1)
+    columns = (Column(""), Column("RMS"), Column("peak"))
+    return Table("Tracking error", columns, tuple(rows), group_ends=tuple(ends[:-1]))
+
+
+def _steps(responses: Sequence[Mapping[str, Any]]) -> Table:
+    columns = (
+        Column(""),
+        Column("from"),
+        Column("to"),
+        Column("at", TIME),
+        Column("overshoot", PERCENT),
+        Column("rise", TIME, "from 10 to 90 % of the step"),
+        Column("settling", TIME, "until it stays within 2 % of the step"),
+        Column("final error"),
+    )
+    rows = []
+    for r in responses:
+        is_length = r["axis"] in "xyz"
+        pose, error = (POSITION, LENGTH) if is_length else (ANGLE, ANGLE)
+        times = (r[key] for key in ("at", "overshoot_percent", "rise_time", "settling_time"))
+        rows.append((r["axis"], Value(r["from"], pose), Value(r["to"], pose), *times, Value(r["final_error"], error)))
+    return Table("Step response", columns, tuple(rows))
+
+
+def _legs(metrics: Mapping[str, Any]) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    energy, stroke = metrics["energy"], metrics["stroke"]
+
+    def row(what: str, quantity: Quantity, values: Sequence[float | None], total: float | str | None = "") -> None:
+        last: Cell = total if isinstance(total, str) else Value(total, quantity)
+        rows.append((what, *(Value(value, quantity) for value in values), last))
+
+    if "leg_length" in (metrics["tracking"] or {}):
+        error = metrics["tracking"]["leg_length"]
+        row("RMS error", LENGTH, error["rms"])
+        row("peak error", LENGTH, error["peak"])
+    row("shortest", POSITION, stroke["shortest"])
+    row("longest", POSITION, stroke["longest"])
+    for part, name in (("force", "peak"), ("force", "rms"), ("power", "peak"), ("power", "mean")):
+        metric = metric_of(f"{part}.{name}")
+        row(metric.text, metric.quantity, metrics[part][name])
+    for name, what in (("net", "net work"), ("absolute", "work, absolute")):
+        row(what, metric_of(f"energy.{name}").quantity, energy[name], energy[f"{name}_total"])
+    for name, part in (metrics["limits"] or {}).items():
+        used, first = (metric_of(f"limits.{name}.{which}") for which in ("used", "first_exceeded"))
+        row(used.text, used.quantity, part["used"])
+        if any(each is not None for each in part["first_exceeded"]):
+            row(first.text, first.quantity, part["first_exceeded"])
+    shares = {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}
+    for name, share in shares.items():
+        # rows of zeros say nothing
+        if share and share["any"]:
+            row(name.replace("_", " "), SHARE, share["legs"], share["any"])
+    return Table("Legs", (Column(""), *_LEGS, Column("all")), tuple(rows))

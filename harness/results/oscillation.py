@@ -1,4 +1,4 @@
-"""Loops that grow or oscillate by themselves, found in the rows of a run that completed.
+"""How a run ended, and whether its loop grows or oscillates by itself: found in the rows of a run that completed.
 
 A loop is judged where its own behaviour can be told from what acts on it: at the end of the run, after the last row at
 which reference, external wrench, injection or parameters change, or something fails; there a sound loop comes to rest.
@@ -7,7 +7,7 @@ If something acts to the end, only frequencies far above the reference's own are
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,17 +65,6 @@ class Oscillation(NamedTuple):
         return f"leg {self.leg} oscillates at {self.frequency:.3g} Hz by itself, with an amplitude of {size}. {_REMEDY}"
 
 
-@dataclass(frozen=True)
-class LegRows:
-    """What is judged of a run: the legs over time, and what acts on them."""
-
-    time: FloatArray  # (n,) [s]
-    error: FloatArray  # of the leg lengths (n, 6) [m]
-    reference: FloatArray  # leg lengths (n, 6) [m]
-    rest_begins: int  # see `rest_begins`
-    least: Callable[[float], float]  # the amplitude [m] that sensors do not explain, by frequency [Hz]
-
-
 def oscillation(record: RecordData) -> Oscillation | None:
     """The oscillation or growth that a completed run of a closed loop ends with; None for a sound one."""
     if not all(name in record for name in _USED) or record.metadata["outcome"]["status"] != "completed":
@@ -90,86 +79,116 @@ def oscillation(record: RecordData) -> Oscillation | None:
     least = least_amplitude(
         float(record["leg_length"].mean()), points, sensors.get("noise") or {}, sensors.get("quantisation") or {}
     )
-    error, reference = record["error.leg_length"], record["reference.leg_length"]
-    return self_excited(LegRows(record["time"], error, reference, rest_begins(_acting(record)), least))
+    # what acts on the loop, by the names of `acting_columns`
+    names = (*_INPUTS, *FAULTS, *record.metadata.get("machine", {}))
+    acting = [record[name].reshape(record.table.height, -1) for name in names if name in record]
+    legs, errors = (np.ascontiguousarray(record[name].T) for name in ("reference.leg_length", "error.leg_length"))
+    return SelfExcitation(record["time"], legs, rest_begins(acting))(errors, least)
 
 
-def self_excited(rows: LegRows) -> Oscillation | None:
-    """The oscillation or growth of a closed loop, by the rows of a whole run; None for a sound one.
+class SelfExcitation:
+    """Finds the oscillation or growth of closed loops on which the same acts, by the rows of whole runs.
 
     The error is growing if, after the last change of what acts on the loop, it comes to twice the step of the reference
     or twice the largest value of its first half cycle, or rises ever faster. It oscillates if one line of its spectrum
     has most of the power and lasts, with an amplitude above what quantisation and noise of the sensors explain.
-    """
-    n = len(rows.time)
-    # NaN is not below it either
-    if n < _ROWS or not all((np.abs(each) < _LARGEST).all() for each in (rows.error, rows.reference)):
-        return None
-    if n - rows.rest_begins >= max(_ROWS, _REST * n):
-        return _at_rest(rows)
-    return _in_motion(rows)
-
-
-def may_move(errors: FloatArray, time: FloatArray, reference: FloatArray, rest_begins: int) -> NDArray[np.bool_]:
-    """Members (N,) of which `self_excited` may say something: a quick look at all that have the same reference.
 
     Parameters
     ----------
-    errors
-        Of the leg lengths (n, N, 6) [m].
-    time, reference, rest_begins
-        As of `LegRows`, for all members.
+    time
+        Of the rows (n,) [s].
+    reference
+        Leg lengths (6, n) [m].
+    begin
+        The row from which nothing acts on the loops, see `rest_begins`.
     """
-    n = len(time)
-    if n < _ROWS:
-        return np.zeros(errors.shape[1], dtype=bool)
-    at_rest = n - rest_begins >= max(_ROWS, _REST * n)
-    begin = rest_begins + (n - rest_begins) // 3 if at_rest else n // 3
-    if at_rest:
-        lowest, rest = 0, _without(errors[begin:], _basis(n - begin))
-        may = _may_grow(errors[rest_begins:], _step(reference, rest_begins))
-    else:
-        motion = _Motion.of(reference[begin:], time[begin:])
-        if motion is None:
-            return np.zeros(errors.shape[1], dtype=bool)
-        lowest = motion.lowest
-        columns = [_without(errors[begin:, :, k], motion.bases[k]) for k in range(6)]
-        rest = np.stack(columns, axis=-1)
-        may = np.zeros(errors.shape[1], dtype=bool)
-    # as `_line`, with bounds a little wider
-    half = len(rest) // 2
-    late, early = (np.mean(each**2, axis=0) for each in (rest[half:], rest[:half]))
-    lasts = np.ones(len(may), dtype=bool)
-    if lowest < 2:
-        every, leg = np.arange(len(may)), late.argmax(axis=1)
-        lasts = late[every, leg] >= (0.95 * _LASTS) ** 2 * early[every, leg]
-    at = np.flatnonzero(lasts & ~may)
-    if at.size:
-        window = np.hanning(len(rest))[:, None, None]
-        power = (np.abs(np.fft.rfft(rest[:, at] * window, axis=0)) ** 2).sum(axis=2)
-        power[: max(lowest, 1)] = 0
-        peak = power.argmax(axis=0)
-        near = np.clip(peak + np.arange(-2, 3)[:, None], max(lowest, 1), len(power) - 1)
-        share = np.take_along_axis(power, near, axis=0).sum(axis=0)
-        least = max(lowest + 3, _CYCLES_MOVING) if lowest else _CYCLES
-        may[at] = (peak >= least - 1) & (share >= 0.95 * _LINE * power.sum(axis=0))
-    return may
 
+    def __init__(self, time: FloatArray, reference: FloatArray, begin: int) -> None:
+        n = len(time)
+        self._time, self._begin, self._lowest = time, begin, 0
+        self._bases: tuple[FloatArray, ...] = ()
+        # NaN is not below it either
+        if n < _ROWS or not (np.abs(reference) < _LARGEST).all():
+            return
+        self._is_at_rest = n - begin >= max(_ROWS, _REST * n)
+        if self._is_at_rest:
+            self._window, self._step = begin + (n - begin) // 3, _step(reference, begin)
+            self._bases = (_basis(n - self._window),)
+        else:
+            self._window = n // 3
+            self._bases, self._lowest = _explained(reference[:, self._window :], time[self._window :])
 
-def _may_grow(errors: FloatArray, step: float) -> NDArray[np.bool_]:
-    """Members (N,) whose error (n, N, 6) at rest may grow; as `_at_rest` and `_rising`, with bounds a little wider."""
-    n, every = len(errors), np.arange(errors.shape[1])
-    from_rest = np.abs(errors - errors[-(n // 3) :].mean(axis=0))
-    leg = from_rest.max(axis=0).argmax(axis=1)
-    one = from_rest[:, every, leg]
-    late, early = one[-(n // 3) :].max(axis=0), one[: n // 4].max(axis=0)
-    grows = late >= 0.99 * _GROWS * early
-    if step > 0:
-        grows |= late >= 0.99 * _GROWS * step
-    means = np.stack([block.mean(axis=0) for block in np.array_split(errors, _BLOCKS)])
-    changes = np.diff(means[:, every, np.abs(means[-1] - means[0]).argmax(axis=1)], axis=0)
-    rises = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.14 * np.abs(changes[:-1]))
-    return np.asarray(grows | rises.all(axis=0))
+    def sound_at_a_glance(self, errors: FloatArray) -> NDArray[np.bool_]:
+        """Members (N,) of which nothing is to be said, by errors (n, 6, N) of all of them, if nothing acts at the end.
+
+        It spares most members of an ensemble the closer look at each alone; bounds are a little wider than there.
+        """
+        every = np.arange(errors.shape[2])
+        if not self._bases or not self._is_at_rest:
+            return np.zeros(len(every), dtype=bool)
+        window = _without(errors[self._window :].reshape(-1, errors[0].size).T, self._bases[0]).T
+        halves = (window[len(window) // 2 :], window[: len(window) // 2])
+        late, early = (np.mean(half**2, axis=0).reshape(6, -1) for half in halves)
+        leg = late.argmax(axis=0)
+        may = late[leg, every] >= (0.95 * _LASTS) ** 2 * early[leg, every]
+        at_rest = errors[self._begin :]
+        third, quarter = len(at_rest) // 3, len(at_rest) // 4
+        from_rest = np.abs(at_rest - at_rest[-third:].mean(axis=0))
+        of_leg = from_rest[:, from_rest.max(axis=0).argmax(axis=0), every]
+        step = np.where(self._step > 0, self._step, np.inf)
+        may |= of_leg[-third:].max(axis=0) >= 0.99 * _GROWS * np.minimum(of_leg[:quarter].max(axis=0), step)
+        means = np.stack([block.mean(axis=0) for block in np.array_split(at_rest, _BLOCKS)])
+        changes = np.diff(means[:, np.abs(means[-1] - means[0]).argmax(axis=0), every], axis=0)
+        faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.14 * np.abs(changes[:-1]))
+        return np.asarray(~(may | faster.all(axis=0)))
+
+    def __call__(self, error: FloatArray, least: Callable[[float], float]) -> Oscillation | None:
+        """The oscillation or growth of a loop; None for a sound one.
+
+        Parameters
+        ----------
+        error
+            Of its leg lengths (6, n) [m].
+        least
+            The amplitude [m] that sensors do not explain, by frequency [Hz].
+        """
+        if not self._bases or not (np.abs(error) < _LARGEST).all():
+            return None
+        window, time = error[:, self._window :], self._time[self._window :]
+        if self._is_at_rest:
+            line = _line(_without(window, self._bases[0]), time, least, 0, _CYCLES)
+            return self._at_rest(error[:, self._begin :], line, least)
+        unexplained = np.stack([_without(leg, basis) for leg, basis in zip(window, self._bases, strict=True)])
+        line = _line(unexplained, time, least, self._lowest, _CYCLES_MOVING)
+        if line is None:
+            return None
+        earlier = line.amplitude / line.ratio if line.ratio >= _STEADY else None
+        return Oscillation(earlier is not None, line.leg, line.amplitude, line.frequency, earlier, float(time[0]))
+
+    def _at_rest(self, error: FloatArray, line: "_Line | None", least: Callable[[float], float]) -> Oscillation | None:
+        time = self._time[self._begin :]
+        since, n, step = float(time[0]), len(time), self._step
+        steady = None if line is None else Oscillation(False, line.leg, line.amplitude, line.frequency, None, since)
+        if line is not None and line.ratio < _STEADY:
+            return steady
+        from_rest: FloatArray = error - error[:, -(n // 3) :].mean(axis=1, keepdims=True)
+        leg = int(np.abs(from_rest).max(axis=1).argmax())
+        of_leg = from_rest[leg]
+        late, early = (float(np.abs(part).max()) for part in (of_leg[-(n // 3) :], of_leg[: n // 4]))
+        # a sound loop does not come farther from a step than it was; it starts there at rest
+        leaves_step = late >= _GROWS * step > 0
+        if leaves_step or late >= _GROWS * early:
+            crossings = np.flatnonzero(np.diff(np.signbit(of_leg)))
+            rate = None
+            if len(crossings) > 1:
+                rate = (len(crossings) - 1) / 2 / float(time[crossings[-1]] - time[crossings[0]])
+            if leaves_step:
+                return Oscillation(True, leg + 1, late, rate, step, since)
+            if rate is not None and len(crossings) >= 3:
+                early = float(np.abs(of_leg[: max(int(crossings[0]), n // 4)]).max())
+                if late >= _GROWS * early and late >= least(rate):
+                    return Oscillation(True, leg + 1, late, rate, early, since)
+        return steady or _rising(error, since, least(1.0))
 
 
 def least_amplitude(
@@ -203,56 +222,25 @@ def least_amplitude(
     return least
 
 
-def last_change(values: FloatArray) -> int:
-    """The row after the last at which a column of (n, k) changes; 0 if none does."""
-    scale = np.maximum(1.0, np.abs(values).max(axis=0))
-    with np.errstate(over="ignore"):
-        changes = np.flatnonzero((np.abs(np.diff(values, axis=0)) > 1e-9 * scale).any(axis=1))
-    return int(changes[-1]) + 1 if changes.size else 0
-
-
 def rest_begins(acting: Iterable[NDArray[Any]]) -> int:
     """The row from which a loop is without input: no column (n, k) that acts on it changes, no flag is set."""
-    last = (len(values) if values.dtype == bool and values[-1].any() else last_change(values) for values in acting)
-    return max(last, default=0)
-
-
-def _acting(record: RecordData) -> list[NDArray[Any]]:
-    """What acts on the loop of a record: its names are those of `acting_columns`."""
-    names = (*_INPUTS, *FAULTS, *record.metadata.get("machine", {}))
-    return [record[name].reshape(record.table.height, -1) for name in names if name in record]
+    begin = 0
+    for values in acting:
+        if values.dtype == bool and values[-1].any():
+            return len(values)
+        scale = np.maximum(1.0, np.abs(values).max(axis=0))
+        with np.errstate(over="ignore"):
+            changes = np.flatnonzero((np.abs(np.diff(values, axis=0)) > 1e-9 * scale).any(axis=1))
+        begin = max(begin, int(changes[-1]) + 1 if changes.size else 0)
+    return begin
 
 
 def _step(legs: FloatArray, row: int) -> float:
-    """The largest step of a leg's reference (n, 6) to this row, from rest; 0 if it came in motion [m]."""
-    before = legs[max(row - _ROWS, 0) : row]
-    if len(before) < 2 or np.ptp(before, axis=0).max() > 1e-9:
+    """The largest step of a leg's reference (6, n) to this row, from rest; 0 if it came in motion [m]."""
+    before = legs[:, max(row - _ROWS, 0) : row]
+    if before.shape[1] < 2 or np.ptp(before, axis=1).max() > 1e-9:
         return 0.0
-    return float(np.abs(legs[row] - before[-1]).max())
-
-
-def _at_rest(rows: LegRows) -> Oscillation | None:
-    begin, least = rows.rest_begins, rows.least
-    error, time, step = rows.error[begin:], rows.time[begin:], _step(rows.reference, begin)
-    since, n = float(time[0]), len(error)
-    line = _line(_without(error[n // 3 :], _basis(n - n // 3)), time[n // 3 :], least, 0, _CYCLES)
-    steady = None if line is None else Oscillation(False, line.leg, line.amplitude, line.frequency, None, since)
-    if line is not None and line.ratio < _STEADY:
-        return steady
-    from_rest: FloatArray = error - error[-(n // 3) :].mean(axis=0)
-    leg = int(np.abs(from_rest).max(axis=0).argmax())
-    one = from_rest[:, leg]
-    crossings = np.flatnonzero(np.diff(np.signbit(one)))
-    late = float(np.abs(one[-(n // 3) :]).max())
-    rate = (len(crossings) - 1) / 2 / float(time[crossings[-1]] - time[crossings[0]]) if len(crossings) > 1 else None
-    # a sound loop does not come farther from a step than it was; it starts there at rest
-    if late >= _GROWS * step > 0:
-        return Oscillation(True, leg + 1, late, rate, step, since)
-    if rate is not None and len(crossings) >= 3:
-        early = float(np.abs(one[: max(int(crossings[0]), n // 4)]).max())
-        if late >= _GROWS * early and late >= least(rate):
-            return Oscillation(True, leg + 1, late, rate, early, since)
-    return steady or _rising(error, since, least(1.0))
+    return float(np.abs(legs[:, row] - before[:, -1]).max())
 
 
 def _rising(error: FloatArray, since: float, least: float) -> Oscillation | None:
@@ -261,48 +249,30 @@ def _rising(error: FloatArray, since: float, least: float) -> Oscillation | None
     Five changes of one sign, each 1.15 times the one before, come from six independent values in less than 1 of 1,000
     cases.
     """
-    means = np.stack([block.mean(axis=0) for block in np.array_split(error, _BLOCKS)])
-    leg = int(np.abs(means[-1] - means[0]).argmax())
-    changes = np.diff(means[:, leg])
+    means = np.stack([block.mean(axis=1) for block in np.array_split(error, _BLOCKS, axis=1)], axis=1)
+    leg = int(np.abs(means[:, -1] - means[:, 0]).argmax())
+    changes = np.diff(means[leg])
     is_faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.15 * np.abs(changes[:-1]))
-    early, late = (float(abs(error[k, leg])) for k in (0, -1))
+    early, late = (float(abs(error[leg, row])) for row in (0, -1))
     if is_faster.all() and late > early and abs(changes.sum()) >= least:
         return Oscillation(True, leg + 1, late, None, early, since)
     return None
 
 
-class _Motion(NamedTuple):
-    """What a moving reference explains of an error."""
+def _explained(legs: FloatArray, time: FloatArray) -> tuple[tuple[FloatArray, ...], int]:
+    """What a moving reference of the legs (6, n) explains of their errors; nothing without accelerations.
 
-    bases: tuple[FloatArray, ...]  # of each leg: orthonormal columns that span line, length, velocity, acceleration
-    lowest: int  # the first bin of the spectrum in which the motion has no part
-
-    @classmethod
-    def of(cls, legs: FloatArray, time: FloatArray) -> "_Motion | None":
-        """Of lengths of the legs (n, 6); None without accelerations."""
-        velocity = np.gradient(legs, time, axis=0)
-        acceleration = np.gradient(velocity, time, axis=0)
-        line = _basis(len(time))
-        own = np.cumsum(_spectrum(_without(acceleration, line)).sum(axis=1))
-        if own[-1] <= 0:
-            return None
-        highest = int(np.searchsorted(own, _POWER * own[-1]))
-        bases = tuple(_basis(len(time), [each[:, k] for each in (legs, velocity, acceleration)]) for k in range(6))
-        return cls(bases, math.ceil(_ABOVE * max(highest, 1)))
-
-
-def _in_motion(rows: LegRows) -> Oscillation | None:
-    part = slice(len(rows.time) // 3, None)
-    time = rows.time[part]
-    motion = _Motion.of(rows.reference[part], time)
-    if motion is None:
-        return None
-    error = np.stack([_without(rows.error[part, k], motion.bases[k]) for k in range(6)], axis=1)
-    found = _line(error, time, rows.least, motion.lowest, _CYCLES_MOVING)
-    if found is None:
-        return None
-    earlier = found.amplitude / found.ratio if found.ratio >= _STEADY else None
-    return Oscillation(earlier is not None, found.leg, found.amplitude, found.frequency, earlier, float(time[0]))
+    Orthonormal columns for each leg, which span a line, length, velocity and acceleration; and the first bin of the
+    spectrum in which the motion has no part.
+    """
+    velocity = np.gradient(legs, time, axis=1)
+    acceleration = np.gradient(velocity, time, axis=1)
+    power = np.cumsum(_spectrum(_without(acceleration, _basis(len(time)))))
+    if power[-1] <= 0:
+        return (), 0
+    highest = int(np.searchsorted(power, _POWER * power[-1]))
+    bases = tuple(_basis(len(time), signals) for signals in zip(legs, velocity, acceleration, strict=True))
+    return bases, math.ceil(_ABOVE * max(highest, 1))
 
 
 class _Line(NamedTuple):
@@ -315,17 +285,21 @@ class _Line(NamedTuple):
 def _line(
     error: FloatArray, time: FloatArray, least: Callable[[float], float], lowest: int, cycles: int
 ) -> _Line | None:
-    """The line that dominates an error (n, 6) from a bin on, if it lasts and is large enough."""
-    n, step = len(error), float(time[1] - time[0])
-    line = _above(error, lowest)
-    size = np.sqrt(2 * np.mean(line[n // 2 :] ** 2, axis=0))
+    """The line that dominates an error (6, n) from a bin on, if it lasts and is large enough."""
+    n, step = len(time), float(time[1] - time[0])
+    line = error
+    if lowest:  # without what is below it
+        spectrum = np.fft.rfft(error)
+        spectrum[:, :lowest] = 0
+        line = np.fft.irfft(spectrum, n)
+    size = np.sqrt(2 * np.mean(line[:, n // 2 :] ** 2, axis=1))
     leg = int(size.argmax())
-    before = math.sqrt(2 * float(np.mean(line[: n // 2, leg] ** 2)))
+    before = math.sqrt(2 * float(np.mean(line[leg, : n // 2] ** 2)))
     ratio = float(size[leg]) / before if before > 0 else math.inf
     # most loops are sound, and end here
     if ratio < _LASTS:
         return None
-    power = _spectrum(error).sum(axis=1)
+    power = _spectrum(error)
     if len(power) <= lowest + 8:
         return None
     band = power.copy()
@@ -341,20 +315,9 @@ def _line(
     return _Line(leg + 1, frequency, float(size[leg]), ratio)
 
 
-def _above(values: FloatArray, lowest: int) -> FloatArray:
-    """Values (n, k) without what is below a bin of their spectrum, and without their mean."""
-    if lowest < 2:
-        return np.asarray(values - values.mean(axis=0))
-    kept = np.fft.rfft(values, axis=0)
-    kept[:lowest] = 0
-    line: FloatArray = np.fft.irfft(kept, len(values), axis=0)
-    return line
-
-
 def _spectrum(values: FloatArray) -> FloatArray:
-    """Power by bin of a Hann window over (n, k)."""
-    window = np.hanning(len(values))[:, None]
-    power: FloatArray = np.abs(np.fft.rfft(values * window, axis=0)) ** 2
+    """Power of all signals (k, n) together, by bin of a Hann window."""
+    power: FloatArray = (np.abs(np.fft.rfft(values * np.hanning(values.shape[-1]))) ** 2).sum(axis=0)
     power[0] = 0
     return power
 
@@ -376,6 +339,23 @@ def _basis(n: int, signals: Iterable[FloatArray] = ()) -> FloatArray:
 
 
 def _without(values: FloatArray, basis: FloatArray) -> FloatArray:
-    """Values (n, ...) without what a basis (n, k) explains."""
-    flat = values.reshape(len(values), -1)
-    return np.asarray(flat - basis @ (basis.T @ flat)).reshape(values.shape)
+    """Values (..., n) without what a basis (n, k) explains."""
+    return np.asarray(values - (values @ basis) @ basis.T)
+
+
+def outcome_of(record: RecordData) -> dict[str, Any]:
+    """The outcome in the metadata, with the `oscillation` or growth of a loop by itself, None if it comes to rest."""
+    motion = oscillation(record)
+    return {**record.metadata["outcome"], "oscillation": None if motion is None else motion._asdict()}
+
+
+def is_sound(outcome: dict[str, Any]) -> bool:
+    """Whether the run of an `outcome_of` completed, and its loop came to rest or followed its reference."""
+    return outcome["status"] == "completed" and not outcome.get("oscillation")
+
+
+def outcome_text(outcome: dict[str, Any]) -> str:
+    """How a run ended, in one line: status, time and, if there is one, cause; and what its loop does by itself."""
+    cause = f": {outcome['cause']}" if outcome.get("cause") else ""
+    motion = f"; {Oscillation(**outcome['oscillation']).text()}" if outcome.get("oscillation") else ""
+    return f"{outcome['status']} at {outcome['time']:.6g} s{cause}{motion}"

@@ -1,7 +1,9 @@
 """Records of runs as tables: one row per time, SI units, interface variables under their FMI 2.0 names; their files."""
 
+import base64
+import html
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -9,10 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import polars
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.polars_paths import read_parquet, readable, write_to
+from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME
+from gough_stewart.harness.report.small_machine import fine, fineness_of_record
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
+from gough_stewart.harness.results.oscillation import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
+from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 
 if TYPE_CHECKING:
@@ -38,6 +46,58 @@ _KINDS: tuple[tuple[str, str, str], ...] = (
 )
 _ENDINGS = ((".fmu", "FMUs"), (".ssp", "an exported loop"), (".c", "an exported controller"), (".toml", "TOML files"))
 _MOST = 5
+_ERRORS = {"position": LENGTH, "orientation": ANGLE, "leg_length": LENGTH}
+# What metrics and picture in a notebook need.
+_MEASURED = ("position", "orientation", "leg_length", "leg_velocity", "actuator_force")
+_Table = dict[str, Any]
+# Sizes of the vectors that figures and metrics use, to detect missing elements.
+_SIZES = {
+    **{variable.name: variable.size for variable in (*interface.INPUTS, *interface.RESULTS) if variable.shape},
+    **{f"{prefix}.{v.name}": v.size for prefix in ("reference", "error") for v in interface.RESULTS if v.shape},
+    **{f"flag.{name}": 6 for name in ("force_limited", "rate_limited", "stroke_exceeded")},
+}
+
+
+class _Part(BaseModel):
+    """Types of known keys; other keys are allowed."""
+
+    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
+
+
+class _Outcome(_Part):
+    status: str
+    time: float
+    cause: str | None = None
+
+
+class _Experiment(_Part):
+    description: str = ""
+    reference: _Table | None = None
+    controller: _Table | None = None
+    loop: _Table | None = None
+    sensors: _Table | None = None
+    actuators: _Table | None = None
+    limits: _Table | None = None
+    start: _Table | None = None
+    change: list[_Table] | None = None
+    disturbance: list[_Table] | None = None
+
+
+class _Metadata(_Part):
+    title: str = ""
+    plant: str | None = None
+    rows: int | None = None
+    outcome: _Outcome | None = None
+    duration: float | None = None
+    sample_time: float | None = None
+    plant_step: float | None = None
+    force_limit: float | None = None
+    platform: _Table | None = None
+    experiment: _Experiment | None = None
+    versions: _Table = {}
+    files: dict[str, str] = {}
+    replaced: list[str] = []
+    settings: dict[str, _Table] = {}
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,15 +120,25 @@ class Record(RecordData):
 
     def __repr__(self) -> str:
         """Title, run settings, size and peak errors, in a few lines."""
-        from gough_stewart.harness.results.display import record_text
-
-        return record_text(self)
+        table = _circumstances(self)
+        rows = [table.texts(k) for k in range(len(table.rows))]
+        width = max(len(name) for name, _ in rows)
+        return "\n".join([table.title, *(f"  {name:{width}}  {text}" for name, text in rows)])
 
     def _repr_html_(self) -> str:
-        """In a notebook: the same with metrics and the pose over time."""
-        from gough_stewart.harness.results.display import record_html
+        """In a notebook: the same as a table; with metrics and the pose over time if it has the columns they need."""
+        from gough_stewart.harness.report.figures import figures  # slow to import
+        from gough_stewart.harness.report.notebook import table_to_html
+        from gough_stewart.harness.results.metrics import metrics, metrics_tables
 
-        return record_html(self, self.report)
+        parts = [table_to_html(_circumstances(self))]
+        is_whole = {"outcome", "platform"} <= self.metadata.keys() and all(name in self for name in _MEASURED)
+        if is_whole and self.table.height:
+            parts += map(table_to_html, metrics_tables(metrics(self)))
+            picture = base64.b64encode(figures(self.report(), ("png",), "pose").get("pose.png", b"")).decode()
+            title = html.escape(str(self.metadata.get("title", "untitled")), quote=True)
+            parts.append(f'<img alt="pose over time: {title}" width="800" src="data:image/png;base64,{picture}">')
+        return f"<div>{''.join(parts)}</div>"
 
     def report(
         self, *, measured: "Metrics | None" = None, robustness: "Robustness | None" = None, charts: bool = True
@@ -145,15 +215,13 @@ def read_record(path: Path | str) -> Record:
     >>> files = gs.save_record(gs.run("heave_step", {"loop.duration": 0.1}), "results/heave")
     >>> gs.read_record("results/heave")["error.position"].shape
     """
-    from gough_stewart.harness.results.record_checks import check_metadata, check_table
-
     path = Path(path)
     expected = "expected record.parquet, or record.csv with metadata.json beside it, as `gough-stewart run` writes them"
     if path.is_dir():
-        found = [path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()]
-        if not found:
+        files = [path / name for name in ("record.parquet", "record.csv") if (path / name).is_file()]
+        if not files:
             raise RecordError(f"{path}: the folder has no record; {contents(path)}; {expected}")
-        path = found[0]
+        path = files[0]
     if not path.is_file():
         raise RecordError(f"{path}: no such file; {expected}")
     try:
@@ -166,8 +234,8 @@ def read_record(path: Path | str) -> Record:
             # the first rows of a float column may all be integers
             table = polars.read_csv(readable(path), infer_schema_length=None, glob=False)
             record = Record(table, json.loads(path.with_name("metadata.json").read_bytes()))
-        check_metadata(record.metadata)
-        check_table(record.table, record.metadata.get("rows"))
+        _check_metadata(record.metadata)
+        _check_table(record.table, record.metadata.get("rows"))
     except RecordError as error:
         raise RecordError(f"{path}: {error}; {expected}") from None
     except OSError as error:
@@ -225,19 +293,101 @@ def _json(data: dict[str, Any], indent: int | None = None) -> str:
 
 def contents(folder: Path) -> str:
     """What a folder has, as far as it is known, and a remedy."""
-    for name, what, remedy in _KINDS:
+    for name, kind, remedy in _KINDS:
         if (folder / name).is_file():
-            return f"it has {what}; {remedy}"
+            return f"it has {kind}; {remedy}"
     names = sorted(path.name for path in folder.iterdir() if not path.name.startswith("."))
-    for ending, what in _ENDINGS:
+    for ending, kind in _ENDINGS:
         if any(name.endswith(ending) for name in names):
-            return f"it has {what}: {_listed([name for name in names if name.endswith(ending)])}"
+            return f"it has {kind}: {_some([name for name in names if name.endswith(ending)])}"
     inside = [path.parent.name for path in sorted(folder.glob("*/record.parquet"))]
     if inside:
-        return f"it has folders of records: {_listed(inside)}; view one of them"
-    return f"it has {_listed(names)}" if names else "it is empty"
+        return f"it has folders of records: {_some(inside)}; view one of them"
+    return f"it has {_some(names)}" if names else "it is empty"
 
 
-def _listed(names: list[str]) -> str:
+def _some(names: list[str]) -> str:
     more = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
     return ", ".join(names[:_MOST]) + more
+
+
+def _check_metadata(metadata: Any) -> None:
+    """Refuse metadata with a value of another type than `gough-stewart run` writes.
+
+    Raises
+    ------
+    RecordError
+        Names the key and the expected type.
+    """
+    if not isinstance(metadata, dict):
+        raise RecordError("has no metadata of a run")
+    try:
+        _Metadata.model_validate(metadata)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(step) for step in first["loc"])
+        raise RecordError(
+            f"metadata: {where} is {first['input']!r:.60}; {first['msg'][:1].lower()}{first['msg'][1:]}"
+        ) from None
+
+
+def _check_table(table: polars.DataFrame, rows: int | None) -> None:
+    """Refuse a table that cannot be a whole run with this number of rows (None: unknown).
+
+    Raises
+    ------
+    RecordError
+        A column or row is missing or wrong; the message names it.
+    """
+    if "time" not in table.columns:
+        raise RecordError("has no column 'time'; expected one with the times of the rows")
+    if not table.height:
+        raise RecordError("has no rows; expected at least one")
+    for name, kind in table.schema.items():
+        column = table[name]
+        if kind == polars.String:
+            row = int(column.cast(polars.Float64, strict=False).is_null().arg_max() or 0)
+            raise RecordError(f"{name} in row {row + 1} is {column[row]!r}; expected a number")
+        if not (kind.is_numeric() or kind == polars.Boolean):
+            raise RecordError(f"{name} has type {kind}; expected numbers")
+        if column.null_count():
+            raise RecordError(f"{name} in row {int(column.is_null().arg_max() or 0) + 1} is empty; expected a number")
+    for name, size in _SIZES.items():
+        count = sum(column.startswith(f"{name}[") for column in table.columns)
+        if count not in (0, size):
+            raise RecordError(f"has {count} columns of {name}; expected {size}")
+    if rows is not None and table.height != rows:
+        raise RecordError(
+            f"has {table.height} rows, but the run had {rows}; the file is incomplete or from another run"
+        )
+    time = table["time"].cast(polars.Float64)
+    wrong = ~(time.is_finite() & (time.diff().fill_null(1.0) > 0))
+    if wrong.any():
+        row = int(wrong.arg_max() or 0)
+        raise RecordError(f"time in row {row + 1} is {time[row]}; expected finite, increasing times")
+
+
+def _circumstances(record: RecordData) -> Table:
+    """How the run was made, and its peak errors."""
+    fineness = fineness_of_record(record.metadata)
+    known = record.metadata
+    rows: list[tuple[Cell, ...]] = []
+    if "platform" in known:
+        rows.append(("platform", str(known["platform"].get("name", "unnamed"))))
+    if known.get("plant"):
+        rows.append(("plant", str(known["plant"])))
+    if "outcome" in known:
+        rows.append(("outcome", outcome_text(outcome_of(record) if "platform" in known else known["outcome"])))
+    height, width = record.table.shape
+    rows.append(("table", f"{height} rows, {width} columns"))
+    if height and "time" in record:
+        first, last = (replace(TIME, digits=6).text(float(record["time"][k]), unit=k < 0) for k in (0, -1))
+        rows.append(("time", f"{first} to {last}"))
+    for name, quantity in _ERRORS.items():
+        error = np.abs(record[f"error.{name}"]) if f"error.{name}" in record else np.zeros(0)
+        finite = error[np.isfinite(error)]
+        if finite.size:
+            rows.append(
+                (f"peak error of {name.replace('_', ' ')}", Value(float(finite.max()), fine(quantity, fineness)))
+            )
+    return Table(f"Record: {known.get('title', 'untitled')}", (Column(""), Column("")), tuple(rows))

@@ -29,10 +29,10 @@ class RecordData:
         """
         columns = self._columns.get(name)
         if columns is None:
-            names = [each for each in self._columns if "[" not in each]
+            names = [known for known in self._columns if "[" not in known]
             raise RecordError(f"the record has no '{name}'{interface.nearest(name, names)}")
-        found = [self.table.get_column(column).to_numpy() for column in columns]
-        return found[0] if columns == [name] else np.column_stack(found)
+        values = [self.table.get_column(column).to_numpy() for column in columns]
+        return values[0] if columns == [name] else np.column_stack(values)
 
     def __contains__(self, name: str) -> bool:
         """Whether a column or variable of this name exists."""
@@ -45,10 +45,10 @@ class RecordData:
     @cached_property
     def _columns(self) -> dict[str, list[str]]:
         """The columns that each name stands for: a column for itself, a variable for all of its columns."""
-        found: dict[str, list[str]] = {}
+        columns: dict[str, list[str]] = {}
         for column in self.table.columns:
             variable, bracket, _ = column.partition("[")
             if bracket:
-                found.setdefault(variable, []).append(column)
-            found[column] = [column]
-        return found
+                columns.setdefault(variable, []).append(column)
+            columns[column] = [column]
+        return columns

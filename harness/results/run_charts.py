@@ -1,40 +1,221 @@
-"""Charts and scene of runs for a report: all signals over time, those that matter most first."""
+"""Charts and scene of runs for a report: all signals over time, from columns and from kinematics."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
+from gough_stewart.harness.loop.folds import error_between
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Strip, strip_of, time_axis
 from gough_stewart.harness.report.document import Section
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
 from gough_stewart.harness.report.scene import Scene
-from gough_stewart.harness.results.limits import shares_of_limits
+from gough_stewart.harness.results.limits import column_of_drives, shares_of_limits
 from gough_stewart.harness.results.metrics import finite_part
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.harness.results.scene import FRAMES, scene_of
-from gough_stewart.harness.results.signals import Signal, signals_of
+from gough_stewart.model import interface
+from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
-# Signals that a report shows at first; the others are a choice away.
-FIRST = (
-    "error.position",
-    "error.orientation",
+AXES = ("x", "y", "z")
+_ANGLES = ("roll", "pitch", "yaw")
+LEGS = tuple(f"leg {i}" for i in range(1, 7))
+# The charts shown when a page opens; a report has the `FIRST` ones before all others.
+SHOWN = (
     "position from home",
     "orientation from home",
+    "error.position",
+    "error.orientation",
     "actuator_force",
     "leg_length",
+    "leg_velocity",
+    "actuator power",
+    "condition number",
 )
+FIRST = (*SHOWN[2:4], *SHOWN[:2], *SHOWN[4:6])
+# Groups of signals, in the order of the list of charts, with the prefix or the variables of a record.
+_GROUPED: Mapping[str, str | tuple[str, ...]] = {
+    "pose": ("position", "orientation"),
+    "velocities": ("velocity", "angular_velocity", "acceleration", "angular_acceleration"),
+    "legs": ("leg_length", "leg_velocity", "joint_force", "leg_force", "leg_bristle"),
+    "actuators": ("actuator_force", "motor_position", "motor_velocity"),
+    "errors": "error",
+    "reference": "reference",
+    "disturbance": ("external_force", "external_torque"),
+    "controller": "controller",
+    "sensors": "measured",
+    "flags": "flag",
+    "energy": ("kinetic_energy", "potential_energy"),
+    "parameters": (),
+    "other": (),
+}
+GROUPS = tuple(_GROUPED)
+_GROUP_OF = {
+    name: group for group, names in _GROUPED.items() for name in ((names,) if isinstance(names, str) else names)
+}
+# Those of a controller [N]; its states have no common unit.
+_CONTROLLER_FORCES = ("force", "feedforward", "injection")
+_TITLES = {
+    "error.position": "position error",
+    "error.orientation": "orientation error",
+    "error.leg_length": "leg length error",
+    "leg_velocity": "sliding velocity of legs",
+    "leg_length": "length of legs",
+    "flag.force_limited": "force limit active",
+    "flag.rate_limited": "force rate limit active",
+    "flag.stroke_exceeded": "beyond the stroke",
+}
 # Larger values overflow the arithmetic of axes, and no platform has them.
 _LARGEST = 1e9
 _DRAWN = ("position", "orientation", "leg_length", "actuator_force")
 
 
+@dataclass(frozen=True)
+class Signal:
+    """A variable of records over time, as displayed."""
+
+    name: str
+    title: str
+    group: str
+    quantity: Quantity
+    # A name for each column; legs and axes can be selected.
+    components: tuple[str, ...]
+    kind: Literal["axes", "legs", "other"]
+    # Columns (n, size) in SI units, by record; None where a record has no such variable.
+    values: tuple[FloatArray | None, ...]
+    # Name of the signal drawn with it as its reference.
+    reference: str | None = None
+    # In SI units.
+    limits: tuple[float, ...] = ()
+
+    @property
+    def is_flag(self) -> bool:
+        """Whether it is a boolean, which is held from row to row."""
+        return self.group == "flags"
+
+
+def signals_of(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
+    """All numeric columns of the records as variables, and signals computed by kinematics; `SHOWN` first."""
+    columns = dict.fromkeys(column.partition("[")[0] for record in records for column in record.table.columns)
+    signals = _from_home(records, platforms)
+    signals += [signal for name in columns if name != "time" for signal in _variable(name, records)]
+    signals += _computed(records, platforms)
+    limits = _limits(records, platforms)
+    known = {signal.name for signal in signals if any(values is not None for values in signal.values)}
+    signals = [
+        replace(
+            signal,
+            limits=limits.get(signal.name, ()),
+            reference=signal.reference if signal.reference in known else None,
+        )
+        for signal in signals
+        if signal.name in known
+    ]
+    order = {name: k for k, name in enumerate(SHOWN)}
+    return sorted(signals, key=lambda signal: (order.get(signal.name, len(SHOWN)), GROUPS.index(signal.group)))
+
+
+def _variable(name: str, records: Sequence[RecordData]) -> list[Signal]:
+    """The signal of a variable; for forces at the joints, one signal per axis."""
+    prefix, _, rest = name.rpartition(".")
+    unit, shape = "", tuple[int, ...]()
+    declared = interface.BY_NAME.get(rest) if prefix in ("", "reference", "error", "measured") else None
+    if declared is not None:
+        unit, shape = declared.unit, declared.shape
+    elif prefix == "flag":
+        shape = (6,)
+    elif prefix == "controller" and rest in _CONTROLLER_FORCES:
+        unit, shape = "N", (6,)
+    group = _GROUP_OF.get(prefix or name, "other" if declared is None else "parameters")
+    quantity = of_unit("mm" if prefix == "error" and unit == "m" else unit) if unit else NUMBER
+    columns = tuple(
+        np.asarray(record[name], dtype=float).reshape(record.table.height, -1) if name in record else None
+        for record in records
+    )
+    title = _TITLES.get(name, f"{prefix} {rest}".strip().replace("_", " "))
+    signal = Signal(name, title, group, quantity, (), "other", columns, f"reference.{name}")
+    sizes = {values.shape[1] for values in columns if values is not None}
+    if shape == (6, 3) and sizes == {18}:
+        return [
+            replace(
+                signal,
+                name=f"{name} {axis}",
+                title=f"{title}, {axis}",
+                components=LEGS,
+                kind="legs",
+                values=tuple(None if values is None else values[:, k::3] for values in columns),
+            )
+            for k, axis in enumerate(AXES)
+        ]
+    if shape == (3,) and sizes == {3}:
+        return [replace(signal, components=_ANGLES if rest == "orientation" else AXES, kind="axes")]
+    if shape == (6,) and sizes == {6}:
+        return [replace(signal, components=LEGS, kind="legs")]
+    size = max(sizes)
+    components = (title,) if size == 1 else tuple(str(k + 1) for k in range(size))
+    whole = tuple(None if values is None or values.shape[1] < size else values for values in columns)
+    return [replace(signal, components=components, values=whole, reference=None)]
+
+
+def _from_home(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
+    """The pose relative to home, with the rotation from home as vector about the world's axes, and its reference."""
+    signals = []
+    for name, unit, components in (("position", "mm", AXES), ("orientation", "deg", _ANGLES)):
+        for prefix, group in (("", "pose"), ("reference.", "reference")):
+            values = tuple(
+                error_between(name, record[prefix + name].T, getattr(platform, f"home_{name}")[:, None]).T
+                if prefix + name in record
+                else None
+                for record, platform in zip(records, platforms, strict=True)
+            )
+            own_name = f"{prefix}{name} from home"
+            title, reference = own_name.replace(".", " "), None if prefix else f"reference.{own_name}"
+            signals.append(Signal(own_name, title, group, of_unit(unit), components, "axes", values, reference))
+    return signals
+
+
+def _computed(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
+    """Power of the actuators, and condition number of the leg Jacobian."""
+    powers = tuple(record["actuator_force"] * record[column_of_drives(record, "motor_velocity")] for record in records)
+    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
+        numbers = tuple(
+            conditioning(platform, record["position"], record["orientation"]).condition_number[:, None]
+            for record, platform in zip(records, platforms, strict=True)
+        )
+    name = "condition number"
+    return [
+        Signal("actuator power", "actuator power of legs", "actuators", of_unit("W"), LEGS, "legs", powers),
+        Signal(name, f"{name} of the leg Jacobian", "legs", of_unit("1"), (name,), "other", numbers),
+    ]
+
+
+def _limits(records: Sequence[RecordData], platforms: Sequence[Platform]) -> dict[str, tuple[float, ...]]:
+    """Limits of signals that are the same in all records."""
+
+    def common(*factors: float, limit: Callable[[RecordData, Platform], float | None]) -> tuple[float, ...]:
+        different = {limit(record, platform) for record, platform in zip(records, platforms, strict=True)}
+        (one,) = different if len(different) == 1 else (None,)
+        return () if one is None else tuple(factor * float(one) for factor in factors)
+
+    velocity = "motor_velocity" if any("motor_velocity" in record for record in records) else "leg_velocity"
+    shortest, longest = (
+        common(1, limit=lambda _, platform: platform.leg_length_min),
+        common(1, limit=lambda _, platform: platform.leg_length_max),
+    )
+    return {
+        "leg_length": shortest + longest,
+        velocity: common(1, -1, limit=lambda _, platform: platform.leg_velocity_max),
+        "actuator_force": common(1, -1, limit=lambda record, _: record.metadata.get("force_limit")),
+        "actuator power": common(1, -1, limit=lambda _, platform: platform.actuator_power_max),
+    }
+
+
 @dataclass(frozen=True, eq=False)
-class Shown:
+class DrawnRun:
     """A run as it is drawn: its rows that are finite, and its machine."""
 
     record: RecordData
@@ -42,22 +223,24 @@ class Shown:
     name: str
 
 
-def shown(record: RecordData, machine: Platform, name: str) -> Shown | None:
+def shown(record: RecordData, machine: Platform, name: str) -> DrawnRun | None:
     """The drawable part of a record; None if it has no row."""
     finite = finite_part(record)
     if not all(name in finite for name in _DRAWN):
         return None
     small = np.max([np.abs(finite[column]).max(axis=1, initial=0.0) for column in _DRAWN], axis=0) < _LARGEST
     rows = finite.table.height if small.all() else int(small.argmin())
-    return Shown(RecordData(finite.table.head(rows), record.metadata), machine, name) if rows else None
+    return DrawnRun(RecordData(finite.table.head(rows), record.metadata), machine, name) if rows else None
 
 
-def run_charts(runs: Sequence[Shown]) -> tuple[Section, Section]:
+def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
     """The charts of runs over time, one series per run and component; and all other signals, which open if needed."""
     several = len(runs) > 1
     times = [run.record["time"] for run in runs]
-    signals = {each.name: each for each in signals_of([run.record for run in runs], [run.machine for run in runs])}
-    references = {each.reference for each in signals.values()}
+    signals = {
+        signal.name: signal for signal in signals_of([run.record for run in runs], [run.machine for run in runs])
+    }
+    references = {signal.reference for signal in signals.values()}
     strips = () if several else limits_reached(runs[0].record, runs[0].machine)
     charts: dict[str, Chart] = {}
     for name, signal in signals.items():
@@ -82,38 +265,38 @@ def limits_reached(record: RecordData, machine: Platform) -> tuple[Strip, ...]:
         "leg_velocity_max": ("leg speed beyond its limit", "published"),
         "actuator_power_max": ("power beyond its limit", "measured"),
     }
-    found = [
+    strips = [
         strip_of(text, time, record[f"flag.{name}"].astype(bool).any(axis=1), role)
         for name, (text, role) in flags.items()
         if f"flag.{name}" in record
     ]
     shares = shares_of_limits(record, machine.as_dict())
-    found += [
+    strips += [
         strip_of(text, time, (shares[name] > 1).any(axis=1), role)
         for name, (text, role) in beyond.items()
         if name in shares
     ]
-    return tuple(each for each in found if each is not None)
+    return tuple(strip for strip in strips if strip is not None)
 
 
-def scenes(runs: Sequence[Shown], frames: int = FRAMES) -> list[Scene]:
+def scenes(runs: Sequence[DrawnRun], frames: int = FRAMES) -> list[Scene]:
     """The platforms in motion; they share the frames."""
-    each = max(frames // len(runs), 101)
+    of_run = max(frames // len(runs), 101)
     return [
-        scene_of(run.record, run.machine, run.name, each, k if len(runs) > 1 else None) for k, run in enumerate(runs)
+        scene_of(run.record, run.machine, run.name, of_run, k if len(runs) > 1 else None) for k, run in enumerate(runs)
     ]
 
 
 def _chart(
     signal: Signal,
     reference: Signal | None,
-    runs: Sequence[Shown],
+    runs: Sequence[DrawnRun],
     times: list[FloatArray],
     strips: tuple[Strip, ...],
     *,
     several: bool,
 ) -> Chart:
-    quantity = of_unit(signal.unit) if signal.unit else NUMBER
+    quantity = signal.quantity
     role: Role = "error" if signal.group == "errors" else "reference" if signal.group == "reference" else "actual"
     series = []
     for k, run in enumerate(runs):
@@ -128,25 +311,23 @@ def _chart(
                 "component": component,
                 "x": times[k] if several else None,
             }
-            series.append(Series(name, quantity, _stored(values[:, j], quantity), role, **own))
+            series.append(Series(name, quantity, _finite(values[:, j]), role, **own))
             wanted = None if reference is None else reference.values[k]
             if wanted is not None:
-                series.append(
-                    Series(f"{name}, reference", quantity, _stored(wanted[:, j], quantity), "reference", **own)
-                )
+                series.append(Series(f"{name}, reference", quantity, _finite(wanted[:, j]), "reference", **own))
     return Chart(
         signal.title,
         time_axis(times[0]),
         tuple(series),
         "step" if signal.is_flag or signal.group in ("actuators", "controller") else "line",
         y=Axis("", labels=("no", "yes")) if signal.is_flag else None,
-        marks=tuple(Mark(limit / quantity.factor, "limit") for limit in signal.limits),
+        marks=tuple(Mark(limit, "limit") for limit in signal.limits),
         strips=strips,
         group=signal.group,
         detail=signal.name not in FIRST,
     )
 
 
-def _stored(values: FloatArray, quantity: Quantity) -> FloatArray:
-    """From the unit of display to that in which a report stores numbers; NaN where they are not finite."""
-    return np.where(np.isfinite(values), values, np.nan) / quantity.factor
+def _finite(values: FloatArray) -> FloatArray:
+    """NaN where they are not finite."""
+    return np.where(np.isfinite(values), values, np.nan)

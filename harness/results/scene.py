@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.report.scene import Flag, Scene
 from gough_stewart.harness.report.small_machine import fineness_of
-from gough_stewart.harness.results.limits import shares_of_limits
+from gough_stewart.harness.results.limits import nearness_to_limits
 from gough_stewart.harness.results.record_data import RecordData
-from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
@@ -38,7 +37,7 @@ def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FR
     rows = frame_rows(record.table.height, frames)
     few = RecordData(record.table[rows], record.metadata)
     lower, upper = leg_parts(record["leg_length"], platform)
-    each = nearness_to_limits(few, platform)
+    nearness = nearness_to_limits(few, platform)
     return Scene(
         name,
         platform.base_points,
@@ -55,8 +54,8 @@ def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FR
         else None,
         actuator_force=few["actuator_force"],
         external_force=few["external_force"] if few["external_force"].any() else None,
-        nearness=np.max(list(each.values()), axis=0) if each else None,
-        nearness_of=tuple(each),
+        nearness=np.max(list(nearness.values()), axis=0) if nearness else None,
+        nearness_of=tuple(nearness),
         flags=tuple(Flag(name, _any_until_next(record, rows, name)) for name in FLAGS if f"flag.{name}" in record),
         rows=record.table.height,
         run=run,
@@ -74,30 +73,6 @@ def leg_parts(length: FloatArray, platform: Platform) -> tuple[float, float]:
     longest = _SHORTEST * low
     lower = min(longest, (0.5 + _OVERLAP / 2) * high)
     return lower, min(longest, high - lower + _OVERLAP * high)
-
-
-def nearness_to_limits(record: RecordData, platform: Platform) -> dict[str, FloatArray]:
-    """Nearness of each leg to each limit of the platform or its actuators (n, 6) [1]; 1 is at the limit.
-
-    - `stroke`: |L − middle| over half the stroke;
-    - `force`: |F| over the limit of the actuators in the loop;
-    - `velocity`, `power`: |ṡ| and |F ṡ| of the drives over the platform's limits;
-    - `joint angle`: the larger angle of the leg's two joints from home over the largest allowed.
-    """
-    found: dict[str, FloatArray] = {}
-    low, high = platform.leg_length_min, platform.leg_length_max
-    if low is not None and high is not None:
-        found["stroke"] = np.abs(record["leg_length"] - (low + high) / 2) / ((high - low) / 2)
-    if record.metadata.get("force_limit"):
-        found["force"] = np.abs(record["actuator_force"]) / record.metadata["force_limit"]
-    shares = shares_of_limits(record, platform.as_dict())
-    names = {"velocity": "leg_velocity_max", "power": "actuator_power_max"}
-    found |= {what: shares[name] for what, name in names.items() if name in shares}
-    if platform.joint_angle_max is not None:
-        pose = (record["position"], record["orientation"])
-        angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
-        found["joint angle"] = np.maximum(*angles) / platform.joint_angle_max
-    return found
 
 
 def _poses(position: FloatArray, orientation: FloatArray) -> FloatArray:

@@ -17,8 +17,7 @@ from gough_stewart.harness.experiment.preparation import PreparedMembers, Values
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
-from gough_stewart.harness.results.fold_library import metric_kernels
-from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
+from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop, metric_kernels
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.tuning.conditions import Condition
 from gough_stewart.harness.tuning.space import Axis

@@ -13,13 +13,12 @@ from gough_stewart.harness.report.quantities import LENGTH, Quantity
 from gough_stewart.harness.report.small_machine import fine, fineness_of
 from gough_stewart.harness.report.table import Cell, Column, Table
 from gough_stewart.harness.report.words import at_most, listed
-from gough_stewart.harness.results.circumstances import parameters_table, run_table, versions_table
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of
-from gough_stewart.harness.results.metrics import flattened, metrics
-from gough_stewart.harness.results.outcome import is_sound, outcome_text
+from gough_stewart.harness.results.metrics import flattened, metrics, metrics_tables
+from gough_stewart.harness.results.oscillation import is_sound, outcome_text
 from gough_stewart.harness.results.record import Record, platform_of
-from gough_stewart.harness.results.run_charts import Shown, run_charts, scenes
-from gough_stewart.harness.results.tables import metrics_tables
+from gough_stewart.harness.results.run_charts import DrawnRun, run_charts, scenes
+from gough_stewart.harness.results.run_report import parameters_table, run_table, versions_table
 from gough_stewart.model.vectors import FloatArray
 
 _BEST = "★ "
@@ -30,7 +29,7 @@ _SAME_TIME = 1e-9
 _SHORT = 40
 
 
-def comparison_report(records: Sequence[Record], shown: Sequence[Shown], title: str) -> Report:
+def comparison_report(records: Sequence[Record], shown: Sequence[DrawnRun], title: str) -> Report:
     """The report of several runs; charts show the runs over each other, and each run minus the first."""
     names, found = tuple(each.name for each in shown), [metrics(record) for record in records]
     first, others = run_charts(shown)

@@ -11,11 +11,11 @@ from gough_stewart.model.errors import OutputError
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.progress import StepProgress
 
-Shown = Record | Path | str
+DrawnRun = Record | Path | str
 
 
 def view(
-    records: Shown | Iterable[Shown],
+    records: DrawnRun | Iterable[DrawnRun],
     out: Path | str = PAGE,
     *,
     names: Sequence[str] | None = None,
@@ -73,7 +73,7 @@ def view(
     return out
 
 
-def _names(records: Sequence[Shown]) -> list[str]:
+def _names(records: Sequence[DrawnRun]) -> list[str]:
     """Names of files as on the command line; for other records their titles, numbered if they are equal."""
     paths = [Path(each) for each in records if not isinstance(each, Record)]
     of_files = iter(names_of(paths))

@@ -10,7 +10,7 @@ from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.report.scene import Scene
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.record import Record, machine_of
-from gough_stewart.harness.results.run_charts import Shown, shown
+from gough_stewart.harness.results.run_charts import DrawnRun, shown
 from gough_stewart.harness.view.comparison import comparison_report
 from gough_stewart.model.errors import GoughStewartError
 
@@ -70,7 +70,7 @@ def _named(part: Part, name: str) -> Part:
     return replace(part, name=name) if isinstance(part, Scene) else part
 
 
-def _shown(record: Record, name: str) -> Shown:
+def _shown(record: Record, name: str) -> DrawnRun:
     if not record.metadata.get("outcome"):
         raise RecordError(f"{name}: the metadata have no outcome; expected what `gough-stewart run` writes")
     try:

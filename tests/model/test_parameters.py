@@ -13,7 +13,7 @@ from lxml import etree
 
 from gough_stewart.fmu_build.documents import model_description
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.harness.results.circumstances import parameters_table
+from gough_stewart.harness.results.run_report import parameters_table
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kernel import Kernel, parameter_vector

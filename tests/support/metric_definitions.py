@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any
 
 import polars
+import pytest
 
 from tests.support.orientations import rotation_vectors
 
@@ -60,6 +61,22 @@ def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any]) -> dic
         },
         "limits": _limits(rows, platform) or None,
     }
+
+
+def same_to_rounding(found: Any, wanted: Any, at: str = "") -> None:
+    """Compare two trees of numbers to rounding, with their keys and lengths."""
+    if isinstance(wanted, Mapping):
+        assert set(found) == set(wanted), at
+        for key in wanted:
+            same_to_rounding(found[key], wanted[key], f"{at}.{key}")
+    elif isinstance(wanted, Sequence) and not isinstance(wanted, str):
+        assert len(found) == len(wanted), at
+        for k, part in enumerate(wanted):
+            same_to_rounding(found[k], part, f"{at}[{k}]")
+    elif isinstance(wanted, float):
+        assert found == pytest.approx(wanted, rel=1e-11, abs=1e-13), at
+    else:
+        assert found == wanted, at
 
 
 def as_one_number(found: Mapping[str, Any]) -> dict[str, float | None]:

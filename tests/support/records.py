@@ -5,29 +5,48 @@ from typing import Any
 
 import numpy as np
 import polars
+from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.harness.results.record import Record, columns, plain
-from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+import gough_stewart as gs
 from tests.support.orientations import rotation_vectors
+
+Floats = NDArray[np.float64]
+
+
+def columns(name: str, values: ArrayLike) -> dict[str, Any]:
+    """The columns of a vector (n, size) in a record, by their names."""
+    return {f"{name}[{k + 1}]": column for k, column in enumerate(np.array(values).T.copy())}
+
+
+def plain(platform: gs.Platform) -> dict[str, Any]:
+    """A platform as the metadata of a run have it."""
+    return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in platform.as_dict().items()}
+
+
+def changed(record: gs.Record, **values: ArrayLike) -> gs.Record:
+    """The record with other values of some vectors; names have two underscores for a dot."""
+    new: dict[str, Any] = {}
+    for name, value in values.items():
+        vector = name.replace("__", ".")
+        new |= columns(vector, np.broadcast_to(value, record[vector].shape))
+    return gs.Record(record.table.with_columns(**{name: polars.Series(v) for name, v in new.items()}), record.metadata)
 
 
 def waving_record(
-    platform: Platform, rows: int = 501, size: float = 0.04, step: float = 1e-3, **metadata: Any
-) -> Record:
+    platform: gs.Platform, rows: int = 501, size: float = 0.04, step: float = 1e-3, **metadata: Any
+) -> gs.Record:
     """Six sines of different frequencies about home, wanted a little ahead of actual; forces are sines as well."""
     time = step * np.arange(rows)
     length = platform.characteristic_length
 
-    def pose(shift: float) -> tuple[FloatArray, FloatArray]:
+    def pose(shift: float) -> tuple[Floats, Floats]:
         phases = 2 * np.pi * (time[:, None] + shift) * np.arange(1, 7) / 3
         waves = size * np.sin(phases)
         return platform.home_position + length * waves[:, :3], platform.home_orientation + 2 * waves[:, 3:]
 
     actual, wanted = pose(0.0), pose(5e-3)
-    lengths, wanted_lengths = (leg_geometry(platform, *each).length for each in (actual, wanted))
-    after, before = (leg_geometry(platform, *pose(shift)).length for shift in (1e-6, -1e-6))
+    lengths, wanted_lengths = (gs.leg_geometry(platform, *each).length for each in (actual, wanted))
+    after, before = (gs.leg_geometry(platform, *pose(shift)).length for shift in (1e-6, -1e-6))
     force = 100 * np.sin(5 * time[:, None] + np.arange(6))
     parts = {
         "position": actual[0],
@@ -47,7 +66,7 @@ def waving_record(
     }
     table: dict[str, Any] = {"time": time}
     for name, values in parts.items():
-        table |= dict(zip(columns(name, values.shape[1]), values.T.copy(), strict=True))
+        table |= columns(name, values)
     known = {
         "title": "six sines",
         "plant": "closed form",
@@ -57,15 +76,15 @@ def waving_record(
         "platform": plain(platform),
         "versions": {"python": "3"},
     }
-    return Record(polars.DataFrame(table), {**known, **metadata})
+    return gs.Record(polars.DataFrame(table), {**known, **metadata})
 
 
-def oscillating(record: Record, leg: int = 5, frequency: float = 40.0, amplitude: float = 3e-3) -> Record:
+def oscillating(record: gs.Record, leg: int = 5, frequency: float = 40.0, amplitude: float = 3e-3) -> gs.Record:
     """The same with a sine as the error of one leg [Hz, m], and errors at rest of the others; the reference stands."""
     wave = amplitude * np.sin(2 * np.pi * frequency * record["time"])
     errors = {f"error.leg_length[{k}]": wave if k == leg else 1e-3 * k + 0 * wave for k in range(1, 7)}
-    standing = {name: np.full_like(wave, record[name][0]) for name in columns("reference.leg_length", 6)}
-    return Record(record.table.with_columns(**errors, **standing), record.metadata)
+    standing = columns("reference.leg_length", np.repeat(record["reference.leg_length"][:1], len(wave), axis=0))
+    return gs.Record(record.table.with_columns(**errors, **standing), record.metadata)
 
 
 def says_it_oscillates(text: str, leg: int = 5, frequency: float = 40.0, amplitude: float = 3e-3) -> bool:

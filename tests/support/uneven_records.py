@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.results.record import Record, plain
-from gough_stewart.model.vectors import FloatArray
-from tests.support.records import waving_record
+import gough_stewart as gs
+from tests.support.records import Floats, plain, waving_record
 from tests.support.uneven import UNEVEN
 
 BELIEVED = replace(UNEVEN, leg_velocity_max=0.6, actuator_power_max=45.0)
@@ -27,12 +26,12 @@ EXPERIMENT: dict[str, Any] = {
 ROWS = 301
 
 
-def numbers(packed: dict[str, str], width: int | None = None) -> FloatArray:
+def numbers(packed: dict[str, str], width: int | None = None) -> Floats:
     values = np.frombuffer(base64.b64decode(packed["bdata"]), f"<{packed['dtype']}").astype(float)
     return values if width is None else values.reshape(-1, width)
 
 
-def more(rows: int) -> dict[str, FloatArray]:
+def more(rows: int) -> dict[str, Floats]:
     """Columns of every kind, all different, as a run or another program may write them."""
     t = np.arange(rows)
     found = {f"{name}[{k}]": np.sin(t / 9 + k) + k for name in ("velocity", "angular_velocity") for k in (1, 2, 3)}
@@ -53,7 +52,9 @@ def more(rows: int) -> dict[str, FloatArray]:
     }
 
 
-def record_of(size: float = 0.03, rows: int = ROWS, step: float = 1e-3, start: float = 7.3, **metadata: Any) -> Record:
+def record_of(
+    size: float = 0.03, rows: int = ROWS, step: float = 1e-3, start: float = 7.3, **metadata: Any
+) -> gs.Record:
     """Moving sines from 7.3 s on, with the machine and the belief above."""
     known: dict[str, Any] = {
         "platform": plain(BELIEVED),
@@ -69,7 +70,7 @@ def record_of(size: float = 0.03, rows: int = ROWS, step: float = 1e-3, start: f
     }
     made = waving_record(BELIEVED, rows=rows, size=size, step=step)
     extra = {name: np.asarray(values) for name, values in more(rows).items()}
-    return Record(made.table.with_columns(time=made["time"] + start, **extra), made.metadata | known | metadata)
+    return gs.Record(made.table.with_columns(time=made["time"] + start, **extra), made.metadata | known | metadata)
 
 
 RUN = record_of()

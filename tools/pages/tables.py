@@ -6,9 +6,7 @@ from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.plants.signals import NAMES
-from gough_stewart.harness.results.metric import Metric
-from gough_stewart.harness.results.metric_folds import METRICS
-from gough_stewart.harness.results.step_fold import AXES
+from gough_stewart.harness.results.metric_folds import AXES, METRICS, Metric
 from tools.pages.blocks import ROOT, text_of
 
 PAGE = "docs/control.md"

@@ -7,8 +7,8 @@ import numpy as np
 from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.limits.fitting import remedy
 from gough_stewart.harness.motion.limits.shares import GEOMETRIC, WORST_CONDITION_NUMBER, Beyond, shares_along
-from gough_stewart.harness.motion.motion import Motion, pose_at_start
-from gough_stewart.model.kinematics import leg_geometry, rates_of_legs
+from gough_stewart.harness.motion.motion import Motion, once_at_rest, pose_at_start
+from gough_stewart.model.kinematics import leg_geometry, leg_jacobian, rates_of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
@@ -25,9 +25,19 @@ class LegMotion(NamedTuple):
 
 def legs_of(platform: Platform, motion: Motion) -> LegMotion:
     """Leg lengths and velocities of a motion, by inverse kinematics."""
-    legs = leg_geometry(platform, motion.position, motion.orientation)
-    rates = rates_of_legs(legs, State(*motion[:4]))
-    return LegMotion(np.asarray(legs.length), np.asarray(rates.length_rate))
+
+    def lengths_and_rates(motion: Motion) -> LegMotion:
+        legs = leg_geometry(platform, motion.position, motion.orientation)
+        rates = rates_of_legs(legs, State(*motion[:4]))
+        return LegMotion(np.asarray(legs.length), np.asarray(rates.length_rate))
+
+    return LegMotion(*once_at_rest(lengths_and_rates, motion))
+
+
+def jacobians_of(platform: Platform, motion: Motion) -> FloatArray:
+    """Leg Jacobians along a motion (n, 6, 6)."""
+    (jacobians,) = once_at_rest(lambda rows: [leg_jacobian(platform, rows.position, rows.orientation)], motion)
+    return jacobians
 
 
 def check_reach(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.motion.limits.needs import LegLoads
-from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.motion import Motion, once_at_rest
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import (
     LegGeometry,
@@ -177,8 +177,16 @@ def shares_along(
     time
         Times of the motion's rows (n,) [s].
     """
+    limited = list[Limited]()
+
+    def values(motion: Motion) -> list[FloatArray]:
+        limited[:] = _limited(platform, motion, largest_condition_number)
+        return [quantity.values for quantity in limited]
+
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction; its condition number is not finite
-        return Shares(time, tuple(_limited(platform, motion, largest_condition_number)))
+        along = once_at_rest(values, motion)
+    rows = zip(limited, along, strict=True)
+    return Shares(time, tuple(quantity._replace(values=values) for quantity, values in rows))
 
 
 def _limited(platform: Platform, motion: Motion, largest_condition_number: float) -> list[Limited]:

@@ -14,8 +14,8 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.model import ModelPlant
-from gough_stewart.harness.results.circumstances import parameters_table
 from gough_stewart.harness.results.record import machine_of, platform_of
+from gough_stewart.harness.results.run_report import parameters_table
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform_toml import load_preset

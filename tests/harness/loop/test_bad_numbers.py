@@ -12,8 +12,7 @@ from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
 from gough_stewart.harness.plants.model import ModelPlant
-from gough_stewart.harness.results.fold_library import metric_kernels
-from gough_stewart.harness.results.metric_folds import folds_of_loop
+from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 from tests.harness.loop.test_compiled_loop import VARIED, batch_of

@@ -18,8 +18,7 @@ from gough_stewart.harness.loop.rows import Rows
 from gough_stewart.harness.loop.run import Run
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.results.bands import Bands, BandSamples
-from gough_stewart.harness.results.fold_library import metric_kernels
-from gough_stewart.harness.results.metric_folds import folds_of_loop
+from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
 from gough_stewart.model.vectors import FloatArray
 from tests.harness.loop.test_compiled_loop import ALL, MANY, STEPPING, STICKY, TWIST, VARIED, batch_of, run_of
 from tests.support.rows import pass_rows

@@ -673,3 +673,10 @@ def test_only_the_published_case_is_read_in_other_ways(
     with pytest.raises(StopError):
         reproduce.reproduce(case)
     assert asked == ([case.minus_first, "weight"] if is_asked else [])
+
+
+def test_a_reproduction_is_one_line_and_saves_its_files(tmp_path: Path) -> None:
+    made = reproduce.Reproduction({"agreement": [{"holds": True}, {"holds": False}]}, {"a.csv": b"1", "b.png": b"2"})
+    assert repr(made) == "<Reproduction: 1 of 2 comparisons within their bounds; files a.csv, b.png>"
+    assert [path.read_bytes() for path in made.save(tmp_path / "new")] == [b"1", b"2"]
+    assert not made.agrees

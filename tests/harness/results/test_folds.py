@@ -1,377 +1,326 @@
-"""Metrics of many members, folded during their runs, against loops over the rows of each member's record."""
+"""Metrics of many members, folded during their runs: those of each member's own record, to the bit."""
 
-from dataclasses import dataclass, replace
-from itertools import product
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import polars
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from gough_stewart.harness.experiment.file import load_experiment
-from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.experiment.run import run_prepared
+import gough_stewart as gs
+from gough_stewart.fmu_build.cache import digest_of
+from gough_stewart.fmu_build.libraries import folds_sources, machine_code
 from gough_stewart.harness.loop.fold_kernels import FoldKernels
 from gough_stewart.harness.loop.folding import FoldsOfRows
+from gough_stewart.harness.loop.folds import Fold, State
 from gough_stewart.harness.loop.loop import Limits, Loop
+from gough_stewart.harness.loop.term_folds import (
+    AfterLast,
+    First,
+    Largest,
+    Last,
+    Reduction,
+    Smallest,
+    Sum,
+    SumButLast,
+    TermFold,
+    TermRow,
+)
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants import signals
-from gough_stewart.harness.results.fold_library import metric_kernels
-from gough_stewart.harness.results.metric_folds import METRICS, columns_of, folds_of_loop
-from gough_stewart.harness.results.metrics import flattened, metrics
-from gough_stewart.harness.results.record import Record, columns
-from gough_stewart.model.rotations import rotation_between
-from gough_stewart.model.vectors import FloatArray
-from tests.support.metric_definitions import as_one_number, defined_metrics
+from gough_stewart.harness.results.metric_folds import METRICS, folds_of_loop, metric_kernels
+from gough_stewart.model.operations import greater, where
+from tests.support.metric_definitions import defined_metrics, same_to_rounding
+from tests.support.orientations import rotation_vectors
+from tests.support.records import Floats, columns
 from tests.support.rows import pass_rows
+
+HEAVE: dict[str, Any] = {"loop.duration": 0.6, "loop.plant_step": "1 ms"}
+# Members that follow, that are limited, that never rise, and that are lost.
+LOOPS: dict[str, dict[str, Any]] = {
+    "follow": {"ensemble": {"members": 5, "platform_mass": {"uniform": [900, 1500]}}},
+    "limited": {
+        "actuators.force_limit": 11000,
+        "actuators.rate_limit": 9000,
+        "ensemble": {"members": 5, "loop.delay": {"choice": [1, 4]}, "platform_mass": {"uniform": [1000, 1400]}},
+    },
+    "some are lost": {
+        "loop.delay": 20,
+        "limits.position_error": "55 mm",
+        "ensemble": {"members": 9, "controller.bandwidth": {"uniform": [0.1, 20]}},
+    },
+    "own references": {
+        "platform.parameters": {"actuator_power_max": 300.0},
+        "ensemble": {"members": 5, "reference.at": {"uniform": [0.05, 0.4]}, "platform_mass": {"uniform": [900, 1500]}},
+    },
+}
+
+
+def one_number(metrics: Mapping[str, Any], path: str) -> float | None:
+    """A metric of a record by its path in a table of members: of legs and axes the largest, or the least."""
+    part: Any = metrics
+    names = path.split(".")
+    if names[0] == "step_response":
+        part = {step["axis"]: step for step in metrics["step_response"] or ()}
+        names = names[1:]
+    for name in names:
+        part = (part or {}).get(name)
+    if not isinstance(part, list):
+        return None if part is None else float(part)
+    known = [value for value in part if value is not None]
+    if path.endswith(("shortest", "first_exceeded")):
+        return min(known, default=None)
+    return max(known) if len(known) == len(part) else None
+
+
+@pytest.mark.parametrize("case", LOOPS)
+def test_a_table_of_members_has_the_metrics_of_their_runs(case: str) -> None:
+    """Expected: `gs.metrics` of each member's record, to the bit; and loops over its rows, to rounding."""
+    settings = {**HEAVE, **LOOPS[case]}
+    members = gs.ensemble("heave_step", settings, workers=1).members
+    paths = [name for name in members.columns if name in {metric.path for metric in METRICS}]
+    assert len(paths) >= 30
+    records = [gs.run("heave_step", settings, member=k) for k in range(members.height)]
+    statuses = {record.metadata["outcome"]["status"] for record in records}
+    assert (len(statuses) == 2) == (case == "some are lost")
+    for k, record in enumerate(records):
+        found = gs.metrics(record)
+        for path in paths:
+            expected = one_number(found, path)
+            if path == "rows" or statuses == {"completed"}:
+                assert members[path][k] == expected, (path, k)
+        known = {name: value for name, value in found.items() if name != "outcome"}
+        same_to_rounding(known, defined_metrics(record.table, record.metadata["platform"]))
+
 
 LIMITS: dict[str, Any] = {
     "leg_length_min": 0.9,
     "leg_length_max": 2.4,
     "leg_velocity_max": 1.9,
-    "actuator_force_max": 2.3,
+    "actuator_force_max": np.linspace(0.5, 3, 40),
     "actuator_power_max": 4.0,
 }
-RUNS: tuple[dict[str, Any], ...] = (
-    {},
-    {"reference.position_change": [0.004, -0.003, 0.011], "plant.parameters.platform_mass": 230.0},
-    # saturated in force and rate, and late
-    {"actuators.force_limit": 11000, "actuators.rate_limit": 9000, "loop.delay": 4},
-    # reaches nothing: the reference steps, the platform hardly follows
-    {"controller.bandwidth": 0.15, "controller.feedforward": "none"},
-    # unstable, until it is too far away
-    {"controller.bandwidth": 16, "loop.delay": 20, "limits.position_error": "30 mm"},
-)
+N, MOST = 41, 40
+TIMING = Timing((N - 1) * 1e-3, 2e-3, 1e-3)
 
 
-@dataclass(frozen=True)
-class Member:
-    """A run to be seen again: its numbers over time, and its record."""
+class Noise:
+    """Rows of members that are noise, with references of their own that step; some end, some are not finite."""
 
-    signals: FloatArray
-    forces: FloatArray
-    wanted: FloatArray | None
-    force_limited: FloatArray
-    rate_limited: FloatArray
-    record: Record
+    def __init__(self) -> None:
+        rng = np.random.default_rng(11)
+        self.signals, self.forces = rng.normal(size=(N, MOST, 24)), rng.normal(size=(N, MOST, 12))
+        self.signals[..., 12:18] = rng.uniform(0.8, 2.5, (N, MOST, 6))
+        self.reference = rng.normal(size=(N, MOST, 30))
+        step = np.arange(N)[:, None] < np.arange(MOST) % 9 + 3
+        self.reference[..., :6] = np.where(step[..., None], 0.1, [0.6, -0.2, 0.4, 0.2, 0.3, -0.1])
+        self.signals[9:, :, 0] = 0.1 + 0.5 * rng.uniform(0.97, 1.02, (N - 9, MOST))
+        self.signals[21, 3::7, 14] = np.nan
+        self.flags = rng.random((2, N, MOST, 6)) < 0.1
+        self.ends = np.where(np.arange(MOST) % 5 == 1, 9 + np.arange(MOST) % 20, N)
+        self.ends[11] = 1
 
+    def results(self, folds: Any, number: int, kernels: FoldKernels | None, size: int = 8192) -> dict[str, Floats]:
+        """Of the first members, in blocks of so many numbers; `folds` are made for their loop."""
+        loop = Loop(TIMING, self.reference[:, :number], np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("gough_stewart.harness.loop.rows.CHECKED", 1)
+            patch.setattr("gough_stewart.harness.loop.rows._SIZE", size)
+            rows = FoldsOfRows(loop, folds(loop), number, kernels)
+            arrays = (self.signals, self.forces, *self.flags)
+            pass_rows(rows, TIMING, (tuple(a[k, :number] for a in arrays) for k in range(N)), self.ends[:number])
+        return rows.results()
 
-def seen_again(
-    loop: Loop, limits: dict[str, Any], members: list[Member], names: list[str] | None = None
-) -> dict[str, FloatArray]:
-    """The metrics of members side by side; those that have ended stay as they are, as a loop has it.
-
-    NumPy and machine code give the same bits.
-    """
-    by_numpy, compiled = (_seen_again(loop, limits, members, names, kernels) for kernels in (None, metric_kernels()))
-    assert list(by_numpy) == list(compiled)
-    for name, values in by_numpy.items():
-        np.testing.assert_array_equal(values, compiled[name], err_msg=name)
-    return compiled
-
-
-def _seen_again(
-    loop: Loop, limits: dict[str, Any], members: list[Member], names: list[str] | None, kernels: FoldKernels | None
-) -> dict[str, FloatArray]:
-    rows = FoldsOfRows(loop, folds_of_loop(loop, limits, names), len(members), kernels)
-    ends = [len(member.signals) for member in members]
-
-    def together(values: list[FloatArray]) -> Any:
-        return np.stack(values, axis=1).T
-
-    def row(k: int) -> tuple[Any, ...]:
-        at = [(member, min(k, end - 1)) for member, end in zip(members, ends, strict=True)]
-        return (
-            together([member.signals[i] for member, i in at]),
-            together([np.append(member.forces[i], np.zeros(6)) for member, i in at]),
-            together([member.force_limited[i] for member, i in at]),
-            together([member.rate_limited[i] for member, i in at]),
-        )
-
-    pass_rows(rows, loop.timing, map(row, range(max(ends))), ends)
-    return columns_of(rows.results())
-
-
-def check(found: dict[str, FloatArray], members: list[Member]) -> None:
-    """By loops over the rows of each record, written from the documentation; and to the bit what its record says."""
-    known = set[str]()
-    for k, member in enumerate(members):
-        table, platform = member.record.table, member.record.metadata["platform"]
-        used = [name for name in table.columns if table[name].dtype == polars.Float64]
-        finite = np.isfinite(table.select(used).to_numpy()).all(axis=1)
-        expected = as_one_number(defined_metrics(table.head(int(np.append(finite, False).argmin())), platform))
-        numbers = {name: None if np.isnan(values[k]) else values[k] for name, values in found.items()}
-        assert {name for name, number in numbers.items() if number is not None} <= set(expected)
-        for name, value in expected.items():
-            close = None if value is None else pytest.approx(value, rel=1e-12, abs=1e-12)
-            assert numbers.get(name) == close, f"{name} of member {k}"
-        same = flattened(metrics(member.record))
-        assert {name: numbers.get(name) for name in same} == same
-        known |= set(expected)
-    assert set(found) == known
+    def record(self, k: int) -> gs.Record:
+        """The rows of a member that are finite, as a record."""
+        rows = slice(0, min(self.ends[k], 21 if k % 7 == 3 else N))
+        signals, wanted = self.signals[rows, k], self.reference[rows, k]
+        names = {
+            "position": slice(3),
+            "orientation": slice(3, 6),
+            "leg_length": slice(12, 18),
+            "leg_velocity": slice(18, 24),
+        }
+        parts: dict[str, Any] = {name: signals[:, at] for name, at in names.items()}
+        parts |= {f"reference.{name}": wanted[:, at] for name, at in names.items() if name != "leg_velocity"}
+        parts |= {f"error.{name}": wanted[:, names[name]] - parts[name] for name in ("position", "leg_length")}
+        parts["error.orientation"] = rotation_vectors(parts["orientation"], wanted[:, 3:6])
+        parts |= {"actuator_force": self.forces[rows, k, :6]}
+        parts |= {f"flag.{name}": self.flags[j, rows, k] for j, name in enumerate(("force_limited", "rate_limited"))}
+        parts["flag.stroke_exceeded"] = (parts["leg_length"] < 0.9) | (parts["leg_length"] > 2.4)
+        table = {name: v for part, values in parts.items() for name, v in columns(part, values).items()}
+        platform = {**LIMITS, "actuator_force_max": LIMITS["actuator_force_max"][k]}
+        outcome = {"status": "stopped", "time": 0.0, "cause": None}
+        time = TIMING.times[rows]
+        return gs.Record(polars.DataFrame({"time": time, **table}), {"outcome": outcome, "platform": platform})
 
 
-@pytest.fixture(scope="module")
-def runs() -> tuple[list[Member], list[Loop], dict[str, Any]]:
-    """Runs of a shipped experiment that end as differently as runs can."""
-    members, loops, platform = [], [], {}
-    for options in RUNS:
-        experiment = load_experiment("heave_step", {"loop.duration": 0.6, "loop.plant_step": "1 ms", **options})
-        prepared = prepare(experiment)
-        record = run_prepared(experiment, prepared)
-        platform = record.metadata["platform"]
-        everything = np.concatenate([record[name] for name in signals.NAMES], axis=1)
-        limited, held_back = (record[f"flag.{name}"] for name in ("force_limited", "rate_limited"))
-        force = record["actuator_force"]
-        members.append(Member(everything, force, prepared.loop.reference, limited, held_back, record))
-        loops.append(prepared.loop)
-    return members, loops, platform
+NOISE = Noise()
 
 
-def test_members_that_end_differently_have_the_figures_of_their_records(
-    runs: tuple[list[Member], list[Loop], dict[str, Any]],
-) -> None:
-    """Expected: `metrics` of each record. One diverges, one saturates, one never rises."""
-    members, loops, platform = runs
-    status = [member.record.metadata["outcome"]["status"] for member in members]
-    assert status == ["completed"] * 4 + ["diverged"]
-    wanted = np.stack([loop.reference for loop in loops if loop.reference is not None], axis=1)
-    found = seen_again(replace(loops[0], reference=wanted), platform, members)
-    assert found["saturation.rate_limited.any"][2] > 0
-    assert found["saturation.force_limited.any"][2] > 0
-    assert np.isnan(found["step_response.z.rise_time"][3])
-    assert np.isfinite(found["step_response.z.rise_time"][0])
-    check(found, members)
+def metrics_of_members(number: int) -> Any:
+    limits = {**LIMITS, "actuator_force_max": LIMITS["actuator_force_max"][:number]}
+    return lambda loop: folds_of_loop(loop, limits)
 
 
-def test_a_single_run_has_the_figures_of_its_record(runs: tuple[list[Member], list[Loop], dict[str, Any]]) -> None:
-    """Expected: loops over its rows; the loop's reference has no member axis."""
-    members, loops, platform = runs
-    check(seen_again(loops[2], platform, members[2:3]), members[2:3])
+def test_members_bits_are_the_same_among_any_number_in_any_blocks_by_numpy_and_by_machine_code() -> None:
+    """Expected: results by leg and axis, to the bit; and by loops over the rows of each member, to rounding."""
+    whole = NOISE.results(metrics_of_members(MOST), MOST, metric_kernels())
+    assert set(whole) == {metric.path for metric in METRICS if not metric.path.startswith("margins.")}
+    for number, size, kernels in ((1, 8192, None), (3, 20, None), (11, 30, metric_kernels()), (8, 1, metric_kernels())):
+        found = NOISE.results(metrics_of_members(number), number, kernels, size)
+        for name, values in found.items():
+            np.testing.assert_array_equal(values, whole[name][..., :number], err_msg=name)
+    for k in (0, 1, 3, 11, 16, 17, 39):
+        record = NOISE.record(k)
+        expected = defined_metrics(record.table, record.metadata["platform"])
+        for name, values in whole.items():
+            defined = one_number(expected, name)
+            legs = values[..., k]
+            own = np.fmin.reduce(legs, None) if name.endswith(("shortest", "first_exceeded")) else np.max(legs)
+            assert own == pytest.approx(np.nan if defined is None else defined, rel=1e-11, nan_ok=True), (name, k)
 
 
-def noise(
-    n: int,
-    rows: int,
-    rng: np.random.Generator,
-    broken: int | None = None,
-    at: int = 6,
-    limits: dict[str, Any] | None = None,
-) -> Member:
-    """A member of random numbers whose reference steps on three axes, of so many of n rows; one of them not finite."""
-    limits = LIMITS if limits is None else limits
-    low, high = limits.get("leg_length_min", 0.0), limits.get("leg_length_max", np.inf)
-    everything = rng.normal(size=(n, 24))
-    everything[:, 12:18] = rng.uniform(0.8, 2.5, (n, 6))
-    wanted = rng.normal(size=(n, 30))
-    wanted[:, :6] = 0.1
-    wanted[at:, :6] += [0.5, -0.3, 0, 0, 0.2, 0]
-    everything[9:, 0] = 0.1 + 0.5 * rng.uniform(0.97, 1.02, n - 9)
-    if broken is not None:
-        everything[broken, 14] = np.nan
-    forces = rng.normal(size=(n, 6)) * np.arange(1, 7) / 3
-    flags = rng.random((2, n, 6)) < np.arange(1, 7) / 30
-    parts = {
-        "position": everything[:, :3],
-        "orientation": everything[:, 3:6],
-        "leg_length": everything[:, 12:18],
-        "leg_velocity": everything[:, 18:],
-        "actuator_force": forces,
-        "reference.position": wanted[:, :3],
-        "reference.orientation": wanted[:, 3:6],
-        "reference.leg_length": wanted[:, 12:18],
-        "error.position": wanted[:, :3] - everything[:, :3],
-        "error.orientation": rotation_between(everything[:, 3:6], wanted[:, 3:6]),
-        "error.leg_length": wanted[:, 12:18] - everything[:, 12:18],
-        "flag.force_limited": flags[0],
-        "flag.rate_limited": flags[1],
-        "flag.stroke_exceeded": (everything[:, 12:18] < low) | (everything[:, 12:18] > high),
-    }
-    table = {"time": 1e-3 * np.arange(rows)}
-    for name, values in parts.items():
-        table |= dict(zip(columns(name, values.shape[1]), values[:rows].T.copy(), strict=True))
-    outcome = {"status": "completed", "time": 1e-3 * (rows - 1), "cause": None}
-    record = Record(polars.DataFrame(table), {"outcome": outcome, "platform": dict(limits)})
-    return Member(everything[:rows], forces[:rows], wanted, flags[0][:rows], flags[1][:rows], record)
-
-
-def test_numbers_that_are_noise_have_the_figures_of_their_records_limits_and_rows_that_break_off_included() -> None:
-    """Expected: `metrics`: whole, ended early, a single row, not finite from a row on, and one that never was."""
-    rng = np.random.default_rng(5)
-    n = 41
-    members = [noise(n, n, rng), noise(n, 29, rng), noise(n, 1, rng), noise(n, n, rng, broken=17), noise(n, 33, rng)]
-    loop = Loop(
-        Timing((n - 1) * 1e-3, 2e-3, 1e-3),
-        members[0].wanted,
-        np.zeros((20, 6)),
-        np.zeros(6),
-        limits=Limits((0.9, 2.4)),
-    )
-    wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
-    check(seen_again(replace(loop, reference=wanted), LIMITS, members), members)
-    of_each = {**LIMITS, "actuator_force_max": np.array([2.3, 2.0, 1.0, 3.0, 0.5])}
-    found = seen_again(replace(loop, reference=wanted), of_each, members)
-    for name in ("first_exceeded", "used"):
-        assert np.isfinite(found[f"limits.actuator_power_max.{name}"]).sum() >= 4
-    assert np.isfinite(found["step_response.x.settling_time"]).sum() >= 2
-    for k, member in enumerate(members):
-        member.record.metadata["platform"] = {**LIMITS, "actuator_force_max": of_each["actuator_force_max"][k]}
-    check(found, members)
-
-
-def test_references_of_members_that_step_at_other_rows_have_the_figures_of_their_records() -> None:
-    """Expected: `metrics`; before its own step, a member's response is none, however far it is from there."""
-    rng = np.random.default_rng(6)
-    n = 41
-    members = [noise(n, n, rng, at=at) for at in (6, 11, 4, 17)] + [noise(n, 25, rng, at=13)]
-    wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
-    loop = Loop(Timing((n - 1) * 1e-3, 2e-3, 1e-3), wanted, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
-    found = seen_again(loop, LIMITS, members)
-    check(found, members)
-    assert found["step_response.y.at"] == pytest.approx([0.006, 0.011, 0.004, 0.017, 0.013])
+def test_a_metric_that_is_wanted_alone_is_the_same_as_among_all() -> None:
+    """Expected: its bits among all metrics, with fewer of them beside it."""
+    whole = NOISE.results(metrics_of_members(MOST), MOST, metric_kernels())
+    for wanted in ("force.rms", "step_response.x.rise_time", "limits.actuator_power_max.used", "rows"):
+        found = NOISE.results(lambda loop, wanted=wanted: folds_of_loop(loop, LIMITS, [wanted]), MOST, metric_kernels())
+        np.testing.assert_array_equal(found[wanted], whole[wanted])
+        assert len(found) < 20
 
 
 @pytest.mark.parametrize(
     ("levels", "has"),
     [
         ({0: 0.1, 6: 0.6}, True),
-        # there and back again before the step of the whole run: another row
+        # there and back again before the step of the whole run; on the way; not yet
         ({0: 0.1, 6: 0.6, 20: 0.1, 30: 0.6}, False),
-        # on the way: another value at the end, from the same row on
         ({0: 0.1, 6: 0.3, 7: 0.6, 20: 0.9}, False),
-        # not yet
         ({0: 0.1, 25: 0.6}, False),
     ],
 )
 def test_a_member_that_ended_early_has_the_step_of_the_whole_run_or_none(levels: dict[int, float], has: bool) -> None:
     """Expected: of 41 rows and of the first 18 of them; numbers of a response only where both step alike."""
-    rng = np.random.default_rng(7)
-    n = 41
-    whole, early = noise(n, n, rng), noise(n, 18, rng)
-    for member in (whole, early):
-        assert member.wanted is not None
-        for row, value in levels.items():
-            member.wanted[row:, 0] = value
-    assert whole.wanted is not None
-    loop = Loop(Timing((n - 1) * 1e-3, 2e-3, 1e-3), whole.wanted, np.zeros((20, 6)), np.zeros(6))
-    found = seen_again(loop, {}, [whole, early])
+    noise = Noise()
+    for row, value in levels.items():
+        noise.reference[row:, :, 0] = value
+    noise.ends[:2] = (N, 18)
+    found = noise.results(metrics_of_members(2), 2, metric_kernels())
     for name in ("from", "to", "at", "overshoot_percent", "final_error"):
         assert np.isfinite(found[f"step_response.x.{name}"]).tolist() == [True, has]
-    final = 0.6 - early.signals[17, 0]
-    assert not has or found["step_response.x.final_error"][1] == pytest.approx(final)
 
 
-def test_without_a_reference_there_is_neither_tracking_nor_a_step() -> None:
-    """Expected: all else as with one, and as `metrics` of a record without these columns."""
-    with_one = noise(30, 30, np.random.default_rng(8))
-    kept = [name for name in with_one.record.table.columns if not name.startswith(("error.", "reference."))]
-    record = Record(with_one.record.table.select(kept), with_one.record.metadata)
-    member = replace(with_one, wanted=None, record=record)
-    loop = Loop(Timing(0.029, 1e-3, 1e-3), with_one.wanted, np.zeros((29, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
-    expected = {
-        name: values
-        for name, values in seen_again(loop, LIMITS, [with_one]).items()
-        if not name.startswith(("tracking.", "step_response."))
+class MadeUp(TermFold):
+    """Work of some legs, errors, and flags, with all reductions."""
+
+    kernel = "made_up"
+    needs = ("leg_velocity", "actuator_force", "error.position", "flag.force_limited")
+    sizes: Mapping[str, int] = {"velocity": 2, "force": 2, "error": 3, "flag": 6}
+    begins: Mapping[str, int] = {"velocity": 3, "force": 1}
+    term_sizes: Mapping[str, int] = {"work": 2, "change": 2, "first error": 1, "flag": 6}
+    reductions: Mapping[str, Reduction] = {
+        "sum": Sum("work"),
+        "but last": SumButLast("work"),
+        "largest": Largest("change"),
+        "smallest": Smallest("work"),
+        "last": Last("first error"),
+        "first": First("work", greater, "bound"),
+        "after": AfterLast("first error", greater, 0.4),
+        "flags": Sum("flag"),
     }
-    found = seen_again(replace(loop, reference=None), LIMITS, [member])
-    assert found == expected
-    assert flattened(metrics(record)) == {name: value[0] for name, value in expected.items()}
+
+    def __init__(self, bound: Any) -> None:
+        self.parameters = {"gain": 1.7, "bound": bound}
+
+    def terms(self, row: TermRow) -> Iterator[tuple[str, Any]]:
+        """Work of the force before; of no row the first."""
+        work = row["velocity"] * row.before["force"] / row.parameters["gain"]
+        yield "work", where(greater(row.index, 0.5), work, -0.5)
+        # two products, which one operation that rounds once would give otherwise
+        yield "change", row["velocity"] * row["force"] - row["velocity"] * row.before["force"]
+        yield "first error", row["error"][..., :1, :]
+        yield "flag", row["flag"]
+
+    def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, Floats]:
+        """All states."""
+        return {**state, "row": rows[None].astype(float)}
 
 
-def test_of_a_single_row_the_force_and_flags_count() -> None:
-    """Expected: |F|, and the legs whose flags are set, by hand; of two rows, those of the first."""
-    one, two = noise(12, 1, np.random.default_rng(3)), noise(12, 2, np.random.default_rng(4))
-    flags = np.array([[0, 1, 0, 0, 1, 0], [1, 1, 1, 1, 1, 1]], dtype=bool)
-    members = [replace(each, force_limited=flags, rate_limited=~flags) for each in (one, two)]
-    loop = Loop(Timing(11e-3, 1e-3, 1e-3), None, np.zeros((11, 6)), np.zeros(6))
-    rows = seen_again(loop, {}, members)
-    assert rows["force.rms"] == pytest.approx([np.abs(each.forces[0]).max() for each in members])
-    assert rows["saturation.force_limited.legs"].tolist() == rows["saturation.rate_limited.any"].tolist() == [1.0, 1.0]
-    only = replace(members[0], force_limited=flags[:1] * 0, rate_limited=flags[:1] * 0)
-    assert seen_again(loop, {}, [only])["saturation.force_limited.any"].tolist() == [0.0]
+class Seen(Fold):
+    """A fold that is not described: the sum of the forces of the first leg."""
+
+    needs = ("actuator_force",)
+
+    def start(self, members: int) -> State:
+        """Nothing yet."""
+        return {"force": np.zeros((1, members))}
+
+    def rows(self, state: State, block: Any) -> None:
+        """Row by row."""
+        for force in block["actuator_force"]:
+            state["force"] += force[:1]
+
+    def result(self, state: State, _rows: NDArray[np.intp]) -> dict[str, Floats]:
+        """The sum."""
+        return {"seen": state["force"]}
 
 
-LACKING = [(), ("leg_length_min",), ("leg_length_max",), ("leg_length_min", "leg_length_max", "leg_velocity_max")]
+@pytest.fixture(scope="module")
+def kernels() -> FoldKernels:
+    sources = folds_sources([MadeUp(1.0).traced()])
+    return FoldKernels(machine_code("folds", lambda: sources, digest_of(str(sources).encode())).path)
 
 
-@given(st.data())
-@settings(max_examples=20)
-def test_random_members_in_blocks_of_any_size_have_the_figures_of_their_records(data: st.DataObject) -> None:
-    """Expected: loops over rows; to the bit those of each member alone, in one block, and of its record.
-
-    Members end at any row, or before one that is not finite; limits are on both sides, on one, or none.
-    """
-    n = 41
-    rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
-    lacking, size = data.draw(st.sampled_from(LACKING)), data.draw(st.integers(1, 5 * n))
-    limits = {name: value for name, value in LIMITS.items() if name not in lacking}
-    members = [noise(n, n, rng, limits=limits)]
-    for _ in range(data.draw(st.integers(0, 4))):
-        rows, broken = data.draw(st.sampled_from([n, n, 2, 19])), data.draw(st.one_of(st.none(), st.integers(1, n - 1)))
-        members.append(noise(n, rows, rng, broken=broken, limits=limits))
-    wanted = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
-    loop = Loop(Timing((n - 1) * 1e-3, 2e-3, 1e-3), wanted, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
-    each = [seen_again(replace(loop, reference=member.wanted), limits, [member]) for member in members]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gough_stewart.harness.loop.rows.CHECKED", 1)
-        patch.setattr("gough_stewart.harness.loop.rows._SIZE", size)
-        found = seen_again(loop, limits, members)
-    for name, values in found.items():
-        assert values.tolist() == pytest.approx([own[name][0] for own in each], rel=0, abs=0, nan_ok=True), name
-    check(found, members)
-
-
-@pytest.mark.parametrize("wanted", ["force.rms", "step_response.x.rise_time", "limits.actuator_power_max.used", "rows"])
-def test_a_metric_that_is_wanted_alone_is_the_same_as_among_all(wanted: str) -> None:
-    """Expected: its bits among all metrics, also of a member that ends and one that is not finite."""
-    rng = np.random.default_rng(9)
-    members = [noise(41, 41, rng), noise(41, 25, rng), noise(41, 41, rng, broken=13)]
-    wants = np.stack([member.wanted for member in members if member.wanted is not None], axis=1)
-    loop = Loop(Timing(0.04, 2e-3, 1e-3), wants, np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
-    every, alone = (seen_again(loop, LIMITS, members, names=names) for names in (None, [wanted]))
-    assert len(alone) < len(every)
-    np.testing.assert_array_equal(alone[wanted], every[wanted])
-
-
-def test_a_members_bits_are_the_same_among_any_number_by_numpy_and_by_machine_code() -> None:
-    """Expected: results by leg and axis of each number of members, to the bit; some end, some are not finite."""
-    n, most = 37, 600
-    rng = np.random.default_rng(11)
-    values, wanted = rng.normal(size=(n, 24, most)), rng.normal(size=(n, most, 30))
-    values[:, 12:18] = rng.uniform(0.8, 2.5, (n, 6, most))
-    wanted[:, :, :6] = np.where(np.arange(n) < 6, 0.1, 0.7)[:, None, None]
-    values[21, 14, 3::7] = np.nan
-    forces, ends = rng.normal(size=(n, 12, most)), np.where(np.arange(most) % 5 == 1, 9 + np.arange(most) % 20, n)
-    flags = rng.random((2, n, 6, most)) < 0.1
-    timing = Timing((n - 1) * 1e-3, 2e-3, 1e-3)
-
-    def results(number: int, kernels: FoldKernels | None = None) -> dict[str, FloatArray]:
-        loop = Loop(timing, wanted[:, :number], np.zeros((18, 6)), np.zeros(6))
-        rows = FoldsOfRows(loop, folds_of_loop(loop, LIMITS), number, kernels)
-        given = (
-            (values[k, :, :number].T, forces[k, :, :number].T, *flags[:, k, :, :number].swapaxes(1, 2))
-            for k in range(n)
+def test_a_fold_that_is_described_is_the_same_in_machine_code_and_by_plain_loops(kernels: FoldKernels) -> None:
+    """Expected: loops in Python over each member's rows, up to the first not finite; NumPy's bits."""
+    noise, bound = Noise(), np.linspace(0.1, 1.5, MOST)
+    # squares overflow, and their difference is no number; and a signal that no fold needs
+    noise.signals[8, 9, 21:23] = noise.forces[7:9, 9, 1:3] = 1e200
+    noise.signals[5, 10, 7] = np.nan
+    noise.signals[21, 3::7, 14] = 1.0
+    broken = {
+        4: (noise.signals, 20, 22),
+        5: (noise.forces, 0, 3),
+        7: (noise.reference, 16, 2),
+        12: (noise.signals, 30, 1),
+    }
+    for member, (array, row, at) in broken.items():
+        array[row, member, at] = (np.nan, np.inf, -np.inf)[row % 3]
+    for number, size in ((1, 16), (MOST, 40), (MOST, 1000)):
+        compiled, by_numpy = (
+            noise.results(lambda _loop, n=number: [Seen(), MadeUp(bound[:n])], number, code, size)
+            for code in (kernels, None)
         )
-        pass_rows(rows, timing, given, ends[:number])
-        return rows.results()
-
-    whole = results(most)
-    for number, kernels in product((1, 3, 8, 11, 512, most), (None, metric_kernels())):
-        for name, found in results(number, kernels).items():
-            np.testing.assert_array_equal(found, whole[name][..., :number], err_msg=name)
-
-
-def test_every_metric_of_a_run_is_declared_once_and_every_declared_one_is_there() -> None:
-    """Expected: the paths of a run with all columns; those of margins come from the linear loop."""
-    members = [noise(41, 41, np.random.default_rng(2))]
-    wanted = members[0].wanted
-    assert wanted is not None
-    wanted[6:, :6] = 0.5
-    loop = Loop(Timing(0.04, 2e-3, 1e-3), wanted, np.zeros((20, 6)), np.zeros(6))
-    found = seen_again(loop, LIMITS, members)
-    declared = [metric.path for metric in METRICS if not metric.path.startswith("margins.")]
-    assert len(set(declared)) == len(declared)
-    assert set(found) == set(declared)
-    assert all(metric.text and metric.sentence for metric in METRICS)
+        assert list(compiled) == list(by_numpy)
+        for name, values in by_numpy.items():
+            np.testing.assert_array_equal(compiled[name], values, err_msg=name)
+    for k in (0, 1, 4, 5, 7, 9, 10, 12, 16, 39):
+        rows = min(noise.ends[k], broken[k][1] if k in broken else N)
+        velocity, force = (array[:rows, k].tolist() for array in (noise.signals[..., 21:23], noise.forces[..., 1:3]))
+        error = (noise.reference[:rows, k, 0] - noise.signals[:rows, k, 0]).tolist()
+        flags = noise.flags[0, :rows, k]
+        earlier = [force[max(i - 1, 0)] for i in range(rows)]
+        for leg in range(2):
+            work = [velocity[i][leg] * earlier[i][leg] / 1.7 if i else -0.5 for i in range(rows)]
+            change = [velocity[i][leg] * force[i][leg] - velocity[i][leg] * earlier[i][leg] for i in range(rows)]
+            expected = {
+                "sum": sum(work),
+                "but last": sum(work[:-1]),
+                "but last.last": work[-1] if rows else 0.0,
+                "largest": np.nan if np.isnan(change).any() else max(change, default=-np.inf),
+                "smallest": min(work, default=np.inf),
+                "first": next((float(i) for i, value in enumerate(work) if value > bound[k]), np.inf),
+            }
+            for name, value in expected.items():
+                assert compiled[name][leg, k] == pytest.approx(value, rel=1e-12, abs=1e-12, nan_ok=True), (name, k)
+        assert compiled["row"][0, k] == rows
+        assert compiled["last"][0, k] == (error[-1] if rows else 0.0)
+        assert compiled["after"][0, k] == max((i + 1.0 for i, value in enumerate(error) if value > 0.4), default=0.0)
+        assert compiled["flags"][:, k].tolist() == flags.sum(axis=0).tolist()
+        assert compiled["seen"][0, k] == pytest.approx(sum(noise.forces[:rows, k, 0].tolist()))
+    fold = MadeUp(1.0)
+    assert kernels.kernel(fold) == 0
+    fold.sizes = {**fold.sizes, "error": 2}
+    assert kernels.kernel(fold) is None
+    assert metric_kernels().kernel(MadeUp(1.0)) is None

@@ -1,9 +1,10 @@
-"""Records survive their files exactly, and say what is not in them."""
+"""Records survive their files exactly, say what is not in them, and refuse files of something else."""
 
 import json
 from collections.abc import Callable
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars
@@ -11,80 +12,102 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.experiment.file import shipped_experiment
-from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.results.record import Record, machine_of, platform_of, read_record
-from gough_stewart.harness.results.record_checks import check_metadata, check_table
+import gough_stewart as gs
+from tests.support.records import columns
 
+Refusal = gs.GoughStewartError
 # 0.0 and -0.0 are the same time
 _NUMBERS = st.floats(allow_nan=False, allow_infinity=False).filter(lambda x: x != 0)
 
 
-def written(record: Record, folder: Path) -> list[Path]:
+def written(record: gs.Record, folder: Path) -> list[Path]:
     (folder / "record.csv").write_bytes(record.to_csv())
     (folder / "record.parquet").write_bytes(record.to_parquet())
     (folder / "metadata.json").write_bytes(record.to_metadata())
     return [folder / "record.csv", folder / "record.parquet"]
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def refused(table: dict[str, Any] | polars.DataFrame, metadata: dict[str, Any], folder: Path) -> str:
+    """What reading says of a table and metadata, after the file's name; nothing if they are a record."""
+    (path := folder / "record.parquet").write_bytes(gs.Record(polars.DataFrame(table), metadata).to_parquet())
+    try:
+        gs.read_record(path)
+    except Refusal as error:
+        return str(error).removeprefix(f"{path}: ").partition("; expected record.parquet")[0]
+    return ""
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(values=st.lists(_NUMBERS, min_size=1, max_size=20, unique=True), flag=st.booleans())
 def test_files_read_back_every_bit(values: list[float], flag: bool, tmp_path: Path) -> None:
     """Expected: the same floats, also the least and the largest; truth values; metadata in any script."""
     table = polars.DataFrame({"time": sorted(values), "x[1]": values[::-1], "flag.a[1]": [flag] * len(values)})
-    record = Record(table, {"title": "Übung – 试验", "rows": len(values), "numbers": [0.1, 1e-300]})
+    record = gs.Record(table, {"title": "Übung – 试验", "rows": len(values), "numbers": [0.1, 1e-300]})
     for path in written(record, tmp_path):
-        again = read_record(path)
+        again = gs.read_record(path)
         assert again.table.columns == table.columns
         assert again["x[1]"].tobytes() == np.array(values[::-1]).tobytes()
         assert again["flag.a[1]"].tolist() == [flag] * len(values)
         assert again.metadata == record.metadata
 
 
-def test_the_record_of_a_run_reads_back_the_same(tmp_path: Path) -> None:
-    record = run(shipped_experiment("impulse", ["loop.duration=0.02", "disturbance=[]"]))
+@pytest.fixture(scope="module")
+def record() -> gs.Record:
+    """A short run of a machine that is not the nominal one."""
+    return gs.run("impulse", {"loop.duration": 0.02, "disturbance": [], "plant.parameters.platform_mass": 77})
+
+
+@pytest.fixture(scope="module")
+def saved(record: gs.Record, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its CSV with its metadata."""
+    folder = tmp_path_factory.mktemp("saved")
+    written(record, folder)
+    (folder / "record.parquet").unlink()
+    return folder
+
+
+def test_the_record_of_a_run_reads_back_the_same(record: gs.Record, tmp_path: Path) -> None:
+    """Expected: table, types and metadata; of a folder with both, Parquet; the machine and the belief beside it."""
     for path in written(record, tmp_path):
-        again = read_record(path)
+        again = gs.read_record(path)
         assert again.table.equals(record.table)
         assert again.table.schema == record.table.schema
         assert again.metadata == record.metadata
+    (tmp_path / "metadata.json").write_bytes(gs.Record(record.table, {**record.metadata, "title": "2nd"}).to_metadata())
+    assert gs.read_record(tmp_path).metadata["title"] == record.metadata["title"]
+    assert gs.read_record(tmp_path / "record.csv").metadata["title"] == "2nd"
+    assert record.metadata["machine"]["platform_mass"] == 77 != record.metadata["platform"]["platform_mass"]
 
 
 def test_variables_and_columns_go_by_name() -> None:
     """Expected: whole variables as arrays, single columns, the nearest name for what is not there."""
-    record = Record(
-        polars.DataFrame({"time": [0.0, 1.0], "error.position[1]": [1.0, 2.0], "error.position[2]": [3.0, 4.0]}), {}
+    record = gs.Record(
+        polars.DataFrame({"time": [0.0, 1.0], **columns("error.position", [[1.0, 3.0], [2.0, 4.0]])}), {}
     )
     assert record["error.position"].tolist() == [[1, 3], [2, 4]]
     assert record["error.position[2]"].tolist() == [3, 4]
+    assert record.columns_of("error.position") == ["error.position[1]", "error.position[2]"]
     assert "error.position" in record
     assert "error" not in record
-    with pytest.raises(RecordError, match=r"no 'error.positon'; did you mean 'error.position'"):
+    with pytest.raises(Refusal, match=r"no 'error.positon'; did you mean 'error.position'"):
         record["error.positon"]
+    for metadata in ({}, {"platform": {"mass": 3}}):
+        with pytest.raises(Refusal, match=r"^the metadata have no platform \(.*\); expected what `gough-stewart run`"):
+            gs.Record(record.table, metadata).report()
 
 
 def test_files_that_are_no_records_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(RecordError, match=r"nothing.parquet: .*expected record.parquet"):
-        read_record(tmp_path / "nothing.parquet")
     (tmp_path / "record.csv").write_text("time\n0\n")
-    with pytest.raises(RecordError, match=r"metadata.json: No such file"):
-        read_record(tmp_path / "record.csv")
     polars.DataFrame({"a": [1]}).write_parquet(tmp_path / "other.parquet")
-    with pytest.raises(RecordError, match="has no metadata of a run"):
-        read_record(tmp_path / "other.parquet")
     (tmp_path / "text.parquet").write_text("hello")
-    with pytest.raises(RecordError, match=r"text.parquet: cannot be read as a record"):
-        read_record(tmp_path / "text.parquet")
-
-
-@pytest.fixture(scope="module")
-def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The CSV of a short run with its metadata."""
-    folder = tmp_path_factory.mktemp("saved")
-    written(run(shipped_experiment("impulse", ["loop.duration=0.02", "disturbance=[]"])), folder)
-    (folder / "record.parquet").unlink()
-    return folder
+    for name, says in (
+        ("nothing.parquet", "nothing.parquet: .*expected record.parquet"),
+        ("record.csv", "metadata.json: No such file"),
+        ("other.parquet", "has no metadata of a run"),
+        ("text.parquet", "text.parquet: cannot be read as a record"),
+    ):
+        with pytest.raises(Refusal, match=says):
+            gs.read_record(tmp_path / name)
 
 
 def edited(text: str, row: int, column: str, value: str) -> str:
@@ -101,9 +124,7 @@ DAMAGE: dict[str, tuple[Callable[[str], str], str]] = {
     "everything": (lambda _: "", "cannot be read as a record"),
     "a number": (lambda t: edited(t, 3, "position[2]", "abc"), r"position\[2\] in row 3 is 'abc'; expected a number"),
     "a cell": (lambda t: edited(t, 4, "position[3]", ""), r"position\[3\] in row 4 is empty"),
-    "a time": (lambda t: edited(t, 2, "time", "NaN"), "time in row 2 is nan"),
     "an order": (lambda t: edited(t, 5, "time", "0.001"), r"time in row 5 is 0.001; expected finite, increasing times"),
-    "the times": (lambda t: t.replace("time", "clock", 1), "has no column 'time'"),
     "a column": (lambda t: t.replace("position[2]", "elsewhere", 1), "has 2 columns of position; expected 3"),
 }
 
@@ -114,86 +135,24 @@ def test_a_table_that_has_lost_something_is_refused(what: str, saved: Path, tmp_
     damage, message = DAMAGE[what]
     (tmp_path / "metadata.json").write_bytes((saved / "metadata.json").read_bytes())
     (tmp_path / "record.csv").write_text(damage((saved / "record.csv").read_text()))
-    with pytest.raises(RecordError, match=rf"record.csv: .*({message}).*expected record.parquet") as caught:
-        read_record(tmp_path)
+    with pytest.raises(Refusal, match=rf"record.csv: .*({message}).*expected record.parquet") as caught:
+        gs.read_record(tmp_path)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "message"),
-    [
-        ("", None, "has no metadata of a run"),
-        ("", [1], "has no metadata of a run"),
-        ("outcome", "completed", "metadata: outcome is 'completed'; input should be"),
-        ("outcome", {"status": 3, "time": 0.0}, "metadata: outcome.status is 3; input should be a valid string"),
-        ("platform", [], r"metadata: platform is \[\]; input should be a valid dictionary"),
-        ("experiment", {"loop": 3}, "metadata: experiment.loop is 3; input should be a valid dictionary"),
-        ("force_limit", "large", "metadata: force_limit is 'large'; input should be a valid number"),
-        ("rows", 22, "has 21 rows, but the run had 22"),
-    ],
-)
-def test_metadata_of_another_kind_are_refused(
-    key: str, value: object, message: str, saved: Path, tmp_path: Path
-) -> None:
-    metadata = json.loads((saved / "metadata.json").read_text())
-    (tmp_path / "metadata.json").write_text(json.dumps({**metadata, key: value} if key else value))
-    (tmp_path / "record.csv").write_bytes((saved / "record.csv").read_bytes())
-    with pytest.raises(RecordError, match=rf"record.csv: {message}"):
-        read_record(tmp_path)
-
-
-def test_names_with_brackets_and_stars_are_only_names(saved: Path, tmp_path: Path) -> None:
-    """Expected: the record of that name, not those that a pattern matches, and not all of them."""
-    for name, title in (("run[12]", "mine"), ("run1", "another"), ("run*", "third"), ("run2", "fourth")):
-        (tmp_path / name).mkdir()
-        read = read_record(saved)
-        written(Record(read.table.head(5), {**read.metadata, "title": title, "rows": 5}), tmp_path / name)
-    for file in ("record.csv", "record.parquet", ""):
-        assert read_record(tmp_path / "run[12]" / file).metadata["title"] == "mine"
-        assert read_record(tmp_path / "run*" / file).table.height == 5
-
-
-SIZES = {
-    **{"position": 3, "orientation": 3, "velocity": 3, "angular_velocity": 3, "leg_length": 6, "leg_velocity": 6},
-    **{"acceleration": 3, "angular_acceleration": 3, "joint_force": 18, "actuator_force": 6},
-    **{"external_force": 3, "external_torque": 3},
-    **{f"flag.{name}": 6 for name in ("force_limited", "rate_limited", "stroke_exceeded")},
-    **{f"error.{name}": size for name, size in (("position", 3), ("orientation", 3), ("leg_length", 6))},
-    **{f"reference.{name}": size for name, size in (("position", 3), ("velocity", 3), ("leg_velocity", 6))},
-}
-
-
-@pytest.mark.parametrize("name", SIZES)
-def test_each_variable_has_all_of_its_elements_or_none(name: str) -> None:
-    """Expected: the sizes of the interface: whole, left out, and without the last element."""
-    record = run(shipped_experiment("impulse", ["loop.duration=0.002", "disturbance=[]"]))
-    table = record.table
-    if not record.columns_of(name):
-        table = table.with_columns(*(polars.lit(0.5).alias(f"{name}[{k + 1}]") for k in range(SIZES[name])))
-    columns = Record(table, {}).columns_of(name)
-    check_table(table, 3)
-    check_table(table.drop(columns), 3)
-    assert len(columns) == SIZES[name]
-    with pytest.raises(RecordError) as caught:
-        check_table(table.drop(columns[-1]), 3)
-    assert str(caught.value) == f"has {len(columns) - 1} columns of {name}; expected {len(columns)}"
-
-
-TABLES: dict[str, tuple[dict[str, object], int | None, str]] = {
+TIMES = "expected finite, increasing times"
+TABLES: dict[str, tuple[dict[str, Any], int | None, str]] = {
     "nothing wrong": ({"time": [7.3, 7.4], "x": [True, False]}, 2, ""),
     "rows unknown": ({"time": [7.3, 7.4]}, None, ""),
     "a single row": ({"time": [-7.3]}, 1, ""),
-    "no rows": ({"time": []}, None, "has no rows; expected at least one"),
     "no times": ({"x": [1.0]}, None, "has no column 'time'; expected one with the times of the rows"),
+    "no rows": ({"time": []}, None, "has no rows; expected at least one"),
     "a text": ({"time": [1.0, 2.0], "x": ["1", "b"]}, None, "x in row 2 is 'b'; expected a number"),
     "a date": ({"time": [1.0], "x": [date(2026, 1, 2)]}, None, "x has type Date; expected numbers"),
     "a gap": ({"time": [1.0, 2.0, 3.0], "x": [1, 2, None]}, None, "x in row 3 is empty; expected a number"),
-    "the same time": ({"time": [1.0, 2.0, 2.0]}, None, "time in row 3 is 2.0; expected finite, increasing times"),
-    "an infinite time": (
-        {"time": [1.0, float("inf")]},
-        None,
-        "time in row 2 is inf; expected finite, increasing times",
-    ),
+    "the same time": ({"time": [1.0, 2.0, 2.0]}, None, f"time in row 3 is 2.0; {TIMES}"),
+    "an infinite time": ({"time": [1.0, float("inf")]}, None, f"time in row 2 is inf; {TIMES}"),
+    "no time": ({"time": [float("nan"), 1.0]}, None, f"time in row 1 is nan; {TIMES}"),
     "a row too many": (
         {"time": [1.0, 2.0]},
         1,
@@ -203,37 +162,56 @@ TABLES: dict[str, tuple[dict[str, object], int | None, str]] = {
 
 
 @pytest.mark.parametrize("what", TABLES)
-def test_a_table_is_checked_row_by_row(what: str) -> None:
+def test_a_table_is_checked_row_by_row(what: str, tmp_path: Path) -> None:
     """Expected: the whole message, or none."""
-    columns, rows, says = TABLES[what]
-    if not says:
-        check_table(polars.DataFrame(columns), rows)
-        return
-    with pytest.raises(RecordError) as caught:
-        check_table(polars.DataFrame(columns), rows)
-    assert str(caught.value) == says
+    table, rows, says = TABLES[what]
+    assert refused(table, {"rows": rows}, tmp_path) == says
+
+
+SIZES = {
+    **dict.fromkeys(("position", "orientation", "velocity", "angular_velocity", "external_force", "acceleration"), 3),
+    **dict.fromkeys(("leg_length", "leg_velocity", "actuator_force", "flag.rate_limited", "flag.stroke_exceeded"), 6),
+    **{
+        "joint_force": 18,
+        "error.position": 3,
+        "error.leg_length": 6,
+        "reference.velocity": 3,
+        "reference.leg_velocity": 6,
+    },
+}
+
+
+def test_each_variable_has_all_of_its_elements_or_none(tmp_path: Path) -> None:
+    """Expected: the sizes of the interface: whole, and without the last element."""
+    for name, size in SIZES.items():
+        table = {"time": [0.0, 1.0], **columns(name, np.zeros((2, size)))}
+        assert refused(table, {}, tmp_path) == ""
+        del table[f"{name}[{size}]"]
+        assert refused(table, {}, tmp_path) == f"has {size - 1} columns of {name}; expected {size}"
 
 
 # Keys of metadata, and values of other types.
-KEYS: dict[str, object] = {
+KEYS: dict[str, Any] = {
     **{"title": 3, "plant": 3, "rows": 2.5, "outcome": 3, "duration": "x", "sample_time": "x", "plant_step": []},
     **{"force_limit": "x", "platform": 3, "experiment": [], "versions": 3, "files": {"a": 3}, "replaced": "x"},
     **{f"experiment.{name}": 3 for name in ("reference", "controller", "loop", "sensors", "actuators", "limits")},
     **{"experiment.start": 3, "experiment.change": {}, "experiment.disturbance": {}, "experiment.description": 3},
-    **{"outcome.time": "x", "outcome.cause": 3, "outcome.status": None},
+    **{"outcome.time": "x", "outcome.cause": 3, "outcome.status": None, "settings": {"a": 3}},
 }
 
 
-@pytest.mark.parametrize("key", KEYS)
-def test_metadata_are_checked_key_by_key(key: str) -> None:
+def test_metadata_are_checked_key_by_key(saved: Path, tmp_path: Path) -> None:
     """Expected: the key and its value; None where a run has none, and other keys, are fine."""
-    outer, _, inner = key.partition(".")
-    value = (
-        {"status": "completed", "time": 1.0, inner: KEYS[key]} if outer == "outcome" and inner else {inner: KEYS[key]}
-    )
-    with pytest.raises(RecordError, match=f"^metadata: {key}[.a]* is "):
-        check_metadata({outer: value if inner else KEYS[key]})
-    check_metadata({"more": KEYS[key], "outcome": {"status": "completed", "time": 1.0, "more": 3}})
+    table, outcome = {"time": [0.0]}, {"status": "completed", "time": 1.0}
+    for key, wrong in KEYS.items():
+        outer, _, inner = key.partition(".")
+        value = {**(outcome if outer == "outcome" else {}), inner: wrong} if inner else wrong
+        shown = wrong["a"] if key in ("files", "settings") else wrong
+        says = refused(table, {outer: value}, tmp_path)
+        assert says.startswith(f"metadata: {key}{'.a' if key in ('files', 'settings') else ''} is {shown!r}; input "), (
+            says
+        )
+        assert refused(table, {"more": wrong, "outcome": {**outcome, "more": 3}}, tmp_path) == ""
     empty = (
         "plant",
         "rows",
@@ -245,25 +223,57 @@ def test_metadata_are_checked_key_by_key(key: str) -> None:
         "platform",
         "experiment",
     )
-    check_metadata(dict.fromkeys(empty))
-    check_metadata({})
+    assert refused(table, dict.fromkeys(empty), tmp_path) == ""
+    (tmp_path / "record.csv").write_bytes((saved / "record.csv").read_bytes())
+    for text in ("null", "[1]"):
+        (tmp_path / "metadata.json").write_text(json.dumps(json.loads(text)))
+        with pytest.raises(Refusal, match=r"record.csv: has no metadata of a run"):
+            gs.read_record(tmp_path / "record.csv")
 
 
-def test_a_record_knows_the_nominal_platform_and_the_machine(tmp_path: Path) -> None:
-    """Expected: both, if they differ; the nominal one twice, if there is only that; Parquet before CSV."""
-    record = run(
-        shipped_experiment("impulse", ["loop.duration=0.002", "disturbance=[]", "plant.parameters.platform_mass=77"])
-    )
-    nominal, machine = platform_of(record), machine_of(record)
-    assert (nominal.platform_mass == 77, machine.platform_mass) == (False, 77)
-    alone = Record(record.table, {"platform": record.metadata["platform"]})
-    assert machine_of(alone) == platform_of(alone) == nominal
-    for metadata in ({}, {"platform": {"mass": 3}}):
-        with pytest.raises(
-            RecordError, match=r"^the metadata have no platform \(.*\); expected what `gough-stewart run`"
-        ):
-            machine_of(Record(record.table, metadata))
-    written(Record(record.table, {**record.metadata, "title": "first"}), tmp_path)
-    (tmp_path / "metadata.json").write_bytes(Record(record.table, {**record.metadata, "title": "second"}).to_metadata())
-    assert read_record(tmp_path).metadata["title"] == "first"
-    assert read_record(tmp_path / "record.csv").metadata["title"] == "second"
+def test_names_with_brackets_and_stars_are_only_names(record: gs.Record, tmp_path: Path) -> None:
+    """Expected: the record of that name, not those that a pattern matches, and not all of them."""
+    for name in ("run[12]", "run1", "run*", "run2"):
+        (tmp_path / name).mkdir()
+        written(gs.Record(record.table.head(5), {**record.metadata, "title": name, "rows": 5}), tmp_path / name)
+    for file in ("record.csv", "record.parquet", ""):
+        for name in ("run[12]", "run*"):
+            assert gs.read_record(tmp_path / name / file).metadata["title"] == name
+
+
+FOLDERS = {
+    "differences.parquet": "it has two ensembles compared by `ensemble --compare`; `gough-stewart view` it",
+    "plan.json": "it has an unfinished ensemble; continue it with `gough-stewart ensemble … --resume`",
+    "ensemble.json": "it has an ensemble; `gough-stewart view` it, or worst/member-…",
+    "tuning.json": "it has a tuning; run tuned.toml, then view that run",
+    "workspace.csv": "it has a workspace; `gough-stewart view` it",
+    "estimate.json": "it has an identification; `gough-stewart view` it",
+    "excitation.toml": "it has an excitation; run excitation.toml, then view that run",
+    "check.json": "it has a motion check; `gough-stewart view` it",
+    "margins.json": "it has margins; `gough-stewart view` it",
+    "frf.csv": "it has a frequency response; `gough-stewart view` it, or its record",
+    "open_loop.csv": "it has the paper's case; open report.html, which `reproduce --report` writes, in a browser",
+    "report.html": "it has a page; open report.html in a browser",
+    "two.fmu law.fmu one.c": "it has FMUs: law.fmu, two.fmu",
+    "loop.ssp": "it has an exported loop: loop.ssp",
+    "two.c one.c": "it has an exported controller: one.c, two.c",
+    "mine.toml": "it has TOML files: mine.toml",
+    "report.html margins.json": "it has margins; `gough-stewart view` it",
+    "run_1/record.parquet": "it has folders of records: run_1; view one of them",
+    "notes.txt": "it has notes.txt",
+    "e b a c d": "it has a, b, c, d, e",
+    "f b e a g c d .hidden": "it has a, b, c, d, e and 2 more",
+    "": "it is empty",
+}
+
+
+@pytest.mark.parametrize("names", FOLDERS)
+def test_a_folder_without_a_record_is_told_by_what_it_has(names: str, tmp_path: Path) -> None:
+    """Expected: the file that the command of the same name writes, and what to do with it; five names at most."""
+    for name in names.split():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    with pytest.raises(Refusal) as caught:
+        gs.read_record(tmp_path)
+    expected = "expected record.parquet, or record.csv with metadata.json beside it"
+    assert str(caught.value).startswith(f"{tmp_path}: the folder has no record; {FOLDERS[names]}; {expected}")

@@ -7,7 +7,7 @@ alike; the machine is not the nominal one.
 import csv
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import degrees
 from pathlib import Path
@@ -22,7 +22,7 @@ from typer.testing import Result
 import gough_stewart as gs
 from tests.support.commands import invoke
 from tests.support.drawn_figures import drawn
-from tests.support.metric_definitions import defined_metrics
+from tests.support.metric_definitions import defined_metrics, same_to_rounding
 from tests.support.orientations import rotation_vectors
 from tests.support.uneven import UNEVEN
 
@@ -98,22 +98,6 @@ def expected(record: gs.Record) -> dict[str, Any]:
     return defined_metrics(record.table, MACHINE.as_dict())
 
 
-def check(found: Any, wanted: Any, at: str = "") -> None:
-    """Compare two trees of numbers to rounding, with their keys and lengths."""
-    if isinstance(wanted, Mapping):
-        assert set(found) == set(wanted), at
-        for key in wanted:
-            check(found[key], wanted[key], f"{at}.{key}")
-    elif isinstance(wanted, Sequence) and not isinstance(wanted, str):
-        assert len(found) == len(wanted), at
-        for k, each in enumerate(wanted):
-            check(found[k], each, f"{at}[{k}]")
-    elif isinstance(wanted, float):
-        assert found == pytest.approx(wanted, rel=1e-11, abs=1e-13), at
-    else:
-        assert found == wanted, at
-
-
 # --- metrics ---------------------------------------------------------------------------------------------------------
 
 
@@ -145,7 +129,7 @@ def test_all_metrics_are_their_definitions(
             "time": 0.8,
             "cause": None,
         }
-        check(found, expected)
+        same_to_rounding(found, expected)
 
 
 @pytest.mark.parametrize("rows", [slice(0, 1), slice(0, 2), slice(37, 120), slice(150, None)])
@@ -154,7 +138,7 @@ def test_metrics_of_a_record_that_starts_at_another_time_and_place(record: gs.Re
     later = record.table[rows].with_columns(polars.col("time") + 7.3)
     found = dict(gs.metrics(gs.Record(later, record.metadata)))
     found.pop("outcome")
-    check(found, defined_metrics(later, MACHINE.as_dict()))
+    same_to_rounding(found, defined_metrics(later, MACHINE.as_dict()))
 
 
 def test_limits_and_stroke_are_those_that_the_platform_states(record: gs.Record) -> None:
@@ -167,7 +151,23 @@ def test_limits_and_stroke_are_those_that_the_platform_states(record: gs.Record)
     ):
         found = dict(gs.metrics(gs.Record(record.table, {**record.metadata, "platform": stated})))
         found.pop("outcome")
-        check(found, defined_metrics(record.table, stated))
+        same_to_rounding(found, defined_metrics(record.table, stated))
+
+
+def test_each_row_has_the_legs_and_the_feedforward_of_its_own_reference(record: gs.Record) -> None:
+    """Expected: the nominal platform's lengths and J [v; ω] along a reference that rests, moves and rests again.
+
+    The feedforward holds the pose half a sample and the delay later: at rest, that of the row.
+    """
+    pose = (record["reference.position"], record["reference.orientation"])
+    assert record["reference.leg_length"] == pytest.approx(gs.leg_geometry(MACHINE, *pose).length, rel=1e-13)
+    twist = np.hstack([record["reference.velocity"], record["reference.angular_velocity"]])
+    rates = (gs.leg_jacobian(MACHINE, *pose) @ twist[..., None])[..., 0]
+    assert record["reference.leg_velocity"] == pytest.approx(rates, rel=1e-12, abs=1e-13)
+    rest = np.r_[0:40, 140:321]
+    held = gs.static_leg_forces(MACHINE, pose[0][rest], pose[1][rest])
+    assert record["controller.feedforward"][rest] == pytest.approx(held, rel=1e-12)
+    assert np.ptp(held, axis=0).min() > 0.1
 
 
 # --- files -----------------------------------------------------------------------------------------------------------
@@ -340,6 +340,53 @@ def test_tables_leave_out_what_a_record_lacks(record: gs.Record) -> None:
     found = gs.metrics(bare)
     assert found["tracking"] is found["step_response"] is found["saturation"] is found["limits"] is None
     assert found["stroke"]["margin"] is found["stroke"]["exceeded"] is None
+
+
+# Words, unit and factor of paths of every kind, shown anywhere.
+NAMED = {
+    "tracking.position.rms": ("position error, RMS of an axis", "mm", 1e3),
+    "tracking.position.peak": ("position error, peak of an axis", "mm", 1e3),
+    "tracking.position.norm_rms": ("position error, RMS", "mm", 1e3),
+    "tracking.position.norm_peak": ("position error, peak", "mm", 1e3),
+    "tracking.orientation.rms": ("orientation error, RMS of an axis", "deg", 180 / np.pi),
+    "tracking.orientation.norm_peak": ("orientation error, peak", "deg", 180 / np.pi),
+    "tracking.leg_length.rms": ("leg error, RMS", "mm", 1e3),
+    "tracking.leg_length.peak": ("leg error, peak", "mm", 1e3),
+    "step_response.y.from": ("y: from", "mm", 1e3),
+    "step_response.yaw.to": ("yaw: to", "deg", 180 / np.pi),
+    "step_response.z.at": ("z: step at", "s", 1.0),
+    "step_response.roll.overshoot_percent": ("roll: overshoot", "%", 1.0),
+    "step_response.x.rise_time": ("x: rise time", "s", 1.0),
+    "step_response.pitch.settling_time": ("pitch: settling time", "s", 1.0),
+    "step_response.z.final_error": ("z: final error", "mm", 1e3),
+    "step_response.pitch.final_error": ("pitch: final error", "deg", 180 / np.pi),
+    "force.peak": ("peak force", "N", 1.0),
+    "force.rms": ("RMS force", "N", 1.0),
+    "power.peak": ("peak power", "W", 1.0),
+    "power.mean": ("mean power", "W", 1.0),
+    "energy.absolute_total": ("work, absolute", "J", 1.0),
+    "energy.net_total": ("work, net", "J", 1.0),
+    "energy.net": ("work of a leg, net", "J", 1.0),
+    "saturation.force_limited.any": ("force limited", "%", 100.0),
+    "saturation.rate_limited.any": ("rate limited", "%", 100.0),
+    "saturation.rate_limited.legs": ("rate limited, a leg", "%", 100.0),
+    "stroke.margin": ("stroke margin", "mm", 1e3),
+    "stroke.exceeded.any": ("beyond stroke", "%", 100.0),
+    "stroke.shortest": ("shortest leg", "mm", 1e3),
+    "limits.leg_velocity_max.used": ("leg velocity, of its limit", "%", 100.0),
+    "limits.actuator_power_max.used": ("actuator power, of its limit", "%", 100.0),
+    "limits.actuator_force_max.limit": ("limit of actuator force", "N", 1.0),
+    "rows": ("rows", "", 1.0),
+}
+
+
+def test_each_metric_has_its_words_unit_and_factor(record: gs.Record) -> None:
+    """Expected: the table above; of all others a text, a sentence, and a value of `gs.metrics`."""
+    numbers = {number.path: number for number in record.report(charts=False).numbers}
+    for path, (text, unit, factor) in NAMED.items():
+        number = numbers[path]
+        assert (number.name, number.quantity.unit, number.quantity.factor) == (text, unit, factor)
+    assert all(number.name and number.explanation for number in numbers.values())
 
 
 # --- pictures --------------------------------------------------------------------------------------------------------

@@ -7,10 +7,6 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.plants.lanes import LanesPlant
-from gough_stewart.harness.results.circumstances import limits_table
-from gough_stewart.harness.results.record import Record, machine_of, platform_of
-from gough_stewart.harness.results.scene import nearness_to_limits
-from gough_stewart.harness.results.signals import signals_of
 
 # Soft springs and a loop that is too fast for them, so that the two sides of a leg differ much.
 SPEED, POWER = 0.6, 500.0
@@ -25,7 +21,7 @@ def law(sample: gs.Sample) -> Any:
     return 4e4 * (sample.reference["leg_length"] - sample.measured["leg_length"])
 
 
-def of_motors(record: Record) -> dict[str, float]:
+def of_motors(record: gs.Record) -> dict[str, float]:
     """Work [J], power [W] and shares of the limits, leg by leg and row by row."""
     force, s, ds = (record[name] for name in ("actuator_force", "motor_position", "motor_velocity"))
     n = len(s)
@@ -54,12 +50,14 @@ def test_drives_of_a_run_are_taken_at_the_motors(controller: Any, plant: Any) ->
         assert np.max(part) == pytest.approx(value, rel=1e-9), path
     stored = np.ptp(np.add(record["kinetic_energy"], record["potential_energy"])[[0, -1]])
     assert found["energy"]["net_total"] > stored
-    (power,) = (each for each in signals_of([record], [platform_of(record)]) if each.name == "actuator power")
-    assert power.values[0] == pytest.approx(record["actuator_force"] * record["motor_velocity"], abs=0)
-    nearness = nearness_to_limits(record, platform_of(record))
-    assert nearness["velocity"].max() == pytest.approx(expected["limits.leg_velocity_max.used"])
-    assert nearness["power"].max() == pytest.approx(expected["limits.actuator_power_max.used"])
-    assert limits_table(record, machine_of(record)) is not None
+    report: Any = record.report()
+    (power,) = (chart for chart in report.charts if chart.title == "actuator power of legs")
+    watts = np.stack([series.values for series in power.series], axis=1)
+    assert watts == pytest.approx(record["actuator_force"] * record["motor_velocity"], abs=0)
+    (limits,) = (part for part in report.parts() if getattr(part, "title", "") == "Limits")
+    shares = {row[0]: [getattr(cell, "value", cell) for cell in row[1:]] for row in limits.rows}
+    assert max(shares["velocity, of its limit"]) == pytest.approx(expected["limits.leg_velocity_max.used"])
+    assert max(shares["power, of its limit"]) == pytest.approx(expected["limits.actuator_power_max.used"])
 
 
 @pytest.mark.parametrize("kernels", [True, False])
