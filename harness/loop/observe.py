@@ -167,14 +167,14 @@ def _run_rows(
     failing = faults if loop.has_faults else None
     drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
     sampler = Sampler(loop, law_from, drives, outcomes, watch.rows, failing)
-    read_signals = signals_of(plant)
-    read_at_motors = seen_of(plant, "motor")
+    read_signals, read_at_motors = signals_of(plant), seen_of(plant, "motor")
+    has_motors = MOTORS in plant.columns
     for k, time in enumerate(timing.times.tolist()):
         if k:
             changed(k)
         # what ends and is recorded is where the platform is
         now = read_signals()
-        at_motors = read_at_motors() if MOTORS in plant.columns else now
+        at_motors = read_at_motors() if has_motors else now
         watch.plant_at(now, at_motors)
         rate_limited = drives.none
         if k < n:

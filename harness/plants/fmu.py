@@ -124,7 +124,8 @@ class FmuPlant(Plant):
             if error.status == _DISCARD:
                 raise StepError(f"FMU, FMI {self.fmi_version}: step", step, time, reason) from error
             raise PlantError(f"{self.path}: {reason}") from error
-        self._refuse_alarm()
+        if self._unit.is_alarmed:
+            raise self._alarm()
 
     def remarks(self) -> str:
         """Rule 12 of `Plant`."""
@@ -140,8 +141,9 @@ class FmuPlant(Plant):
             call(*arguments)
         except FMICallException as error:
             raise PlantError(f"{self.path}: {what} refused: {self._unit.take_messages() or error}") from error
-        self._refuse_alarm()
+        if self._unit.is_alarmed:
+            raise self._alarm()
 
-    def _refuse_alarm(self) -> None:
-        if self._unit.is_alarmed:  # it says that something is wrong, although the call went well
-            raise PlantError(f"{self.path}: {self._unit.take_messages()}")
+    def _alarm(self) -> PlantError:
+        """It says that something is wrong, although the call went well."""
+        return PlantError(f"{self.path}: {self._unit.take_messages()}")

@@ -9,6 +9,7 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from copy import copy
 from ctypes import CFUNCTYPE, Array, byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p, cast
 from functools import partial
 from pathlib import Path
@@ -76,6 +77,7 @@ class FmuFile:
         self.version = str(self.description.fmiVersion)
         self._check()
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
+        self._libraries: dict[FmiType, Any] = {}
         if folder is None:
             self._temporary = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
             folder = Path(self._temporary.name)
@@ -107,8 +109,28 @@ class FmuFile:
         """The error with the reason and the remedy."""
         return self.error(f"{self.path}: {reason}; {self.remedy}")
 
+    def library(self, fmi_type: FmiType) -> Any:
+        """FMPy's object of the library, without an instance; loaded once, since it takes FMPy some milliseconds."""
+        if fmi_type not in self._libraries:
+            kind: Any = _CLASSES[self.version, fmi_type]
+            fmu = kind.__new__(kind)  # made in two steps: the library is loaded before its functions may be missing
+            try:
+                fmu.__init__(
+                    guid=self.token,
+                    unzipDirectory=str(self.folder),
+                    modelIdentifier=self.description.coSimulation.modelIdentifier,  # the same for Model Exchange
+                )
+            except Exception as error:  # FMPy raises the base class
+                if hasattr(fmu, "dll"):
+                    fmu.freeLibrary()
+                raise self.refusal(f"does not run on this machine ({error})") from error
+            self._libraries[fmi_type] = fmu
+        return self._libraries[fmi_type]
+
     def close(self) -> None:
-        """Remove the temporary folder; may be called again."""
+        """Unload the libraries, whose instances must have been freed, and remove the temporary folder; repeatedly."""
+        while self._libraries:
+            self._libraries.popitem()[1].freeLibrary()
         if self._temporary is not None:
             self._temporary.cleanup()
 
@@ -229,18 +251,10 @@ class Unit:
         self.is_fmi2, self._layout = file.is_fmi2, file.layout
         self.messages: list[Message] = []
         self.is_alarmed, self._heard = False, 0
-        arguments = {
-            "guid": file.token if token is None else token,
-            "unzipDirectory": str(file.folder),
-            "modelIdentifier": file.description.coSimulation.modelIdentifier,  # the same for Model Exchange
-            "instanceName": name,
-        }
-        kind: Any = _CLASSES[file.version, fmi_type]
-        # made in two steps: the library is loaded before instantiation may fail
-        self.fmu: Any = kind.__new__(kind)
+        self.fmu: Any = copy(file.library(fmi_type))
+        self.fmu.instanceName, self.fmu.guid = name, file.token if token is None else token
+        self.fmu._call = partial(_call_of, self.fmu._call)
         try:
-            self.fmu.__init__(**arguments)
-            self.fmu._call = partial(_call_of, self.fmu._call)
             if self.is_fmi2:
                 # keep references, since the instance calls them during its lifetime
                 self.callbacks = fmi2CallbackFunctions()
@@ -251,17 +265,16 @@ class Unit:
             else:
                 self.fmu.instantiate(loggingOn=logging, logMessage=self._hear, **options)
         except Exception as error:  # FMPy raises the base class
-            if hasattr(self.fmu, "dll"):
-                self.fmu.freeLibrary()
             text = self.take_messages()
             reason = f"cannot be instantiated: {text}" if text else f"does not run on this machine ({error})"
             raise file.refusal(reason) from error
         self._names = ("fmi2GetReal", "fmi2SetReal") if self.is_fmi2 else ("fmi3GetFloat64", "fmi3SetFloat64")
         if fmi_type == "CoSimulation":
             # only the status of an FMI 3.0 step is used: the FMU has no events, and returns early only on request
-            answers = tuple(byref(each) for each in (c_bool(), c_bool(), c_bool(), c_double()))
-            self._step = self.fmu.fmi2DoStep if self.is_fmi2 else self.fmu.fmi3DoStep
-            self._step_arguments = (fmi2True,) if self.is_fmi2 else (True, *answers)
+            answers = (c_bool(), c_bool(), c_bool(), c_double())
+            self._times = c_double(), c_double()
+            arguments = (c_int(fmi2True),) if self.is_fmi2 else (c_bool(True), *map(byref, answers))
+            self._step = self._bound("fmi2DoStep" if self.is_fmi2 else "fmi3DoStep", *self._times, *arguments)
 
     def read(self, values: Values) -> None:
         """Fill the buffer."""
@@ -273,16 +286,16 @@ class Unit:
 
     def reading(self, values: Values) -> Callable[[], None]:
         """A function that fills the buffer."""
-        return self._bound(self._names[0], values)
+        return self._bound(self._names[0], *values.arguments)
 
     def writing(self, values: Values) -> Callable[[], None]:
         """A function that writes the buffer to the instance."""
-        return self._bound(self._names[1], values)
+        return self._bound(self._names[1], *values.arguments)
 
-    def _bound(self, name: str, values: Values) -> Callable[[], None]:
+    def _bound(self, name: str, *arguments: Any) -> Callable[[], None]:
         """The library's function with its arguments; to convert them at each call takes half of its time."""
         address = cast(getattr(self.fmu.dll, name), c_void_p).value or 0
-        call = partial(CFUNCTYPE(c_int)(address), c_void_p(self.fmu.component), *values.arguments)
+        call = partial(CFUNCTYPE(c_int)(address), c_void_p(self.fmu.component), *arguments)
 
         def call_and_check() -> None:
             if self.fmu is None:
@@ -314,7 +327,8 @@ class Unit:
 
     def do_step(self, time: float, step: float) -> None:
         """Do a communication step of Co-Simulation."""
-        self._step(self.fmu.component, time, step, *self._step_arguments)
+        self._times[0].value, self._times[1].value = time, step
+        self._step()
 
     def take_messages(self) -> str:
         """The messages since the last call as one text; empty without problems."""
@@ -328,8 +342,8 @@ class Unit:
     def free(self) -> None:
         """Terminate and free the instance; may be called again."""
         fmu, self.fmu = self.fmu, None
-        if fmu is not None:
-            fmu.freeInstance()
+        if fmu is not None:  # the library is the file's
+            (fmu.fmi2FreeInstance if self.is_fmi2 else fmu.fmi3FreeInstance)(fmu.component)
 
     def __enter__(self) -> Self:
         return self
