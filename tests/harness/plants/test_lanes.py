@@ -12,8 +12,7 @@ from scipy.optimize import brentq
 from gough_stewart.fmu_build.lanes import Failure, lanes_library
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.lane_batch import Batch
-from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant
+from gough_stewart.harness.plants.lanes import Batch, LanesPlant, lanes_plant
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, StepError
@@ -561,8 +560,8 @@ def test_each_of_many_failures_is_told_with_its_own_data() -> None:
     plant.do_step(2 * STEP, STEP)
     frozen = [1, 3, 4, 8, 10]
     np.testing.assert_array_equal(plant.signals()[[3, 8, 10], :12], [starts[k].to_vector() for k in (3, 8, 10)])
-    assert (plant._batch.running[:N] == 0).nonzero()[0].tolist() == frozen
-    assert (plant._batch.running[N:] == 0).all()
+    assert (plant.batch.running[:N] == 0).nonzero()[0].tolist() == frozen
+    assert (plant.batch.running[N:] == 0).all()
 
 
 @pytest.mark.parametrize("leg", range(6))
@@ -607,11 +606,11 @@ def test_states_are_checked_of_those_that_run_only() -> None:
     running = np.where(np.isin(np.arange(16), [6, 10, 13]), 0, -1)
     sides = rng.choice([-1.0, 0.0, 1.0], 16)
     plant = lanes_plant(platforms, starts, substeps=1)
-    batch = plant._batch
+    batch = plant.batch
     batch.states[:] = batch.padded(x)
     batch.running[:] = running
     batch.side[:] = sides
-    assert plant._kernel.check(batch) == np.count_nonzero(batch.failure)
+    assert plant._kernel.library.lanes_check(batch.reference) == np.count_nonzero(batch.failure)
     expected = {4: Failure.PITCHED, 5: Failure.NOT_FINITE, 9: Failure.COLLAPSED + 4, 12: Failure.PITCHED}
     assert {k: batch.failure[k] for k in expected} == expected
     untouched = running == 0
@@ -628,13 +627,13 @@ def test_states_are_checked_of_those_that_run_only() -> None:
 def test_a_batch_holds_each_parameter_of_each_member_in_its_place() -> None:
     """Expected: eleven members in two vectors of eight, the last one repeated; parameters by name as they were."""
     platforms, _, _ = _members(N)
-    batch = Batch.of(N)
+    batch = Batch(N)
     assert batch.blocks == 2
     assert batch.states.shape == batch.reached.shape == (12, 16)
     assert batch.inputs.shape == (12, 16)
     assert batch.parameters.ctypes.data % 64 == 0
-    assert Batch.of(8).blocks == 1
-    assert Batch.of(9).states.strides[0] // 64 % 2 == 1
+    assert Batch(8).blocks == 1
+    assert Batch(9).states.strides[0] // 64 % 2 == 1
     for name in (v.name for v in interface.PLATFORM_PARAMETERS):
         batch.put_parameter(name, np.stack([np.asarray(getattr(each, name)) for each in platforms]))
     everyone, some, two = batch.parameters_of(), batch.parameters_of(slice(3, 5)), batch.parameters_of([10, 0])
@@ -748,7 +747,7 @@ def test_a_plant_of_many_gives_arrays_of_its_members_alone() -> None:
         plant.set_inputs(inputs[:10])
     own = [np.concatenate([each.home_actuator_force, np.zeros(6)]) for each in platforms]
     fresh = lanes_plant(platforms, starts, substeps=1)
-    assert pytest.approx(np.array(own), rel=1e-9, abs=1e-9) == fresh._batch.inputs[:, :N].T
+    assert pytest.approx(np.array(own), rel=1e-9, abs=1e-9) == fresh.batch.inputs[:, :N].T
 
 
 def test_a_kernel_steps_with_or_without_signals(steps: dict[str, Any]) -> None:
@@ -758,9 +757,11 @@ def test_a_kernel_steps_with_or_without_signals(steps: dict[str, Any]) -> None:
     for with_signals in (True, False):
         plant = lanes_plant(platforms, starts, **steps)
         plant.set_inputs(inputs)
-        out, kernel, batch = plant._signals if with_signals else None, plant._kernel, plant._batch
-        failed = kernel.step(batch, 1e-3, 2, out) if "substeps" in steps else kernel.advance(batch, 2e-3, 1e-9, out)
-        assert failed == 0
+        out, library, batch = plant._signals if with_signals else None, plant._kernel.library, plant.batch
+        step, numbers = (
+            (library.lanes_step, (1e-3, 2)) if "substeps" in steps else (library.lanes_advance, (2e-3, 1e-9))
+        )
+        assert step(batch.reference, *numbers, None if out is None else out.ctypes.data) == 0
         batches.append(batch)
         if out is not None:
             legs = leg_geometry(batch.parameters_of(), *(batch.states[k : k + 3].T for k in (0, 3)))

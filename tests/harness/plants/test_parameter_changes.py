@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.harness.plants.parameter_changes import changed_parameter, refuse_impossible
+from gough_stewart.harness.plants.lanes import changed_parameter, refuse_impossible
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, PlatformError
 from gough_stewart.model.parameters import stack
