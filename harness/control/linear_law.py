@@ -101,7 +101,7 @@ class _ProductInPlace:
         """M v (rows, N), valid until the next call."""
         if self._squares.dot(self._squares) < np.inf:
             np.multiply(self._matrices, self._factors, self._terms)
-            return np.asarray(np.add.reduce(self._terms, 0, None, self._product))
+            return np.asarray(np.add.reduce(self._terms, axis=0, out=self._product))
         return product_of_members(self._matrices, self._vectors)
 
 

@@ -137,10 +137,10 @@ class CompiledLanes:
         self.library = ctypes.CDLL(str(library.path))
         self.loop_run: Callable[..., int] | None = getattr(self.library, "loop_run", None)
         if self.loop_run is not None:
-            self.loop_run.restype = ctypes.c_int64  # type: ignore[attr-defined]
+            self.loop_run.restype = ctypes.c_int64
         batch, number, count, array = ctypes.POINTER(_CBatch), ctypes.c_double, ctypes.c_int64, ctypes.c_void_p
         for name, result, arguments in (
-            ("check", count, ()),
+            ("check", count, tuple[Any, ...]()),
             ("step", count, (number, count, array)),
             ("advance", count, (number, number, array)),
             ("signals", None, (array,)),
@@ -198,8 +198,10 @@ class LanesPlant(Plant):
             batch.put_parameter(name, self._platforms.field(name))
         batch.states[: interface.N_STATES] = batch.padded(np.stack([start.to_vector() for start in starts]))
         self._place_motors(np.ones(batch.states.shape[1], dtype=bool))
-        home = (batch.padded(self._platforms.field(name)).T for name in ("home_position", "home_orientation"))
-        batch.inputs[:N_LEGS] = static_leg_forces(batch.parameters_of(), *home).T
+        position, orientation = (
+            batch.padded(self._platforms.field(name)).T for name in ("home_position", "home_orientation")
+        )
+        batch.inputs[:N_LEGS] = static_leg_forces(batch.parameters_of(), position, orientation).T
         batch.running[: len(platforms)] = -1
 
     @property

@@ -79,7 +79,8 @@ class Plant(Protocol):
         raise _single(self)
 
     def close(self) -> None:
-        """Release the plant's resources; may be called again."""
+        """Release the plant's resources, by default nothing; may be called again."""
+        return
 
     def __enter__(self) -> Self:
         return self

@@ -273,7 +273,7 @@ class Unit:
             # only the status of an FMI 3.0 step is used: the FMU has no events, and returns early only on request
             answers = (c_bool(), c_bool(), c_bool(), c_double())
             self._times = c_double(), c_double()
-            arguments = (c_int(fmi2True),) if self.is_fmi2 else (c_bool(True), *map(byref, answers))
+            arguments = (c_int(fmi2True),) if self.is_fmi2 else (c_bool(True), *(byref(answer) for answer in answers))
             self._step = self._bound("fmi2DoStep" if self.is_fmi2 else "fmi3DoStep", *self._times, *arguments)
 
     def read(self, values: Values) -> None:
