@@ -10,7 +10,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from ctypes import CFUNCTYPE, Array, byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p, cast
+from ctypes import CFUNCTYPE, byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p, cast
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple, Self
@@ -25,7 +25,6 @@ from numpy.typing import ArrayLike
 from gough_stewart.fmu_build.layout import Layout
 from gough_stewart.fmu_build.plant.layout import PLANT, plant_layout
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.model import interface
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.variant import Variant
 
@@ -58,8 +57,6 @@ class FmuFile:
     ----------
     path
         The FMU file.
-    folder
-        An empty folder for the unpacked files, which `close` keeps; by default a temporary one, which it removes.
 
     Raises
     ------
@@ -71,17 +68,14 @@ class FmuFile:
     remedy: ClassVar[str] = "make one with `gough-stewart build`"
     layout: Layout = PLANT
 
-    def __init__(self, path: Path | str, folder: Path | None = None) -> None:
+    def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.description = self._read()
         self.version = str(self.description.fmiVersion)
         self._check()
-        self._temporary: tempfile.TemporaryDirectory[str] | None = None
         self._libraries: dict[FmiType, Any] = {}
-        if folder is None:
-            self._temporary = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
-            folder = Path(self._temporary.name)
-        self.folder = folder
+        self._temporary = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
+        self.folder = Path(self._temporary.name)
         try:
             with zipfile.ZipFile(self.path) as archive:
                 archive.extractall(self.folder)
@@ -127,12 +121,16 @@ class FmuFile:
             self._libraries[fmi_type] = fmu
         return self._libraries[fmi_type]
 
+    def references(self, name: str) -> list[int]:
+        """Value references of a whole variable: of each scalar in FMI 2.0, of the array in FMI 3.0."""
+        row = self.layout.by_name[name]
+        return list(row.slots) if self.is_fmi2 else [row.reference]
+
     def close(self) -> None:
         """Unload the libraries, whose instances must have been freed, and remove the temporary folder; repeatedly."""
         while self._libraries:
             self._libraries.popitem()[1].freeLibrary()
-        if self._temporary is not None:
-            self._temporary.cleanup()
+        self._temporary.cleanup()
 
     def __enter__(self) -> Self:
         return self
@@ -173,15 +171,15 @@ class UnitFile(FmuFile):
     variant: Variant
 
     def _check(self) -> None:
-        found = {v.name: v.valueReference for v in self.description.modelVariables}
-        self.variant = Variant("leg_friction_model" in found, "leg_stiffness" in found)
+        stated = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.variant = Variant("leg_friction_model" in stated, "leg_stiffness" in stated)
         self.layout = plant_layout(self.variant)
         for variable in (row.variable for row in self.layout.rows if row.derivative_of is None):
             if variable is self.layout.time.variable:
                 continue
             names = variable.scalar_names if self.is_fmi2 else (variable.name,)
-            for name, reference in zip(names, references(variable.name, self.is_fmi2, self.layout), strict=True):
-                if found.get(name) != reference:
+            for name, reference in zip(names, self.references(variable.name), strict=True):
+                if stated.get(name) != reference:
                     model = self.description.modelName
                     raise self.refusal(
                         f"is the FMU of another model or version, {model} (variable {name} is missing or misplaced)"
@@ -195,30 +193,6 @@ class Message(NamedTuple):
     category: str
     text: str
     instance: str | None  # its name, absent in FMI 3.0
-
-
-class Values:
-    """Variables by their value references, with a buffer for their values in the form that the FMU reads and writes.
-
-    FMI 2.0 has a reference for each of the `size` scalars, FMI 3.0 one for each array.
-    """
-
-    def __init__(self, references: Sequence[int], size: int, is_fmi2: bool) -> None:
-        self.array = np.zeros(size)
-        self._references: Array[c_uint] = (c_uint * len(references))(*references)
-        self.arguments = [
-            cast(self._references, c_void_p),
-            c_size_t(len(references)),
-            c_void_p(self.array.ctypes.data),
-            *(() if is_fmi2 else (c_size_t(size),)),
-        ]
-
-
-def values_of(names: Iterable[str], is_fmi2: bool, layout: Layout = PLANT) -> Values:
-    """Whole variables of the plant, by name."""
-    variables = [layout.by_name[name].variable for name in names]
-    found = [reference for variable in variables for reference in references(variable.name, is_fmi2, layout)]
-    return Values(found, interface.size_of(variables), is_fmi2)
 
 
 class Unit:
@@ -248,7 +222,7 @@ class Unit:
         logging: bool = True,
         **options: Any,
     ) -> None:
-        self.is_fmi2, self._layout = file.is_fmi2, file.layout
+        self.file, self.is_fmi2 = file, file.is_fmi2
         self.messages: list[Message] = []
         self.is_alarmed, self._heard = False, 0
         self.fmu: Any = copy(file.library(fmi_type))
@@ -268,32 +242,15 @@ class Unit:
             text = self.take_messages()
             reason = f"cannot be instantiated: {text}" if text else f"does not run on this machine ({error})"
             raise file.refusal(reason) from error
-        self._names = ("fmi2GetReal", "fmi2SetReal") if self.is_fmi2 else ("fmi3GetFloat64", "fmi3SetFloat64")
         if fmi_type == "CoSimulation":
             # only the status of an FMI 3.0 step is used: the FMU has no events, and returns early only on request
             answers = (c_bool(), c_bool(), c_bool(), c_double())
             self._times = c_double(), c_double()
             arguments = (c_int(fmi2True),) if self.is_fmi2 else (c_bool(True), *(byref(answer) for answer in answers))
-            self._step = self._bound("fmi2DoStep" if self.is_fmi2 else "fmi3DoStep", *self._times, *arguments)
+            self._step = self.bound("fmi2DoStep" if self.is_fmi2 else "fmi3DoStep", *self._times, *arguments)
 
-    def read(self, values: Values) -> None:
-        """Fill the buffer."""
-        self.reading(values)()
-
-    def write(self, values: Values) -> None:
-        """Write the buffer to the instance."""
-        self.writing(values)()
-
-    def reading(self, values: Values) -> Callable[[], None]:
-        """A function that fills the buffer."""
-        return self._bound(self._names[0], *values.arguments)
-
-    def writing(self, values: Values) -> Callable[[], None]:
-        """A function that writes the buffer to the instance."""
-        return self._bound(self._names[1], *values.arguments)
-
-    def _bound(self, name: str, *arguments: Any) -> Callable[[], None]:
-        """The library's function with its arguments; to convert them at each call takes half of its time."""
+    def bound(self, name: str, *arguments: Any) -> Callable[[], None]:
+        """A function of the library with its arguments, whose conversion at each call would take half of its time."""
         address = cast(getattr(self.fmu.dll, name), c_void_p).value or 0
         call = partial(CFUNCTYPE(c_int)(address), c_void_p(self.fmu.component), *arguments)
 
@@ -306,11 +263,16 @@ class Unit:
 
         return call_and_check
 
+    def values_of(self, names: Iterable[str]) -> "Values":
+        """Whole variables of the file's layout, by name."""
+        known = [(self.file.references(name), self.file.layout.by_name[name].variable.size) for name in names]
+        return Values(self, [reference for each, _ in known for reference in each], sum(size for _, size in known))
+
     def write_by_name(self, values: Mapping[str, ArrayLike]) -> None:
         """Set whole variables in one call."""
-        buffer = values_of(values, self.is_fmi2, self._layout)
+        buffer = self.values_of(values)
         buffer.array[:] = np.concatenate([np.ravel(value) for value in values.values()])
-        self.write(buffer)
+        buffer.write()
 
     def initialise(self, tolerance: float | None = None, time: float = 0.0, stop: float | None = None) -> None:
         """Initialise the instance; for Model Exchange, enter continuous-time mode."""
@@ -379,10 +341,22 @@ def _ends_of(text: bytes | None) -> str:
     return whole.decode(errors="replace")
 
 
-def references(name: str, is_fmi2: bool, layout: Layout = PLANT) -> list[int]:
-    """Value references of a whole variable: of each scalar in FMI 2.0, of the array in FMI 3.0."""
-    row = layout.by_name[name]
-    return list(range(row.first, row.first + row.variable.size)) if is_fmi2 else [row.reference]
+class Values:
+    """Variables of an instance by their value references: their `array`, which `read` fills and `write` hands over.
+
+    FMI 2.0 has a reference for each of the `size` scalars, FMI 3.0 one for each array.
+    """
+
+    def __init__(self, unit: Unit, references: Sequence[int], size: int) -> None:
+        self.array = np.zeros(size)
+        arguments = (
+            (c_uint * len(references))(*references),
+            c_size_t(len(references)),
+            c_void_p(self.array.ctypes.data),
+            *(() if unit.is_fmi2 else (c_size_t(size),)),
+        )
+        names = ("fmi2GetReal", "fmi2SetReal") if unit.is_fmi2 else ("fmi3GetFloat64", "fmi3SetFloat64")
+        self.read, self.write = (unit.bound(name, *arguments) for name in names)
 
 
 def check_archive(path: Path) -> None:

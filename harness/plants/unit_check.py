@@ -17,7 +17,7 @@ from fmpy.validation import validate_fmu
 from gough_stewart.fmu_build.plant.component import IDENTIFIER
 from gough_stewart.fmu_build.plant.reference_results import FOLDER
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.harness.plants.unit import FmiType, Unit, UnitFile, check_archive, references, values_of
+from gough_stewart.harness.plants.unit import FmiType, Unit, UnitFile, check_archive
 from gough_stewart.model import interface
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.variant import IDEAL, NOMINAL
@@ -90,7 +90,7 @@ def _deviations(file: UnitFile, kind: FmiType) -> Iterator[tuple[str, float]]:
             unit.write_by_name(starts)
             unit.initialise(_TOLERANCE)
             step = _by_steps(unit, inputs) if kind == "CoSimulation" else _by_integration(unit, inputs, file)
-            results = values_of(expected, unit.is_fmi2, file.layout)
+            results = unit.values_of(expected)
             wanted = np.concatenate(list(expected.values()), axis=1)
             scale = np.concatenate(
                 [np.full(values.shape[1], _scale(name, values)) for name, values in expected.items()]
@@ -100,7 +100,7 @@ def _deviations(file: UnitFile, kind: FmiType) -> Iterator[tuple[str, float]]:
                     step(k, time[k], time[k + 1])
                 except FMICallException as error:
                     raise file.refusal(f"{case.name}: {unit.take_messages() or error}") from error
-                unit.read(results)
+                results.read()
                 # keeps NaN, unlike max()
                 deviation = float(np.maximum(deviation, (np.abs(results.array - wanted[k + 1]) / scale).max()))
         yield case.name, deviation if np.isfinite(deviation) else np.inf
@@ -126,12 +126,12 @@ _Step = Callable[[int, float, float], None]
 
 def _by_steps(unit: Unit, inputs: _Columns) -> _Step:
     """Communication steps under inputs that are linear between rows."""
-    buffer, rows = values_of(inputs, unit.is_fmi2), np.concatenate(list(inputs.values()), axis=1)
-    scalars = [each for name in inputs for each in references(name, unit.is_fmi2)]
+    buffer, rows = unit.values_of(inputs), np.concatenate(list(inputs.values()), axis=1)
+    scalars = [reference for name in inputs for reference in unit.file.references(name)]
 
     def by_rates(k: int, begin: float, end: float) -> None:
         buffer.array[:] = rows[k]
-        unit.write(buffer)
+        buffer.write()
         rates = (rows[k + 1] - rows[k]) / (end - begin)
         unit.fmu.setRealInputDerivatives(scalars, [1] * len(scalars), rates.tolist())
         unit.do_step(begin, end - begin)
@@ -140,10 +140,10 @@ def _by_steps(unit: Unit, inputs: _Columns) -> _Step:
         step = (end - begin) / _STEPS_A_ROW
         for m in range(_STEPS_A_ROW):
             buffer.array[:] = rows[k] + (m + (1 + m % 2) / 3) / _STEPS_A_ROW * (rows[k + 1] - rows[k])
-            unit.write(buffer)
+            buffer.write()
             unit.do_step(begin + m * step, step)
         buffer.array[:] = rows[k + 1]
-        unit.write(buffer)
+        buffer.write()
 
     return by_rates if unit.is_fmi2 else by_held_values
 
@@ -152,7 +152,7 @@ def _by_integration(unit: Unit, inputs: _Columns, file: UnitFile) -> _Step:
     """SciPy integrates the unit's derivatives under inputs that are linear between rows."""
     from scipy.integrate import solve_ivp
 
-    buffer, rows = values_of(inputs, unit.is_fmi2), np.concatenate(list(inputs.values()), axis=1)
+    buffer, rows = unit.values_of(inputs), np.concatenate(list(inputs.values()), axis=1)
     n = len(file.variant.scales)
     x, xdot = (c_double * n)(), (c_double * n)()
     absolute, is_stiff = _TOLERANCE * np.array(file.variant.scales), file.variant != IDEAL
@@ -161,7 +161,7 @@ def _by_integration(unit: Unit, inputs: _Columns, file: UnitFile) -> _Step:
     def integrate(k: int, begin: float, end: float) -> None:
         def derivatives(t: float, state: FloatArray) -> FloatArray:
             buffer.array[:] = rows[k] + (t - begin) / (end - begin) * (rows[k + 1] - rows[k])
-            unit.write(buffer)
+            buffer.write()
             unit.fmu.setTime(t)
             x[:] = state.tolist()
             unit.fmu.setContinuousStates(x, n)

@@ -1,6 +1,6 @@
 """FMUs in FMPy behind one face for both versions: names instead of value references, messages kept."""
 
-import tempfile
+import atexit
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,10 +22,11 @@ N = interface.size_of(interface.STATES)
 
 
 class Fmu(UnitFile):
-    """An FMU unpacked beside itself."""
+    """An FMU of the plant, unpacked until the tests end."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path, Path(tempfile.mkdtemp(dir=path.parent)))
+        super().__init__(path)
+        atexit.register(self.close)
 
 
 class Plant(Unit):

@@ -203,14 +203,14 @@ def test_parameters_of_a_unit_are_all_and_each_in_its_place(version: str, fmus: 
         assert plant.fmi_version == version
         assert plant.path == fmus[version].path
         names = [v.name for v in (*interface.PLATFORM_PARAMETERS, *interface.INPUTS, *interface.STATES)]
-        values = values_of([*names, "fixed_step_size"], version == "2.0")
-        plant._unit.read(values)
+        values = plant._unit.values_of([*names, "fixed_step_size"])
+        values.read()
         expected: list[float] = [x for v in interface.PLATFORM_PARAMETERS for x in np.ravel(getattr(UNEVEN, v.name))]
         expected += [*UNEVEN.home_actuator_force, *[0.0] * 6, *STATE.to_vector(), 0.004]
         assert values.array == pytest.approx(expected, rel=1e-12)
         new: dict[str, Any] = {"gravity": [1, 2, -3], "leg_viscous_friction_factor": np.arange(6), "platform_mass": 9}
         plant.set_parameters(new)
-        plant._unit.read(values)
+        values.read()
         changed = interface.unpack(
             (*interface.PLATFORM_PARAMETERS, *interface.INPUTS, *interface.STATES), values.array[:-1]
         )
