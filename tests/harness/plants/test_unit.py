@@ -9,20 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fmpy.fmi1 import FMICallException
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.harness.plants.unit import Unit, UnitFile, Values
 from gough_stewart.model import interface
-from gough_stewart.model.dynamics import forward_dynamics
 from gough_stewart.model.errors import InterfaceError, StepError
-from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fmu_plants import Fmu
-from tests.support.uneven import INPUTS, STATE, UNEVEN
+from tests.support.uneven import STATE, UNEVEN
 
 Change = Callable[[str, bytes], bytes | None]
 
@@ -84,19 +79,6 @@ def test_a_damaged_file_is_refused_and_leaves_nothing(
     assert list((tmp_path / "temporary").iterdir()) == []
 
 
-def test_a_file_serves_several_plants_until_it_is_closed(fmus: dict[str, Fmu]) -> None:
-    """Expected: the same end, to the last bit."""
-    ends = []
-    with UnitFile(str(fmus["3.0"].path)) as file:
-        for _ in range(2):
-            with FmuPlant(file, UNEVEN, STATE) as plant:
-                plant.do_step(0.0, 0.01)
-                ends.append(plant.results())
-    assert np.array_equal(*ends)
-    assert not file.folder.exists()
-    file.close()
-
-
 def test_an_error_that_the_unit_logs_is_one_also_where_the_call_went_well(fmus: dict[str, Fmu]) -> None:
     """Expected: an error of the unit, put in its mouth, raised by whatever is called next, and only once."""
     with FmuPlant(fmus["3.0"].path, UNEVEN) as plant:
@@ -110,27 +92,6 @@ def test_an_error_that_the_unit_logs_is_one_also_where_the_call_went_well(fmus: 
             with pytest.raises(PlantError, match=r"\.fmu: the oil is cold$"):
                 call()
         plant.results()
-
-
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_a_fixed_step_is_classical_rk4(version: str, fmus: dict[str, Fmu]) -> None:
-    """Expected: two steps by hand, with the dynamics in NumPy."""
-
-    def rate(x: FloatArray) -> FloatArray:
-        state = State.from_vector(x)
-        turning = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
-        return np.concatenate([state.velocity, turning, *forward_dynamics(UNEVEN, state, INPUTS)])
-
-    h, x = 0.02, STATE.to_vector()
-    for _ in range(2):
-        k1 = rate(x)
-        k2 = rate(x + h / 2 * k1)
-        k3 = rate(x + h / 2 * k2)
-        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + h * k3))
-    with FmuPlant(fmus[version].path, UNEVEN, STATE, fixed_step_size=h) as plant:
-        plant.set_inputs(INPUTS.to_vector())
-        plant.do_step(0.0, 2 * h)
-        assert plant.signals()[:12] == pytest.approx(x, abs=1e-11)
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
@@ -179,22 +140,3 @@ def test_parameters_of_a_unit_are_all_and_each_in_its_place(version: str, fmus: 
             with pytest.raises(InterfaceError, match=f"^{reason}$"):
                 plant.set_parameters({"platform_mass": 1.0, name: 1.0})
         assert is_as_expected()
-
-
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_a_unit_knows_its_name_and_where_time_begins(version: str, fmus: dict[str, Fmu]) -> None:
-    """Expected: steps from the start time on, refused before it and beyond the stop time; the name in its words."""
-    with UnitFile(fmus[version].path) as file:
-        for options, name in (({"name": "left"}, "left"), ({}, "plant")):
-            with Unit(file, **options) as unit:
-                unit.initialise(1e-8, 7.3, 7.4)
-                unit.do_step(7.3, 0.05)
-                unknown = Values(unit, [9999], 1)
-                for call in (lambda: unit.do_step(0.0, 0.05), lambda: unit.do_step(7.35, 0.2), unknown.read):
-                    with pytest.raises(FMICallException):
-                        call()
-                    message = unit.messages[0]
-                    assert message.instance == (name if version == "2.0" else None)
-                    assert message.text in unit.take_messages()
-                    assert unit.messages == []
-                unit.do_step(7.35, 0.05)
