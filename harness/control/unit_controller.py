@@ -103,7 +103,7 @@ class ControllerUnit:
     """The FMU, run by FMPy."""
 
     def __init__(self, path: Path, names: Mapping[str, str], parameters: Mapping[str, Any], sample_time: float) -> None:
-        from gough_stewart.harness.plants.unit import FmuFile, Unit, Values
+        from gough_stewart.harness.plants.unit import FmuFile, FmuInstance, Values
 
         class ControllerFile(FmuFile):
             error = ControllerError
@@ -113,7 +113,7 @@ class ControllerUnit:
             self._file = file = stack.enter_context(ControllerFile(path))
             self._variables = {v.name: v for v in file.description.modelVariables}
             self._check_sample_time(sample_time)
-            self._unit = stack.enter_context(Unit(file, name="controller"))
+            self._unit = stack.enter_context(FmuInstance(file, name="controller"))
             self._source, references = self._inputs(names)
             self._inputs_of_unit = Values(self._unit, references, len(self._source))
             force = self._references(_FORCE, names, interface.BY_NAME[_FORCE], "output")

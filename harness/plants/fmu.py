@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.unit import Unit, UnitFile
+from gough_stewart.harness.plants.unit import FmuInstance, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.machine_dynamics import states_at
@@ -66,7 +66,7 @@ class FmuPlant(Plant):
             self.fmi_version = file.version
             if file.variant != self._variant:
                 raise file.refusal(f"is built for a platform {file.variant.words}, not for one {self._variant.words}")
-            self._unit = unit = stack.enter_context(Unit(file))
+            self._unit = unit = stack.enter_context(FmuInstance(file))
             values: dict[str, ArrayLike] = {v.name: getattr(platform, v.name) for v in self._variant.parameters}
             values["fixed_step_size"] = fixed_step_size
             values |= interface.start_values(interface.INPUTS, platform)
@@ -85,18 +85,18 @@ class FmuPlant(Plant):
         self._checked("inputs", self._inputs.write)
 
     def set_parameters(self, values: Mapping[str, object]) -> None:
-        known: dict[str, Any] = {}
+        checked: dict[str, Any] = {}
         for name, value in values.items():
             variable, element = interface.find(name)
             if variable not in self._variant.tunable or element is not None:
                 tunable = ", ".join(v.name for v in self._variant.tunable)
                 raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
-            known[name] = interface.checked_value(variable, value)
-        if not known:
+            checked[name] = interface.checked_value(variable, value)
+        if not checked:
             return
         # the FMU checks elements one by one, and an inertia as a whole at the next step
-        changed = replace(self._platform, **known)
-        self._checked("parameters", self._unit.write_by_name, known)
+        changed = replace(self._platform, **checked)
+        self._checked("parameters", self._unit.write_by_name, checked)
         self._platform = changed
 
     def results(self) -> FloatArray:

@@ -48,7 +48,7 @@ class _CBatch(ctypes.Structure):
     _fields_ = [(name, ctypes.c_int64 if k < 2 else ctypes.c_void_p) for k, name in enumerate(BATCH_FIELDS)]
 
 
-class Batch:
+class LaneArrays:
     """M members, a multiple of eight, as kernels use them, see c/lanes/lanes.h; members contiguous in rows.
 
     All are of one variant, which gives the sizes. Everything is zero at first.
@@ -191,7 +191,7 @@ class LanesPlant(Plant):
         self._kernel, self._platforms = kernel, Platforms.of(platforms)
         self._variant = Variant.of(self._platforms[0])
         self.columns = self._variant.columns
-        self.batch = batch = Batch(len(platforms), self._variant)
+        self.batch = batch = LaneArrays(len(platforms), self._variant)
         self._signals = lane_rows(signals.SIZE, batch.blocks)
         self._time, self._steps, self._begun = 0.0, 0, False
         for name in (v.name for v in self._variant.parameters):
@@ -315,7 +315,7 @@ class LanesPlant(Plant):
             motors = motors_at(self.batch.parameters_of(), starts)
         except SingularPoseError:
             motors_of_each = [self._motors_of(k) for k in range(x.shape[1])]
-            motors = {name: np.stack([one[name] for one in motors_of_each]) for name in motors_of_each[0]}
+            motors = {name: np.stack([of_member[name] for of_member in motors_of_each]) for name in motors_of_each[0]}
         for name, values in motors.items():
             begin = interface.size_of(states[: states.index(interface.BY_NAME[name])])
             x[begin : begin + N_LEGS, members] = values.T[:, members]

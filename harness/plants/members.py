@@ -28,7 +28,7 @@ def flags(shape: tuple[int, ...], size: int, *rows: int) -> BoolArray:
 
 def stacked(values: Sequence[Any]) -> Any:
     """Arrays of members (..., size), of equal shape, as one (..., N, size), members contiguous."""
-    return np.moveaxis(np.stack([np.asarray(each) for each in values], axis=-1), -1, -2)
+    return np.moveaxis(np.stack([np.asarray(value) for value in values], axis=-1), -1, -2)
 
 
 def all_below(values: FloatArray, bound: float) -> bool:

@@ -195,7 +195,7 @@ class Message(NamedTuple):
     instance: str | None  # its name, absent in FMI 3.0
 
 
-class Unit:
+class FmuInstance:
     """An instance of an FMU; `fmu` is FMPy's instance. Failed calls raise FMPy's FMICallException.
 
     `messages` has the first and the last ones since they were last taken, `is_alarmed` says whether one of all was more
@@ -265,8 +265,9 @@ class Unit:
 
     def values_of(self, names: Iterable[str]) -> "Values":
         """Whole variables of the file's layout, by name."""
-        known = [(self.file.references(name), self.file.layout.by_name[name].variable.size) for name in names]
-        return Values(self, [reference for each, _ in known for reference in each], sum(size for _, size in known))
+        names, layout = list(names), self.file.layout
+        references = [reference for name in names for reference in self.file.references(name)]
+        return Values(self, references, sum(layout.by_name[name].variable.size for name in names))
 
     def write_by_name(self, values: Mapping[str, ArrayLike]) -> None:
         """Set whole variables in one call."""
@@ -334,11 +335,11 @@ def _call_of(call: Callable[..., Any], name: str, *arguments: Any) -> Any:
 
 def _ends_of(text: bytes | None) -> str:
     """A text that a unit hands over, of any length: its first and last bytes if it is long, "" for a null pointer."""
-    whole = text or b""
-    left_out = len(whole) - 2 * _BYTES_KEPT
+    shown = text or b""
+    left_out = len(shown) - 2 * _BYTES_KEPT
     if left_out > 0:
-        whole = whole[:_BYTES_KEPT] + f" … {left_out:,} more bytes … ".encode() + whole[-_BYTES_KEPT:]
-    return whole.decode(errors="replace")
+        shown = shown[:_BYTES_KEPT] + f" … {left_out:,} more bytes … ".encode() + shown[-_BYTES_KEPT:]
+    return shown.decode(errors="replace")
 
 
 class Values:
@@ -347,7 +348,7 @@ class Values:
     FMI 2.0 has a reference for each of the `size` scalars, FMI 3.0 one for each array.
     """
 
-    def __init__(self, unit: Unit, references: Sequence[int], size: int) -> None:
+    def __init__(self, unit: FmuInstance, references: Sequence[int], size: int) -> None:
         self.array = np.zeros(size)
         arguments = (
             (c_uint * len(references))(*references),

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.fmu_build.layout import Layout
 from gough_stewart.fmu_build.plant.layout import PLANT
-from gough_stewart.harness.plants.unit import FmuFile, Unit, UnitFile
+from gough_stewart.harness.plants.unit import FmuFile, FmuInstance, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.platform import Platform
 
@@ -29,7 +29,7 @@ class Fmu(UnitFile):
         atexit.register(self.close)
 
 
-class Plant(Unit):
+class Plant(FmuInstance):
     """An instance with more of what FMPy can do; of the plant, unless it has another layout."""
 
     def __init__(self, fmu: FmuFile, co_simulation: bool = True, layout: Layout = PLANT, **options: Any) -> None:

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from gough_stewart.fmu_build.lanes import Failure, lanes_library
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.lanes import Batch, LanesPlant, lanes_plant
+from gough_stewart.harness.plants.lanes import LaneArrays, LanesPlant, lanes_plant
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, StepError
@@ -627,13 +627,13 @@ def test_states_are_checked_of_those_that_run_only() -> None:
 def test_a_batch_holds_each_parameter_of_each_member_in_its_place() -> None:
     """Expected: eleven members in two vectors of eight, the last one repeated; parameters by name as they were."""
     platforms, _, _ = _members(N)
-    batch = Batch(N)
+    batch = LaneArrays(N)
     assert batch.blocks == 2
     assert batch.states.shape == batch.reached.shape == (12, 16)
     assert batch.inputs.shape == (12, 16)
     assert batch.parameters.ctypes.data % 64 == 0
-    assert Batch(8).blocks == 1
-    assert Batch(9).states.strides[0] // 64 % 2 == 1
+    assert LaneArrays(8).blocks == 1
+    assert LaneArrays(9).states.strides[0] // 64 % 2 == 1
     for name in (v.name for v in interface.PLATFORM_PARAMETERS):
         batch.put_parameter(name, np.stack([np.asarray(getattr(each, name)) for each in platforms]))
     everyone, some, two = batch.parameters_of(), batch.parameters_of(slice(3, 5)), batch.parameters_of([10, 0])

@@ -21,7 +21,7 @@ from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.unit import Unit, UnitFile
+from gough_stewart.harness.plants.unit import FmuInstance, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import forward_dynamics
 from gough_stewart.model.errors import GoughStewartError, InterfaceError, PlatformError, StepError
@@ -210,10 +210,10 @@ def test_a_centre_of_mass_beyond_the_shortest_leg_of_the_start_is_refused(open_o
 def test_a_closed_file_keeps_no_library_also_after_a_failed_instance(version: str, fmus: dict[str, Fmu]) -> None:
     """Expected: no file of the unit's folder is mapped into this process afterwards."""
     with UnitFile(fmus[version].path) as file:
-        with Unit(file):
+        with FmuInstance(file):
             assert str(file.folder) in Path("/proc/self/maps").read_text()
         with pytest.raises(PlantError, match="wrong token"):
-            Unit(file, token="another")
+            FmuInstance(file, token="another")
     assert str(file.folder) not in Path("/proc/self/maps").read_text()
 
 

@@ -69,7 +69,7 @@ def test_units_pass_all_checks(name: str, tmp_path: Path) -> None:
             assert check.passed
             assert check.deviation is not None
             assert 0 < check.deviation <= 0.2 * BOUND
-            assert re.fullmatch(r"\d\.\de-\d\d \((open_loop|varying_inputs)\)", check.found)
+            assert re.fullmatch(r"\d\.\de-\d\d \((open_loop|varying_inputs)\)", check.result)
 
 
 @pytest.mark.parametrize("version", [2, 3])
@@ -91,7 +91,7 @@ def test_another_result_anywhere_fails_both_kinds(
     for check in comparisons:
         assert not check.passed
         assert check.deviation == pytest.approx(2 * BOUND, rel=0.1)
-        assert check.found.endswith(f"({case})")
+        assert check.result.endswith(f"({case})")
 
 
 @pytest.mark.parametrize("place", ["open_loop/gough_stewart_in.csv", "open_loop/gough_stewart_start.csv"])
@@ -167,7 +167,7 @@ def test_a_unit_that_is_wrong_fails_with_the_reason(case: str, units: dict[int, 
     version, change, passes, reason = WRONG[case]
     checks = checks_of(change(units[version]), tmp_path)
     assert [check.passed for check in checks] == passes
-    assert all(check.passed or re.search(reason, check.found) for check in checks)
+    assert all(check.passed or re.search(reason, check.result) for check in checks)
     assert [check.passed for check in check_units([tmp_path / "nowhere.fmu"])] == [False] * 3
 
 
