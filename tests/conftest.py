@@ -10,9 +10,7 @@ import pytest
 from hypothesis import settings
 from playwright.sync_api import Browser
 
-from gough_stewart.fmu_build.build import build
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart import Platform, build, load_preset
 from tests.support.browser import CHROMIUM, chromium
 from tests.support.demo import Demo, run_demo
 from tests.support.fmu_plants import Fmu

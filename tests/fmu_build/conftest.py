@@ -1,19 +1,19 @@
 """The native FMUs of the uneven platform, one by one."""
 
-from pathlib import Path
-
 import pytest
 
-from gough_stewart.fmu_build.build import build
+import gough_stewart as gs
 from tests.support.fmu_plants import Fmu
+from tests.support.real_platforms import real_platform
+from tests.support.shared import shared_folder
 from tests.support.uneven import UNEVEN
 
 
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
     """By FMI version: archives and what is in them."""
-    folder = tmp_path_factory.mktemp("fmus")
-    return {str(fmu.description.fmiVersion): fmu for fmu in (Fmu(path) for path in build(folder, platform=UNEVEN))}
+    units = map(Fmu, gs.build(tmp_path_factory.mktemp("fmus"), platform=UNEVEN))
+    return {unit.version: unit for unit in units}
 
 
 @pytest.fixture(scope="session")
@@ -34,7 +34,23 @@ def fmu(request: pytest.FixtureRequest, fmus: dict[str, Fmu]) -> Fmu:
     return fmus[request.param]
 
 
-@pytest.fixture
-def fmu_folder(fmus: dict[str, Fmu]) -> Path:
-    """Where the archives lie."""
-    return next(iter(fmus.values())).path.parent
+@pytest.fixture(scope="session")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Fmu]:
+    """By FMI version, of the uneven platform with friction that sticks and legs that give."""
+    platform = real_platform("lugre", springs=True)
+    folder = shared_folder(tmp_path_factory, "whole", lambda folder: gs.build(folder, platform=platform))
+    return {unit.version: unit for unit in map(Fmu, sorted(folder.glob("*.fmu")))}
+
+
+@pytest.fixture(scope="session")
+def sticking(tmp_path_factory: pytest.TempPathFactory) -> Fmu:
+    """FMI 3.0, of the uneven platform with friction that sticks and rigid legs."""
+    return Fmu(gs.build(tmp_path_factory.mktemp("sticking"), platform=real_platform("lugre"), fmi=["3.0"])[0])
+
+
+@pytest.fixture(params=["ideal-2.0", "ideal-3.0", "whole-2.0", "whole-3.0"])
+def any_fmu(request: pytest.FixtureRequest, fmus: dict[str, Fmu]) -> Fmu:
+    """Both, and both of a platform with all kinds of states."""
+    kind, version = request.param.split("-")
+    units: dict[str, Fmu] = fmus if kind == "ideal" else request.getfixturevalue("whole")
+    return units[version]

@@ -1,13 +1,11 @@
 """The unit in hosts written in C: random calls under a sanitizer, instances in threads. Longer in tests/evidence."""
 
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from tests.support.c_hosts import (
-    CHECKER,
     FUZZ,
     INSTANCES,
     NEVER_OK,
@@ -43,25 +41,3 @@ def test_instances_in_threads_have_the_bits_of_instances_in_turn(hosts: Path) ->
     """Expected: the same unit, stepped in another order. At most 16 KiB for an instance."""
     result = run_instances(compile_host(INSTANCES, hosts / "instances", COMPILER), 100, 8)
     assert result["bytes_per_instance"] <= 16 * 1024
-
-
-def test_a_checker_finishes_the_default_experiment(hosts: Path) -> None:
-    """Expected: a unit that is told nothing stands at 3 m for a second.
-
-    Without forces it falls into the plane of its base, a singular pose, in which the kernel under DOP853 is at 0.764 s:
-    Model Exchange asks for the end there, without an error; a communication step is refused.
-    """
-    program = compile_host(CHECKER, hosts / "checker", COMPILER)
-
-    def checked(*arguments: str) -> tuple[int, list[float]]:
-        done = subprocess.run([str(program), *arguments], capture_output=True, text=True, check=False)
-        return done.returncode, [float(word) for word in done.stdout.split()]
-
-    for kind in ("cs", "me"):
-        code, (time, terminated, errors, height) = checked(kind, "start")
-        assert (code, time, terminated, errors) == (0, 1, 0, 0)
-        assert height == pytest.approx(3, abs=1e-9)
-    code, (time, terminated, errors, _) = checked("me", "none")
-    assert (code, terminated, errors) == (0, 1, 0)
-    assert time == pytest.approx(0.765, abs=0.005)
-    assert checked("cs", "none")[0] == 1

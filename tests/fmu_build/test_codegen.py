@@ -1,29 +1,13 @@
 """The kernel as C: complete, with plain signatures, and refused where it is not straight-line code."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import casadi
 import pytest
 
 from gough_stewart.fmu_build import codegen, tables
-from gough_stewart.fmu_build.layout import Layout
-from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.plant.layout import PLANT
-from gough_stewart.fmu_build.sources import sources, standard_headers
-from gough_stewart.model import interface
-from gough_stewart.model.platform import Platform
-
-
-def test_every_function_that_the_header_declares_is_defined(paper: Platform) -> None:
-    """Expected: the declarations of kernel.h, argument by argument."""
-    headers = sources(plant_component(paper), "3.0", "token").headers
-    declared = dict(re.findall(r"void (kernel_\w+)\((.*?)\);", headers["kernel.h"], re.S))
-    defined = dict(re.findall(r"^void (kernel_\w+)\((.*?)\)$", codegen.kernel_source(), re.M))
-    assert len(defined) == 5
-    assert defined == {name: " ".join(arguments.split()) for name, arguments in declared.items()}
-    assert list(defined) == list(declared)
+from gough_stewart.fmu_build.sources import standard_headers
 
 
 def test_the_code_is_arithmetic_only() -> None:
@@ -52,100 +36,6 @@ def test_code_that_branches_is_refused() -> None:
     function = casadi.Function("f", [x], [casadi.if_else(x > 0, casadi.sin(x), casadi.fmod(x, 2))], ["x"], ["y"])
     with pytest.raises(RuntimeError, match="unknown construct"):
         codegen.function_source(function)
-
-
-def test_slots_follow_each_other_without_gaps() -> None:
-    first = 0
-    for row in PLANT.rows:
-        assert row.first == first
-        first += row.variable.size
-    assert first == PLANT.n_slots
-
-
-def test_states_come_first_among_the_results() -> None:
-    """Expected by the C core: results begin with the states, in the kernel's order."""
-    names = [row.variable.name for row in PLANT.rows]
-    results = names[names.index(interface.RESULTS[0].name) :]
-    assert results[: len(interface.RESULTS)] == [v.name for v in interface.RESULTS]
-    assert results[: len(interface.STATES)] == [v.name for v in interface.STATES]
-
-
-def test_the_layout_number_changes_with_the_variables_and_the_saved_form(paper: Platform) -> None:
-    component = plant_component(paper)
-    others = replace(component, layout=Layout(PLANT.rows[:-1])), replace(component, saved_form="another")
-    assert len({tables.layout_number(each) for each in (component, *others)}) == 3
-
-
-# --- one function, whole -------------------------------------------------------------------------------------------
-
-
-def mixed() -> casadi.Function:
-    """Two inputs and two outputs with all that the generator changes: quotients, literals, calls, infinity."""
-    x, p = casadi.SX.sym("x", 3), casadi.SX.sym("p", 2)
-    y = casadi.vertcat(x[0] / p[0], x[1] / p[0], x[2] / p[1] + 1.5e-7, casadi.sqrt(x[0]) + 2 * casadi.sin(p[1]))
-    z = casadi.fmod(x[0], p[1]) + casadi.sign(p[0]) + x[1] ** 2 + casadi.inf
-    return casadi.Function("f", [x, p], [y, z], ["x", "p"], ["y", "z"])
-
-
-IN_DOUBLE = """
-void kernel_f(const double x[], const double p[], double y[], double z[])
-{
-  double r0;
-  double a0, a1, a2, a3, a4, a5;
-  a0=x[0];
-  a1=p[0];
-  r0=1/a1;
-  a2=(a0*r0);
-  y[0]=a2;
-  a2=x[1];
-  a3=(a2*r0);
-  y[1]=a3;
-  a3=x[2];
-  a4=p[1];
-  a3=(a3/a4);
-  a5=1.4999999999999999e-07;
-  a3=(a3+a5);
-  y[2]=a3;
-  a3=sqrt(a0);
-  a5=sin(a4);
-  a5=(2.*a5);
-  a3=(a3+a5);
-  y[3]=a3;
-  a0=fmod(a0,a4);
-  a1=sign(a1);
-  a0=(a0+a1);
-  a2=sq(a2);
-  a0=(a0+a2);
-  a2=HUGE_VAL;
-  a0=(a0+a2);
-  z[0]=a0;
-}
-"""
-
-
-def test_a_function_is_written_in_double_with_one_reciprocal_for_two_quotients() -> None:
-    """Expected: written out by hand; what is divided by once stays a quotient."""
-    assert codegen.function_source(mixed()) == IN_DOUBLE
-
-
-def test_a_function_is_written_in_another_type_with_its_calls_casts_and_literals() -> None:
-    """Expected: as in double, changed by hand; only inputs and outputs of another type are cast."""
-    expected = IN_DOUBLE.replace("void kernel_f", "static void of_f").replace("double", "float")
-    for before, after in (
-        ("const float p[]", "const double p[]"),
-        ("float z[]", "double z[]"),
-        ("a1=p[0]", "a1=(float)p[0]"),
-        ("a4=p[1]", "a4=(float)p[1]"),
-        ("z[0]=a0", "z[0]=(double)a0"),
-        ("=1.4999999999999999e-07", "=((float)1.4999999999999999e-07)"),
-        ("(2.*a5)", "(((float)2.)*a5)"),
-        ("HUGE_VAL", "((float)HUGE_VAL)"),
-        *((f"={name}(", f"={name}f(") for name in ("sqrt", "sin", "fmod")),
-    ):
-        assert expected.count(before) == 1
-        expected = expected.replace(before, after)
-    types = codegen.Types("float", {"p": "double", "z": "double"}, "{}f")
-    assert codegen.function_source(mixed(), "static void of_", types) == expected
 
 
 def test_conditions_compare_with_zero_where_they_are_allowed() -> None:

@@ -1,7 +1,5 @@
 """Which compiler makes a unit, and how it is called."""
 
-import os
-import shutil
 from pathlib import Path
 
 import pytest
@@ -10,7 +8,7 @@ from gough_stewart.fmu_build import compilers
 from gough_stewart.fmu_build.compilers import Compiler, compiler_of, zig
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.targets import BY_NAME, native
-from gough_stewart.fmu_build.toolchain import FLAGS, compile_library
+from gough_stewart.fmu_build.toolchain import FLAGS
 
 OTHER = next(target for target in BY_NAME.values() if target != native())
 
@@ -48,32 +46,6 @@ def test_the_order_is_cc_zig_and_the_systems(path: Path, monkeypatch: pytest.Mon
     assert compiler_of(native()) == zig()
 
 
-def test_other_targets_are_zigs_alone(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: a compiler of the system, chosen or found, would make a library for this one."""
-    monkeypatch.setenv("CC", program(path, "cc"))
-    with pytest.raises(BuildError, match=rf"^no C compiler for {OTHER.name} was found \(zig\)"):
-        compiler_of(OTHER)
-    monkeypatch.setattr(compilers, "find_spec", lambda _name: object())
-    assert compiler_of(OTHER).is_zig
-
-
-def test_a_chosen_compiler_that_is_not_there_is_named(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("CC", "nowhere --fast")
-    program(path, "cc")
-    with pytest.raises(BuildError, match=r"^the environment variable CC is 'nowhere --fast'; expected a C compiler"):
-        compiler_of(native())
-
-
-def test_another_program_or_option_is_another_compiler(path: Path) -> None:
-    """Expected: units that they made are kept apart."""
-    found = set()
-    for cc in (program(path, "one"), program(path, "two"), f"{path / 'one'} -m32"):
-        found.add(compiler_of(native(), {"CC": cc}).identity)
-    (path / "one").write_text("#!/bin/sh\n# a newer one\n")
-    found.add(compiler_of(native(), {"CC": str(path / "one")}).identity)
-    assert len(found) == 4
-
-
 def test_msvc_has_options_of_its_own() -> None:
     """Expected: by Microsoft's manual: a library, C11, no contraction of floating-point operations."""
     (command,) = Compiler((r"cl.exe",), "").commands("unit.dll", ["a.c"], "include", BY_NAME["x86_64-windows"], FLAGS)
@@ -90,17 +62,3 @@ def test_only_files_are_compiled_for_a_processor_of_windows() -> None:
     assert second == [*aim, "-mcpu=x86_64_v3", "-O3", "-I", "h", "-c", "b.c", "-o", "1.obj"]
     assert last == [*aim, "-O3", "-shared", "-s", "-I", "h", "0.obj", "1.obj", "-o", "u.dll", "-lm"]
     assert len(Compiler(("zig",), "", is_zig=True).commands("u.dll", ["a.c", "b.c"], "h", target, flags[1:])) == 1
-
-
-@pytest.mark.skipif(shutil.which("cc") is None or os.name != "posix", reason="no compiler of the system here")
-def test_a_compiler_of_the_system_makes_a_library_that_loads() -> None:
-    import ctypes
-    import tempfile
-
-    source = {"unit.c": '#include "unit.h"\n__attribute__((visibility("default"))) int value(void) { return VALUE; }\n'}
-    compiler = compiler_of(native(), {"CC": "cc"})
-    made = compile_library("unit", source, {"unit.h": "#define VALUE 37\n"}, native(), compiler=compiler)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, f"unit{native().suffix}")
-        file.write_bytes(made)
-        assert ctypes.CDLL(str(file)).value() == 37

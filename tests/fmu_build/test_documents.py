@@ -1,72 +1,75 @@
-"""What a unit's documents say, element by element, on an uneven platform; expected values are written out by hand.
+"""The documents in a unit's archive: description, terminals, reference results, page and pictures.
 
-The documents come from `unit_of`, which compiles nothing.
+Expected values are those of the table of variables and of the platform, of the unit itself, and of the standards.
 """
 
+import csv
+import html
 import io
-import json
+import posixpath
 import re
-import xml.etree.ElementTree as ET
 import zipfile
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
 from importlib.metadata import metadata
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import Any
+from xml.etree import ElementTree as ET
 
-import casadi
 import numpy as np
 import pytest
+from fmpy.util import read_csv
+from fmpy.validation import validate_fmu
+from PIL import Image
+from scipy.spatial.transform import Rotation
 
-from gough_stewart.fmu_build import codegen, model_description, source_state
-from gough_stewart.fmu_build.archive import file_name, to_zip
-from gough_stewart.fmu_build.builder import Unit, chosen_versions, number_of_steps, unit_of
-from gough_stewart.fmu_build.component import Component, Kind
-from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.formulas import mathml, to_html
-from gough_stewart.fmu_build.lanes import lanes_sources
-from gough_stewart.fmu_build.layout import Role, laid_out
-from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.plant.layout import PLANT
-from gough_stewart.fmu_build.plant.reference_results import reference_cases, reference_files
-from gough_stewart.fmu_build.sources import standard_license
-from gough_stewart.fmu_build.targets import BY_NAME, chosen_targets, native
-from gough_stewart.model import interface
-from gough_stewart.model.interface import Variable
-from tests.support.random_platforms import random_state
-from tests.support.uneven import UNEVEN
+import gough_stewart as gs
+from tests.support.fmu_plants import STATES, Fmu, plant
+from tests.support.lagrangian import FloatArray
+from tests.support.plain_motion import trajectory
+from tests.support.schemas import complaints_of_schemas
+from tests.support.uneven import MOVING, UNEVEN
 
-VERSIONS = ("2.0", "3.0")
+ROOT = Path(__file__).parents[2]
 PACKAGE = metadata("gough-stewart")
-START = random_state(UNEVEN, np.random.default_rng(9))
-FORCES = np.array([11.0, -22.0, 33.0, -44.0, 55.0, -66.0])
+TABLE = {v.name: v for v in gs.VARIABLES}
+INPUTS = ("actuator_force", "external_force", "external_torque")
+# Whose names are to be escaped, and whose z axis points at the viewer of its picture.
+ODD = replace(
+    *(UNEVEN,),
+    name='<b>&"mine"</b>',
+    source="<script>alert(1)</script>",
+    home_orientation=np.radians([66.0, 0, 35]),
+    **dict.fromkeys(("leg_length_min", "leg_length_max", "joint_angle_max", "actuator_force_max")),
+)
+PLATFORMS = {"uneven": UNEVEN, "odd": ODD, "desktop_hexapod": gs.load_preset("desktop_hexapod")}
 
 
-@cache
-def component() -> Component:
-    """The uneven plant with a start state, forces and options of its own; its runs of references are left out."""
-    return plant_component(
-        UNEVEN, start=START, actuator_force=FORCES, tolerance=3e-7, fixed_step_size=2e-3, is_in_a_system=True
-    )
+@pytest.fixture(scope="module", params=PLATFORMS)
+def pictured(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[gs.Platform, Fmu]:
+    """A platform with its unit, FMI 3.0."""
+    platform = PLATFORMS[request.param]
+    return platform, Fmu(gs.build(tmp_path_factory.mktemp("pictured"), platform=platform, fmi=["3.0"])[0])
 
 
-@cache
-def unit(version: str) -> Unit:
-    return unit_of(component(), version)
+def xml(fmu: Fmu, place: str = "modelDescription.xml") -> ET.Element:
+    return ET.parse(fmu.folder / place).getroot()
 
 
-def xml(version: str, name: str = "modelDescription.xml") -> ET.Element:
-    return ET.fromstring(unit(version).documents[name])
+# --- the description -------------------------------------------------------------------------------------------------
 
 
-# --- modelDescription.xml ------------------------------------------------------------------------------------------
+def test_every_document_follows_the_standard(any_fmu: Fmu) -> None:
+    """Expected: the schemas of the standard, and FMPy's validation beyond them."""
+    assert validate_fmu(str(any_fmu.path)) == []
+    assert complaints_of_schemas(any_fmu) == {}
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_the_head_names_model_package_and_licence(version: str) -> None:
+def test_the_head_names_model_package_licence_and_experiment(fmu: Fmu) -> None:
     """Expected: pyproject.toml through the installed metadata, and the names that users type."""
-    root = xml(version)
+    root = xml(fmu)
     expected = {
-        "fmiVersion": version,
+        "fmiVersion": fmu.version,
         "modelName": "GoughStewart",
         "description": PACKAGE["Summary"],
         "version": PACKAGE["Version"],
@@ -74,459 +77,512 @@ def test_the_head_names_model_package_and_licence(version: str) -> None:
         "license": "BSD-3-Clause",
         "generationTool": f"gough-stewart {PACKAGE['Version']}",
         "variableNamingConvention": "structured",
+        "guid" if fmu.is_fmi2 else "instantiationToken": fmu.token,
+        **({"numberOfEventIndicators": "0"} if fmu.is_fmi2 else {}),
     }
-    token = root.get("guid" if version == "2.0" else "instantiationToken", "")
-    expected |= {"guid": token, "numberOfEventIndicators": "0"} if version == "2.0" else {"instantiationToken": token}
     assert dict(root.attrib) == expected
-    assert token in unit(version).sources.units["start.c"]
-    assert [len(part) for part in token.strip("{}").split("-")] == [8, 4, 4, 4, 12]
-    assert token.startswith("{") == (version == "2.0")
+    assert [len(part) for part in fmu.token.strip("{}").split("-")] == [8, 4, 4, 4, 12]
+    assert fmu.token.startswith("{") == fmu.is_fmi2
     experiment = root.find("DefaultExperiment")
     assert experiment is not None
-    assert dict(experiment.attrib) == {"startTime": "0", "stopTime": "1", "tolerance": "3e-07", "stepSize": "0.001"}
-    categories = {each.get("name"): each.get("description") for each in root.iter("Category")}
-    assert list(categories) == ["logStatusWarning", "logStatusDiscard", "logStatusError", "logAll"]
-    assert "rejected values" in (categories["logStatusDiscard"] or "")
-    assert "always logged" in (categories["logStatusError"] or "")
+    assert dict(experiment.attrib) == {"startTime": "0", "stopTime": "1", "tolerance": "1e-08", "stepSize": "0.001"}
+    categories = [category.get("name") for category in root.iter("Category")]
+    assert categories == ["logStatusWarning", "logStatusDiscard", "logStatusError", "logAll"]
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_units_and_display_units_are_in_the_document(version: str) -> None:
-    """Expected: exponents and factors by hand."""
-    units = {each.get("name"): each for each in xml(version).iter("Unit")}
-
-    def bases(name: str) -> dict[str, str]:
-        return dict(units[name][0].attrib)
-
-    assert bases("N.s/m") == {"kg": "1", "s": "-1"}
-    assert bases("rad/s2") == {"rad": "1", "s": "-2"}
-    assert bases("kg.m2") == {"kg": "1", "m": "2"}
-    shown = {name: dict(each[1].attrib) for name, each in units.items() if len(each) > 1}
-    assert {name: each["name"] for name, each in shown.items()} == {
-        "m": "mm",
-        "rad": "deg",
-        "m/s": "mm/s",
-        "rad/s": "deg/s",
-        "rad/s2": "deg/s2",
-    }
-    assert float(shown["rad/s2"]["factor"]) == pytest.approx(57.29577951308232, rel=1e-15)
-    assert float(shown["m/s"]["factor"]) == 1000.0
-    assert "N/m" not in units  # units of controllers are not in use here
+def test_declared_capabilities_are_those_that_are_tested(fmu: Fmu) -> None:
+    """Each is tried in test_capabilities.py; none is promised beside those."""
+    kinds = ("ModelExchange", "CoSimulation")
+    promised = {k: {n for n, value in xml(fmu).find(k).attrib.items() if value == "true"} for k in kinds}  # type: ignore[union-attr]
+    if fmu.is_fmi2:
+        both = {"canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate"}
+        both |= {"providesDirectionalDerivative"}
+        own: tuple[set[str], set[str]] = set(), {"canHandleVariableCommunicationStepSize", "canInterpolateInputs"}
+    else:
+        both = {"canGetAndSetFMUState", "canSerializeFMUState"}
+        both |= {"providesDirectionalDerivatives", "providesAdjointDerivatives"}
+        own = (
+            {"needsCompletedIntegratorStep", "providesEvaluateDiscreteStates"},
+            {
+                *("canHandleVariableCommunicationStepSize", "providesIntermediateUpdate"),
+                "canReturnEarlyAfterIntermediateUpdate",
+            },
+        )
+    assert promised == {kind: both | more for kind, more in zip(kinds, own, strict=True)}
+    assert [kind.get("maxOutputDerivativeOrder") for kind in xml(fmu).iter("CoSimulation")] == ["1"]
 
 
-def scalars(version: str) -> dict[str, dict[str, str]]:
-    """Attributes by name; in FMI 2.0 with those of `Real`."""
-    return {
-        each.get("name", ""): {**each.attrib, **(each[0].attrib if version == "2.0" else {})}
-        for each in xml(version).find("ModelVariables")  # type: ignore[union-attr]
-    }
+def starts_of(platform: gs.Platform) -> dict[str, Any]:
+    """What a unit begins with, by name; 0 else."""
+    home = {name: getattr(platform, f"home_{name}") for name in ("position", "orientation", "actuator_force")}
+    return {name: home.get(name, getattr(platform, name, 0.0)) for name in TABLE}
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_variables_have_their_units_bounds_starts_and_states(version: str) -> None:
-    """Expected: the platform's numbers, and the rules of the standard for states and bounds."""
-    found = scalars(version)
-    starts = interface.start_values(interface.VARIABLES, UNEVEN) | START._asdict()
-    starts |= {"actuator_force": FORCES, "fixed_step_size": np.array(2e-3)}
-    for v in interface.VARIABLES:
-        for k, name in enumerate(v.scalar_names if version == "2.0" else [v.name]):
-            own, attributes = starts.get(v.name), found[name]
-            text = None if own is None else [repr(float(x)) for x in np.ravel(own)]
-            expected = None if text is None else text[k] if version == "2.0" else " ".join(text)
-            assert attributes.get("start") == expected, name
-            assert attributes.get("min") == (None if v.lower_bound is None else "0"), name
-            assert "max" not in attributes
+DISPLAYED = {"m": "mm", "rad": "deg", "m/s": "mm/s", "rad/s": "deg/s", "rad/s2": "deg/s2"}
+
+
+def test_variables_are_those_of_the_table_element_by_element(fmu: Fmu) -> None:
+    """Expected: the table of variables; starts by the platform's own numbers, in the description and the binary."""
+    derivatives = {f"der({name})" for name in STATES}
+    with plant(fmu) as p:
+        begun = p.everything()
+    assert set(fmu.variables) == set(TABLE) | derivatives | {"fixed_step_size"} | (set() if fmu.is_fmi2 else {"time"})
+    elements = xml(fmu).find("ModelVariables") or ()
+    written = {e.get("name"): {**e.attrib, **(e[0].attrib if fmu.is_fmi2 else {})} for e in elements}
+    for name, v in TABLE.items():
+        whole = fmu.variables[name]
+        assert whole.shape == v.shape
+        has_start = v.causality in ("input", "parameter") or v.is_state
+        value = np.broadcast_to(np.asarray(starts_of(UNEVEN)[name], dtype=float), v.shape)
+        if has_start:
+            assert np.array_equal(begun[name], value), name
+            text = " ".join(declared.start for declared in whole.declared)
+            assert [float(number) for number in text.split()] == value.ravel().tolist(), name
+        for declared in whole.declared:
+            assert (declared.description, declared.unit) == (v.description, v.unit)
+            assert (declared.causality, declared.variability) == (v.causality, v.variability)
+            assert (declared.start is not None) == has_start
+            assert declared.min == (None if v.lower_bound is None else "0")
+            attributes = written[declared.name]  # FMPy has defaults
             assert attributes.get("initial") == ("exact" if v.is_state else None)
             assert ("nominal" in attributes) == v.is_state
-            assert attributes.get("displayUnit") == {"m": "mm", "rad": "deg", "m/s": "mm/s", "rad/s": "deg/s"}.get(
-                v.unit, "deg/s2" if v.unit == "rad/s2" else None
-            )
-            if version == "3.0":
-                assert attributes.get("intermediateUpdate") == ("true" if v.causality in ("input", "output") else None)
+            assert attributes.get("displayUnit") == DISPLAYED.get(v.unit)
+            is_between = not fmu.is_fmi2 and v.causality in ("input", "output")
+            assert attributes.get("intermediateUpdate") == ("true" if is_between else None)
+    by_name = {v.name: v for v in fmu.description.modelVariables}
+    for name in derivatives:
+        for declared in fmu.variables[name].declared:
+            assert declared.derivative is by_name[declared.name.removeprefix("der(").removesuffix(")")]
+            unit = declared.derivative.unit
+            assert declared.unit == f"{unit}/s" if "/s" not in unit else f"{unit}2"
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_derivatives_name_their_states_element_by_element(version: str) -> None:
-    """Expected: der(x[k]) refers to x[k], by its place in the list in FMI 2.0 and by its reference in FMI 3.0."""
-    found = scalars(version)
-    names = list(found)
-    derivatives = {name: each["derivative"] for name, each in found.items() if "derivative" in each}
-    assert len(derivatives) == (12 if version == "2.0" else 4)
-    for name, at in derivatives.items():
-        state = name.removeprefix("der(").removesuffix(")")
-        by_reference = {each["valueReference"]: key for key, each in found.items()}
-        assert (names[int(at) - 1] if version == "2.0" else by_reference[at]) == state
-    units = {name: found[name]["unit"] for name in derivatives}
-    assert units["der(position[2])" if version == "2.0" else "der(position)"] == "m/s"
-    assert units["der(velocity[2])" if version == "2.0" else "der(velocity)"] == "m/s2"
-    assert units["der(angular_velocity[3])" if version == "2.0" else "der(angular_velocity)"] == "rad/s2"
+def test_units_have_the_dimensions_of_their_names_and_are_shown_in_degrees_and_millimetres(fmu: Fmu) -> None:
+    """Expected: N = kg m/s², J = N m, and the rest read off the name."""
+    bases: dict[str, dict[str, int]] = {"1": {}, "N": {"kg": 1, "m": 1, "s": -2}, "J": {"kg": 1, "m": 2, "s": -2}}
+    units = {unit.get("name", ""): unit for unit in xml(fmu).iter("Unit")}
+    assert set(units) == {v.unit for v in fmu.description.modelVariables if v.unit}
+    for name, unit in units.items():
+        numerator, _, denominator = name.partition("/")
+        expected: dict[str, int] = {}
+        for part, sign in ((numerator, 1), (denominator, -1)):
+            for factor in filter(None, part.split(".")):
+                symbol, power = (factor[:-1], 2) if factor.endswith("2") else (factor, 1)
+                for base, exponent in bases.get(symbol, {symbol: 1}).items():
+                    expected[base] = expected.get(base, 0) + sign * power * exponent
+        (exponents,) = unit.iter("BaseUnit")
+        assert {base: int(n) for base, n in exponents.items()} == {b: n for b, n in expected.items() if n}, name
+        displays = {display.get("name"): float(display.get("factor", 1)) for display in unit.iter("DisplayUnit")}
+        factor = 1000 if name[0] == "m" else 180 / np.pi
+        assert displays == ({DISPLAYED[name]: pytest.approx(factor, rel=1e-15)} if name in DISPLAYED else {})
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_initial_unknowns_are_results_and_derivatives_and_depend_on_parameters(version: str) -> None:
-    """Expected: states are known; lengths depend on the joints and the pose and not on a mass or a velocity."""
-    names = list(scalars(version))
-    by_reference = {each["valueReference"]: name for name, each in scalars(version).items()}
-    tag = "InitialUnknowns/Unknown" if version == "2.0" else "InitialUnknown"
-    structure = xml(version).find("ModelStructure")
-    assert structure is not None
+Shown = dict[str, dict[str, bool]]
 
-    def name_of(text: str) -> str:
-        return names[int(text) - 1] if version == "2.0" else by_reference[text]
 
-    key = "index" if version == "2.0" else "valueReference"
-    found = {
-        name_of(each.get(key, "")): {name_of(known) for known in each.get("dependencies", "").split()}
-        for each in structure.findall(tag)
+@pytest.fixture(scope="module")
+def shown(fmus: dict[str, Fmu]) -> Shown:
+    """By unknown, the elements of inputs, states and parameters that change it, and whether always in proportion.
+
+    At three random points; any difference counts.
+    """
+    rng, fmu = np.random.default_rng(4), fmus["2.0"]
+    unknowns = [v for v in fmu.description.modelVariables if v.causality in ("output", "local")]
+    knowns = [v for v in fmu.description.modelVariables if v.start and v.name != "fixed_step_size"]
+    quotients = np.zeros((3, len(knowns), len(unknowns)))
+    references = [v.valueReference for v in unknowns]
+    for point in quotients:
+        with plant(fmu) as p:
+            for name, value in MOVING.items():
+                p.set(name, value + rng.uniform(-0.1, 0.1, value.shape))
+            p.set("leg_friction_velocity", 0.3)
+            base = np.array(p.fmu.getReal(references))
+            for known, row in zip(knowns, point, strict=True):
+                (value,) = p.fmu.getReal([known.valueReference])
+                step = 0.01 * max(0.1, abs(value))
+                p.fmu.setReal([known.valueReference], [value + step])
+                change = np.array(p.fmu.getReal(references)) - base
+                p.fmu.setReal([known.valueReference], [value])
+                row[:] = np.where(np.abs(change) > 1e-9 * (1 + np.abs(base)), change / step, 0)
+    constant = np.ptp(quotients, axis=0) < 1e-8 * np.abs(quotients).max(axis=0)
+    return {
+        v.name: {known.name: bool(constant[j, k]) for j, known in enumerate(knowns) if quotients[:, j, k].any()}
+        for k, v in enumerate(unknowns)
     }
-    assert not any(name.startswith(("position", "velocity", "joint_force")) for name in found)
-    if version == "2.0":
-        assert len(found) == 12 + 6 + 6 + 3 + 3
-        pose = {f"{name}[{k}]" for name in ("position", "orientation") for k in (1, 2, 3)}
-        joints = {f"{name}[4,{k}]" for name in ("base_points", "platform_points") for k in (1, 2, 3)}
-        assert found["leg_length[4]"] == pose | joints
-        assert "platform_mass" in found["acceleration[1]"]
+
+
+def whole_of(name: str) -> str:
+    return re.sub(r"\[[\d,]+\]", "", name)
+
+
+def test_dependencies_are_those_that_differences_show(fmu: Fmu, shown: Shown) -> None:
+    """Expected: no more, no less; initial unknowns depend on parameters, too."""
+    description = fmu.description
+    causality = {v.name: v.causality for v in description.modelVariables}
+    expected = shown
+    if not fmu.is_fmi2:
+        expected = {}
+        for unknown, knowns in shown.items():
+            whole = expected.setdefault(whole_of(unknown), {})
+            for known, is_constant in knowns.items():
+                whole[whole_of(known)] = whole.get(whole_of(known), True) and is_constant
+    constants = 0
+    for unknown in (*description.outputs, *description.derivatives, *description.initialUnknowns):
+        is_initial = any(unknown is initial for initial in description.initialUnknowns)
+        changing = expected[unknown.variable.name]
+        knowns = {k for k in changing if is_initial or causality[k] != "parameter"}
+        assert {known.name for known in unknown.dependencies} == knowns, unknown.variable.name
+        references = [known.valueReference for known in unknown.dependencies]
+        assert references == sorted(references)
+        for known, kind in zip(unknown.dependencies, unknown.dependenciesKind, strict=True):
+            assert kind == "dependent" or changing[known.name], (unknown.variable.name, known.name)
+            constants += kind == "constant"
+    assert constants >= (15 if fmu.is_fmi2 else 5)  # states that are outputs, rates that are velocities
+    states = [name for name in expected if whole_of(name) in STATES]
+    outputs = {name for name, kind in causality.items() if kind == "output"}
+    assert {u.variable.name for u in description.outputs} == outputs
+    derivatives = {name for name in expected if name.startswith("der(")}
+    assert {u.variable.name for u in description.derivatives} == derivatives
+    assert {u.variable.name for u in description.initialUnknowns} == (outputs | derivatives) - set(states)
+
+
+def test_terminals_join_a_legs_own_variables_the_pose_and_the_load(fmu: Fmu) -> None:
+    """Expected: written out by names, in the order of use."""
+    root = xml(fmu, "terminalsAndIcons/terminalsAndIcons.xml")
+    found = [
+        (t.get("name"), t.get("description"), [(m.get("memberName"), m.get("variableName")) for m in t])
+        for t in root.iter("Terminal")
+    ]
+    leg = ("actuator_force", "leg_length", "leg_velocity")
+    groups = (("pose", "pose and its rates", STATES), ("external_wrench", "load at Op", INPUTS[1:]))
+    expected: list[Any]
+    if fmu.is_fmi2:
+        expected = [
+            (f"actuator_{k}", f"actuator of leg {k}", [(name, f"{name}[{k}]") for name in leg]) for k in range(1, 7)
+        ]
+        expected += [(n, text, [(f"{v}[{k}]",) * 2 for v in group for k in (1, 2, 3)]) for n, text, group in groups]
     else:
-        assert found["leg_length"] == {"position", "orientation", "base_points", "platform_points"}
-
-
-# --- the smaller documents -----------------------------------------------------------------------------------------
-
-POSE = ("position", "orientation", "velocity", "angular_velocity")
-WRENCH = ("external_force", "external_torque")
-
-
-@pytest.mark.parametrize("version", VERSIONS)
-def test_terminals_join_a_legs_own_variables_the_pose_and_the_load(version: str) -> None:
-    """Expected: written out by names."""
-    root = xml(version, "terminalsAndIcons/terminalsAndIcons.xml")
-    assert root.get("fmiVersion") == "3.0"
-    found = {
-        each.get("name"): (
-            each.get("description"),
-            each.get("matchingRule"),
-            {m.get("memberName"): m.get("variableName") for m in each},
-        )
-        for each in root.iter("Terminal")
-    }
-    axes = (1, 2, 3)
-    if version == "2.0":
-        of_leg = ("actuator_force", "leg_length", "leg_velocity")
-        expected = {
-            f"actuator_{leg}": (f"actuator of leg {leg}", {name: f"{name}[{leg}]" for name in of_leg})
-            for leg in range(1, 7)
-        }
-        groups = {
-            name: {f"{v}[{k}]": f"{v}[{k}]" for v in group for k in axes}
-            for name, group in (("pose", POSE), ("external_wrench", WRENCH))
-        }
-    else:
-        arrays = ("actuator_force", "leg_length", "leg_velocity")
-        expected = {"actuators": ("the six actuators", {name: name for name in arrays})}
-        groups = {"pose": {v: v for v in POSE}, "external_wrench": {v: v for v in WRENCH}}
-    expected["pose"] = ("pose and its rates", groups["pose"])
-    expected["external_wrench"] = ("load at Op", groups["external_wrench"])
-    assert found == {name: (text, "plug", members) for name, (text, members) in expected.items()}
+        expected = [("actuators", "the six actuators", [(name, name) for name in leg])]
+        expected += [(name, text, [(v, v) for v in group]) for name, text, group in groups]
+    assert found == expected
+    assert {t.get("matchingRule") for t in root.iter("Terminal")} == {"plug"}
     assert {m.get("variableKind") for m in root.iter("TerminalMemberVariable")} == {"signal"}
     (box,) = root.iter("Icon")
     assert dict(box.attrib) == {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_sources_licences_and_pictures_are_in_their_places(version: str) -> None:
-    documents = unit(version).documents
-    build = ET.fromstring(documents["sources/buildDescription.xml"])
-    compiled = [each.get("name") for each in build.iter("SourceFile")]
-    assert compiled == sorted(n.removeprefix("sources/") for n in documents if n.endswith(".c"))
-    assert ("fmi2.c" in compiled, "fmi3.c" in compiled) == (version == "2.0", version == "3.0")
-    assert "stateless.c" not in compiled
-    (configuration,) = build.iter("BuildConfiguration")
-    assert configuration.get("modelIdentifier") == "gough_stewart"
-    licence = (Path(__file__).parents[2] / "LICENSE").read_text()
-    assert documents["documentation/licenses/license.txt"].decode() == licence
-    assert documents["documentation/licenses/fmi-headers.txt"].decode() == standard_license(version)
-    assert standard_license(version).startswith("Copyright")
-    assert "Modelica Association" in standard_license(version)
-    assert documents["terminalsAndIcons/icon.png"][:8] == b"\x89PNG\r\n\x1a\n"
-    assert b"<svg" in documents["terminalsAndIcons/icon.svg"]
-    assert ("model.png" in documents) == (version == "2.0")
-    headers = {n for n in documents if n.startswith(f"sources/fmi{version[0]}") and n.endswith(".h")}
-    assert len(headers) == 3
+# --- the archive -----------------------------------------------------------------------------------------------------
 
 
-def test_an_archive_has_the_description_first_and_only_binaries_are_executable() -> None:
-    """Expected: Unix permissions, one date, and the contents; independent of the order in which they are given."""
-    contents = {"sources/b.c": b"b", "modelDescription.xml": b"<x/>", "binaries/x86_64-linux/a.so": b"so", "a.txt": b""}
-    packed = to_zip(contents)
-    assert to_zip(dict(reversed(contents.items()))) == packed
-    with zipfile.ZipFile(io.BytesIO(packed)) as archive:
-        found = archive.infolist()
-        assert {each.filename: archive.read(each) for each in found} == contents
-    assert [each.filename for each in found] == [
-        "modelDescription.xml",
-        "a.txt",
-        "binaries/x86_64-linux/a.so",
-        "sources/b.c",
-    ]
-    assert [oct(each.external_attr >> 16) for each in found] == ["0o644", "0o644", "0o755", "0o644"]
-    assert {(each.create_system, each.date_time, each.compress_type) for each in found} == {
+def test_the_archive_is_complete_portable_and_of_no_day(fmu: Fmu) -> None:
+    """Expected: names of the standard, relative, with slashes; Unix permissions; one date; no place of the build."""
+    with zipfile.ZipFile(fmu.path) as archive:
+        entries = archive.infolist()
+        contents = {entry.filename: archive.read(entry) for entry in entries}
+    assert entries[0].filename == "modelDescription.xml"
+    assert {(e.create_system, e.date_time, e.compress_type) for e in entries} == {
         (3, (1980, 1, 1, 0, 0, 0), zipfile.ZIP_DEFLATED)
     }
-    assert [file_name("2.0"), file_name("3.0", "own")] == ["gough_stewart_fmi2.fmu", "own_fmi3.fmu"]
+    for entry in entries:
+        assert not re.match(r"[/.]|.*\\", entry.filename)
+        assert oct(entry.external_attr >> 16) == ("0o755" if entry.filename.startswith("binaries/") else "0o644")
+    assert not any(str(Path.home()).encode() + b"/" in content for content in contents.values())
+    assert contents["documentation/licenses/license.txt"].decode() == (ROOT / "LICENSE").read_text()
+    notice = contents["documentation/licenses/fmi-headers.txt"].decode()
+    assert notice.startswith("Copyright")
+    assert "Modelica Association" in notice
+    assert ("model.png" in contents) == fmu.is_fmi2
+    sources = {PurePosixPath(name).name for name in contents if name.startswith("sources/")}
+    compiled = {name for name in sources if name.endswith(".c")}
+    assert {f"fmi{fmu.version[0]}{part}.h" for part in ("Functions", "FunctionTypes")} < sources
+    build = xml(fmu, "sources/buildDescription.xml")
+    (file_set,) = build.iter("SourceFileSet")
+    assert {file.get("name") for file in file_set} == compiled
+    assert file_set.get("language") == "C11"
+    assert "compilerOptions" not in file_set.attrib or "compiler" in file_set.attrib
+    assert [b.get("modelIdentifier") for b in build.iter("BuildConfiguration")] == ["gough_stewart"]
+    assert (f"fmi{'3' if fmu.is_fmi2 else '2'}.c" in compiled) is False
 
 
-def test_versions_targets_and_steps_are_counted_without_duplicates() -> None:
-    assert chosen_versions(["3.0", "2.0", "3.0"]) == ("2.0", "3.0")
-    assert [target.name for target in chosen_targets(["aarch64-darwin", "x86_64-linux", "aarch64-darwin"])] == [
-        "x86_64-linux",
-        "aarch64-darwin",
-    ]
-    assert number_of_steps("3.0", "all") == 1 + 5
-    assert number_of_steps(VERSIONS, ["x86_64-windows", "x86_64-linux"]) == 2 * (1 + 2)
-    for wrong in ([], ["2"]):
-        with pytest.raises(BuildError, match=r"expected 2\.0 or 3\.0"):
-            chosen_versions(wrong)
-
-
-def test_each_target_has_the_flags_of_its_linker() -> None:
-    """Expected: position-independent code on Linux, a relative name in a Mach-O library, nothing on Windows."""
-    flags = {name: target.flags_of("unit") for name, target in BY_NAME.items()}
-    assert flags == {
-        "x86_64-linux": ("-fPIC",),
-        "aarch64-linux": ("-fPIC",),
-        "x86_64-windows": (),
-        "x86_64-darwin": ("-Wl,-install_name,@rpath/unit.dylib",),
-        "aarch64-darwin": ("-Wl,-install_name,@rpath/unit.dylib",),
+def test_the_manifest_lists_all_reference_results_with_their_inputs_beside(fmu: Fmu) -> None:
+    """Expected: FMI-LS-REF 1.0.0-beta.1, whose schema `tests/evidence/test_layered_standard.py` reads."""
+    place = "extra/org.fmi-standard.fmi-ls-ref/fmi-ls-manifest.xml"
+    root = xml(fmu, place)
+    assert root.tag == "fmiReferences"
+    prefix = "{http://fmi-standard.org/fmi-ls-manifest}fmi-ls-"
+    assert root.attrib[f"{prefix}name"] == "org.fmi-standard.fmi-ls-ref"
+    assert root.attrib[f"{prefix}version"] == "1.0.0-beta.1"
+    listed: dict[str, list[str]] = {}
+    for related in root:
+        path = posixpath.normpath(str(PurePosixPath(place).parent / related.attrib["source"]))
+        assert (fmu.folder / path).is_file(), path
+        suffixes = {"csv": "text/csv", "txt": "text/plain", "html": "text/html"}
+        assert related.attrib["type"] == suffixes[path.split(".")[-1]]
+        listed.setdefault(related.attrib["role"], []).append(path)
+        if related.attrib["role"] == "result":
+            for suffix in ("_in.csv", "_start.csv", "_ref.opt"):
+                assert suffix in related.attrib["description"]
+                assert list((fmu.folder / path).parent.glob(f"*{suffix}"))
+    assert set(listed["result"]) == {
+        str(file.relative_to(fmu.folder)) for file in fmu.folder.glob("extra/**/*_ref.csv")
     }
+    assert listed["document"] == ["extra/gough_stewart/README.txt", "documentation/index.html"]
 
 
-@pytest.mark.parametrize(
-    ("machine", "system", "name"),
-    [
-        ("AMD64", "Windows", "x86_64-windows"),
-        ("arm64", "Darwin", "aarch64-darwin"),
-        ("aarch64", "Linux", "aarch64-linux"),
-    ],
-)
-def test_machines_are_known_by_their_systems_own_names(
-    machine: str, system: str, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("platform.machine", lambda: machine)
-    monkeypatch.setattr("platform.system", lambda: system)
-    assert native() is BY_NAME[name]
+def columns(fmu: Fmu, case: str, kind: str) -> dict[str, FloatArray]:
+    """Whole variables (rows, n) of a file in the form of the cross-check."""
+    table, found = read_csv(fmu.folder / f"extra/gough_stewart/{case}/gough_stewart_{kind}.csv"), dict[str, list[Any]]()
+    for name in table.dtype.names:
+        found.setdefault(name.split("[")[0], []).append(np.atleast_1d(table[name]).reshape(len(table), -1))
+    return {name: np.concatenate(parts, axis=1) for name, parts in found.items()}
 
 
-# --- formulas and text ---------------------------------------------------------------------------------------------
+@pytest.mark.parametrize("case", ["open_loop", "varying_inputs"])
+def test_reference_results_are_those_of_the_lagrangian_under_the_documented_inputs(fmu: Fmu, case: str) -> None:
+    """Expected: leg k pushes with its static force ± 10 %, k periods of it; a wrench of one sine squared.
 
-
-def test_text_between_formulas_code_and_bold_is_kept_in_order() -> None:
-    """Expected: by hand; text is escaped once, and no part is said twice."""
-    found = to_html("# A <b>\n\nif $x$ & `b<c`, **so $y$ then**, end >\n\n$$ z = 1 $$\n\nlast")
-    x, y, z = mathml("x", "inline"), mathml("y", "inline"), mathml("z = 1", "block")
-    assert found == (
-        "<h2>A &lt;b&gt;</h2>\n"
-        f"<p>if {x} &amp; <code>b&lt;c</code>, <strong>so {y} then</strong>, end &gt;</p>\n"
-        f'<div class="formula">{z}</div>\n'
-        "<p>last</p>"
+    The other case is the paper's by Froude's rule: lengths by λ, times by √λ, forces in its ratio of 55 to 49.5.
+    """
+    results, inputs, start = (columns(fmu, case, kind) for kind in ("ref", "in", "start"))
+    options = dict(
+        csv.reader((fmu.folder / f"extra/gough_stewart/{case}/gough_stewart_ref.opt").read_text().splitlines())
     )
-    assert 'display="inline"' in x
-    assert 'display="block"' in z
+    paper = gs.load_preset("liu2000")
+    lengths = [gs.leg_geometry(p, p.home_position, p.home_orientation).length.mean() for p in (UNEVEN, paper)]
+    root = np.sqrt(lengths[0] / lengths[1])
+    time = results["time"][:, 0]
+    np.testing.assert_allclose(time, np.arange(101) * root / 100, rtol=1e-12, atol=1e-15)
+    assert {name: float(text) for name, text in options.items()} == pytest.approx(
+        {"StartTime": 0.0, "StopTime": root, "StepSize": root / 100, "RelTol": 1e-8, "OutputIntervalLength": root / 100}
+    )
+    hold = np.asarray(UNEVEN.home_actuator_force)
+    share = (np.arange(101) / 100)[:, None]
+    if case == "open_loop":
+        expected = np.tile([*hold * np.array([55 / 49.5, 1] * 3), *np.zeros(6)], (101, 1))
+        begin = [*UNEVEN.home_position, *(UNEVEN.home_orientation - [0, 0, 0.1]), 0, 0.2 * root, 0, 0, 0.1 / root, 0]
+    else:
+        weight, size = UNEVEN.platform_mass * 9.81, np.sqrt((UNEVEN.platform_points**2).sum() / 6)
+        wrench = weight * np.array([0.05, -0.03, 0.1, 0.01 * size, 0.02 * size, -0.01 * size])
+        forces = hold * (1 + np.sin(2 * np.pi * share * np.arange(1, 7)) / 10)
+        # sin² a = (1 − cos 2a)/2
+        expected = np.concatenate([forces, wrench * (1 - np.cos(2 * np.pi * share)) / 2], axis=1)
+        begin = [*UNEVEN.home_position, *UNEVEN.home_orientation, *np.zeros(6)]
+    u = np.concatenate([inputs[name] for name in INPUTS], axis=1)
+    np.testing.assert_allclose(u, expected, rtol=1e-12, atol=1e-10)
+    x = np.concatenate([start[name][0] for name in STATES])
+    np.testing.assert_allclose(x, begin, rtol=1e-12, atol=1e-15)
+    assert set(results) - {"time"} == {v.name for v in gs.VARIABLES if v.causality == "output"}
+    found, rows = np.concatenate([results[name] for name in STATES], axis=1), [0]
+    for k in range(20):  # linear between rows, so that the integration begins anew at each
+        x = trajectory(UNEVEN, x, lambda t: np.array([np.interp(t, time, column) for column in u.T]), time[k : k + 2])[
+            -1
+        ]
+        rows.append(k + 1)
+        assert found[k + 1] == pytest.approx(x, abs=2e-10)
+    with plant(fmu) as p:
+        for row in (0, 20, 100):
+            p.start({name: results[name][row] for name in STATES} | {name: inputs[name][row] for name in INPUTS})
+            for name in set(results) - {"time"}:
+                assert np.ravel(p.get(name)) == pytest.approx(results[name][row], rel=1e-9, abs=1e-9), name
+            p.fmu.reset()
 
 
-def test_only_a_block_between_double_dollars_is_a_formula_by_itself() -> None:
-    """Expected: text before or behind it makes a paragraph; headings by their number of signs."""
-    assert to_html("$$x$$ and more").startswith("<p>")
-    assert to_html("see $$x$$").startswith("<p>see ")
-    assert to_html("### third\n\n\n\n# first\nand more") == "<h4>third</h4>\n<p># first\nand more</p>"
-    matrix = mathml(r"\begin{bmatrix} a & b \end{bmatrix}", "block")
-    assert re.search(r'<mrow class="matrix"><mtable>.*</mtable></mrow>', matrix)
-    assert "&#x0005B;" not in matrix
+# --- the page --------------------------------------------------------------------------------------------------------
 
 
-def test_a_formula_that_browsers_do_not_show_is_refused() -> None:
-    with pytest.raises(ValueError, match="no MathML for"):
-        mathml(r"\unknowncommand x", "inline")
+def page_of(fmu: Fmu) -> str:
+    return (fmu.folder / "documentation/index.html").read_text()
 
 
-@pytest.mark.parametrize("version", VERSIONS)
-def test_the_table_of_the_page_has_every_variable_with_its_numbers(version: str) -> None:
-    """Expected: six digits of the platform's numbers; the page has the namespace of XML."""
-    page = ET.fromstring(unit(version).documents["documentation/index.html"])
-    body = page.find(".//{*}tbody")
+def words_of(page: str) -> str:
+    return " ".join("".join(ET.fromstring(page).itertext()).split())
+
+
+def test_the_pages_table_has_every_variable_with_its_numbers(fmu: Fmu) -> None:
+    """Expected: six digits of the platform's numbers; one number stands for equal ones, a matrix has its rows."""
+    body = ET.fromstring(page_of(fmu)).find(".//{*}tbody")
     assert body is not None
-    rows = {
-        "".join(row[0][0].itertext()): ["".join(cell.itertext()) for cell in row] + [cell_lines(row[4])] for row in body
+    rows = {}
+    for row in body:
+        cells = [" ".join(" ".join(cell.itertext()).split()).replace("−", "-") for cell in row]
+        rows[cells[0].split()[0]] = cells
+    assert list(rows) == [whole_of(name) for name in fmu.variables]
+    for name, v in TABLE.items():
+        _, shape, causality, unit, start, description = rows[name]
+        assert shape == (" × ".join(map(str, v.shape)) or "scalar")
+        assert causality == (f"{v.variability} parameter" if v.causality == "parameter" else v.causality)
+        assert (unit, description) == (v.unit, v.description)
+        value = np.broadcast_to(np.asarray(starts_of(UNEVEN)[name], dtype=float), v.shape).ravel()
+        if v.causality not in ("input", "parameter") and not v.is_state:
+            assert start == ""
+        elif len(set(value)) == 1:
+            assert start == f"{value[0]:.6g}"
+        else:
+            assert start.split() == [f"{x + 0.0:.6g}" for x in value], name
+    first = rows["platform_points"][0]
+    last = " platform_points[1,1] … platform_points[6,3]" if fmu.is_fmi2 else ""
+    assert first == f"platform_points{last}"
+
+
+def test_the_page_needs_nothing_else_and_has_the_equations_beside_the_code(fmu: Fmu) -> None:
+    """Expected: no script, no place but names of namespaces; each formula of model/task_space.md, none of its marks."""
+    page = page_of(fmu)
+    for element in ET.fromstring(page).iter():
+        assert element.tag.split("}")[-1] not in {"script", "link", "img", "iframe", "object", "embed"}
+        assert not {"src", "href", "onload", "onclick"} & set(element.attrib)
+    assert set(re.findall(r"https?://[^\"'<\s]+", page)) == {
+        *("http://www.w3.org/1999/xhtml", "http://www.w3.org/2000/svg", "http://www.w3.org/1998/Math/MathML")
     }
-    names = {v.name for v in interface.VARIABLES} | {f"der({v.name})" for v in interface.VARIABLES if v.is_state}
-    assert set(rows) == names | {"fixed_step_size"} | ({"time"} if version == "3.0" else set())
-    joints = rows["platform_points"]
-    first = "platform_pointsplatform_points[1,1] … platform_points[6,3]" if version == "2.0" else "platform_points"
-    assert joints[:4] == [first, "6 × 3", "fixed parameter", "m"]
-    assert joints[6] == [" ".join(f"{x + 0.0:.6g}".replace("-", "−") for x in row) for row in UNEVEN.platform_points]
-    assert joints[5] == interface.BY_NAME["platform_points"].description
-    assert rows["actuator_force"][6] == ["11 −22 33 −44 55 −66"]
-    assert rows["fixed_step_size"][1:5] == ["scalar", "fixed parameter", "s", "0.002"]
-    assert rows["gravity"][2] == f"{interface.BY_NAME['gravity'].variability} parameter"
-    assert rows["external_force"][6] == ["0"]  # three equal numbers are one
-    assert rows["leg_length"][2:5] == ["output", "m", ""]
-    assert version == "2.0" or rows["time"][1:5] == ["scalar", "independent", "s", ""]
-    text = " ".join("".join(page.itertext()).split())
-    assert UNEVEN.name in text
-    assert "the platform stands still" not in text  # its start values are others
-    own = plant_component(UNEVEN).documents(version)["documentation/index.html"].decode()
-    assert "the platform stands still" in " ".join(own.split())
+    assert "url(" not in page
+    source = (ROOT / "model/task_space.md").read_text()
+    formulas = re.findall(r"\$\$.+?\$\$|\$[^$\n]+\$", source, re.S)
+    assert page.count("<math ") == len(formulas) > 30
+    assert page.count('display="block"') == source.count("$$") / 2
+    assert not re.search(r"\$|\\[a-z]|\*\*|<p>#", page)
+    text = "".join("".join(ET.fromstring(re.sub(r"<math.*?</math>", "", page, flags=re.S)).itertext()).split())
+    for paragraph in source.split("\n\n"):  # what is around the formulas
+        plain = re.sub(r"\$\$.+?\$\$|\$[^$\n]+\$|[#*`\s]", "", paragraph, flags=re.S)
+        assert plain in text, paragraph
+    headings = [each.text for each in ET.fromstring(page).iter() if re.search(r"}h[12]$", each.tag)]
+    assert headings[0] == "Gough–Stewart platform"
+    assert {"Variables", "Task-space equations", "Limits and failures", "Example with FMPy", "Source"} < set(headings)
 
 
-def cell_lines(cell: ET.Element) -> list[str]:
-    return "\n".join([cell.text or "", *(each.tail or "" for each in cell)]).replace("\n\n", "\n").split("\n")
-
-
-def test_the_source_of_a_platform_is_named_once_if_it_has_one() -> None:
-    pages = {
-        source: plant_component(replace(UNEVEN, source=source), is_in_a_system=True)
-        .documents("3.0")["documentation/index.html"]
-        .decode()
-        for source in ("A & B 1999", "")
+def test_the_page_says_what_an_importer_of_its_version_has_to_know(fmus: dict[str, Fmu]) -> None:
+    """Expected: limits of the integrator, functions, modes and derivatives of the standard's two versions."""
+    tunable = [v.name for v in gs.VARIABLES if v.variability == "tunable"]
+    own = {
+        "2.0": (
+            "or change linearly if their first derivative is set by fmi2SetRealInputDerivatives;",
+            "(between communication steps in Co-Simulation, in event and continuous-time mode in Model Exchange)",
+            "Exact directional derivatives with respect to inputs, states and parameters",
+            "fmi2LastSuccessfulTime is the start of the step, and fmi2Terminated is true.",
+            "fmi2CompletedIntegratorStep requests termination",
+            "FMI 2.0 has scalars only",
+        ),
+        "3.0": (
+            "The intermediate-update callback is called after every internal step.",
+            "(in step mode in Co-Simulation, in event mode in Model Exchange)",
+            "Exact directional and adjoint derivatives with respect to",
+            "lastSuccessfulTime is the start of the step. The importer",
+            "fmi3CompletedIntegratorStep requests termination",
+            "Arrays are listed row by row.",
+        ),
     }
-    assert "</b> (A &amp; B 1999);" in " ".join(pages["A & B 1999"].split())
-    assert "</b>;" in " ".join(pages[""].split())
+    for version, other in (("2.0", "3.0"), ("3.0", "2.0")):
+        text = words_of(page_of(fmus[version]))
+        assert all(words in text for words in own[version])
+        assert not any(words in text for words in own[other])
+        assert f"fmi{other[0]}" not in text
+        for words in (
+            *(f"fmi{version[0]}Discard", f"fmi{version[0]}Error", f"FMI {version}", UNEVEN.name, "Dormand–Prince"),
+            *("from 1e-13 to 1e-2, by default 1e-8", "more than 20,000 internal steps (1,000,000 fixed ones)"),
+            *("the platform stands still", "are not enforced", "16(1), 2000", f": {', '.join(tunable)}."),
+        ):
+            assert words in text, words
 
 
-# --- reference results ---------------------------------------------------------------------------------------------
-
-
-def test_reference_files_carry_times_inputs_starts_and_outputs_column_by_column() -> None:
-    """Expected: the numbers that are passed in, by name; one case starts as the paper, one at home."""
-    cases = reference_cases(UNEVEN)
-    rng = np.random.default_rng(3)
-    runs = tuple((case, rng.normal(size=(len(case.time), interface.size_of(interface.RESULTS)))) for case in cases)
-    files = {version: reference_files(runs, "own", version) for version in VERSIONS}
-    for case, values in runs:
-        stem = f"extra/gough_stewart/{case.name}/own"
-        tables = {kind: read_csv(files["2.0"][f"{stem}_{kind}.csv"].decode()) for kind in ("in", "ref", "start")}
-        for k, name in enumerate(n for v in interface.INPUTS for n in v.scalar_names):
-            assert tables["in"][name] == case.inputs[:, k].tolist()
-        at = {name: k for k, name in enumerate(n for v in interface.RESULTS for n in v.scalar_names)}
-        outputs = [n for v in interface.OUTPUTS for n in v.scalar_names]
-        assert list(tables["ref"]) == ["time", *outputs]
-        for name in outputs:
-            assert tables["ref"][name] == values[:, at[name]].tolist()
-        for name, value in case.start._asdict().items():
-            assert [tables["start"][f"{name}[{k}]"] for k in (1, 2, 3)] == [[x] for x in value]
-        for kind, table in tables.items():
-            assert table["time"] == case.time.tolist()[: 1 if kind == "start" else None]
-        arrays = files["3.0"][f"{stem}_in.csv"].decode().splitlines()
-        assert arrays[0] == '"time","actuator_force","external_force","external_torque"'
-        assert [float(x) for x in arrays[-1].split(",")[1].split()] == case.inputs[-1, :6].tolist()
-        options = dict(line.split(", ") for line in files["3.0"][f"{stem}_ref.opt"].decode().splitlines())
-        step = case.time[1] - case.time[0]
-        assert {name: float(text) for name, text in options.items()} == {
-            "StartTime": 0.0,
-            "StopTime": pytest.approx(case.time[-1]),
-            "StepSize": pytest.approx(step),
-            "RelTol": 1e-8,
-            "OutputIntervalLength": pytest.approx(step),
-        }
-    first, second = cases
-    assert np.ptp(first.inputs, axis=0).max() == 0
-    assert (np.ptp(second.inputs[:, :6], axis=0) > 0.1 * np.abs(UNEVEN.home_actuator_force)).all()
-    np.testing.assert_array_equal(second.start.position, UNEVEN.home_position)
-    np.testing.assert_array_equal(second.start.orientation, UNEVEN.home_orientation)
-    assert (np.abs(second.inputs[len(second.time) // 2, 6:]) > 0).all()
-    assert "own_start.csv" in files["2.0"]["extra/gough_stewart/README.txt"].decode()
-
-
-def read_csv(text: str) -> dict[str, list[float]]:
-    head, *lines = text.splitlines()
-    names = json.loads(f"[{head}]")
-    columns = zip(*([float(x) for x in line.split(",")] for line in lines), strict=True)
-    return {name: list(column) for name, column in zip(names, columns, strict=True)}
-
-
-# --- caches and vectors --------------------------------------------------------------------------------------------
-
-
-def test_the_state_of_the_sources_depends_on_every_file_and_on_no_compiled_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_the_example_of_the_page_runs_as_it_stands(
+    fmu: Fmu, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Expected: one digest as long as nothing but `__pycache__` changes; content, name and folder count."""
-    package = tmp_path / "package"
-    for name in ("a.py", "c/unit/b.c", "__pycache__/a.pyc", "c/__pycache__/x.pyc"):
-        (package / name).parent.mkdir(parents=True, exist_ok=True)
-        (package / name).write_text(name)
-    monkeypatch.setattr("importlib.resources.files", lambda _package: package)
-
-    def state() -> str:
-        return source_state.state_of_texts.__wrapped__()
-
-    first = state()
-    for name in ("__pycache__/a.pyc", "c/__pycache__/x.pyc"):
-        (package / name).write_text("other")
-    assert state() == first
-    (package / "c/unit/b.c").write_text("c/unit/d.c")
-    changed = state()
-    (package / "c/unit/b.c").rename(package / "c/unit/e.c")
-    renamed = state()
-    (package / "c/unit/e.c").rename(package / "c/e.c")
-    assert len({first, changed, renamed, state()}) == 4
+    """Expected: the pose that the unit reaches step by step under 5 % more than the static forces."""
+    monkeypatch.chdir(fmu.path.parent)
+    found = re.search(r"<pre><code>(.*?)</code></pre>", page_of(fmu), re.S)
+    assert found
+    names: dict[str, Any] = {}
+    exec(html.unescape(found[1]), names)
+    said = capsys.readouterr().out.splitlines()[-1]
+    shown_pose = np.array([float(number) for number in said.strip("[]").split()])
+    with plant(fmu) as p:
+        p.start({"actuator_force": [float(f"{force:.6g}") for force in 1.05 * UNEVEN.home_actuator_force]})
+        for k in range(50):
+            p.do_step(k * 0.01, 0.01)
+        pose, length = p.get("position"), p.get("leg_length")[0]
+    assert shown_pose == pytest.approx(pose[2:] if fmu.is_fmi2 else pose, rel=1e-6)
+    assert len(names["result"]) == 51
+    last = names["result"][-1]
+    assert last["time"] == pytest.approx(0.5)
+    assert (last["leg_length[1]"] if fmu.is_fmi2 else last["leg_length"][0]) == pytest.approx(length, rel=1e-6)
 
 
-def test_the_vector_library_has_its_files_and_sizes() -> None:
-    """Expected: the kernel's numbers of states, inputs and results; one declaration that ends before its body."""
-    units, headers = lanes_sources()
-    assert {"lanes.c", "conditioning.c", "legs.c"} <= set(units)
-    assert {"lanes.h", "elementary.h", "conditioning.h", "internal.h", "plant_table.h", "lanes_kernel.h"} < set(headers)
-    table = headers["lanes_table.h"]
-    sizes = {
-        words[1]: words[2] for words in map(str.split, table.splitlines()) if words[:1] == ["#define"] and words[2:]
-    }
-    expected = {"N_STATES": 12, "N_INPUTS": 12, "N_RESULTS": 50, "N_SIGNALS": 24}
-    assert {name: int(sizes[name]) for name in expected} == expected
-    assert table.count("void kernel_legs(") == 1
-    declaration = table[table.index("void kernel_legs(") : table.index("INTERNAL_END")]
-    assert "{" not in declaration
-    assert declaration.strip().endswith(");")
-    assert "#include" in units["legs.c"]
-    assert "void kernel_legs(" in units["legs.c"]
-    assert "condition" in units["conditioning.c"]
+# --- pictures --------------------------------------------------------------------------------------------------------
+
+SVG = "{http://www.w3.org/2000/svg}"
+# A view from 24° above the ground at an azimuth of −55°, by SciPy's rotations.
+VIEW = Rotation.from_euler("zx", [-35.0, -66.0], degrees=True)
 
 
-def test_rows_in_order_end_before_time_and_what_was_added_later_follows_it() -> None:
-    """Expected: names and slots by hand."""
-    force = Variable("force", (2,), "N", "input", "continuous", "")
-    later = Variable("later", (), "s", "parameter", "fixed", "")
-    layout = laid_out([force], {}, [later])
-    assert [(row.variable.name, row.reference, row.first) for row in layout.rows] == [
-        ("force", 0, 0),
-        ("time", 1, 2),
-        ("later", 2, 3),
-    ]
-    assert [row.variable.name for row in layout.in_order] == ["force"]
-    assert [row.variable.name for row in layout.described("2.0")] == ["force", "later"]
-    assert layout.n_slots == 4
+def points_of(element: ET.Element) -> FloatArray:
+    return np.array([[float(number) for number in place.split(",")] for place in element.attrib["points"].split()])
 
 
-def test_a_variable_depends_constantly_only_if_every_element_does() -> None:
-    """Expected: of three elements, one dependent; of another known, none."""
-    first = {name: PLANT.by_name[name].first for name in ("acceleration", "velocity", "position", "external_force")}
-    slots: dict[int, dict[int, Kind]] = {
-        first["acceleration"]: {first["velocity"]: "constant", first["position"] + 1: "constant"},
-        first["acceleration"] + 1: {first["velocity"] + 2: "dependent", first["position"]: "constant"},
-        first["acceleration"] + 2: {first["velocity"] + 1: "constant", first["external_force"]: "dependent"},
-    }
-    changed = replace(component(), dependencies=slots)
-    found = model_description.dependencies_of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT, Role.STATE))
-    kinds = {row.variable.name: found[row.reference] for row in PLANT.rows if row.reference in found}
-    assert kinds == {"external_force": "dependent", "position": "constant", "velocity": "dependent"}
-    assert list(found) == sorted(found)
-    assert set(
-        model_description.dependencies_of_row(changed, PLANT.by_name["acceleration"], (Role.INPUT,)).values()
-    ) == {"dependent"}
+def dots_of(svg: ET.Element) -> list[tuple[FloatArray, float, str]]:
+    """Centre, radius and colour of the lines without a length."""
+    lines = [(points_of(line), line.attrib) for line in svg.iter(f"{SVG}polyline")]
+    return [(p[0], float(look["stroke-width"]) / 2, look["stroke"]) for p, look in lines if (p[0] == p[-1]).all()]
 
 
-def test_infinity_has_the_type_of_the_arithmetic() -> None:
-    x = casadi.SX.sym("x")
-    function = casadi.Function("f", [x], [casadi.vertcat(x, casadi.inf)], ["x"], ["y"])
-    assert "((float)HUGE_VAL)" in codegen.function_source(function, "void ", codegen.Types("float"))
-    assert "HUGE_VAL" in (text := codegen.function_source(function))
-    assert "(double)HUGE_VAL" not in text
+def pictures_of(fmu: Fmu) -> Iterator[ET.Element]:
+    """The icon, then the drawing on the page."""
+    yield ET.parse(fmu.folder / "terminalsAndIcons/icon.svg").getroot()
+    yield from ET.parse(fmu.folder / "documentation/index.html").getroot().iter(f"{SVG}svg")
+
+
+def joints_of(platform: gs.Platform) -> tuple[FloatArray, FloatArray]:
+    turn = Rotation.from_euler("xyz", platform.home_orientation)
+    return platform.base_points, platform.home_position + turn.apply(np.array(platform.platform_points))
+
+
+def test_joints_and_axes_are_where_rotations_have_them(pictured: tuple[gs.Platform, Fmu]) -> None:
+    """Expected: dots of all joints in the view; the tip of z_p along the third column of R; names of the notation."""
+    platform, fmu = pictured
+    seen = VIEW.apply(np.concatenate(joints_of(platform)))[:, :2] * [1, -1]
+    icon, drawing = pictures_of(fmu)
+    for svg in (icon, drawing):
+        dots = np.array([centre for centre, _, _ in dots_of(svg)])
+        assert dots.shape == (12, 2)
+        scale = np.ptp(dots[:, 0]) / np.ptp(seen[:, 0])
+        np.testing.assert_allclose(dots - dots[0], scale * (seen - seen[0]), atol=0.02)
+        width, height = (float(number) for number in svg.attrib["viewBox"].split()[2:])
+        drawn = np.concatenate([points_of(element) for element in svg.iter() if "points" in element.attrib])
+        assert ((drawn >= 0) & (drawn <= [width, height])).all()
+    texts = {"".join(text.itertext()) for text in drawing.iter(f"{SVG}text")}
+    assert texts >= {"X0", "Y0", "Z0", "xp", "yp", "zp", "Op", "Bi", "Pi", "ui", "leg_length", "actuator_force > 0"}
+    tips = np.array([points_of(area)[0] for area in drawing.iter(f"{SVG}polygon")][2:])
+    assert len(tips) == 11 - (platform is ODD)  # an axis towards the viewer has no arrow
+    if platform is UNEVEN:
+        column = Rotation.from_euler("xyz", platform.home_orientation).apply([0, 0, 1])
+        origin, axis = (VIEW.apply(np.array(vector))[:2] * [1, -1] for vector in (platform.home_position, column))
+        away = tips - (dots[0] + scale * (origin - seen[0]))
+        across = np.abs(away[:, 0] * axis[1] - away[:, 1] * axis[0]) / np.hypot(*axis)
+        assert (across < 0.03).sum() == 1
+
+
+def test_nearer_legs_cover_those_behind_and_the_png_shows_the_same(pictured: tuple[gs.Platform, Fmu]) -> None:
+    """Expected: depths at 54 % of the legs; base first, platform last; dots' colours where no later one covers them."""
+    platform, fmu = pictured
+    assert "<script" not in page_of(fmu)  # a text of the platform is escaped
+    assert f"{platform.name} ({platform.source})" in words_of(page_of(fmu))
+    root = next(pictures_of(fmu))
+    assert [e.tag.removeprefix(SVG) for e in root][1:] == ["polygon", *["polyline"] * 12] * 2
+    base, top = joints_of(platform)
+    depth = VIEW.apply(base + 0.54 * (top - base))[:, 2]
+    feet = np.array([points_of(line)[0] for line in root.findall(f"{SVG}polyline")[1:12:2]])
+    dots = dots_of(root)
+    order = [int(np.abs(np.array([d[0] for d in dots[:6]]) - foot).sum(axis=1).argmin()) for foot in feet]
+    assert (np.diff(depth[order]) > -1e-9).all()
+    image = np.asarray(Image.open(io.BytesIO((fmu.folder / "terminalsAndIcons/icon.png").read_bytes())).convert("RGBA"))
+    size = len(image)
+    assert image.shape == (size, size, 4)
+    assert (image[[0, 0, -1, -1], [0, -1, 0, -1], 3] == 0).all()
+    assert max(np.ptp(np.flatnonzero(image[..., 3].any(axis=axis))) for axis in (0, 1)) > 0.85 * size
+    checked = 0
+    for k, (centre, radius, colour) in enumerate(dots):
+        if all(np.hypot(*(centre - other)) > radius + 1 for other, _, _ in dots[k + 1 :]):
+            x, y = centre.astype(int)
+            assert "#{:02X}{:02X}{:02X}".format(*image[y, x, :3]) == colour
+            checked += 1
+    assert checked >= 4
+    for stroke in root.iter(f"{SVG}polyline"):
+        x, y = points_of(stroke).mean(axis=0).astype(int)
+        assert image[y, x, 3] == 255

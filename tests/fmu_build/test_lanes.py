@@ -3,9 +3,7 @@
 import ctypes
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from threading import Barrier
 
 import numpy as np
 import pytest
@@ -78,44 +76,6 @@ def test_what_is_not_a_number_stays_so_and_limits_are_kept() -> None:
     assert cosine[4] == 1
 
 
-def test_a_library_is_kept_and_a_damaged_one_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: one compilation for two askings, and a further one after a byte has changed."""
-    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
-    made = []
-
-    def compiled(*_: object, **__: object) -> bytes:
-        made.append(1)
-        return b"machine code"
-
-    monkeypatch.setattr(lanes, "compile_library", compiled)
-    first, second = lanes_library(), lanes_library()
-    assert first == second
-    assert len(made) == 1
-    first.path.write_bytes(b"machine c0de")
-    assert lanes_library().path.read_bytes() == b"machine code"
-    assert len(made) == 2
-
-
-def test_several_at_once_find_a_whole_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: all have the library, whoever wrote last; nothing half-written lies beside it."""
-    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
-    together = Barrier(4)
-
-    def compiled(*_: object, **__: object) -> bytes:
-        together.wait(10)
-        return b"machine code" * 100_000
-
-    monkeypatch.setattr(lanes, "compile_library", compiled)
-    with ThreadPoolExecutor(4) as threads:
-        found = set(threads.map(lambda _: lanes_library(), range(4)))
-    (library,) = found
-    assert library.path.read_bytes() == b"machine code" * 100_000
-    assert sorted(file.name for file in library.path.parent.iterdir()) == [
-        library.path.name,
-        f"{library.path.name}.sha256",
-    ]
-
-
 @pytest.mark.parametrize("what", ["FLAGS", "_processor", "state_of_sources"])
 def test_another_processor_flag_or_source_has_a_library_of_its_own(
     what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -125,19 +85,6 @@ def test_another_processor_flag_or_source_has_a_library_of_its_own(
     path = lanes_library().path
     monkeypatch.setattr(lanes, what, ("-O0",) if what == "FLAGS" else lambda: "another fma")
     assert lanes_library().path != path
-
-
-def test_features_tell_machine_codes_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(lanes, "_processor", lambda: "flags: avx2 fma sse2")
-    found = []
-    for code in (b"one", b"other"):
-        monkeypatch.setattr(lanes, "compile_library", lambda *_, code=code, **__: code)
-        found.append(lanes_library())
-        found[-1].path.unlink()
-    assert "avx2 fma " in found[0].features
-    assert found[0].path == found[1].path
-    assert found[0].features != found[1].features
 
 
 @pytest.mark.evidence

@@ -19,7 +19,6 @@ from gough_stewart.model.platform_toml import load_preset
 HOSTS = Path(__file__).parent / "hosts"
 FUZZ = tuple(sorted(HOSTS.glob("fuzz*.c")))
 INSTANCES = (HOSTS / "instances.c",)
-CHECKER = (HOSTS / "checker.c",)
 TOKEN = "host"  # what the hosts instantiate with
 ZIG = (sys.executable, "-m", "ziglang", "cc")
 # What has no right call in this unit: other kinds of variables and of execution, dependencies that change.

@@ -12,9 +12,8 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
-from tests.support.lagrangian import Pose, forces_along, legs_along
+from gough_stewart import Platform
+from tests.support.lagrangian import FloatArray, Pose, forces_along, legs_along
 
 _SMALLEST_STEP = 5e-4  # of the plant [s]
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart import Platform
 from gough_stewart.model import fixed_steps
 from gough_stewart.model.fixed_steps import Gripped
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gough_stewart import Platform, State
 from gough_stewart.model.formulations.cases import OpenLoopCase
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.state import Inputs
 
 UNEVEN = Platform(
     name="uneven",
@@ -65,11 +65,14 @@ STATE = State(
     velocity=np.array([0.21, -0.13, 0.08]),
     angular_velocity=np.array([-0.11, 0.17, 0.26]),
 )
-INPUTS = Inputs(
-    actuator_force=np.array([52.0, 38.0, 47.0, 44.0, 58.0, 41.0]),
-    external_force=np.array([3.0, -5.0, 8.0]),
-    external_torque=np.array([-4.0, 2.0, 6.0]),
-)
+INPUT_VALUES = {
+    "actuator_force": np.array([52.0, 38.0, 47.0, 44.0, 58.0, 41.0]),
+    "external_force": np.array([3.0, -5.0, 8.0]),
+    "external_torque": np.array([-4.0, 2.0, 6.0]),
+}
+INPUTS = Inputs(**INPUT_VALUES)
+# Start values of a unit, or values of a stepping model.
+MOVING = {**STATE._asdict(), **INPUT_VALUES}
 # Of a controller of the legs [N/m].
 GAINS = np.array([800.0, 650.0, 900.0, 720.0, 1000.0, 850.0])
 

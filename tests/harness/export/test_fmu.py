@@ -12,7 +12,6 @@ import pytest
 from numpy.typing import ArrayLike
 
 from gough_stewart.fmu_build.builder import build_units
-from gough_stewart.fmu_build.layout import Layout
 from gough_stewart.harness.control.feedforward import feedforward
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.export.designed import Designed, designed
@@ -41,7 +40,6 @@ class Exported(NamedTuple):
     """A controller, its units by FMI version, and the run in Python."""
 
     designed: Designed
-    layout: Layout
     files: dict[str, FmuFile]
     run: Run
     folder: Path
@@ -53,7 +51,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Exported]:
     experiment = uneven_experiment(folder)
     chosen = designed(experiment)
     files = {file.version: file for file in map(FmuFile, build_units(component_of(chosen, "uneven"), folder))}
-    yield Exported(chosen, component_of(chosen).layout, files, run_of(experiment), folder)
+    yield Exported(chosen, files, run_of(experiment), folder)
     for file in files.values():
         file.close()
 
@@ -61,7 +59,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Exported]:
 @pytest.fixture(params=["2.0", "3.0"])
 def unit(request: pytest.FixtureRequest, exported: Exported) -> Iterator[Plant]:
     """An instance, not yet initialised."""
-    with Plant(exported.files[request.param], layout=exported.layout, name="controller") as made:
+    with Plant(exported.files[request.param], name="controller") as made:
         yield made
 
 
@@ -121,7 +119,7 @@ def test_steps_of_four_samples_with_inputs_interpolated(exported: Exported) -> N
         return np.asarray(a + (b - a) * (k % 4) / 4)
 
     file = exported.files["2.0"]
-    with Plant(file, layout=exported.layout) as one, Plant(file, layout=exported.layout) as four:
+    with Plant(file) as one, Plant(file) as four:
         one.initialise()
         four.initialise()
         for k in range(80):
@@ -145,7 +143,7 @@ def test_an_importer_of_fmi_3_sets_inputs_at_every_sample_of_a_long_step(exporte
         forces.append(asked.get("actuator_force"))
         asked.set("leg_length", lengths_at(exported.run, len(times)))
 
-    with Plant(exported.files["3.0"], layout=exported.layout, intermediateUpdate=update) as asked:
+    with Plant(exported.files["3.0"], intermediateUpdate=update) as asked:
         asked.initialise()
         asked.set("leg_length", lengths_at(exported.run, 0))
         for k in range(0, 80, 20):
@@ -163,7 +161,7 @@ def test_steps_that_do_not_fit_samples_give_the_forces_of_steps_that_do(unit: Pl
     steps = SAMPLE_TIME * np.random.default_rng(3).uniform(0.05, 2.5, 150)
     points = np.concatenate([[0.0], np.cumsum(steps)])
     length = [lengths_at(exported.run, k % SAMPLES) for k in range(len(points))]
-    with Plant(unit.of, layout=exported.layout) as regular:
+    with Plant(unit.file) as regular:
         regular.initialise()
         out = [regular.get("actuator_force")]
         for k in range(int(points[-1] / SAMPLE_TIME)):
@@ -234,7 +232,7 @@ def test_a_state_in_the_middle_has_the_same_future_in_another_instance(unit: Pla
             blob = unit.serialized()
     middle = unit.serialized()
     expected = go_on(unit)
-    with Plant(unit.of, layout=exported.layout) as other:
+    with Plant(unit.file) as other:
         other.restore(middle)
         np.testing.assert_array_equal(go_on(other), expected)
     unit.restore(blob)
@@ -319,15 +317,15 @@ def test_what_cannot_be_is_refused_and_changes_nothing(unit: Plant, exported: Ex
     assert unit.serialized() == before
 
 
-def test_model_exchange_and_derivatives_are_not_offered(unit: Plant, exported: Exported) -> None:
+def test_model_exchange_and_derivatives_are_not_offered(unit: Plant) -> None:
     unit.initialise()
     assert refused(unit.output_rates, "actuator_force") == ERROR
     assert refused(unit.directional, "actuator_force", "leg_length", np.ones(6)) == ERROR
     assert "not offered by this unit" in unit.take_messages()
-    assert unit.of.description.modelExchange is None
-    assert unit.of.description.coSimulation.maxOutputDerivativeOrder == 0
+    assert unit.file.description.modelExchange is None
+    assert unit.file.description.coSimulation.maxOutputDerivativeOrder == 0
     with pytest.raises(Exception, match="Model Exchange is not offered"):
-        Plant(unit.of, co_simulation=False, layout=exported.layout)
+        Plant(unit.file, co_simulation=False)
 
 
 def test_a_limit_of_zero_is_none(unit: Plant, exported: Exported) -> None:

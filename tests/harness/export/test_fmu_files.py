@@ -146,7 +146,7 @@ def test_matrices_keep_their_sample_time(tmp_path: Path) -> None:
     proportional = LinearController(control.ss([], [], [], np.hstack([np.eye(6), -np.eye(6)]), SAMPLE_TIME))
     chosen = designed(uneven_experiment(tmp_path), proportional)
     (path,) = build_units(component_of(chosen), tmp_path, fmi=["2.0"])
-    with FmuFile(path) as file, Plant(file, layout=component_of(chosen).layout) as unit:
+    with FmuFile(path) as file, Plant(file) as unit:
         unit.set("sample_time", 0.005)
         with pytest.raises(Exception, match="fmi2ExitInitializationMode"):
             unit.initialise()

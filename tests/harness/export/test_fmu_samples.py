@@ -55,7 +55,7 @@ def units(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Units]:
 @pytest.fixture(params=["2.0", "3.0"])
 def unit(request: pytest.FixtureRequest, units: Units) -> Iterator[Plant]:
     """An instance, not yet initialised."""
-    with Plant(units[request.param], layout=units.layout) as one:
+    with Plant(units[request.param]) as one:
         yield one
 
 
@@ -96,7 +96,7 @@ def test_a_step_that_misses_a_sample_by_rounding_meets_it(
     unit.restore(before)
     end = start + (sample_time - 0.98 * slack)
     unit.do_step(start, sample_time - 0.98 * slack)
-    assert unit.get("time") == end
+    assert unit.time == end
     assert_force(unit, force(0, FIRST))
     unit.set("position", SECOND)
     unit.do_step(end, sample_time)
@@ -113,18 +113,18 @@ def test_flags_and_forces_wait_for_the_next_sample(unit: Plant, units: Units) ->
     for step in (0.3 * T, 0.6 * T):
         np.testing.assert_array_equal(unit.get("force_limited"), np.zeros(6))
         assert_force(unit, units.start_force)
-        unit.do_step(unit.get("time").item(), step)
+        unit.do_step(unit.time, step)
     unit.do_step(0.9 * T, 0.2 * T)
     np.testing.assert_array_equal(unit.get("force_limited"), np.abs(free) > FORCE_LIMIT)
     assert_force(unit, np.clip(free, -FORCE_LIMIT, FORCE_LIMIT))
     np.testing.assert_array_equal(unit.get("position"), far)
-    assert unit.get("time").item() == pytest.approx(1.1 * T, rel=1e-12)
+    assert unit.time == pytest.approx(1.1 * T, rel=1e-12)
 
 
 def test_inputs_go_on_at_their_rates(units: Units) -> None:
     """Expected: p + ṗ t, also where samples see it."""
     rates = np.array([13.0, -21.0, 34.0])
-    with Plant(units["2.0"], layout=units.layout) as unit:
+    with Plant(units["2.0"]) as unit:
         unit.initialise(time=-1.0)
         unit.set("position", FIRST)
         unit.set_input_rates("position", rates)
@@ -138,7 +138,7 @@ def test_a_state_before_the_first_sample_can_be_restored(unit: Plant, units: Uni
     unit.set("position", FIRST)
     blob = unit.serialized()
     unit.do_step(0.0, 3 * T)
-    for one in (unit, Plant(unit.of, layout=units.layout)):
+    for one in (unit, Plant(unit.file)):
         with one:
             one.restore(blob)
             assert_force(one, units.start_force)
@@ -147,9 +147,9 @@ def test_a_state_before_the_first_sample_can_be_restored(unit: Plant, units: Uni
             assert_force(one, force(0, SECOND))
 
 
-def test_after_a_reset_a_unit_is_as_new(unit: Plant, units: Units) -> None:
+def test_after_a_reset_a_unit_is_as_new(unit: Plant) -> None:
     """Expected: the bytes of an instance that was never used."""
-    with Plant(unit.of, layout=units.layout) as new:
+    with Plant(unit.file) as new:
         expected = new.serialized()
     unit.set("force_limit", 11.0)
     unit.initialise(time=3.0, stop=5.0)
@@ -203,7 +203,7 @@ def test_forces_and_flags_come_out_an_output_delay_after_their_sample(unit: Plan
         forces, flags = expected[sample] if sample >= 0 else (units.start_force, np.zeros(6))
         assert_force(unit, forces)
         np.testing.assert_array_equal(unit.get("force_limited"), flags)
-    with Plant(unit.of, layout=units.layout) as other:
+    with Plant(unit.file) as other:
         other.restore(middle)
         assert other.get("output_delay") == delay
         for k in range(delay):  # what was in the line then, and not what has passed through it since
@@ -263,12 +263,12 @@ def test_a_step_ends_early_when_the_importer_asks_at_a_sample(
             early, at = arguments[-2:]
             early[0], at[0] = True, wanted
 
-    with Plant(units["3.0"], layout=units.layout, intermediateUpdate=update, earlyReturnAllowed=True) as unit:
+    with Plant(units["3.0"], intermediateUpdate=update, earlyReturnAllowed=True) as unit:
         unit.initialise()
         unit.set("position", FIRST)
-        _, _, early, last = unit.step(0.0, 7 * T)
+        _, _, early, last = unit.do_step(0.0, 7 * T)
         assert (early, last) == (reached < 7 * T, reached)
-        assert unit.get("time") == reached
+        assert unit.time == reached
         unit.do_step(reached, T)
         assert_force(unit, force(sample, FIRST))
 
@@ -315,7 +315,7 @@ def test_a_position_out_of_range_gives_safe_forces_and_is_reported(unit: Plant, 
         assert unit.get("input_bad_time") == pytest.approx(since * T)
         if k >= 2:  # forces wait in the delay line, reports do not
             assert_force(unit, units.start_force if k in (4, 5) else forces_with_gap(k - 1))
-    with Plant(unit.of, layout=units.layout) as other:
+    with Plant(unit.file) as other:
         other.initialise()
         seen = []
         for k in range(7):
@@ -352,4 +352,4 @@ def test_an_input_that_grows_beyond_all_numbers_is_refused(unit: Plant, sampled_
     unit.restore(with_numbers(sampled_thrice, numbers))
     assert refused(unit.do_step, 2.5 * T, 3.0) == DISCARD
     assert "s: an input is not finite; its derivative is too large" in unit.take_messages()
-    assert unit.get("time") == 2.5 * T
+    assert unit.time == 2.5 * T

@@ -4,17 +4,14 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from unittest import mock
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
+import gough_stewart as gs
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.isolated import IsolatedFmu
@@ -23,18 +20,15 @@ from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.plants.unit import FmuInstance, UnitFile
 from gough_stewart.model import interface
-from gough_stewart.model.dynamics import forward_dynamics
-from gough_stewart.model.errors import GoughStewartError, InterfaceError, PlatformError, StepError
+from gough_stewart.model.errors import InterfaceError, PlatformError, StepError
 from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
-from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.state import State
 from tests.support.fmu_plants import Fmu
-from tests.support.random_platforms import random_inputs, random_platform, random_state
 from tests.support.uneven import INPUTS, STATE, UNEVEN
+from tests.support.uneven_loops import experiment_of
 
 Open = Callable[[Platform, State | None], Plant]
 KINDS = ("model", "2.0", "3.0")
@@ -56,37 +50,6 @@ def opener(kind: str, fmus: dict[str, Fmu]) -> Open:
     return open_fmu
 
 
-def stepped(plant: Plant, inputs: FloatArray, steps: int = 20, step: float = 0.005) -> FloatArray:
-    """Results after every step."""
-    rows = []
-    with plant:
-        for k in range(steps):
-            plant.set_inputs(inputs * np.cos(0.1 * k))
-            rows.append(plant.results())
-            plant.do_step(k * step, step)
-        rows.append(plant.results())
-    return np.array(rows)
-
-
-@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(seed=st.integers(0, 10_000))
-def test_three_plants_give_the_same_on_any_platform(seed: int, fmus: dict[str, Fmu]) -> None:
-    """Expected: rule 7, poses within 1e-7 and all results in proportion, on random platforms with all inputs."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    start = random_state(platform, rng)._replace(velocity=np.zeros(3), angular_velocity=np.zeros(3))
-    inputs = 0.3 * random_inputs(platform, rng).to_vector()
-    try:
-        model = stepped(ModelPlant(platform, start), inputs)
-    except StepError:
-        return  # thrown into a singular pose; not what this test is about
-    scale = np.abs(model).max(axis=0) + 1
-    for kind in ("2.0", "3.0"):
-        unit = stepped(opener(kind, fmus)(platform, start), inputs)
-        assert np.abs(unit - model)[:, :6].max() < 1e-7
-        assert (np.abs(unit - model) / scale).max() < 1e-5
-
-
 def test_inputs_and_results_mean_what_the_interface_says(open_one: Open) -> None:
     """Expected: Newton and Euler's accelerations and joint forces under the forces, then the wrench, of the vector."""
     force, wrench, torque = INPUTS
@@ -103,50 +66,6 @@ def test_inputs_and_results_mean_what_the_interface_says(open_one: Open) -> None
     assert np.concatenate([found[name] for name in State._fields]) == pytest.approx(STATE.to_vector(), abs=0)
     legs = STATE.position + UNEVEN.platform_points @ R.T - UNEVEN.base_points
     assert found["leg_length"] == pytest.approx(np.linalg.norm(legs, axis=1), rel=1e-12)
-
-
-def test_steps_follow_each_other_from_any_state_under_any_inputs(open_one: Open) -> None:
-    """Expected: SciPy's integration of the NumPy dynamics, over steps of unequal length with inputs that change."""
-    steps, factors = (0.01, 0.004, 0.013), (1.0, -0.4, 0.7)
-
-    def rate(_time: float, x: FloatArray, factor: float) -> FloatArray:
-        state = State.from_vector(x)
-        a = forward_dynamics(UNEVEN, state, Inputs(*(factor * part for part in INPUTS)))
-        turning = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
-        return np.concatenate([state.velocity, turning, *a])
-
-    x, time = STATE.to_vector(), 0.0
-    with open_one(UNEVEN, STATE) as plant:
-        for step, factor in zip(steps, factors, strict=True):
-            plant.set_inputs(factor * INPUTS.to_vector())
-            plant.do_step(time, step)
-            time += step
-            x = solve_ivp(rate, (0, step), x, args=(factor,), rtol=1e-10, atol=1e-12).y[:, -1]
-            assert plant.results()[:12] == pytest.approx(x, abs=1e-7)
-
-
-def test_a_plant_begins_at_home_at_rest(open_one: Open) -> None:
-    """Expected: rule 1, on a platform that the FMU was not built for; the forces that hold it there, and no wrench."""
-    with open_one(UNEVEN, None) as plant:
-        results = interface.unpack(interface.RESULTS, plant.results())
-    assert np.abs(results["acceleration"]).max() < 1e-9
-    assert np.abs(results["angular_acceleration"]).max() < 1e-9
-    assert (results["position"] == UNEVEN.home_position).all()
-    assert (results["orientation"] == UNEVEN.home_orientation).all()
-    assert (results["velocity"] == 0).all()
-    assert (results["angular_velocity"] == 0).all()
-
-
-def test_results_are_copies_and_change_nothing(open_one: Open, paper: Platform) -> None:
-    """Expected: rule 4."""
-    with open_one(paper, None) as plant:
-        one = plant.results()
-        kept = one.copy()
-        plant.set_inputs(np.arange(12.0))
-        plant.do_step(0.0, 0.01)
-        two = plant.results()
-        assert (one == kept).all()
-        assert (plant.results() == two).all()
 
 
 def test_a_failed_step_leaves_the_plant_as_it_was(open_one: Open, paper: Platform) -> None:
@@ -191,18 +110,6 @@ def test_an_inertia_that_no_body_has_is_refused_at_once_and_changes_nothing(open
         with pytest.raises(PlatformError, match="triangle"):
             plant.set_parameters({"platform_inertia": np.diag([1.0, 2.0, 3.1])})
         plant.do_step(0.01, 0.01)
-
-
-def test_a_centre_of_mass_beyond_the_shortest_leg_of_the_start_is_refused(open_one: Open) -> None:
-    """Expected: legs are alike, so that what is not on the shortest lies beside it; home has longer legs."""
-    long = replace(UNEVEN, leg_lower_com=2.35)
-    low = State(UNEVEN.home_position - [0.0, 0.0, 0.9], np.zeros(3), np.zeros(3), np.zeros(3))
-    lengths = leg_geometry(long, low.position, low.orientation).length
-    assert lengths.min() < 2.35 < lengths.max()
-    with open_one(long, None) as plant:
-        plant.do_step(0.0, 0.01)
-    with pytest.raises(GoughStewartError, match=r"leg_lower_com.* is 2.35 m"), open_one(long, low) as plant:
-        plant.do_step(0.0, 0.01)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="mapped files are read from /proc")
@@ -252,26 +159,6 @@ def test_open_plant_builds_what_is_not_given_and_keeps_it(
         assert sum("FMI 3.0: sources" in text for text in told) == count
     names = ["gough_stewart_fmi3.fmu", "gough_stewart_fmi3.fmu.sha256"]
     assert sorted(file.name for file in tmp_path.rglob("*") if file.is_file()) == names
-
-
-def test_open_plant_opens_the_model_where_it_starts() -> None:
-    """Expected: the state of the start, and of the platform its legs there."""
-    with open_plant("model", UNEVEN, STATE) as plant:
-        found = interface.unpack(interface.RESULTS, plant.results())
-    assert np.concatenate([found[name] for name in State._fields]) == pytest.approx(STATE.to_vector(), abs=0)
-    assert found["leg_length"] == pytest.approx(leg_geometry(UNEVEN, STATE.position, STATE.orientation).length)
-
-
-def test_open_plant_refuses_what_does_not_fit(fmus: dict[str, Fmu], paper: Platform) -> None:
-    with (
-        pytest.raises(PlantError, match=r"is FMI 3.0; expected FMI 2.0"),
-        open_plant("fmu2", paper, fmu=fmus["3.0"].path),
-    ):
-        pass
-    with pytest.raises(PlantError, match="'model' does not accept"), open_plant("model", paper, fmu=fmus["3.0"].path):
-        pass
-    with pytest.raises(PlantError, match="expected model, fmu2 or fmu3"), open_plant("simulink", paper):  # type: ignore[arg-type]
-        pass
 
 
 def test_runs_that_follow_each_other_unpack_the_unit_once(
@@ -333,16 +220,6 @@ def test_open_plant_hands_on_start_tolerance_and_step(kind: str, fmus: dict[str,
     assert len(set(ends)) == len(ends)
 
 
-def test_fixed_steps_of_the_model_are_those_of_the_unit(fmus: dict[str, Fmu]) -> None:
-    """Expected: RK4 in C, three steps of 4 ms where 5 ms were allowed, then one of 1 ms."""
-    with FmuPlant(fmus["3.0"].path, UNEVEN, STATE, 1e-8, 5e-3) as unit, ModelPlant(UNEVEN, STATE, 1e-8, 5e-3) as model:
-        for time, step in ((0.0, 0.012), (0.012, 0.001)):
-            for plant in (unit, model):
-                plant.set_inputs(INPUTS.to_vector())
-                plant.do_step(time, step)
-        assert model.results() == pytest.approx(unit.results(), rel=1e-11, abs=1e-12)
-
-
 def test_a_plant_of_one_platform_has_no_members(open_one: Open) -> None:
     """Expected: no leading axis; actions of members are refused by the name of the plant."""
     with open_one(UNEVEN, STATE) as plant:
@@ -365,3 +242,22 @@ def test_a_plant_that_is_closed_refuses_calls(version: str, fmus: dict[str, Fmu]
     for call in (plant.results, plant.signals, lambda: plant.set_inputs(np.zeros(12))):
         with pytest.raises(PlantError, match="has been freed"):
             call()
+
+
+def test_kinds_of_plants_give_the_same_run() -> None:
+    """Expected: poses within 1e-7 and all signals in proportion; of a machine that changes, is pushed and varies."""
+    experiment = experiment_of(
+        "pid",
+        reference={"type": "sine", "frequency": "4 Hz", "position_amplitude": ["8 mm", "-5 mm", "6 mm"]},
+        loop={"duration": 0.1, "sample_time": "4 ms", "plant_step": "2 ms", "delay": 1},
+        sensors={"quantisation": {"leg_length": 0.0}},
+        disturbance=[{"at": 0.02, "duration": 0.04, "force": ["80 N", "-90 N", "120 N"]}],
+        change=[{"at": 0.05, "factors": {"platform_mass": 1.3}}],
+        ensemble={"platform_mass": {"factor": {"uniform": [0.9, 1.2]}}},
+    )
+    for member in (None, 3):
+        model, *units = (gs.run(experiment, {"plant.kind": kind}, member=member) for kind in ("model", "fmu2", "fmu3"))
+        for unit in units:
+            for name in ("position", "orientation", "velocity", "leg_length", "leg_velocity", "actuator_force"):
+                gap, scale = np.abs(unit[name] - model[name]).max(), 1 + np.abs(model[name]).max()
+                assert gap < (1e-7 if name == "position" else 1e-5 * scale), name

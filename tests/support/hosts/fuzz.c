@@ -87,10 +87,7 @@ static void run_sequence(void)
     others[n] = NULL;
     for (size_t calls = SHORTEST_SEQUENCE + below(LONGEST_SEQUENCE - SHORTEST_SEQUENCE); calls > 0; calls--) {
         host *h = &hosts[below(n)];
-        if (chance(0.02))
-            perform(reading_changes_nothing, h);
-        else
-            perform(chance(0.15) ? any_saved_state_action() : any_action(h), h);
+        perform(chance(0.15) ? any_saved_state_action() : any_action(h), h);
     }
     forget_saved_states(&hosts[0]);
     for (size_t k = 0; k < n; k++)

@@ -99,6 +99,52 @@ static void get_event_indicators(host *h)
     CALL_EITHER(h, fmi2GetEventIndicators, fmi3GetEventIndicators, unit(h), due(exactly(n * sizeof(double))), n);
 }
 
+/* ---- values: FMI 3.0 also takes their number -------------------------------------------------------------------- */
+
+static void get_values(host *h)
+{
+    choice c = choose(h, ANY_ROLE);
+    if (h->version == 2)
+        CALL(h, fmi2GetReal, unit(h), c.references, c.n, c.values);
+    else
+        CALL(h, fmi3GetFloat64, unit(h), c.references, c.n, c.values, c.n_values);
+}
+
+static void set_values(host *h)
+{
+    unsigned roles = ROLE(INPUT);
+    if (h->mode & (BEFORE_START | EVENT | STEP))
+        roles |= ROLE(TUNABLE_PARAMETER);
+    if (h->mode & BEFORE_START)
+        roles |= ROLE(STATE) | ROLE(FIXED_PARAMETER);
+    choice c = choose(h, roles);
+    if (h->version == 2)
+        CALL(h, fmi2SetReal, unit(h), c.references, c.n, c.values);
+    else
+        CALL(h, fmi3SetFloat64, unit(h), c.references, c.n, c.values, c.n_values);
+}
+
+static void get_directional_derivative(host *h)
+{
+    choice unknowns = choose(h, ROLE(STATE) | ROLE(RESULT) | ROLE(DERIVATIVE));
+    choice knowns = choose(h, ROLE(INPUT) | ROLE(STATE) | ROLE(FIXED_PARAMETER) | ROLE(TUNABLE_PARAMETER));
+    if (h->version == 2)
+        CALL(h, fmi2GetDirectionalDerivative, unit(h), unknowns.references, unknowns.n, knowns.references, knowns.n,
+             knowns.values, unknowns.values);
+    else
+        CALL(h, fmi3GetDirectionalDerivative, unit(h), unknowns.references, unknowns.n, knowns.references, knowns.n,
+             knowns.values, knowns.n_values, unknowns.values, unknowns.n_values);
+}
+
+static void get_output_derivatives(host *h)
+{
+    choice c = choose(h, ROLE(STATE) | ROLE(RESULT));
+    if (h->version == 2)
+        CALL(h, fmi2GetRealOutputDerivatives, unit(h), c.references, c.n, c.orders, c.values);
+    else
+        CALL(h, fmi3GetOutputDerivatives, unit(h), c.references, c.n, c.orders, c.values, c.n_values);
+}
+
 const entry COMMON_ACTIONS[] = {
     {set_debug_logging, BETWEEN_CALLS},
     {exit_initialization_mode, INITIALIZATION},
@@ -120,5 +166,12 @@ const entry COMMON_ACTIONS[] = {
     {get_derivatives, EVENT | CONTINUOUS},
     {get_nominals, BEFORE_START | EVENT},
     {get_event_indicators, EVENT | CONTINUOUS},
+    {get_values, ANY_MODE},
+    {get_values, ANY_MODE},
+    {set_values, BEFORE_START | RUNNING | INTERMEDIATE},
+    {set_values, BEFORE_START | RUNNING | INTERMEDIATE},
+    {set_values, BEFORE_START | RUNNING | INTERMEDIATE},
+    {get_directional_derivative, INITIALIZATION | RUNNING | TERMINATED},
+    {get_output_derivatives, STEP | INTERMEDIATE | TERMINATED},
     {NULL, 0},
 };

@@ -71,23 +71,6 @@ static void enter_initialization_mode(host *h)
     CALL(h, fmi2EnterInitializationMode, unit(h));
 }
 
-static void get_real(host *h)
-{
-    choice c = choose(h, ANY_ROLE);
-    CALL(h, fmi2GetReal, unit(h), c.references, c.n, c.values);
-}
-
-static void set_real(host *h)
-{
-    unsigned roles = ROLE(INPUT);
-    if (h->mode & (BEFORE_START | EVENT | STEP))
-        roles |= ROLE(TUNABLE_PARAMETER);
-    if (h->mode & BEFORE_START)
-        roles |= ROLE(STATE) | ROLE(FIXED_PARAMETER);
-    choice c = choose(h, roles);
-    CALL(h, fmi2SetReal, unit(h), c.references, c.n, c.values);
-}
-
 /* There are no variables of other types. */
 #define OTHER_TYPE(name, function, type)                                                                               \
     static void name(host *h)                                                                                          \
@@ -105,14 +88,6 @@ OTHER_TYPE(set_integer, fmi2SetInteger, fmi2Integer)
 OTHER_TYPE(set_boolean, fmi2SetBoolean, fmi2Boolean)
 OTHER_TYPE(set_string, fmi2SetString, fmi2String)
 
-static void get_directional_derivative(host *h)
-{
-    choice unknowns = choose(h, ROLE(STATE) | ROLE(RESULT) | ROLE(DERIVATIVE));
-    choice knowns = choose(h, ROLE(INPUT) | ROLE(STATE) | ROLE(TUNABLE_PARAMETER));
-    CALL(h, fmi2GetDirectionalDerivative, unit(h), unknowns.references, unknowns.n, knowns.references, knowns.n,
-         knowns.values, unknowns.values);
-}
-
 static void new_discrete_states(host *h)
 {
     CALL(h, fmi2NewDiscreteStates, unit(h), due(exactly(sizeof(fmi2EventInfo))));
@@ -122,12 +97,6 @@ static void set_input_derivatives(host *h)
 {
     choice c = choose(h, ROLE(INPUT));
     CALL(h, fmi2SetRealInputDerivatives, unit(h), c.references, c.n, c.orders, c.values);
-}
-
-static void get_output_derivatives(host *h)
-{
-    choice c = choose(h, ROLE(RESULT) | ROLE(STATE));
-    CALL(h, fmi2GetRealOutputDerivatives, unit(h), c.references, c.n, c.orders, c.values);
 }
 
 static void do_step(host *h)
@@ -147,54 +116,32 @@ static fmi2StatusKind any_status_kind(void)
     return (fmi2StatusKind)below(5);
 }
 
-static void get_status(host *h)
-{
-    fmi2Status *value = exactly(sizeof *value);
-    if (CALL(h, fmi2GetStatus, unit(h), any_status_kind(), due(value)) == OK)
-        require((int)*value >= OK && *value <= fmi2Fatal, "no step is pending");
-}
-
-static void get_real_status(host *h)
-{
-    fmi2Real *value = exactly(sizeof *value);
-    if (CALL(h, fmi2GetRealStatus, unit(h), any_status_kind(), due(value)) == OK)
-        require(*value == h->time, "the last successful time is the present one");
-}
-
-static void get_integer_status(host *h)
-{
-    CALL(h, fmi2GetIntegerStatus, unit(h), any_status_kind(), due(exactly(sizeof(fmi2Integer))));
-}
-
-static void get_boolean_status(host *h)
-{
-    CALL(h, fmi2GetBooleanStatus, unit(h), any_status_kind(), due(exactly(sizeof(fmi2Boolean))));
-}
-
-static void get_string_status(host *h)
-{
-    CALL(h, fmi2GetStringStatus, unit(h), any_status_kind(), due(exactly(sizeof(fmi2String))));
-}
+/* A status of this type; `holds` says what is to be of its value. */
+#define STATUS(name, function, type, holds)                                                                            \
+    static void name(host *h)                                                                                          \
+    {                                                                                                                  \
+        type *value = exactly(sizeof *value);                                                                          \
+        if (CALL(h, function, unit(h), any_status_kind(), due(value)) == OK)                                           \
+            require(holds, #function);                                                                                 \
+    }
+STATUS(get_status, fmi2GetStatus, fmi2Status, (int)*value >= OK && *value <= fmi2Fatal)
+STATUS(get_real_status, fmi2GetRealStatus, fmi2Real, *value == h->time)
+STATUS(get_integer_status, fmi2GetIntegerStatus, fmi2Integer, 0)
+STATUS(get_boolean_status, fmi2GetBooleanStatus, fmi2Boolean, *value == 0 || *value == 1)
+STATUS(get_string_status, fmi2GetStringStatus, fmi2String, 0)
 
 const entry FMI2_ACTIONS[] = {
     {setup_experiment, INSTANTIATED},
     {enter_initialization_mode, INSTANTIATED},
     {enter_initialization_mode, INSTANTIATED},
-    {get_real, ANY_MODE},
-    {get_real, ANY_MODE},
-    {set_real, BEFORE_START | RUNNING},
-    {set_real, BEFORE_START | RUNNING},
-    {set_real, BEFORE_START | RUNNING},
     {get_integer, 0},
     {get_boolean, 0},
     {get_string, 0},
     {set_integer, 0},
     {set_boolean, 0},
     {set_string, 0},
-    {get_directional_derivative, INITIALIZATION | RUNNING | TERMINATED},
     {new_discrete_states, EVENT},
     {set_input_derivatives, BEFORE_START | STEP},
-    {get_output_derivatives, STEP | TERMINATED},
     {do_step, STEP},
     {do_step, STEP},
     {do_step, STEP},

@@ -93,23 +93,6 @@ static void enter_initialization_mode(host *h)
 
 /* ---- values --------------------------------------------------------------------------------------------------- */
 
-static void get_float64(host *h)
-{
-    choice c = choose(h, ANY_ROLE);
-    CALL(h, fmi3GetFloat64, unit(h), c.references, c.n, c.values, c.n_values);
-}
-
-static void set_float64(host *h)
-{
-    unsigned roles = ROLE(INPUT);
-    if (h->mode & (BEFORE_START | EVENT | STEP))
-        roles |= ROLE(TUNABLE_PARAMETER);
-    if (h->mode & BEFORE_START)
-        roles |= ROLE(STATE) | ROLE(FIXED_PARAMETER);
-    choice c = choose(h, roles);
-    CALL(h, fmi3SetFloat64, unit(h), c.references, c.n, c.values, c.n_values);
-}
-
 /* There are no variables of other types. */
 #define OTHER_TYPE(name, function, type)                                                                               \
     static void name(host *h)                                                                                          \
@@ -135,21 +118,7 @@ OTHER_TYPE_BOTH_WAYS(UInt64)
 OTHER_TYPE_BOTH_WAYS(Boolean)
 OTHER_TYPE_BOTH_WAYS(String)
 
-static void get_binary(host *h)
-{
-    size_t n = below(3);
-    CALL(h, fmi3GetBinary, unit(h), due(exactly(n * sizeof(fmi3ValueReference))), n, due(exactly(n * sizeof(size_t))),
-         due(exactly(n * sizeof(fmi3Binary))), n);
-}
-
-static void set_binary(host *h)
-{
-    size_t n = below(3);
-    CALL(h, fmi3SetBinary, unit(h), due(exactly(n * sizeof(fmi3ValueReference))), n, due(exactly(n * sizeof(size_t))),
-         due(exactly(n * sizeof(fmi3Binary))), n);
-}
-
-/* Of clocks: arrays of `n` each. */
+/* Of binaries and clocks: arrays of `n` each. */
 #define OF_CLOCKS(name, function, ...)                                                                                 \
     static void name(host *h)                                                                                          \
     {                                                                                                                  \
@@ -157,6 +126,8 @@ static void set_binary(host *h)
         CALL(h, function, unit(h), due(exactly(n * sizeof(fmi3ValueReference))), n, __VA_ARGS__);                      \
     }
 #define ARRAY(type) due(exactly(n * sizeof(type)))
+OF_CLOCKS(get_binary, fmi3GetBinary, ARRAY(size_t), ARRAY(fmi3Binary), n)
+OF_CLOCKS(set_binary, fmi3SetBinary, ARRAY(size_t), ARRAY(fmi3Binary), n)
 OF_CLOCKS(get_clock, fmi3GetClock, ARRAY(fmi3Clock))
 OF_CLOCKS(set_clock, fmi3SetClock, ARRAY(fmi3Clock))
 OF_CLOCKS(get_interval_decimal, fmi3GetIntervalDecimal, ARRAY(fmi3Float64), ARRAY(fmi3IntervalQualifier))
@@ -188,26 +159,12 @@ static void get_variable_dependencies(host *h)
 
 /* ---- sensitivities -------------------------------------------------------------------------------------------- */
 
-static void get_directional_derivative(host *h)
-{
-    choice unknowns = choose(h, ROLE(STATE) | ROLE(RESULT) | ROLE(DERIVATIVE));
-    choice knowns = choose(h, ROLE(INPUT) | ROLE(STATE) | ROLE(FIXED_PARAMETER) | ROLE(TUNABLE_PARAMETER));
-    CALL(h, fmi3GetDirectionalDerivative, unit(h), unknowns.references, unknowns.n, knowns.references, knowns.n,
-         knowns.values, knowns.n_values, unknowns.values, unknowns.n_values);
-}
-
 static void get_adjoint_derivative(host *h)
 {
     choice unknowns = choose(h, ROLE(STATE) | ROLE(RESULT) | ROLE(DERIVATIVE));
     choice knowns = choose(h, ROLE(INPUT) | ROLE(STATE) | ROLE(FIXED_PARAMETER) | ROLE(TUNABLE_PARAMETER));
     CALL(h, fmi3GetAdjointDerivative, unit(h), unknowns.references, unknowns.n, knowns.references, knowns.n,
          unknowns.values, unknowns.n_values, knowns.values, knowns.n_values);
-}
-
-static void get_output_derivatives(host *h)
-{
-    choice c = choose(h, ROLE(STATE) | ROLE(RESULT));
-    CALL(h, fmi3GetOutputDerivatives, unit(h), c.references, c.n, c.orders, c.values, c.n_values);
 }
 
 /* ---- model exchange ------------------------------------------------------------------------------------------- */
@@ -280,17 +237,11 @@ static void activate_model_partition(host *h)
     CALL(h, fmi3ActivateModelPartition, unit(h), any_reference(), h->time);
 }
 
+#define BOTH_WAYS(name) {get_##name, 0}, {set_##name, 0}
 const entry FMI3_ACTIONS[] = {
     {enter_initialization_mode, INSTANTIATED},
     {enter_initialization_mode, INSTANTIATED},
-    {get_float64, ANY_MODE},
-    {get_float64, ANY_MODE},
-    {set_float64, BEFORE_START | RUNNING | INTERMEDIATE},
-    {set_float64, BEFORE_START | RUNNING | INTERMEDIATE},
-    {set_float64, BEFORE_START | RUNNING | INTERMEDIATE},
-    {get_directional_derivative, INITIALIZATION | RUNNING | TERMINATED},
     {get_adjoint_derivative, INITIALIZATION | RUNNING | TERMINATED},
-    {get_output_derivatives, STEP | INTERMEDIATE | TERMINATED},
     {evaluate_discrete_states, INITIALIZATION | EVENT},
     {update_discrete_states, EVENT},
     {get_number_of_event_indicators, EVENT},
@@ -299,45 +250,11 @@ const entry FMI3_ACTIONS[] = {
     {do_step, STEP},
     {do_step, STEP},
     {do_step, STEP},
-    {get_Float32, 0},
-    {set_Float32, 0},
-    {get_Int8, 0},
-    {set_Int8, 0},
-    {get_UInt8, 0},
-    {set_UInt8, 0},
-    {get_Int16, 0},
-    {set_Int16, 0},
-    {get_UInt16, 0},
-    {set_UInt16, 0},
-    {get_Int32, 0},
-    {set_Int32, 0},
-    {get_UInt32, 0},
-    {set_UInt32, 0},
-    {get_Int64, 0},
-    {set_Int64, 0},
-    {get_UInt64, 0},
-    {set_UInt64, 0},
-    {get_Boolean, 0},
-    {set_Boolean, 0},
-    {get_String, 0},
-    {set_String, 0},
-    {get_binary, 0},
-    {set_binary, 0},
-    {get_clock, 0},
-    {set_clock, 0},
-    {get_interval_decimal, 0},
-    {get_interval_fraction, 0},
-    {get_shift_decimal, 0},
-    {get_shift_fraction, 0},
-    {set_interval_decimal, 0},
-    {set_interval_fraction, 0},
-    {set_shift_decimal, 0},
-    {set_shift_fraction, 0},
-    {get_number_of_variable_dependencies, 0},
-    {get_variable_dependencies, 0},
-    {enter_step_mode, 0},
-    {enter_configuration_mode, 0},
-    {exit_configuration_mode, 0},
-    {activate_model_partition, 0},
+    BOTH_WAYS(Float32), BOTH_WAYS(Int8), BOTH_WAYS(UInt8), BOTH_WAYS(Int16), BOTH_WAYS(UInt16), BOTH_WAYS(Int32),
+    BOTH_WAYS(UInt32), BOTH_WAYS(Int64), BOTH_WAYS(UInt64), BOTH_WAYS(Boolean), BOTH_WAYS(String), BOTH_WAYS(binary),
+    BOTH_WAYS(clock), BOTH_WAYS(interval_decimal), BOTH_WAYS(interval_fraction), BOTH_WAYS(shift_decimal),
+    BOTH_WAYS(shift_fraction),
+    {get_number_of_variable_dependencies, 0}, {get_variable_dependencies, 0}, {enter_step_mode, 0},
+    {enter_configuration_mode, 0}, {exit_configuration_mode, 0}, {activate_model_partition, 0},
     {NULL, 0},
 };

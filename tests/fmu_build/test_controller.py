@@ -4,7 +4,6 @@ The C here is not that of exported controllers, so what is tested is the unit ar
 the formula that the C computes, in NumPy.
 """
 
-import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -152,7 +151,7 @@ def units(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Units]:
 @pytest.fixture(params=["2.0", "3.0"])
 def unit(request: pytest.FixtureRequest, units: Units) -> Iterator[Plant]:
     """An instance, not yet initialised."""
-    with Plant(units[request.param], layout=units.component.layout) as one:
+    with Plant(units[request.param]) as one:
         yield one
 
 
@@ -212,7 +211,7 @@ def test_a_unit_without_reference_delays_by_its_own_samples(tmp_path: Path) -> N
     np.testing.assert_array_equal(found.status, [2 if k in (5, 6, 9) else 0 for k in range(20)])
     assert begun["output_delay"] == 15
     assert path.name == "controller_fmi2.fmu"
-    with FmuFile(path) as file, Plant(file, layout=component.layout) as unit:
+    with FmuFile(path) as file, Plant(file) as unit:
         assert refused(unit.set, "output_delay", 16.0) == DISCARD
         assert "expected a whole number of samples from 1 to 15" in unit.take_messages()
 
@@ -253,6 +252,7 @@ def test_no_limit_is_0_in_the_unit_and_none_in_the_c(unit: Plant) -> None:
 # --- description -----------------------------------------------------------------------------------------------------
 
 REPORT = "inputs of the last sample: 0 good, 1 out of range, 2 frozen; unless they are good, the forces are safe ones"
+BAD_TIME = "for how long the inputs have not been good; 0 while they are"
 DELAY = "samples from the inputs to the forces that they determine, a whole number from 1 to 12"
 # name, size, causality, variability, unit, description, start; in the order of their value references
 VARIABLES: list[tuple[str, int, str, str, str | None, str, Any]] = [
@@ -270,15 +270,7 @@ VARIABLES: list[tuple[str, int, str, str, str | None, str, Any]] = [
     ("time", 1, "independent", "continuous", "s", "", None),
     ("output_delay", 1, "parameter", "fixed", None, DELAY, 1),
     ("input_status", 1, "output", "continuous", None, REPORT, None),
-    (
-        "input_bad_time",
-        1,
-        "output",
-        "continuous",
-        "s",
-        "for how long the inputs have not been good; 0 while they are",
-        None,
-    ),
+    ("input_bad_time", 1, "output", "continuous", "s", BAD_TIME, None),
 ]
 
 
@@ -350,79 +342,9 @@ def test_terminals_hold_the_actuators_the_measured_pose_and_the_reference() -> N
             {name: name for name in ("reference_position", "reference_velocity")},
         ),
     }
-    legs = {
-        f"actuator_{k}": (
-            f"actuator of leg {k}",
-            {"actuator_force": f"actuator_force[{k}]", "leg_length": f"leg_length[{k}]"},
-        )
-        for k in range(1, 7)
-    }
-    assert found["2.0"] == legs | {
-        "pose": ("pose and its rates", {f"position[{k}]": f"position[{k}]" for k in (1, 2, 3)}),
-        "reference": (
-            "reference of the platform",
-            {f"{n}[{k}]": f"{n}[{k}]" for n in ("reference_position", "reference_velocity") for k in (1, 2, 3)},
-        ),
-    }
+    leg = {"actuator_force": "actuator_force[4]", "leg_length": "leg_length[4]"}
+    assert found["2.0"]["actuator_4"] == ("actuator of leg 4", leg)
+    assert list(found["2.0"]) == [*(f"actuator_{k}" for k in range(1, 7)), "pose", "reference"]
+    assert set(found["2.0"]["pose"][1].values()) == {f"position[{k}]" for k in (1, 2, 3)}
     alone = _terminals(unit_of(controller_component(ALONE), "3.0").documents[place])
     assert list(alone) == ["actuators", "pose"]
-
-
-def test_icons_and_sources_are_in_the_archive(units: Units) -> None:
-    icon = CONTROLLER.icon
-    for file in units.values():
-        with zipfile.ZipFile(file.path) as archive:
-            assert archive.read("terminalsAndIcons/icon.png") == icon.png
-            assert archive.read("terminalsAndIcons/icon.svg") == icon.svg
-            assert archive.read("sources/controller.c").decode() == SOURCE
-            assert archive.read("sources/controller.h").decode() == HEADER
-
-
-def _words(page: bytes) -> str:
-    root = ET.fromstring(page)
-    return " ".join(" ".join(root.itertext()).split())
-
-
-def test_the_page_says_what_this_controller_does(units: Units) -> None:
-    """Expected: headings in order, notes, the reference, times and delays of this unit, words of the FMI version."""
-    pages = {}
-    for version in ("2.0", "3.0"):
-        page = units.component.documents(version)["documentation/index.html"]
-        headings = [each.text for each in ET.fromstring(page).iter() if each.tag.rpartition("}")[2] in ("h1", "h2")]
-        assert headings == [
-            "Controller of a Gough–Stewart platform",
-            *("Time", "The loop", "Variables", "Limits and failures"),
-        ]
-        pages[version] = _words(page)
-        for part in (
-            f"two <signals> & more . Functional mock-up unit for FMI {version}, Co-Simulation.".replace(" .", "."),
-            "The reference is an input.",
-            "sample_time , 0.003 s by design",
-            "from sample k + output_delay on, 1 by design",
-            "output_delay is a whole number from 1 to 12",
-            "first: a < b second",
-            f"fmi{version[0]}Discard from a setting function",
-            f"fmi{version[0]}Error : misuse",
-        ):
-            assert part in pages[version], part
-    assert "change linearly if their first derivatives are set by fmi2SetRealInputDerivatives" in pages["2.0"]
-    assert "are set in the intermediate-update callback, which is called at every sample" in pages["3.0"]
-    assert "intermediate-update" not in pages["2.0"]
-    alone = _words(controller_component(ALONE).documents("2.0")["documentation/index.html"])
-    for part in ("The reference is part of the unit.", "on, 15 by design", "from 1 to 15"):
-        assert part in alone
-    assert "The loop" not in alone
-
-
-def test_saved_states_belong_to_their_c_and_their_memory() -> None:
-    """Expected: another form for another source, another header, a longer delay line; the same for another title."""
-    own = controller_component(CONTROLLER).saved_form
-    code = CONTROLLER.code
-    others = [
-        replace(CONTROLLER, code=Code({"controller.c": SOURCE + " "}, code.headers)),
-        replace(CONTROLLER, code=Code(code.units, {"controller.h": HEADER + " "})),
-        replace(CONTROLLER, output_delay=13),
-    ]
-    assert own not in {controller_component(each).saved_form for each in others}
-    for same in (replace(CONTROLLER, title="x", notes=()), replace(CONTROLLER, output_delay=12)):
-        assert controller_component(same).saved_form == own

@@ -1,0 +1,205 @@
+"""Units of platforms whose friction sticks and whose legs give, against the stepping model."""
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from fmpy import simulate_fmu
+
+import gough_stewart as gs
+from tests.support.fmu_plants import ERROR, STATES, Fmu, Plant, by_element, plant, refused
+from tests.support.lagrangian import FloatArray
+from tests.support.real_platforms import real_platform
+
+OWN_STATES = ("leg_bristle", "motor_position", "motor_velocity")
+
+
+def inputs_at(platform: gs.Platform, time: float) -> dict[str, Any]:
+    """Forces that break every leg loose and let it stick again, each at its own frequency."""
+    waves = 45.0 * np.sin(2 * np.pi * time * np.arange(3.0, 9.0) + np.arange(6))
+    force = platform.home_actuator_force + waves
+    return {"actuator_force": force, "external_force": [3.0, -2.0, 5.0], "external_torque": [0.3, 0.1, -0.2]}
+
+
+def at_home(platform: gs.Platform) -> dict[str, Any]:
+    home = {name: getattr(platform, f"home_{name}") for name in ("position", "orientation", "actuator_force")}
+    return home | ({"motor_position": platform.home_motor_position} if platform.leg_stiffness else {})
+
+
+def stepped(fmu: Fmu, platform: gs.Platform, steps: int, tolerance: float, fixed: float = 0.0) -> dict[str, FloatArray]:
+    """All variables after steps of 2 ms."""
+    with plant(fmu) as p:
+        p.start({**at_home(platform), "fixed_step_size": fixed}, tolerance, platform=platform)
+        for k in range(steps):
+            for name, value in inputs_at(platform, 2e-3 * k).items():
+                p.set(name, value)
+            p.do_step(2e-3 * k, 2e-3)
+        return p.everything()
+
+
+@pytest.mark.parametrize(("friction", "version"), [("elasto_plastic", "2.0"), ("lugre", "3.0")])
+def test_the_unit_moves_as_the_stepping_model_does(whole: dict[str, Fmu], friction: str, version: str) -> None:
+    """Expected: the model at a tolerance of 1e-11; the bristles move. Fixed steps have errors of their own."""
+    platform = real_platform(friction, springs=True)
+    model = gs.SteppingModel(platform, 1e-11)
+    for k in range(60):
+        model.set_many(inputs_at(platform, 2e-3 * k))
+        model.do_step(2e-3 * k, 2e-3)
+    assert np.abs(model.get("leg_bristle")).max() > 1e-6
+    for tolerance, fixed, bound in ((1e-10, 0.0, 2e-9), (1e-8, 1e-3, 2e-6)):
+        found = stepped(whole[version], platform, 60, tolerance, fixed)
+        for name in ("position", "orientation", "leg_length", "motor_position", "leg_bristle"):
+            assert found[name] == pytest.approx(np.asarray(model.get(name)), abs=bound), name
+
+
+@pytest.mark.parametrize("springs", [False, True], ids=["rigid", "gives"])
+def test_calls_of_one_fixed_step_slide_as_the_stepping_model_does(
+    whole: dict[str, Fmu], sticking: Fmu, springs: bool
+) -> None:
+    """Expected: the model at 1e-10, pushed to 0.1 m/s. Differences of times k h are by rounding above h and below."""
+    platform, h = real_platform("lugre", springs=springs), 1e-3
+    model = gs.SteppingModel(platform, 1e-10)
+    force = np.asarray(platform.home_actuator_force) + 60.0
+    model.set("actuator_force", force)
+    with plant(whole["3.0"] if springs else sticking) as p:
+        p.start({**at_home(platform), "fixed_step_size": h}, platform=platform)
+        p.set("actuator_force", force)
+        for k in range(40):
+            for each in (model, p):
+                each.do_step(k * h, (k + 1) * h - k * h)
+        assert np.abs(model.get("velocity")).max() > 0.1
+        assert p.get("position") == pytest.approx(np.asarray(model.get("position")), abs=2e-6)
+
+
+def test_legs_that_stick_hold_a_platform(whole: dict[str, Fmu]) -> None:
+    """Closed form: below breakaway nothing moves.
+
+    `motion_base`, 100 N of friction, 50 N more on each leg than its weight; on smooth friction it rises 9.9 mm in 10 s.
+    """
+    platform = gs.load_preset("motion_base").with_parameters(
+        {"leg_friction_model": "elasto_plastic", "leg_coulomb_friction": 100.0, "leg_stiffness": 1e8}
+    )
+    heights = []
+    with plant(whole["2.0"]) as p:
+        p.start(at_home(platform), platform=platform)
+        p.set("actuator_force", platform.home_actuator_force + 50.0)
+        for k in range(10):
+            p.do_step(float(k), 1.0)
+            heights.append(p.get("position")[2])
+    assert heights[-1] - platform.home_position[2] > 1e-6  # it bends
+    assert abs(heights[-1] - heights[4]) < 1e-8
+
+
+def test_a_fixed_step_beyond_the_modes_is_refused_with_one_that_is_not(whole: dict[str, Fmu]) -> None:
+    """Expected: |h λ| = 2.6 at the fastest eigenvalue λ of the linear plant at rest, by NumPy; bristles are stiff."""
+    platform = real_platform("elasto_plastic", springs=True, leg_bristle_stiffness=2.9e10)
+    limit = 2.6 / np.abs(np.linalg.eigvals(gs.SteppingModel(platform).linearise().A)).max()
+    with plant(whole["3.0"]) as p:
+        p.start({**at_home(platform), "fixed_step_size": 0.01}, platform=platform)
+        refused(p.do_step, 0.0, 0.01)
+        (stated,) = re.findall(r"steps of 0\.01 s are too large.*at most (\S+) s", p.take_messages())
+        assert float(stated) == pytest.approx(limit, rel=0.03)
+    with plant(whole["3.0"]) as p:
+        p.start({**at_home(platform), "fixed_step_size": 0.98 * float(stated)}, platform=platform)
+        p.do_step(0.0, 0.01)
+        assert p.get("position")[2] == pytest.approx(platform.home_position[2], abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["model", "fmu2", "fmu3"])
+def test_a_loop_takes_steps_of_1_ms_where_friction_sticks_and_no_longer_ones(kind: str) -> None:
+    """Expected: the loop on the model under error control; errors of steps are corrected as by any feedback."""
+    settings = {
+        "platform.parameters": {"leg_friction_model": "lugre", "leg_coulomb_friction": 100.0},
+        "loop.duration": 0.3,
+        "plant.kind": kind,
+    }
+    exact = gs.run("heave_step", {**settings, "plant.kind": "model", "plant.tolerance": 1e-10})
+    found = gs.run("heave_step", {**settings, "plant.fixed_step_size": "1 ms"})
+    assert np.ptp(exact["position"][:, 2]) > 0.02
+    # encoders of 10 µm may tell two equal lengths apart
+    assert np.abs(found["position"] - exact["position"]).max() < 3e-6
+    long = gs.run("heave_step", {**settings, "loop.sample_time": "2 ms", "plant.fixed_step_size": "2 ms"})
+    assert len(long["position"]) == 1
+    assert re.search(r"0\.002 .*too large for legs that stick.*at most 0\.001 s", long.metadata["outcome"]["cause"])
+
+
+def test_a_saved_state_has_the_bristles_and_motors(whole: dict[str, Fmu]) -> None:
+    """Expected: the same step in another instance, bit by bit; a unit of another kind refuses the state."""
+    platform = real_platform("lugre", springs=True)
+    with plant(whole["2.0"]) as p, plant(whole["3.0"]) as q:
+        p.start(at_home(platform), platform=platform)
+        p.set("actuator_force", platform.home_actuator_force + 40.0)
+        p.do_step(0.0, 0.02)
+        q.restore(p.serialized())
+        for each in (p, q):
+            each.do_step(0.02, 0.02)
+        assert p.serialized() == q.serialized()
+        names = [*STATES, *OWN_STATES, "leg_force"]
+        assert p.get_all(names).tobytes() == q.get_all(names).tobytes()
+        assert np.abs(p.get_all(["leg_bristle", "motor_velocity", "leg_force"])).min() > 0
+
+
+def test_states_have_nominals_of_their_size(whole: dict[str, Fmu]) -> None:
+    """Expected: 1e-5 m for bristles, for CVODE's accuracy, else a millimetre; in XML and in C."""
+    for fmu in whole.values():
+        with plant(fmu, co_simulation=False) as p:
+            p.start()
+            assert p.nominals(30).tolist() == [*[1e-3] * 12, *[1e-5] * 6, *[1e-3] * 12]
+        declared = {name: float(w.declared[0].nominal) for name, w in fmu.variables.items() if w.declared[0].nominal}
+        assert declared == {name: 1e-5 if name == "leg_bristle" else 1e-3 for name in (*STATES, *OWN_STATES)}
+
+
+def test_under_cvode_bristles_are_as_exact_as_their_nominal_says(sticking: Fmu) -> None:
+    """Legs reverse at up to 0.06 m/s, by FMPy in Model Exchange at 1e-6. Expected: the model at 1e-11."""
+    friction = {"leg_friction_model": "elasto_plastic", "leg_coulomb_friction": 100.0, "leg_static_friction": 150.0}
+    platform = gs.load_preset("motion_base").with_parameters(friction)
+    start = {"velocity": np.array([0.01, -0.02, -0.03]), "angular_velocity": np.array([0.01, 0.02, -0.01])}
+    start["actuator_force"] = platform.home_actuator_force + np.array([300.0, -200, 250, 120, -60, 350])
+    model, exact = gs.SteppingModel(platform, 1e-11), list[FloatArray]()
+    model.set_many(start)
+    for k in range(200):
+        model.do_step(2e-3 * k, 2e-3)
+        exact.append(model.state[[*range(6), *range(12, 18)]])
+    values = {name: getattr(platform, name) for name in sticking.variables if hasattr(platform, name)}
+    values |= {**at_home(platform), **start}
+    result = simulate_fmu(
+        str(sticking.path),
+        fmi_type="ModelExchange",
+        start_values=by_element(sticking, values),
+        output=["position", "orientation", "leg_bristle"],
+        stop_time=0.4,
+        output_interval=2e-3,
+        relative_tolerance=1e-6,
+    )
+    found = np.concatenate([result[name] for name in ("position", "orientation", "leg_bristle")], axis=1)[1:]
+    error = np.sqrt(((found - exact) ** 2).mean(axis=0))
+    assert error[:6].max() < 3e-8
+    assert error[6:].max() < 3e-10
+    assert (np.ptp(np.sign(np.array(exact)[:, 6:]), axis=0) == 2).sum() >= 3
+
+
+def test_a_state_of_a_rigid_unit_is_not_that_of_one_that_gives(whole: dict[str, Fmu], sticking: Fmu) -> None:
+    with plant(whole["3.0"]) as p, plant(sticking) as other:
+        assert refused(p.restore, other.serialized()) == ERROR
+        assert "version" in p.take_messages()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("leg_friction_model", 0.0, "leg_friction_model is 0; expected 1"),
+        ("leg_coulomb_friction", 0.0, "leg_coulomb_friction is 0 N"),
+        ("leg_static_friction", 1.0, "leg_static_friction is 1 N, below leg_coulomb_friction"),
+        ("leg_bristle_stiffness", 1.0, "leg_bristle_stiffness is 1 N/m: legs would stick over"),
+        ("leg_breakaway_share", 1.0, "leg_breakaway_share is 1; expected at most 0.99"),
+        ("leg_armature", 0.0, "leg_armature is 0 kg; a leg with leg_stiffness"),
+        ("leg_stiffness", 1.0, "leg_stiffness is 1 N/m; expected"),
+        ("motor_position", 1.0, r"motor_position\[1\] is 1 m, but leg_length\[1\]"),
+    ],
+)
+def test_what_a_platform_refuses_the_unit_refuses(whole: dict[str, Fmu], name: str, value: float, message: str) -> None:
+    platform = real_platform("lugre", springs=True)
+    with Plant(whole["2.0"]) as p:
+        assert refused(p.start, {**at_home(platform), name: value}, platform=platform) == ERROR
+        assert re.search(message, p.take_messages())

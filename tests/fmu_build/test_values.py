@@ -1,0 +1,604 @@
+"""Values of a unit, and what it refuses, by FMPy. Every message names quantity, value and expectation."""
+
+import re
+from collections.abc import Callable
+from ctypes import POINTER, byref, c_double, c_uint32, c_void_p
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import gough_stewart as gs
+from tests.support.fmu_plants import (
+    DISCARD,
+    ERROR,
+    OK,
+    STATES,
+    Fmu,
+    NotInstantiatedError,
+    Plant,
+    plant,
+    refused,
+)
+from tests.support.lagrangian import FloatArray
+from tests.support.uneven import MOVING, STATE, UNEVEN
+
+HOME = {"position": UNEVEN.home_position, "orientation": UNEVEN.home_orientation}
+FIXED = ("base_points", "leg_lower_mass", "position", "fixed_step_size")
+COMPUTED = ("leg_length", "acceleration", "kinetic_energy", "joint_force", "der(velocity)")
+
+
+def names_of(fmu: Fmu, *causalities: str) -> list[str]:
+    return [name for name, whole in fmu.variables.items() if whole.declared[0].causality in causalities]
+
+
+def computed_names(fmu: Fmu) -> list[str]:
+    """What is no input, parameter, state or time."""
+    return [name for name in names_of(fmu, "output", "local") if name not in STATES]
+
+
+# --- values ----------------------------------------------------------------------------------------------------------
+
+
+def test_results_are_those_of_the_stepping_model(fmu: Fmu) -> None:
+    """Expected: the model's variables of the same names, of an uneven platform and of one with all parameters changed.
+
+    Nothing is integrated.
+    """
+    changed = UNEVEN.with_parameters(
+        {
+            name: np.array(getattr(UNEVEN, name)) * (1.02 + 0.01 * k)
+            for k, name in enumerate(names_of(fmu, "parameter"))
+            if name != "fixed_step_size"
+        }
+    )
+    for platform in (UNEVEN, changed):
+        model = gs.SteppingModel(platform)
+        model.set_many(MOVING)
+        with plant(fmu) as p:
+            p.start(MOVING, platform=platform)
+            for name in computed_names(fmu):
+                if name.startswith("der("):
+                    continue
+                expected = np.asarray(model.get(name))
+                scale = np.abs(expected).max()
+                assert p.get(name) == pytest.approx(expected, rel=1e-11, abs=1e-11 * scale), name
+            assert np.array_equal(p.get("der(position)"), STATE.velocity)
+            assert np.array_equal(p.get("der(velocity)"), p.get("acceleration"))
+            assert np.array_equal(p.get("der(angular_velocity)"), p.get("angular_acceleration"))
+
+
+# What is computed first decides what is kept for the next.
+ORDERS: dict[str, Callable[[list[str]], list[str]]] = {
+    "as listed": lambda names: names,
+    "legs first": lambda names: ["leg_length", "leg_velocity", *names],
+    "derivatives first": lambda names: ["der(velocity)", "der(orientation)", *names],
+    "legs last": lambda names: sorted(names, key=lambda name: name.startswith("leg")),
+}
+CHANGES: dict[str, Callable[[Plant, bytes], object]] = {
+    "a step": lambda p, _: p.do_step(0.1, 0.05),
+    "inputs": lambda p, _: p.set("actuator_force", [31.0, 58.0, 44.0, 52.0, 37.0, 49.0]),
+    "a load": lambda p, _: p.set("external_torque", [3.0, -2.0, 1.0]),
+    "gravity": lambda p, _: p.set("gravity", [0.3, 0.4, -9.0]),
+    "friction": lambda p, _: p.set("leg_coulomb_friction", 3.0),
+    "a payload": lambda p, _: p.set("platform_mass", 17.0),
+    "another inertia": lambda p, _: p.set("platform_inertia", [[6.0, 0.4, -0.3], [0.4, 7.0, 0.2], [-0.3, 0.2, 8.0]]),
+    "a state from before": lambda p, blob: p.restore(blob),
+    "a reset": lambda p, _: p.fmu.reset(),
+}
+
+
+def assert_fresh(p: Plant, order: str) -> None:
+    """Expected: a new instance that was given the same settings, and asked in another order."""
+    names = computed_names(p.file)
+    settings = {name: p.get(name) for name in (*names_of(p.file, "input", "parameter"), *STATES)}
+    with plant(p.file) as fresh:
+        for name, value in settings.items():
+            fresh.set(name, value)
+        expected = {name: fresh.get(name) for name in names[::-1]}
+    for name in ORDERS[order](names):
+        # lengths and rates come from another function of the kernel when they are asked for alone
+        assert p.get(name) == pytest.approx(expected[name], rel=1e-13, abs=1e-12), name
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_what_is_kept_of_earlier_computations_never_shows(fmu: Fmu, order: str) -> None:
+    with plant(fmu) as p:  # before initialisation, setting by setting
+        for name in (*names_of(fmu, "input", "parameter"), *STATES):
+            value = p.get(name)
+            by = 0.1 * np.ones((3, 3)) if name == "platform_inertia" else 0.01 * (1 + np.arange(value.size))
+            for read in ORDERS[order](computed_names(fmu)):
+                p.get(read)
+            p.set(name, value + np.reshape(by, value.shape))
+            assert_fresh(p, order)
+    for change in CHANGES.values():  # in a run
+        with plant(fmu) as p:
+            p.start(MOVING)
+            blob = p.serialized()
+            p.do_step(0.0, 0.1)
+            for read in ORDERS[order](computed_names(fmu)):
+                p.get(read)
+            change(p, blob)
+            assert_fresh(p, order)
+
+
+def test_instances_share_nothing_and_a_reset_goes_back_to_the_start_values(fmu: Fmu) -> None:
+    with plant(fmu) as alone, plant(fmu) as one, plant(fmu) as other:
+        untouched = other.everything()
+        alone.start(MOVING)
+        one.start(MOVING)
+        other.start({"platform_mass": 30.0, "actuator_force": 60.0})
+        for k in range(10):
+            one.do_step(k * 0.05, 0.05)
+            other.do_step(k * 0.05, 0.05)
+        for k in range(10):
+            alone.do_step(k * 0.05, 0.05)
+        assert np.array_equal(one.pose, alone.pose)
+        other.fmu.reset()
+        assert all(np.array_equal(value, untouched[name]) for name, value in other.everything().items())
+
+
+# --- values that are refused -----------------------------------------------------------------------------------------
+
+BAD_VALUES = [
+    ("actuator_force", [1, 2, np.nan, 4, 5, 6], "actuator_force[3] = nan N", "finite"),
+    ("position", [0, np.inf, 3], "position[2] = inf m", "finite"),
+    ("orientation", [0, 1.5699, 0], "orientation[2] = 1.5699 rad", "pitch"),
+    ("orientation", [0.1, -1.5699, 0.2], "orientation[2] = -1.5699 rad", "pitch"),
+    ("platform_mass", -1.0, "platform_mass = -1 kg", "> 0"),
+    ("platform_mass", 0.0, "platform_mass = 0 kg", "> 0"),
+    ("leg_lower_mass", 0.0, "leg_lower_mass", "> 0"),
+    ("leg_upper_inertia", -1e-9, "leg_upper_inertia", ">= 0"),
+    ("leg_viscous_friction", -2.0, "leg_viscous_friction = -2 N.s/m", ">= 0"),
+    ("leg_friction_velocity", 0.0, "leg_friction_velocity", "> 0"),
+    ("base_points", np.full((6, 3), 1e31), "base_points[1,1] = 1e+31 m", "below 1e+30"),
+    ("fixed_step_size", -1e-3, "fixed_step_size = -0.001 s", ">= 0"),
+]
+
+
+@pytest.mark.parametrize(("name", "value", "shown", "expected"), BAD_VALUES)
+def test_a_value_that_no_platform_has_is_discarded_by_name(
+    fmu: Fmu, name: str, value: Any, shown: str, expected: str
+) -> None:
+    """Expected: what is in the table, and the same refusal by the stepping model, which has no fixed_step_size."""
+    with plant(fmu) as p:
+        before = p.get(name)
+        assert refused(p.set, name, value) == DISCARD
+        assert np.array_equal(p.get(name), before)
+        (message,) = p.messages
+        assert message.instance == ("plant" if p.is_fmi2 else None)
+        assert (message.status, message.category) == (DISCARD, "logStatusDiscard")
+        assert shown in message.text
+        assert expected in message.text
+    if name != "fixed_step_size":
+        with pytest.raises(gs.GoughStewartError):
+            gs.SteppingModel(UNEVEN).set(name, value)
+
+
+def test_bounds_are_those_of_a_platform_and_values_at_them_are_taken(fmu: Fmu) -> None:
+    """Expected: `Platform` refuses just below its bounds, and at exclusive ones; a pitch to 1e-3 rad short of 90°."""
+    with plant(fmu) as p:
+        for name in names_of(fmu, "parameter"):
+            for value in (-1e-12, 0.0) if p.variables[name].shape == () and hasattr(UNEVEN, name) else ():
+                try:
+                    UNEVEN.with_parameters({name: value})
+                except gs.GoughStewartError:
+                    assert refused(p.set, name, value) == DISCARD, name
+                else:
+                    assert refused(p.set, name, value) == OK, name
+        for pitch in (1.5696, -1.5696):
+            p.set("orientation", [0.1, pitch, 0.2])
+
+
+def test_one_bad_value_among_many_changes_nothing(fmu2: Fmu) -> None:
+    with plant(fmu2) as p:
+        before = p.everything()
+        references = [*p.references("platform_mass"), *p.references("actuator_force")]
+        assert refused(p.fmu.setReal, references, [12.0, 1, 2, 3, 4, np.nan, 6]) == DISCARD
+        assert all(np.array_equal(value, before[name]) for name, value in p.everything().items())
+
+
+def test_what_is_fixed_or_computed_cannot_be_set(fmu: Fmu) -> None:
+    with plant(fmu) as p:
+        for name in (*COMPUTED, *names_of(fmu, "independent")):
+            assert refused(p.set, name, p.get(name)) == ERROR
+            assert "computed" in p.messages[-1].text
+        p.start()
+        for name in FIXED:
+            assert refused(p.set, name, p.get(name)) == ERROR
+            assert name in p.messages[-1].text
+            assert "step mode" in p.messages[-1].text
+
+
+def test_messages_name_each_element_as_the_description_does(fmu2: Fmu) -> None:
+    """Expected: the names of modelDescription.xml, `joint_force[4,2]`, `der(velocity[3])`, by value reference."""
+    with plant(fmu2) as p:
+        for v in fmu2.description.modelVariables:
+            if v.causality in ("input", "parameter"):
+                assert refused(p.fmu.setReal, [v.valueReference], [np.nan]) == DISCARD
+                assert f": {v.name} = nan {v.unit} rejected; expected a finite number" in p.messages[-1].text
+            elif not v.start:
+                assert refused(p.fmu.setReal, [v.valueReference], [0.0]) == ERROR
+                assert f": {v.name} is computed" in p.messages[-1].text
+
+
+# --- platforms and poses that cannot be -------------------------------------------------------------------------------
+
+
+def inertia(moments: list[float], seed: int, size: float) -> FloatArray:
+    """With these principal moments about axes of no special direction."""
+    axes, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    J = size * axes @ np.diag(moments) @ axes.T
+    return np.asarray((J + J.T) / 2)
+
+
+INERTIAS: list[tuple[Any, str | None]] = [
+    ([[5, 1, 0], [0, 5, 0], [0, 0, 10]], "[1,2] = 1 but [2,1] = 0 kg.m2"),
+    ([[5, 0, 0.5], [0, 5, 0], [0.25, 0, 10]], "[1,3] = 0.5 but [3,1] = 0.25 kg.m2"),
+    ([[5, 0, 0], [0, 5, 0], [0, -0.5, 10]], "[2,3] = 0 but [3,2] = -0.5 kg.m2"),
+    ([[5, 1, 0], [1 + 1e-9, 5, 0], [0, 0, 10]], None),
+    ([[5, 1, 0], [1 + 2e-8, 5, 0], [0, 0, 10]], "not symmetric"),
+    (np.zeros((3, 3)), "not positive definite"),
+    (np.diag([1.0, 1.0, 2.0]), None),  # a flat disk is a body
+    *(
+        (inertia(moments, seed, size), expected)
+        for seed, size in ((0, 1e-6), (1, 1.0), (2, 1e5))
+        for moments, expected in (
+            ([1.0, 2.0, 2.99], None),
+            ([1.0, 2.0, 3.01], "triangle"),
+            ([0.001, 1.0, 1.0005], None),
+            ([-0.001, 1.0, 1.0], "not positive definite"),
+            ([-1.0, -2.0, 3.0], "not positive definite"),
+        )
+    ),
+]
+
+
+def test_an_inertia_is_symmetric_and_that_of_a_body(fmu: Fmu) -> None:
+    """Expected: principal moments decide, whatever their axes: all above 0, none above the sum of the others."""
+    for value, expected in INERTIAS:
+        with plant(fmu) as p:
+            assert refused(p.start, {"platform_inertia": value}) == (ERROR if expected else OK), value
+            assert (expected or "") in p.take_messages()
+    with plant(fmu) as p:  # a tunable one is looked at before the next step
+        p.start()
+        p.set("platform_inertia", np.diag([1.0, 1.0, 3.0]))
+        assert refused(p.do_step, 0.0, 0.01) == DISCARD
+        assert "triangle" in p.take_messages()
+        p.set("platform_inertia", np.diag([1.0, 1.0, 1.5]))
+        p.do_step(0.0, 0.01)
+
+
+@pytest.mark.parametrize(("one", "other"), [(0, 5), (1, 3), (4, 2)])
+@pytest.mark.parametrize("name", ["base_points", "platform_points"])
+def test_joints_in_one_place_are_named(fmu: Fmu, name: str, one: int, other: int) -> None:
+    """Expected: closer than a millionth of the largest distance between two is one place."""
+    for share, is_refused in ((0.5, True), (2.0, False)):
+        points = np.array(getattr(UNEVEN, name))
+        points[other] = points[one]
+        widest = max(np.linalg.norm(a - b) for a in points for b in points)
+        points[other] += share * 1e-6 * widest * np.array([0.6, 0.0, -0.8])
+        with plant(fmu) as p:
+            assert refused(p.start, {**MOVING, name: points}) == (ERROR if is_refused else OK)
+            low, high = sorted((one + 1, other + 1))
+            assert (f"{name}: joints {low} and {high} coincide" in p.take_messages()) == is_refused
+
+
+@pytest.mark.parametrize("part", ["lower", "upper"])
+def test_a_centre_of_mass_lies_on_the_shortest_leg_of_the_start(fmu: Fmu, part: str) -> None:
+    shortest = float(gs.leg_geometry(UNEVEN, STATE.position, STATE.orientation).length.min())
+    for share, status in ((0.999, OK), (1.001, ERROR)):
+        with plant(fmu) as p:
+            assert refused(p.start, {**MOVING, f"leg_{part}_com": share * shortest}) == status
+            message = p.take_messages()
+            assert (f"leg_{part}_com is {share * shortest:g} m; expected at most" in message) == (status == ERROR)
+            assert (f"the shortest leg length at the start, {shortest:g} m" in message) == (status == ERROR)
+
+
+def jacobian(yaw: float) -> FloatArray:
+    """∂L̇/∂(v, ω) at home, but turned, with angles scaled to lengths by the root-mean-square arm."""
+    scale = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
+    J = gs.leg_jacobian(UNEVEN, UNEVEN.home_position, np.array([0.0, 0.0, yaw]))
+    return np.asarray(J / np.repeat([1.0, scale], 3))
+
+
+SINGULAR_YAW = float(brentq(lambda yaw: np.linalg.det(jacobian(yaw)), 1.0, 2.5, xtol=1e-15))
+
+
+def turned(yaw: float, rate: float = 0.0) -> dict[str, Any]:
+    """Start values at a yaw, with no other motion."""
+    pose = {"position": UNEVEN.home_position, "orientation": [0.0, 0.0, yaw]}
+    return {**pose, "velocity": 0.0, "angular_velocity": [0.0, 0.0, rate]}
+
+
+def test_a_pose_is_refused_from_the_condition_number_of_numpy_on(fmu: Fmu) -> None:
+    """Expected: ‖J‖‖J⁻¹‖ by NumPy's inverse, in Frobenius norms; 1e8 is the limit, on both sides of a singular pose."""
+    seen = set()
+    for side in (-1, 1):
+        for distance in (1e-9, 3e-9, 1e-8, 2e-8, 5e-8, 1e-7, 1e-6, 1e-3):
+            J = jacobian(yaw := SINGULAR_YAW + side * distance)
+            number = np.linalg.norm(J) * np.linalg.norm(np.linalg.inv(J))
+            if 0.95 < number / 1e8 < 1.05:  # rounding decides
+                continue
+            with plant(fmu) as p:
+                status = refused(p.start, turned(yaw))
+                assert status == (OK if number < 1e8 else ERROR), (number, yaw)
+                seen.add((side, status))
+                if status == ERROR:
+                    (shown,) = re.findall(r"condition number of the leg Jacobian = (\S+): ", p.messages[-1].text)
+                    assert float(shown) == pytest.approx(number, rel=1e-4)
+    assert len(seen) == 4
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_either_assembly_goes_on_in_its_own_half_and_cannot_pass_to_the_other(fmu: Fmu, side: int) -> None:
+    """Expected: det J by NumPy has another sign on the other side, to which one large step would go."""
+    yaw = SINGULAR_YAW + side * 0.1
+    assert np.linalg.det(jacobian(yaw)) * np.linalg.det(jacobian(yaw - 0.2 * side)) < 0
+    with plant(fmu) as p:
+        p.start({**turned(yaw), "actuator_force": 0.0})
+        p.do_step(0.0, 1e-3)
+        p.fmu.reset()
+        p.start({**turned(yaw, -side * 2000.0), "fixed_step_size": 1e-4})
+        assert refused(p.do_step, 0.0, 1e-4) == DISCARD
+        assert "at time 0.0001 s: the platform has passed a singular pose since" in p.messages[-1].text
+        assert p.get("orientation")[2] == yaw
+
+
+@pytest.mark.parametrize("leg", range(6))
+def test_a_leg_has_collapsed_below_a_thousandth_of_the_arms_and_may_lean_anyhow(fmu: Fmu, leg: int) -> None:
+    """Expected: said of this leg, with its length; a leg upright, with zeros in the Jacobian, is no singular pose."""
+    R = np.array([[np.cos(0.2), -np.sin(0.2), 0], [np.sin(0.2), np.cos(0.2), 0], [0, 0, 1]])
+    for share, is_refused in ((0.9, True), (1.1, False)):
+        length = share * 1e-3 * np.sqrt((UNEVEN.platform_points**2).sum() / 6)
+        position = UNEVEN.base_points[leg] - R @ UNEVEN.platform_points[leg] + length * np.array([0.6, 0.0, 0.8])
+        with plant(fmu, co_simulation=False) as p:
+            p.start()
+            p.set_states([*position, 0.0, 0.0, 0.2, *[0.0] * 6])
+            refused(p.fmu.completedIntegratorStep)
+            expected = f"leg_length[{leg + 1}] = {length:.6g} m: the leg has collapsed"
+            assert (expected in p.take_messages()) == is_refused
+    base = np.array(UNEVEN.base_points)
+    base[leg, :2] = UNEVEN.platform_points[leg, :2]
+    with plant(fmu) as p:
+        p.start({"base_points": base, "position": [0.0, 0.0, 3.0], "orientation": 0.0})
+        p.do_step(0.0, 0.01)
+
+
+def test_derivatives_that_are_not_finite_are_told_and_those_of_other_poses_given_again(fmu: Fmu) -> None:
+    """Expected: a leg of no length has no direction, so no derivatives; at home again those of before."""
+    home = np.concatenate([UNEVEN.home_position, np.zeros(9)])
+    collapsed = np.concatenate([UNEVEN.base_points[3] - UNEVEN.platform_points[3], np.zeros(9)])
+    told = "derivatives are not finite at time 7.3 s: the pose is singular or the forces are too large"
+    with plant(fmu, co_simulation=False) as p:
+        p.start({"position": home[:3], "orientation": 0.0}, time=7.3)
+        before = p.state_rates()
+        p.set_states(collapsed)
+        for call in (p.state_rates, lambda: p.get("der(position)"), lambda: p.get("der(velocity)")):
+            assert refused(call) == DISCARD
+            assert told in p.messages[-1].text
+        p.set_states(home)
+        assert np.array_equal(p.state_rates(), before)
+        assert np.abs(before[6:]).min() > 1e-3
+
+
+@pytest.mark.parametrize("co_simulation", [True, False])
+def test_results_that_are_not_finite_are_discarded_only_where_fmi_2_knows_that(fmu: Fmu, co_simulation: bool) -> None:
+    """Expected: FMI 2.0, 2.1.3, lists fmi2GetReal for Model Exchange, and directional derivatives for nobody."""
+    tiny = {"platform_mass": 1e-300, "platform_inertia": 1e-300 * np.eye(3), "platform_com": 0.0, "leg_armature": 0.0}
+    tiny |= {f"leg_{part}_{kind}": 1e-300 for part in ("lower", "upper") for kind in ("mass", "inertia")}
+    with plant(fmu, co_simulation) as p:
+        p.start(tiny)
+        p.set("actuator_force", [1e29, -1e29, 1e29, 1e29, 1e29, 1e29])
+        assert refused(p.get, "acceleration") == (ERROR if p.is_fmi2 and co_simulation else DISCARD)
+        assert refused(p.directional, "acceleration", "position", [1, 2, 3]) == (ERROR if p.is_fmi2 else DISCARD)
+        assert "not finite" in p.messages[-1].text
+        p.set("actuator_force", 0.0)
+        assert refused(p.get, "position") == OK
+
+
+# --- steps that cannot be completed ----------------------------------------------------------------------------------
+
+NEAR = np.pi / 2 - 1e-3 - 1e-6
+FAILURES: list[tuple[dict[str, Any], dict[str, Any], float, str]] = [
+    # start, inputs after a millisecond, step, message
+    ({}, {"external_torque": [0, 0, 2000.0]}, 1.5, "singular"),
+    ({"fixed_step_size": 1e-3}, {"external_torque": [0, 0, 2000.0]}, 1.5, "singular"),
+    ({}, {"external_torque": [0, 2000.0, 0]}, 0.5, "at time"),
+    ({}, {"actuator_force": -3000.0}, 1.0, "at time"),
+    ({}, {"actuator_force": 1e29}, 0.1, "at time"),
+    ({"fixed_step_size": 1e-3}, {"actuator_force": 1e29}, 0.1, "at time"),
+    *(
+        (
+            {**HOME, "orientation": [0, sign * (NEAR - 2e-3), 0], "angular_velocity": [0, sign, 0], **fixed},
+            {}, 0.01, "90 degrees",
+        )
+        for sign in (1.0, -1.0)
+        for fixed in ({}, {"fixed_step_size": 1e-3})
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("start", "inputs", "step", "expected"), FAILURES)
+def test_a_step_that_cannot_be_completed_is_discarded_with_the_state_as_before(
+    fmu: Fmu, start: dict[str, Any], inputs: dict[str, Any], step: float, expected: str
+) -> None:
+    """Expected: then a shorter step goes on as if nothing had been."""
+    with plant(fmu) as p, plant(fmu) as q:
+        for each in (p, q):
+            each.start({**MOVING, **start})
+            each.do_step(0.0, 0.001)
+            for name, value in inputs.items():
+                each.set(name, value)
+        before, shown = p.serialized(), p.everything()
+        assert refused(p.do_step, 0.001, step) == DISCARD
+        message = p.messages[-1]
+        assert expected in message.text
+        assert message.category == "logStatusDiscard"
+        if "90" in expected:
+            pitch = float(message.text.partition("orientation[2] = ")[2].partition(" ")[0])
+            assert NEAR < abs(pitch) < NEAR + 0.01
+        assert p.serialized() == before
+        assert all(np.array_equal(value, shown[name]) for name, value in p.everything().items())
+        assert p.time == 0.001
+        if p.is_fmi2:
+            assert p.fmu.getStatus(0) == DISCARD  # fmi2DoStepStatus
+            assert p.fmu.getBooleanStatus(3)  # fmi2Terminated
+        for each in (p, q):
+            each.set("actuator_force", 50.0)
+            each.do_step(0.001, 1e-5)
+        assert np.array_equal(p.pose, q.pose)
+
+
+# --- calls out of order, and wrong arguments -------------------------------------------------------------------------
+
+
+def test_steps_before_initialisation_and_after_the_end_are_errors(fmu: Fmu) -> None:
+    with plant(fmu) as p:
+        assert refused(p.do_step, 0.0, 0.1) == ERROR
+        assert "not allowed in the instantiated state" in p.messages[-1].text
+        p.start()
+        p.fmu.terminate()
+        assert refused(p.do_step, 0.0, 0.1) == ERROR
+        assert refused(p.fmu.terminate) == ERROR
+        p.get("position")
+        p.fmu.reset()
+        p.start()
+        p.do_step(0.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("time", "step", "expected"),
+    [
+        *((0.0, step, "step > 0") for step in (0.0, -0.1, np.nan, np.inf)),
+        *((time, 0.1, "current time") for time in (0.5, np.nan)),
+        (0.0, 2.1, "stop time"),
+        (0.0, 2.0 + 2e-9, "stop time"),
+    ],
+)
+def test_a_step_that_makes_no_sense_is_an_error(fmu: Fmu, time: float, step: float, expected: str) -> None:
+    """Expected: a clock may round a little: 1e-9 s for times about a second pass the stop time."""
+    with plant(fmu) as p:
+        p.start(stop=2.0)
+        before = p.serialized()
+        assert refused(p.do_step, time, step) == ERROR
+        assert expected in p.messages[-1].text
+        assert p.serialized() == before
+        assert refused(p.do_step, 0.0, 2.0 + 0.5e-9) == OK
+
+
+# Present time, step, and the largest accepted difference: 1e-9 of the time or of 1 s, but no more than a thousandth of
+# the step, nor less than a few units of rounding, 2⁻⁴⁵ s at 200 s.
+CLOCKS = [
+    (0.5, 1e-3, 0.97e-9, 1.03e-9),
+    (0.5, 1e-7, 0.97e-10, 1.03e-10),
+    (200.0, 1e-3, 1.94e-7, 2.06e-7),
+    (200.0, 1e-11, 4 * 2.0**-45, 8 * 2.0**-45),
+]
+
+
+@pytest.mark.parametrize(("now", "step", "inside", "outside"), CLOCKS)
+def test_an_importers_clock_may_round_a_little(
+    fmu: Fmu, now: float, step: float, inside: float, outside: float
+) -> None:
+    """Expected: early and late, before time 0 as after it."""
+    for begin, side in ((now, 1), (now, -1), (-now, 1), (-now, -1)):
+        with plant(fmu) as p:
+            p.start(time=begin)
+            assert refused(p.do_step, begin + side * outside, step) == ERROR
+            assert "current time" in p.messages[-1].text
+            p.do_step(begin + side * inside, step)
+
+
+def test_a_tolerance_is_from_1e_13_to_1e_2_and_in_model_exchange_the_importers_business(fmu: Fmu) -> None:
+    for tolerance, status in ((0.0, ERROR), (-1e-8, ERROR), (np.nan, ERROR), (1.0, ERROR), (1e-13, OK), (1e-2, OK)):
+        with plant(fmu) as p:
+            assert refused(p.start, tolerance=tolerance) == status
+            assert ("tolerance" in p.take_messages()) == (status == ERROR)
+    with plant(fmu, co_simulation=False) as p:
+        p.start(tolerance=0.1)
+
+
+def test_unknown_references_wrong_counts_and_null_pointers_are_errors(fmu: Fmu) -> None:
+    with plant(fmu) as p:
+        one, reference = (c_double * 1)(), (c_uint32 * 1)(4711)
+        get = p.fmu.fmi2GetReal if p.is_fmi2 else p.fmu.fmi3GetFloat64
+        tail = () if p.is_fmi2 else (1,)
+        c, scalar = p.fmu.component, (c_uint32 * 1)(*p.references("kinetic_energy"))
+        for arguments, expected in (
+            ((c, reference, 1, one, *tail), "4711"),
+            ((c, POINTER(c_uint32)(), 1, one, *tail), "null"),
+            ((c, scalar, 1, POINTER(c_double)(), *tail), "null"),
+            ((None, reference, 1, one, *tail), ""),
+        ):
+            assert refused(get, *arguments) == ERROR
+            assert expected in p.messages[-1].text
+        if not p.is_fmi2:
+            assert refused(get, c, (c_uint32 * 1)(0), 1, (c_double * 6)(), 5) == ERROR
+            assert "found 5 values; expected 6" in p.messages[-1].text
+        major = fmu.version[0]
+        assert p.fmu.dll[f"fmi{major}Reset"](c_void_p(None)) == ERROR
+        p.fmu.dll[f"fmi{major}FreeInstance"](c_void_p(None))
+
+
+def test_an_importer_with_another_description_gets_no_instance_and_a_reason(fmu: Fmu) -> None:
+    for options, expected in (
+        ({"token": "another"}, r"wrong token 'another'; expected"),
+        ({"name": " "}, "name"),
+        *(
+            ()
+            if fmu.is_fmi2
+            else (
+                ({"eventModeUsed": True}, "event mode is not offered"),
+                (
+                    {"requiredIntermediateVariables": [4711]},
+                    "value reference 4711 is not available in intermediate updates",
+                ),
+            )
+        ),
+    ):
+        with pytest.raises(NotInstantiatedError, match=expected):
+            Plant(fmu, **options)
+    if fmu.is_fmi2:
+        with plant(fmu) as p:
+            assert not p.fmu.dll.fmi2Instantiate(b"plant", 7, fmu.token.encode(), b"", byref(p.callbacks), 0, 0)
+            assert "unknown FMU type 7" in p.messages[-1].text
+
+
+# --- messages --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("chosen", [None, *(f"logStatus{kind}" for kind in ("Warning", "Discard", "Error")), "logAll"])
+def test_messages_respect_logging_and_categories(fmu: Fmu, chosen: str | None) -> None:
+    """Expected: of a refused value that category's message, if it is on; that of an error always."""
+    with plant(fmu, logging=False) as p:
+        if chosen is not None:
+            p.fmu.setDebugLogging(True, [chosen])
+        for _ in range(2):
+            refused(p.set, "platform_mass", -1.0)
+            refused(p.do_step, 0.0, 0.1)
+            discarded = ["logStatusDiscard"] if chosen in ("logStatusDiscard", "logAll") else []
+            assert [m.category for m in p.messages] == [*discarded, "logStatusError"]
+            p.take_messages()
+            assert refused(p.fmu.setDebugLogging, True, ["logStatusEror"]) == ERROR  # changes nothing
+            assert "logStatusEror" in p.take_messages()
+        p.fmu.setDebugLogging(False, [])
+        refused(p.set, "platform_mass", -1.0)
+        assert p.messages == []
+
+
+@pytest.mark.parametrize("character", ["a", "\u0080", "\u07ff", "\u0800", "\uffff", "\U00010000", "\U0010ffff"])
+def test_a_message_that_is_too_long_ends_with_a_whole_character(fmu: Fmu, character: str) -> None:
+    """Expected: as many whole characters as fit into 400 bytes with the zero at the end, for each length in UTF-8."""
+    size = len(character.encode())
+    with plant(fmu) as p:
+        for shift in range(4):
+            text = "x" * shift + character * 700
+            assert refused(p.fmu.setDebugLogging, True, [text]) == ERROR
+            shown = p.messages[-1].text
+            assert shown.endswith(character)
+            assert text.startswith(shown[shown.index("'") + 1 :])
+            assert 399 - size < len(shown.encode()) <= 399
+        refused(p.fmu.setDebugLogging, True, ["100%s%n"])
+        assert "%" not in p.messages[-1].text  # leaves nothing for the importer to format
