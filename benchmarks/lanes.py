@@ -20,7 +20,7 @@ from rich.table import Table
 from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library
-from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows, lanes_plant
+from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
 from gough_stewart.model import interface, traced
 from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
 from gough_stewart.model.platform_toml import load_preset
@@ -54,7 +54,7 @@ def plant_of(members: int) -> LanesPlant:
         State(platform.home_position + rng.uniform(-0.1, 0.1, 3), *rng.uniform(-0.1, 0.1, (3, 3)))
         for platform in platforms
     ]
-    return lanes_plant(platforms, starts, substeps=1)
+    return LanesPlant(platforms, starts, substeps=1)
 
 
 def scalar_kernel(folder: Path) -> ctypes.CDLL:

@@ -39,7 +39,7 @@ from gough_stewart.harness.loop.sensors import Encoders
 from gough_stewart.harness.loop.watch import Watch
 from gough_stewart.harness.motion.motion import ROUNDING
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant, lanes_plant
+from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant
 from gough_stewart.harness.plants.plant import seen
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
@@ -485,6 +485,6 @@ def machine_of(
     # constant forces are not planned from a motion
     if prepared.reference is not None and not isinstance(experiment.controller, OpenLoop):
         plan = Plan(prepared.reference, prepared.platform, kind, ahead)
-    plant = lanes_plant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=prepared.kernel)
+    plant = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=prepared.kernel)
     with plant, prepared.law_in_a_run() as law_from:
         return machine_block(plant, law_from, loop, plan, kept, forever, turned)

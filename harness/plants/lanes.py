@@ -158,13 +158,19 @@ class Stepping(NamedTuple):
 
 
 class LanesPlant(Plant):
-    """N platforms as a `Plant` of shape (N,); see `lanes_plant`.
+    """N platforms as a `Plant` of shape (N,), each in its own start state at time 0.
+
+    Parameters
+    ----------
+    substeps
+        RK4 steps per plant step; None for error-controlled steps, each member's own.
+    tolerance
+        Of error-controlled steps, relative, and absolute in SI units.
+    kernel
+        The machine code that steps them; without it that of the plants alone.
 
     Attributes
     ----------
-    substeps, tolerance
-        RK4 steps per plant step; or, if that is None, the tolerance of error-controlled internal steps, each member's
-        own.
     features
         Of its machine code, see `CompiledLanes`.
     integration_error
@@ -173,29 +179,56 @@ class LanesPlant(Plant):
         distances from a solution of order 5; see c/lanes/lanes.h.
     internal_steps
         Error-controlled internal steps so far (N,), with those that were too large.
+
+    Raises
+    ------
+    PlantError
+        No platforms, another number of starts, or an invalid number of substeps or tolerance.
+    PlatformError
+        Some stick or give, and others do not.
+    BuildError, OSError
+        There is no machine code, and it cannot be built, as `lanes_library`.
     """
 
     may_overrun = True
 
     def __init__(
         self,
-        kernel: CompiledLanes,
         platforms: Sequence[Platform],
         starts: Sequence[State],
-        substeps: int | None,
-        tolerance: float,
+        *,
+        substeps: int | None = None,
+        tolerance: float = DEFAULT_TOLERANCE,
+        kernel: CompiledLanes | None = None,
     ) -> None:
+        if not platforms or len(platforms) != len(starts):
+            raise PlantError(
+                f"{len(platforms)} platforms and {len(starts)} starts; expected at least one platform, and a start for "
+                "each"
+            )
+        self._platforms = Platforms.of(platforms)
+        self._variant = variant = _variant_of(self._platforms)
+        if variant.parts and substeps is not None:
+            raise PlantError(
+                f"a plant of many platforms {variant.words} has no steps of a fixed size; remove fixed_step_size, "
+                "for error control"
+            )
+        low, high = TOLERANCES
+        if not low <= tolerance <= high:
+            raise PlantError(
+                f"tolerance is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}"
+            )
+        if substeps is not None and not (isinstance(substeps, int) and 1 <= substeps <= MOST_SUBSTEPS):
+            raise PlantError(f"substeps is {substeps!r}; expected a whole number from 1 to {MOST_SUBSTEPS}")
         self.shape = (len(platforms),)
         self.substeps, self.tolerance = substeps, tolerance
-        self.features = kernel.features
-        self._kernel, self._platforms = kernel, Platforms.of(platforms)
-        self._variant = Variant.of(self._platforms[0])
-        self.columns = self._variant.columns
-        self.batch = batch = LaneArrays(len(platforms), self._variant)
+        self._kernel = kernel or _of_plants_alone(variant)
+        self.features, self.columns = self._kernel.features, variant.columns
+        self.batch = batch = LaneArrays(len(platforms), variant)
         self._signals = lane_rows(signals.SIZE, batch.blocks)
         self._time, self._steps, self._begun = 0.0, 0, False
-        for name in (v.name for v in self._variant.parameters):
-            batch.put_parameter(name, self._platforms.field(name))
+        for variable in variant.parameters:
+            batch.put_parameter(variable.name, self._platforms.field(variable.name))
         batch.states[: interface.N_STATES] = batch.padded(np.stack([start.to_vector() for start in starts]))
         self._place_motors(np.ones(batch.states.shape[1], dtype=bool))
         position, orientation = (
@@ -242,12 +275,41 @@ class LanesPlant(Plant):
 
     def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
         present = self.batch.parameters_of(slice(self.shape[0]))
-        changed = {name: changed_parameter(present, name, new, members, self._variant) for name, new in values.items()}
-        refuse_impossible(self._platforms, members, changed)
+        changed = {name: self._changed(present, name, value, members) for name, value in values.items()}
+        self._refuse_impossible(members, changed)
         for name, value in changed.items():
             self.batch.put_parameter(name, value)
         if not self._begun:
             self._place_motors(self.batch.padded(members[:, None].astype(float))[0] > 0)
+
+    def _changed(self, present: Parameters, name: str, value: object, members: BoolArray) -> FloatArray:
+        """A tunable parameter of all (N, *shape), with one new value for these members (N,), or their rows of many."""
+        variable = interface.BY_NAME.get(name)
+        if variable is None or variable not in self._variant.tunable:
+            tunable = ", ".join(v.name for v in self._variant.tunable)
+            raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
+        new = np.array(getattr(present, name))
+        try:
+            values = np.array(value)
+            has_members = values.ndim > len(variable.shape) and len(values) == len(members)
+            shape = new[members].shape if has_members else variable.shape
+            new[members] = real_array(values[members] if has_members else value, shape)
+        except ValueError as error:
+            raise InterfaceError(name, f"{error} [{variable.unit}], {variable.description}") from None
+        return new
+
+    def _refuse_impossible(self, members: BoolArray, values: Mapping[str, FloatArray]) -> None:
+        """Raise the error of `Platform` for the first of these members with impossible values (N, *shape).
+
+        Only those are made that fail the checks of all at once.
+        """
+        doubtful = self._platforms.having(values).doubtful(values)
+        for k in np.flatnonzero(doubtful & members).tolist():
+            try:
+                replace(self._platforms[k], **{name: value[k] for name, value in values.items()})
+            except PlatformError as error:
+                text = str(error).partition(": ")[2]
+                raise PlatformError(error.field, f"{text} (number {k} of the platforms)") from None
 
     def signals(self) -> FloatArray:
         if self._steps == 0:  # later, the step provides them
@@ -352,52 +414,6 @@ class LanesPlant(Plant):
         return failures
 
 
-def lanes_plant(
-    platforms: Sequence[Platform],
-    starts: Sequence[State],
-    *,
-    substeps: int | None = None,
-    tolerance: float = DEFAULT_TOLERANCE,
-    kernel: CompiledLanes | None = None,
-) -> LanesPlant:
-    """Many platforms as a plant, each in its own start state at time 0.
-
-    Parameters
-    ----------
-    substeps
-        RK4 steps per plant step; None for error-controlled steps.
-    tolerance
-        Of error-controlled steps, relative, and absolute in SI units.
-    kernel
-        The machine code that steps them; without it that of the plants alone.
-
-    Raises
-    ------
-    PlantError
-        No platforms, another number of starts, or an invalid number of substeps or tolerance.
-    PlatformError
-        Some stick or give, and others do not.
-    BuildError, OSError
-        There is no machine code, and it cannot be built, as `lanes_library`.
-    """
-    if not platforms or len(platforms) != len(starts):
-        raise PlantError(
-            f"{len(platforms)} platforms and {len(starts)} starts; expected at least one platform, and a start for each"
-        )
-    variant = _variant_of(Platforms.of(platforms))
-    if variant.parts and substeps is not None:
-        raise PlantError(
-            f"a plant of many platforms {variant.words} has no steps of a fixed size; remove fixed_step_size, "
-            "for error control"
-        )
-    low, high = TOLERANCES
-    if not low <= tolerance <= high:
-        raise PlantError(f"tolerance is {tolerance!r}; expected {low:g} to {high:g}, for example {DEFAULT_TOLERANCE:g}")
-    if substeps is not None and not (isinstance(substeps, int) and 1 <= substeps <= MOST_SUBSTEPS):
-        raise PlantError(f"substeps is {substeps!r}; expected a whole number from 1 to {MOST_SUBSTEPS}")
-    return LanesPlant(kernel or _of_plants_alone(variant), platforms, starts, substeps, tolerance)
-
-
 def _variant_of(platforms: Platforms) -> Variant:
     """Of all members.
 
@@ -421,54 +437,6 @@ def _variant_of(platforms: Platforms) -> Variant:
 @cache
 def _of_plants_alone(variant: Variant) -> CompiledLanes:
     return CompiledLanes(lanes_library(variant))
-
-
-def changed_parameter(
-    present: Parameters, name: str, value: object, members: BoolArray, variant: Variant = IDEAL
-) -> FloatArray:
-    """A tunable parameter of all members (N, *shape), with a new value for some of them (N,).
-
-    Parameters
-    ----------
-    present
-        The present values of all.
-    variant
-        Theirs, which says what there is to change.
-    value
-        One for all, or (N, *shape), of which only the rows of `members` are used.
-
-    Raises
-    ------
-    InterfaceError
-        Not a tunable parameter, another shape, or not finite.
-    """
-    variable = interface.BY_NAME.get(name)
-    if variable is None or variable not in variant.tunable:
-        tunable = ", ".join(v.name for v in variant.tunable)
-        raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
-    new = np.array(getattr(present, name))
-    try:
-        values = np.array(value)
-        has_members = values.ndim > len(variable.shape) and len(values) == len(members)
-        shape = new[members].shape if has_members else variable.shape
-        new[members] = real_array(values[members] if has_members else value, shape)
-    except ValueError as error:
-        raise InterfaceError(name, f"{error} [{variable.unit}], {variable.description}") from None
-    return new
-
-
-def refuse_impossible(platforms: Sequence[Platform], members: BoolArray, values: Mapping[str, FloatArray]) -> None:
-    """Raise the error of `Platform` for the first of these members with impossible values (N, *shape).
-
-    Only those are made that fail the checks of all at once.
-    """
-    doubtful = Platforms.of(platforms).having(values).doubtful(values)
-    for k in np.flatnonzero(doubtful & members).tolist():
-        try:
-            replace(platforms[k], **{name: value[k] for name, value in values.items()})
-        except PlatformError as error:
-            text = str(error).partition(": ")[2]
-            raise PlatformError(error.field, f"{text} (number {k} of the platforms)") from None
 
 
 def _first_not_finite(variables: Sequence[interface.Variable], values: FloatArray) -> tuple[str, float]:

@@ -13,7 +13,7 @@ from copy import copy
 from ctypes import CFUNCTYPE, byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p, cast
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, Self
 
 import fmpy
 import numpy as np
@@ -94,11 +94,6 @@ class FmuFile:
         """Whether it is FMI 2.0, whose variables are scalars."""
         return self.version == "2.0"
 
-    @property
-    def token(self) -> str:
-        """GUID or instantiation token."""
-        return str(self.description.guid or self.description.instantiationToken)
-
     def refusal(self, reason: str) -> GoughStewartError:
         """The error with the reason and the remedy."""
         return self.error(f"{self.path}: {reason}; {self.remedy}")
@@ -110,7 +105,7 @@ class FmuFile:
             fmu = kind.__new__(kind)  # made in two steps: the library is loaded before its functions may be missing
             try:
                 fmu.__init__(
-                    guid=self.token,
+                    guid=self.description.guid or self.description.instantiationToken,
                     unzipDirectory=str(self.folder),
                     modelIdentifier=self.description.coSimulation.modelIdentifier,  # the same for Model Exchange
                 )
@@ -186,25 +181,11 @@ class UnitFile(FmuFile):
                     )
 
 
-class Message(NamedTuple):
-    """A log message of an instance."""
-
-    status: int
-    category: str
-    text: str
-    instance: str | None  # its name, absent in FMI 3.0
-
-
 class FmuInstance:
     """An instance of an FMU; `fmu` is FMPy's instance. Failed calls raise FMPy's FMICallException.
 
     `messages` has the first and the last ones since they were last taken, `is_alarmed` says whether one of all was more
     than a warning.
-
-    Parameters
-    ----------
-    options
-        Arguments of the FMI 3.0 instantiation, named as in FMPy.
 
     Raises
     ------
@@ -212,21 +193,12 @@ class FmuInstance:
         As the file's class: no binary for this machine, or one that cannot be loaded or instantiated.
     """
 
-    def __init__(
-        self,
-        file: FmuFile,
-        fmi_type: FmiType = "CoSimulation",
-        *,
-        name: str = "plant",
-        token: str | None = None,
-        logging: bool = True,
-        **options: Any,
-    ) -> None:
+    def __init__(self, file: FmuFile, fmi_type: FmiType = "CoSimulation", *, name: str = "plant") -> None:
         self.file, self.is_fmi2 = file, file.is_fmi2
-        self.messages: list[Message] = []
+        self.messages: list[str] = []
         self.is_alarmed, self._heard = False, 0
         self.fmu: Any = copy(file.library(fmi_type))
-        self.fmu.instanceName, self.fmu.guid = name, file.token if token is None else token
+        self.fmu.instanceName = name
         self.fmu._call = partial(_call_of, self.fmu._call)
         try:
             if self.is_fmi2:
@@ -235,9 +207,9 @@ class FmuInstance:
                 self.callbacks.logger = fmi2CallbackLoggerTYPE(self._hear)
                 self.callbacks.allocateMemory = type(self.callbacks.allocateMemory)(calloc)
                 self.callbacks.freeMemory = type(self.callbacks.freeMemory)(free)
-                self.fmu.instantiate(callbacks=self.callbacks, loggingOn=logging)
+                self.fmu.instantiate(callbacks=self.callbacks, loggingOn=True)
             else:
-                self.fmu.instantiate(loggingOn=logging, logMessage=self._hear, **options)
+                self.fmu.instantiate(loggingOn=True, logMessage=self._hear)
         except Exception as error:  # FMPy raises the base class
             text = self.take_messages()
             reason = f"cannot be instantiated: {text}" if text else f"does not run on this machine ({error})"
@@ -275,9 +247,9 @@ class FmuInstance:
         buffer.array[:] = np.concatenate([np.ravel(value) for value in values.values()])
         buffer.write()
 
-    def initialise(self, tolerance: float | None = None, time: float = 0.0, stop: float | None = None) -> None:
+    def initialise(self, tolerance: float | None = None, time: float = 0.0) -> None:
         """Initialise the instance; for Model Exchange, enter continuous-time mode."""
-        times = {"tolerance": tolerance, "startTime": time, "stopTime": stop}
+        times = {"tolerance": tolerance, "startTime": time}
         if self.is_fmi2:
             self.fmu.setupExperiment(**times)
             self.fmu.enterInitializationMode()
@@ -295,7 +267,7 @@ class FmuInstance:
 
     def take_messages(self) -> str:
         """The messages since the last call as one text; empty without problems."""
-        texts, left_out = [message.text for message in self.messages], self._heard - len(self.messages)
+        texts, left_out = list(self.messages), self._heard - len(self.messages)
         if left_out > 0:
             texts.insert(_MESSAGES_KEPT, f"… {left_out:,} more messages …")
         self.messages.clear()
@@ -315,10 +287,9 @@ class FmuInstance:
         self.free()
 
     def _hear(self, *arguments: Any) -> None:
-        # environment, in FMI 2.0 the instance's name, status, category, message
-        status, category, text = arguments[-3:]
-        name = _ends_of(arguments[1]) if self.is_fmi2 else None
-        self.messages.append(Message(status, _ends_of(category), _ends_of(text), name))
+        # the environment, in FMI 2.0 the instance's name, then these
+        status, _category, text = arguments[-3:]
+        self.messages.append(_ends_of(text))
         self.is_alarmed |= status not in _WELL
         self._heard += 1
         if len(self.messages) > 2 * _MESSAGES_KEPT:

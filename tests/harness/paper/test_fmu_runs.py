@@ -11,7 +11,7 @@ from gough_stewart.fmu_build.builder import VERSIONS
 from gough_stewart.harness.paper import fmu_runs
 from gough_stewart.harness.paper.fmu_runs import run_fmu
 from gough_stewart.harness.paper.open_loop import run_kernel
-from gough_stewart.harness.plants.unit import FmiType, FmuInstance, Message
+from gough_stewart.harness.plants.unit import FmiType, FmuInstance
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import paper_case
 from tests.support.fmu_plants import Fmu
@@ -50,7 +50,7 @@ def test_a_run_that_ends_early_or_warns_is_an_error(
     def simulated(*arguments: Any, **options: Any) -> Any:
         found = simulate(*arguments, **options)
         if says:
-            made[-1].messages.append(Message(1, "logStatusWarning", "a warning of the unit", "unit"))
+            made[-1].messages.append("a warning of the unit")
         return found if says else found[:-1]
 
     monkeypatch.setattr(fmu_runs, "FmuInstance", Noted)
