@@ -324,7 +324,7 @@ class Values:
         arguments = (
             (c_uint * len(references))(*references),
             c_size_t(len(references)),
-            c_void_p(self.array.ctypes.data),
+            self.array.ctypes.data_as(c_void_p),  # which keeps the array
             *(() if unit.is_fmi2 else (c_size_t(size),)),
         )
         names = ("fmi2GetReal", "fmi2SetReal") if unit.is_fmi2 else ("fmi3GetFloat64", "fmi3SetFloat64")
