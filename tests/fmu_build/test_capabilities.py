@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fmpy.fmi1 import FMICallException
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.support.fmu_plants import DISCARD, ERROR, OK, STATES, Fmu, Plant, plant, refused
 from tests.support.lagrangian import FloatArray
 from tests.support.plain_motion import trajectory
+from tests.support.saved_bytes import KIND, MODE, accepts, numbers_of, sealed, with_numbers
 from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
 
 INPUTS = tuple(INPUT_VALUES)
@@ -71,29 +71,6 @@ def test_a_restored_state_goes_on_where_it_was_in_every_respect(fmu: Fmu) -> Non
         assert "Model Exchange" in p.messages[-1].text
 
 
-# Magic (8), format, kind, mode, number of doubles (4 each), layout (8), numbers, checksum (8); little-endian.
-KIND, MODE, NUMBERS = 12, 16, 32
-
-
-def sealed(bare: bytes) -> bytes:
-    """With the checksum: Fowler, Noll and Vo's hash of 64 bits, FNV-1a."""
-    value = 0xCBF29CE484222325
-    for byte in bare:
-        value = (value ^ byte) * 0x100000001B3 % 2**64
-    return bare + struct.pack("<Q", value)
-
-
-def accepts(p: Plant, blob: bytes) -> bool:
-    """Whether the bytes become a state; else they are said to be damaged."""
-    try:
-        state = p.fmu.deserializeFMUState(blob)
-    except FMICallException:
-        assert "damaged" in p.messages[-1].text
-        return False
-    p.fmu.freeFMUState(state)
-    return True
-
-
 @pytest.fixture
 def stepped(fmu: Fmu) -> tuple[Fmu, bytes]:
     with plant(fmu) as p:
@@ -128,14 +105,14 @@ def test_foreign_bytes_are_refused_and_change_nothing(stepped: tuple[Fmu, bytes]
 def test_numbers_that_no_state_has_are_refused(stepped: tuple[Fmu, bytes]) -> None:
     """Expected: no NaN; infinity for a stop time alone; no step below 0; 1e-13 ≤ tolerance ≤ 1e-2."""
     fmu, blob = stepped
-    good = np.frombuffer(blob[NUMBERS:-8], "<f8").copy()
+    good = numbers_of(blob)
     never_below_0 = []
     with plant(fmu) as p:
 
         def takes(place: int, value: float) -> bool:
             changed = good.copy()
             changed[place] = value
-            return accepts(p, sealed(blob[:NUMBERS] + changed.astype("<f8").tobytes()))
+            return accepts(p, with_numbers(blob, changed))
 
         for k, value in enumerate(good):
             assert not takes(k, np.nan)
@@ -262,7 +239,7 @@ def test_inputs_are_interpolated_by_their_rates(fmu2: Fmu) -> None:
     rates = np.array([5.0, -3.0, 8.0, 2.0, -6.0, 4.0])
 
     def u(t: float) -> FloatArray:
-        return U + np.concatenate([rates * t, np.zeros(6)])
+        return np.asarray(U + np.concatenate([rates * t, np.zeros(6)]))
 
     start = np.concatenate(list(STATE))
     end = trajectory(UNEVEN, start, u, np.array([0.0, 0.5]))[-1, :6]
@@ -311,7 +288,7 @@ def updated(fmu: Fmu, act: Act, *, early_return: bool = False, start: bool = Tru
         if answer is not None:
             wanted[0], at[0] = True, answer
 
-    options = {"requiredIntermediateVariables": [0, 3], "earlyReturnAllowed": early_return}
+    options: dict[str, Any] = {"requiredIntermediateVariables": [0, 3], "earlyReturnAllowed": early_return}
     instances.append(Plant(fmu, intermediateUpdate=update, **options))
     return instances[0].start(MOVING) if start else instances[0]
 

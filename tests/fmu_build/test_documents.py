@@ -173,8 +173,8 @@ def test_units_have_the_dimensions_of_their_names_and_are_shown_in_degrees_and_m
         (exponents,) = unit.iter("BaseUnit")
         assert {base: int(n) for base, n in exponents.items()} == {b: n for b, n in expected.items() if n}, name
         displays = {display.get("name"): float(display.get("factor", 1)) for display in unit.iter("DisplayUnit")}
-        factor = 1000 if name[0] == "m" else 180 / np.pi
-        assert displays == ({DISPLAYED[name]: pytest.approx(factor, rel=1e-15)} if name in DISPLAYED else {})
+        scale = 1000 if name[0] == "m" else 180 / np.pi
+        assert displays == ({DISPLAYED[name]: pytest.approx(scale, rel=1e-15)} if name in DISPLAYED else {})
 
 
 Shown = dict[str, dict[str, bool]]
@@ -230,8 +230,8 @@ def test_dependencies_are_those_that_differences_show(fmu: Fmu, shown: Shown) ->
     for unknown in (*description.outputs, *description.derivatives, *description.initialUnknowns):
         is_initial = any(unknown is initial for initial in description.initialUnknowns)
         changing = expected[unknown.variable.name]
-        knowns = {k for k in changing if is_initial or causality[k] != "parameter"}
-        assert {known.name for known in unknown.dependencies} == knowns, unknown.variable.name
+        names = {k for k in changing if is_initial or causality[k] != "parameter"}
+        assert {known.name for known in unknown.dependencies} == names, unknown.variable.name
         references = [known.valueReference for known in unknown.dependencies]
         assert references == sorted(references)
         for known, kind in zip(unknown.dependencies, unknown.dependenciesKind, strict=True):

@@ -87,7 +87,7 @@ def test_the_unit_moves_as_the_machine_does(row: dict[str, Any], fmus: dict[str,
     accuracy = {1e-9: 2e-8, 1e-6: 2e-5, 1e-3: 2e-7}[row["integrator"][1]] if is_co_simulation else 2e-8
     assert state[:6] == pytest.approx(x[:6], abs=accuracy)
     assert state[6:] == pytest.approx(x[6:], abs=30 * accuracy)
-    q, rate = x[:6], np.linalg.solve(twist_of_rates(x[:6]), x[6:])
+    q, rate = x[:6], np.asarray(np.linalg.solve(twist_of_rates(x[:6]), x[6:]), dtype=float)
     lengths, velocities = legs_along(machine, Pose(*(vector[None] for vector in (q, rate, np.zeros(6)))))
     assert found["leg_length"] == pytest.approx(lengths[0], abs=2 * accuracy)
     assert found["leg_velocity"] == pytest.approx(velocities[0], abs=30 * accuracy)
@@ -107,7 +107,7 @@ def inputs(row: dict[str, Any], t: float, times: FloatArray) -> FloatArray:
     """
     is_linear = row["inputs"] == "linear" and (row["kind"] == "Model Exchange" or row["version"] == "2.0")
     at = t if is_linear else float(times[:-1][np.searchsorted(times[:-1], t, "right") - 1])
-    return (FIRST + SLOPE * at) * np.repeat([1, row["wrench"]], 6)
+    return np.asarray((FIRST + SLOPE * at) * np.repeat([1, row["wrench"]], 6))
 
 
 def expected_end(row: dict[str, Any], times: FloatArray) -> tuple[FloatArray, Platform]:

@@ -171,12 +171,12 @@ def test_casadis_dae_builder_has_the_units_equations_and_jacobians(fmu2: Fmu) ->
         assert found[1] == pytest.approx(p.fmu.getReal([references[name] for name in dae.y()]), rel=1e-12)
     jacobians = dae.create("jacobians", list(parts), [f"jac_{f}_{part}" for f in functions for part in parts])(*point)
     for k, jacobian in enumerate(np.array(each) for each in jacobians):
-        part, h = k % 3, 1e-6
-        for column in range(len(point[part])):
+        at, h = k % 3, 1e-6
+        for column in range(len(point[at])):
             ends = []
             for sign in (1, -1):
                 moved = [vector.copy() for vector in point]
-                moved[part][column] += sign * h
+                moved[at][column] += sign * h
                 ends.append(np.array(evaluate(*moved)[k // 3]).ravel())
             expected = (ends[0] - ends[1]) / (2 * h)
             assert jacobian[:, column] == pytest.approx(expected, rel=1e-5, abs=1e-5), (k, column)
@@ -213,7 +213,7 @@ def rk45(asked: Plant, case: str, tolerance: float, end: float, **options: Any) 
     platform, values, _ = CASES[case]
     asked.start(values, platform=platform)
 
-    def slope(_t: float, x: FloatArray) -> FloatArray:
+    def slope(_t: float, x: Any) -> Any:
         asked.set_states(x)
         return asked.state_rates()
 
@@ -291,7 +291,11 @@ def test_a_fixed_step_that_ends_early_has_equal_steps_up_to_there(fmu3: Fmu) -> 
         if time > 0.015:
             wanted[0], at[0] = True, 0.0512
 
-    options = {"intermediateUpdate": update, "requiredIntermediateVariables": [0, 3], "earlyReturnAllowed": True}
+    options: dict[str, Any] = {
+        "intermediateUpdate": update,
+        "requiredIntermediateVariables": [0, 3],
+        "earlyReturnAllowed": True,
+    }
     with plant(fmu3, **options) as p:
         p.start({**MOVING, "fixed_step_size": 0.01})
         *_, early, last = p.do_step(0.0, 0.2)

@@ -17,9 +17,9 @@ from gough_stewart.fmu_build.layout import Layout
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.plants.unit import FmuFile
-from tests.fmu_build.test_saved_bytes import accepts, numbers_of, with_numbers
 from tests.support.controllers import FORCE_LIMIT, SAMPLE_TIME, uneven_experiment
 from tests.support.fmu_plants import DISCARD, OK, Plant, refused
+from tests.support.saved_bytes import accepts, numbers_of, with_numbers
 
 T = SAMPLE_TIME
 RATE = np.array([300.0, -100.0, 400.0, -150.0, 500.0, -900.0])  # [N/s]
