@@ -20,8 +20,7 @@ from rich.table import Table
 from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library
-from gough_stewart.harness.plants.lane_batch import rows
-from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant, reference
+from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
 from gough_stewart.model import interface, traced
 from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
 from gough_stewart.model.platform_toml import load_preset
@@ -55,7 +54,7 @@ def plant_of(members: int) -> LanesPlant:
         State(platform.home_position + rng.uniform(-0.1, 0.1, 3), *rng.uniform(-0.1, 0.1, (3, 3)))
         for platform in platforms
     ]
-    return lanes_plant(platforms, starts, substeps=1)
+    return LanesPlant(platforms, starts, substeps=1)
 
 
 def scalar_kernel(folder: Path) -> ctypes.CDLL:
@@ -74,9 +73,9 @@ def scalar_kernel(folder: Path) -> ctypes.CDLL:
 def microseconds_a_member(members: int, rounds: int, folder: Path) -> Mapping[str, float]:
     """Seconds per call of each row."""
     plant = plant_of(members)
-    batch, code = plant._batch, plant._kernel
-    signals, results = (rows(len(names), batch.blocks) for names in (range(24), interface.RESULT_COLUMNS))
-    rates, library, of = rows(N_STATES, batch.blocks), code.library, reference(batch)
+    batch, library = plant.batch, plant._kernel.library
+    signals, results = (lane_rows(len(names), batch.blocks) for names in (range(24), interface.RESULT_COLUMNS))
+    rates, of = lane_rows(N_STATES, batch.blocks), batch.reference
     scalar = scalar_kernel(folder)
     p = batch.parameters.transpose(0, 2, 1).reshape(-1, N_PARAMETERS)
     numbers = [np.ascontiguousarray(each) for each in (batch.states.T, batch.inputs.T, p, rates.T)]
@@ -85,13 +84,13 @@ def microseconds_a_member(members: int, rounds: int, folder: Path) -> Mapping[st
     calls: dict[str, Callable[[], object]] = {
         "evaluation, scalar kernel": lambda: scalar.many(ctypes.c_longlong(members), *pointers),
         "evaluation, in vectors": lambda: library.lanes_derivatives(of, out),
-        "RK4 step": lambda: code.step(batch, STEP, 1),
+        "RK4 step": lambda: library.lanes_step(of, STEP, 1, None),
         # one internal step, whatever the motion
-        "controlled step": lambda: code.advance(batch, STEP, 1e-2),
-        "checks of the pose": lambda: code.check(batch),
-        "RK4 step with signals": lambda: code.step(batch, STEP, 1, signals),
-        "signals alone": lambda: code.signals(batch, signals),
-        "results": lambda: code.results(batch, results),
+        "controlled step": lambda: library.lanes_advance(of, STEP, 1e-2, None),
+        "checks of the pose": lambda: library.lanes_check(of),
+        "RK4 step with signals": lambda: library.lanes_step(of, STEP, 1, signals.ctypes.data),
+        "signals alone": lambda: library.lanes_signals(of, signals.ctypes.data),
+        "results": lambda: library.lanes_results(of, results.ctypes.data),
     }
     best = dict.fromkeys(calls, np.inf)
     for _ in range(rounds):

@@ -138,7 +138,7 @@ def _report(
         if failed
         else f"all {len(checks)} checks passed"
     )
-    rows = tuple((each.file, each.name, "passed" if each.passed else "FAILED", each.found) for each in checks)
+    rows = tuple((each.file, each.name, "passed" if each.passed else "FAILED", each.result) for each in checks)
     table = Table(
         "",
         (Column("unit"), Column("check"), Column("outcome"), Column("deviation or problem")),

@@ -103,7 +103,7 @@ class ControllerUnit:
     """The FMU, run by FMPy."""
 
     def __init__(self, path: Path, names: Mapping[str, str], parameters: Mapping[str, Any], sample_time: float) -> None:
-        from gough_stewart.harness.plants.unit import FmuFile, Unit, Values
+        from gough_stewart.harness.plants.unit import FmuFile, FmuInstance, Values
 
         class ControllerFile(FmuFile):
             error = ControllerError
@@ -113,15 +113,15 @@ class ControllerUnit:
             self._file = file = stack.enter_context(ControllerFile(path))
             self._variables = {v.name: v for v in file.description.modelVariables}
             self._check_sample_time(sample_time)
-            self._unit = stack.enter_context(Unit(file, name="controller"))
+            self._unit = stack.enter_context(FmuInstance(file, name="controller"))
             self._source, references = self._inputs(names)
-            self._inputs_of_unit = Values(references, len(self._source), file.is_fmi2)
+            self._inputs_of_unit = Values(self._unit, references, len(self._source))
             force = self._references(_FORCE, names, interface.BY_NAME[_FORCE], "output")
             if force is None:
                 raise file.refusal(f"has no output {names.get(_FORCE, _FORCE)} with six elements")
-            self._force = Values(force, 6, file.is_fmi2)
+            self._force = Values(self._unit, force, 6)
             limited = self._references(_LIMITED, names, None, "output")
-            self._limited = None if limited is None else Values(limited, 6, file.is_fmi2)
+            self._limited = None if limited is None else Values(self._unit, limited, 6)
             self._set(parameters)
             self._check_output_delay(parameters)
             self._check_parts(sample_time)
@@ -134,15 +134,15 @@ class ControllerUnit:
 
         try:
             self._inputs_of_unit.array[:] = values[self._source]
-            self._unit.write(self._inputs_of_unit)
+            self._inputs_of_unit.write()
             if not self._is_initialised:
                 self._unit.initialise(time=time)
                 self._is_initialised = True
             self._unit.do_step(time, step)
-            self._unit.read(self._force)
+            self._force.read()
             if self._limited is None:
                 return np.append(self._force.array, np.zeros(6))
-            self._unit.read(self._limited)
+            self._limited.read()
             return np.append(self._force.array, self._limited.array)
         except FMICallException as error:
             reason = self._unit.take_messages() or str(error)
@@ -237,10 +237,10 @@ class ControllerUnit:
         for name, value in parameters.items():
             numbers = np.ravel(np.asarray(value, dtype=float))
             found = self._references_of_parameter(name, len(numbers))
-            buffer = Values(found, len(numbers), self._file.is_fmi2)
+            buffer = Values(self._unit, found, len(numbers))
             buffer.array[:] = numbers
             try:
-                self._unit.write(buffer)
+                buffer.write()
             except FMICallException as error:
                 reason = self._unit.take_messages() or str(error)
                 raise ControllerError(f"{self._file.path}: {name} = {value} refused: {reason}") from error

@@ -24,7 +24,7 @@ from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.harness.motion.motion import Motion, Reference
-from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, Stepping, lanes_plant
+from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, Stepping
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.platform import Platform, Platforms
 from gough_stewart.model.state import State
@@ -197,7 +197,7 @@ class Batch:
         filled = self.take([*range(n), *[n - 1] * copies])
         machines = Platforms.of(filled.machine.values)[filled.machine.of]
         kernel = loop_kernel(Variant.of(self.machine[0]))
-        plant = lanes_plant(machines, list(filled.start), **stepping._asdict(), kernel=kernel)
+        plant = LanesPlant(machines, list(filled.start), **stepping._asdict(), kernel=kernel)
         law_from, controllers = None, [each for each in self.controller if each is not None]
         if controllers:
             flat = filled.planned.arrays(

@@ -19,7 +19,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.experiment.stages import Injection
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.kinds import PlantKind
-from gough_stewart.harness.plants.lanes import lanes_plant
+from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.results.record import Record
@@ -146,7 +146,7 @@ def run_prepared(
         opening: AbstractContextManager[Plant]
         is_controlled = kind == "model" and fmu is None and not choice.fixed_step_size
         if is_controlled and (kernel := prepared.kernel) is not None:
-            opening = lanes_plant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
+            opening = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
         else:
             opening = open_plant(
                 kind,

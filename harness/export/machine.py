@@ -40,8 +40,8 @@ from gough_stewart.harness.loop.sensors import Encoders
 from gough_stewart.harness.loop.watch import Watch
 from gough_stewart.harness.motion.motion import ROUNDING
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.alone import seen_of
-from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant, lanes_plant
+from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant
+from gough_stewart.harness.plants.plant import seen
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError
@@ -197,7 +197,7 @@ def machine_block(
     """
     watch = Watch(loop, Rows.of(loop.timing, 1), _Nobody(), Outcomes(1, loop.timing.times))
     changes = _changes(plant, loop)
-    reading = Encoders(loop.sensors, None, plant.shape[0])(0, seen_of(plant, loop.sensors.side)(), 0)
+    reading = Encoders(loop.sensors, None, plant.shape[0])(0, seen(plant, loop.sensors.side), 0)
     law = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
     form = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
     if law is not None and form is None:
@@ -488,6 +488,6 @@ def machine_of(
     # constant forces are not planned from a motion
     if prepared.reference is not None and not isinstance(experiment.controller, OpenLoop):
         plan = Plan(prepared.reference, prepared.platform, kind, ahead)
-    plant = lanes_plant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=prepared.kernel)
+    plant = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=prepared.kernel)
     with plant, prepared.law_in_a_run() as law_from:
         return machine_block(plant, law_from, loop, plan, kept, forever, turned)

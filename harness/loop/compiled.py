@@ -28,8 +28,8 @@ from gough_stewart.harness.loop.noise import streams_of
 from gough_stewart.harness.loop.rows import AllRows, Rows
 from gough_stewart.harness.loop.sensors import deviations_of
 from gough_stewart.harness.loop.watch import Watch
-from gough_stewart.harness.plants import lane_batch, signals
-from gough_stewart.harness.plants.lanes import LanesPlant, reference
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.process.progress import TimeProgress
@@ -179,7 +179,7 @@ class CompiledLoop:
             self._set_rows(rows, row)
         run = self._plant.loop_run
         assert run is not None  # whoever made this has asked for it
-        of, with_, is_interrupted = reference(batch), ctypes.byref(c), Event()
+        of, with_, is_interrupted = batch.reference, ctypes.byref(c), Event()
 
         def advance(vectors: tuple[int, int]) -> None:
             numbers = [ctypes.c_int64(each) for each in (*vectors, to, _WORK)]
@@ -385,7 +385,7 @@ class CompiledLoop:
 
     def _memory(self, name: str, size: int) -> FloatArray:
         """Zeros (size, M) that the loop remembers by this name."""
-        array = lane_batch.rows(size, self._plant.batch.blocks)
+        array = lane_rows(size, self._plant.batch.blocks)
         setattr(self._c, name, self._pointer(array))
         return array
 

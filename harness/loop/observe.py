@@ -21,9 +21,8 @@ from gough_stewart.harness.loop.sampler import Sampler
 from gough_stewart.harness.loop.sensors import Encoders
 from gough_stewart.harness.loop.watch import Watch
 from gough_stewart.harness.plants import members
-from gough_stewart.harness.plants.alone import Alone, seen_of, signals_of
 from gough_stewart.harness.plants.lanes import LanesPlant
-from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants.plant import Plant, PlantOfOne, seen
 from gough_stewart.harness.plants.signals import MOTORS
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError, StepError
@@ -72,7 +71,7 @@ def observe(
     if loop.shape not in ((), shape):
         raise ControllerError(f"a loop of shape {loop.shape} with a plant of shape {shape}; expected the same shape")
     is_alone = not shape
-    several = Alone(plant) if is_alone else plant
+    several = PlantOfOne(plant) if is_alone else plant
     (n_members,) = several.shape
     outcomes = Outcomes(n_members, loop.timing.times)
     rows = observer.start(loop.timing, several, n_members)
@@ -135,7 +134,7 @@ def _run(
         encoders = Encoders(loop.sensors, None, *shape)
         if isinstance(law_from, LinearLaws):
             encoders.only(law_from.used)
-        reading = encoders(0, seen_of(plant, loop.sensors.side)(), 0)
+        reading = encoders(0, seen(plant, loop.sensors.side), 0)
         law = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
         own = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
         if law is None or own is not None:
@@ -161,20 +160,19 @@ def _run_rows(
     changed: Callable[[int], FloatArray],
     progress: TimeProgress | None,
 ) -> None:
-    outcomes, timing, is_alone = watch.outcomes, loop.timing, isinstance(plant, Alone)
+    outcomes, timing, is_alone = watch.outcomes, loop.timing, isinstance(plant, PlantOfOne)
     n, plant_step = timing.steps, timing.plant_step
     forces = acting[..., :6]  # a view
     failing = faults if loop.has_faults else None
     drives = Drives(loop.actuators, forces, timing.sample_time, plant_step)
     sampler = Sampler(loop, law_from, drives, outcomes, watch.rows, failing)
-    read_signals = signals_of(plant)
-    read_at_motors = seen_of(plant, "motor")
+    has_motors = MOTORS in plant.columns
     for k, time in enumerate(timing.times.tolist()):
         if k:
             changed(k)
         # what ends and is recorded is where the platform is
-        now = read_signals()
-        at_motors = read_at_motors() if MOTORS in plant.columns else now
+        now = plant.signals()
+        at_motors = seen(plant, "motor") if has_motors else now
         watch.plant_at(now, at_motors)
         rate_limited = drives.none
         if k < n:

@@ -83,8 +83,7 @@ class AllRows(Rows):
 
     def __init__(self, timing: Timing, members: int, plant: Plant) -> None:
         n, m, self._plant = timing.steps + 2, len(timing.samples), plant
-        columns = getattr(plant, "columns", interface.RESULT_COLUMNS)
-        self.results = np.zeros((n, len(columns), members))
+        self.results = np.zeros((n, len(plant.columns), members))
         self.inputs = np.zeros((n, interface.size_of(interface.INPUTS), members))
         # more than there will be: they are passed on at the end
         super().__init__(n + CHECKED, members, self.results[:, : signals.SIZE], self.inputs[:, :6])

@@ -51,7 +51,7 @@ class Sampler:
         self._no_state = np.zeros((*shape, 0))
         self._excess = members.zeros(shape, 6)
         self.command = members.zeros(shape, 6)
-        self.force_limited = members.flags(shape, 6)
+        self.force_limited = members.zeros(shape, 6).astype(bool)
 
     def at_row(self, k: int, now: FloatArray) -> None:
         """Measure, compute and command, for members with a sample at this row; failures end members."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.loop.fold_kernels import CompiledFolds
 from gough_stewart.harness.loop.folds import ROW, ROW_PARTS, KeptRows
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants import lane_batch
+from gough_stewart.harness.plants.lanes import lane_rows
 
 
 class _KeptRows(ctypes.Structure):
@@ -49,7 +49,7 @@ class RowTaker:
     """
 
     def __init__(self, folds: CompiledFolds, kept: Sequence[KeptRows], timing: Timing, blocks: int) -> None:
-        latest = lane_batch.rows(ROW_PARTS["ELEMENTS"], blocks)
+        latest = lane_rows(ROW_PARTS["ELEMENTS"], blocks)
         self.counting = np.zeros(latest.shape[1], np.int64)
         self.rows = 0
         function, folding, owner = folds.in_loop(self.counting)

@@ -106,7 +106,7 @@ class Watch:
         if self._wanted is None:
             return
         gap = self._wanted[first : first + len(now), :3] - now[:, :3]
-        if members.all_below(gap, members.smallest(bound)):
+        if members.all_below(gap, float(np.min(bound))):
             return
         x, y, z = gap.swapaxes(0, 1)
         error = np.sqrt(x * x + y * y + z * z)

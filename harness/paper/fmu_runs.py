@@ -9,7 +9,7 @@ from fmpy.fmi1 import FMICallException
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.plant.layout import PLANT
-from gough_stewart.harness.plants.unit import FmiType, Unit, UnitFile
+from gough_stewart.harness.plants.unit import FmiType, FmuInstance, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import OpenLoopCase
@@ -26,9 +26,9 @@ def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: FmiType) -> NDArray[np.floa
     StepError
         The FMU or the solver failed, with the FMU's messages.
     PlantError
-        As `UnitFile` and `Unit`.
+        As `UnitFile` and `FmuInstance`.
     """
-    with UnitFile(fmu) as file, Unit(file, fmi_type) as unit:
+    with UnitFile(fmu) as file, FmuInstance(file, fmi_type) as unit:
         starts, columns = dict[str, Any](), list[str]()
         for name, value in {**case.start._asdict(), "actuator_force": case.actuator_force}.items():
             elements = PLANT.by_name[name].variable.scalar_names

@@ -1,6 +1,6 @@
 """The FMU as a plant: FMI 2.0 or 3.0, Co-Simulation, through FMPy."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.unit import Unit, UnitFile, values_of
+from gough_stewart.harness.plants.unit import FmuInstance, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.machine_dynamics import states_at
@@ -66,11 +66,7 @@ class FmuPlant(Plant):
             self.fmi_version = file.version
             if file.variant != self._variant:
                 raise file.refusal(f"is built for a platform {file.variant.words}, not for one {self._variant.words}")
-            self._unit = unit = stack.enter_context(Unit(file))
-            # buffers for everything that is called in each step
-            self._results = values_of([v.name for v in self._variant.results], unit.is_fmi2, file.layout)
-            self._signals = values_of(signals.NAMES, unit.is_fmi2, file.layout)
-            self._inputs = values_of([v.name for v in interface.INPUTS], unit.is_fmi2, file.layout)
+            self._unit = unit = stack.enter_context(FmuInstance(file))
             values: dict[str, ArrayLike] = {v.name: getattr(platform, v.name) for v in self._variant.parameters}
             values["fixed_step_size"] = fixed_step_size
             values |= interface.start_values(interface.INPUTS, platform)
@@ -79,44 +75,39 @@ class FmuPlant(Plant):
             values |= states_at(platform, begin)
             self._checked("start values", unit.write_by_name, values)
             self._checked("initialisation", unit.initialise, tolerance)
-            self._read_results, self._read_signals = unit.reading(self._results), unit.reading(self._signals)
-            self._write_inputs = unit.writing(self._inputs)
+            self._results = unit.values_of([v.name for v in self._variant.results])
+            self._signals = unit.values_of(signals.NAMES)
+            self._inputs = unit.values_of([v.name for v in interface.INPUTS])
             self._open = stack.pop_all()
 
     def set_inputs(self, inputs: FloatArray) -> None:
-        """Rule 2 of `Plant`."""
         self._inputs.array[:] = inputs
-        self._checked("inputs", self._write_inputs)
+        self._checked("inputs", self._inputs.write)
 
     def set_parameters(self, values: Mapping[str, object]) -> None:
-        """Rule 3 of `Plant`."""
-        known: dict[str, Any] = {}
+        checked: dict[str, Any] = {}
         for name, value in values.items():
             variable, element = interface.find(name)
-            settable = [v for v in self._variant.parameters if v.variability == "tunable"]
-            if variable not in settable or element is not None:
-                tunable = ", ".join(v.name for v in settable)
+            if variable not in self._variant.tunable or element is not None:
+                tunable = ", ".join(v.name for v in self._variant.tunable)
                 raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
-            known[name] = interface.checked_value(variable, value)
-        if not known:
+            checked[name] = interface.checked_value(variable, value)
+        if not checked:
             return
         # the FMU checks elements one by one, and an inertia as a whole at the next step
-        changed = replace(self._platform, **known)
-        self._checked("parameters", self._unit.write_by_name, known)
+        changed = replace(self._platform, **checked)
+        self._checked("parameters", self._unit.write_by_name, checked)
         self._platform = changed
 
     def results(self) -> FloatArray:
-        """Rule 4 of `Plant`."""
-        self._checked("results", self._read_results)
+        self._checked("results", self._results.read)
         return self._results.array.copy()
 
     def signals(self) -> FloatArray:
-        """Rule 11 of `Plant`: a view."""
-        self._checked("results", self._read_signals)
+        self._checked("results", self._signals.read)
         return self._signals.array
 
     def do_step(self, time: float, step: float) -> None:
-        """Rules 5 and 6 of `Plant`."""
         try:
             self._unit.do_step(time, step)
         except FMICallException as error:
@@ -124,24 +115,24 @@ class FmuPlant(Plant):
             if error.status == _DISCARD:
                 raise StepError(f"FMU, FMI {self.fmi_version}: step", step, time, reason) from error
             raise PlantError(f"{self.path}: {reason}") from error
-        self._refuse_alarm()
+        if self._unit.is_alarmed:
+            raise self._alarm()
 
     def remarks(self) -> str:
-        """Rule 12 of `Plant`."""
         text = self._unit.take_messages()
         return f"{self.path}: {text}" if text else ""
 
     def close(self) -> None:
-        """Rule 8 of `Plant`."""
         self._open.close()
 
-    def _checked(self, what: str, call: Any, *arguments: Any) -> None:
+    def _checked(self, action: str, call: Callable[..., None], *arguments: Any) -> None:
         try:
             call(*arguments)
         except FMICallException as error:
-            raise PlantError(f"{self.path}: {what} refused: {self._unit.take_messages() or error}") from error
-        self._refuse_alarm()
+            raise PlantError(f"{self.path}: {action} refused: {self._unit.take_messages() or error}") from error
+        if self._unit.is_alarmed:
+            raise self._alarm()
 
-    def _refuse_alarm(self) -> None:
-        if self._unit.is_alarmed:  # it says that something is wrong, although the call went well
-            raise PlantError(f"{self.path}: {self._unit.take_messages()}")
+    def _alarm(self) -> PlantError:
+        """It says that something is wrong, although the call went well."""
+        return PlantError(f"{self.path}: {self._unit.take_messages()}")

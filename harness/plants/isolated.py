@@ -14,6 +14,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
+
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model.errors import GoughStewartError
@@ -34,7 +36,8 @@ class Isolated:
     """An object in a separate process, which may crash or hang without affecting this one.
 
     Calls and answers are pickles on the standard streams of the process, one answer per call. An answer is a pair: a
-    success flag, and the value or the error. Output of the FMU is kept for the message after a crash.
+    success flag, and the value or the error. Output of the FMU is kept for the message after a crash. Not by
+    `multiprocessing`, which would import the user's script again.
 
     Parameters
     ----------
@@ -87,14 +90,15 @@ class Isolated:
 
     def call(self, method: str, *arguments: Any) -> Any:
         """Call a method of the object and return its value."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        if self._process.stdin.closed or self._is_waiting:  # an interrupted call has not returned
+        calls, answers = self._process.stdin, self._process.stdout
+        assert calls is not None
+        assert answers is not None
+        if calls.closed or self._is_waiting:  # an interrupted call has not returned
             raise self._ended(method, arguments)
         try:
             self._is_waiting = True
-            _send(self._process.stdin, (method, arguments))
-            well, value = pickle.load(self._process.stdout)
+            _send(calls, (method, arguments))
+            well, value = pickle.load(answers)
             self._is_waiting = False
         except (EOFError, OSError, pickle.UnpicklingError) as error:
             raise self._ended(method, arguments) from error
@@ -115,26 +119,19 @@ class Isolated:
         self._end(self._process)
         self._folder.cleanup()
 
-    # --- inside ------------------------------------------------------------------------------------------------
-
     def _ended(self, method: str, arguments: tuple[Any, ...]) -> GoughStewartError:
-        where = f"do_step at time {arguments[0]:.9g} s" if method == "do_step" else method
-        return self._error(f"{self.path}: the FMU {self._how_it_ended()} in {where}{self._last_line()}")
-
-    def _how_it_ended(self) -> str:
+        """The error after the process has ended, with its exit code and the last line of its output."""
         self._end(self._process)
         code = self._process.returncode
-        if code >= 0:
-            return f"ended its process with exit code {code}"
-        return f"crashed ({signal.Signals(-code).name})"
-
-    def _last_line(self) -> str:
-        if not self._printed.exists():  # closed
-            return ""
-        with self._printed.open("rb") as printed:
-            printed.seek(max(0, self._printed.stat().st_size - 2000))
-            lines = printed.read().decode(errors="replace").strip().splitlines()
-        return f": {lines[-1][:200]}" if lines else ""
+        how = f"ended its process with exit code {code}" if code >= 0 else f"crashed ({signal.Signals(-code).name})"
+        where = f"do_step at time {arguments[0]:.9g} s" if method == "do_step" else method
+        lines: list[str] = []
+        if self._printed.exists():  # not closed
+            with self._printed.open("rb") as printed:
+                printed.seek(max(0, self._printed.stat().st_size - 2000))
+                lines = printed.read().decode(errors="replace").strip().splitlines()
+        last = f": {lines[-1][:200]}" if lines else ""
+        return self._error(f"{self.path}: the FMU {how} in {where}{last}")
 
     def _end(self, process: "subprocess.Popen[bytes]") -> None:
         for stream in (process.stdin, process.stdout):
@@ -167,67 +164,58 @@ class IsolatedFmu(Plant):
     ) -> None:
         self.path, self.columns = Path(path), Variant.of(platform).columns
         arguments = (self.path, platform, start, tolerance, fixed_step_size)
-        self._other = Isolated(self.path, "gough_stewart.harness.plants.fmu:FmuPlant", arguments)
-        self.fmi_version: str = self._other.call("__getattribute__", "fmi_version")
+        self._isolated = Isolated(self.path, "gough_stewart.harness.plants.fmu:FmuPlant", arguments)
+        self.fmi_version: str = self._isolated.call("__getattribute__", "fmi_version")
 
     def set_inputs(self, inputs: FloatArray) -> None:
-        """Rule 2 of `Plant`."""
-        self._other.call("set_inputs", inputs)
+        self._isolated.call("set_inputs", inputs)
 
     def set_parameters(self, values: Mapping[str, object]) -> None:
-        """Rule 3 of `Plant`."""
-        self._other.call("set_parameters", dict(values))
+        self._isolated.call("set_parameters", dict(values))
 
     def results(self) -> FloatArray:
-        """Rule 4 of `Plant`."""
-        found: FloatArray = self._other.call("results")
-        return found
+        return np.asarray(self._isolated.call("results"))
 
     def signals(self) -> FloatArray:
-        """Rule 10."""
-        found: FloatArray = self._other.call("signals")
-        return found
+        return np.asarray(self._isolated.call("signals"))
 
     def do_step(self, time: float, step: float) -> None:
-        """Rules 5 and 6 of `Plant`."""
-        self._other.call("do_step", time, step)
+        self._isolated.call("do_step", time, step)
 
     def remarks(self) -> str:
-        """Rule 12 of `Plant`; none of a process that has ended."""
+        """What the FMU said since the last call; nothing of a process that has ended."""
         with suppress(PlantError):
-            return str(self._other.call("remarks"))
+            return str(self._isolated.call("remarks"))
         return ""
 
     def close(self) -> None:
-        """Rule 8 of `Plant`."""
-        self._other.close()
+        self._isolated.close()
 
 
 def serve() -> None:
-    """The loop of the child process: answer calls until the stream ends."""
+    """The loop of the child process: make the object, then answer calls until the stream ends."""
     threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     calls, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     # keep input and output of the FMU out of the protocol
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
     served: Any = None
-    answer: Any
     try:
         while True:
             try:
-                call, arguments = pickle.load(calls)
+                method, arguments = pickle.load(calls)
             except EOFError:
                 return
             try:
+                value = None
                 if served is None:
-                    (module, name), of_kind = arguments[0].split(":"), arguments[1]
-                    served = getattr(importlib.import_module(module), name)(*of_kind)
-                    answer = True, None
+                    (module, name), arguments = arguments[0].split(":"), arguments[1]
+                    served = getattr(importlib.import_module(module), name)(*arguments)
                 else:
-                    answer = True, getattr(served, call)(*arguments)
+                    value = getattr(served, method)(*arguments)
+                _send(answers, (True, value))
             except GoughStewartError as error:
-                answer = False, error
-            _send(answers, answer)
+                _send(answers, (False, error))
     finally:
         if served is not None:
             served.close()
@@ -240,13 +228,13 @@ def _end_with_parent(parent: int) -> None:
     os._exit(1)
 
 
-def _send(stream: IO[bytes], message: Any) -> None:
-    pickle.dump(message, stream, pickle.HIGHEST_PROTOCOL)
-    stream.flush()
-
-
 def _process_group() -> dict[str, Any]:
     """A separate process group: Ctrl-C reaches only the run, which ends the FMU after it has kept its rows."""
     if sys.platform == "win32":
         return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
     return {"process_group": 0}
+
+
+def _send(stream: IO[bytes], message: Any) -> None:
+    pickle.dump(message, stream, pickle.HIGHEST_PROTOCOL)
+    stream.flush()

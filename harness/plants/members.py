@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 
 # A number of a single run, or an array (N,) for many members; the arithmetic is the same for both.
@@ -21,14 +20,9 @@ def zeros(shape: tuple[int, ...], size: int, *rows: int) -> FloatArray:
     return np.moveaxis(np.zeros((*rows, size, *shape)), len(rows), -1)
 
 
-def flags(shape: tuple[int, ...], size: int, *rows: int) -> BoolArray:
-    """As `zeros`, all false."""
-    return np.moveaxis(np.zeros((*rows, size, *shape), dtype=bool), len(rows), -1)
-
-
 def stacked(values: Sequence[Any]) -> Any:
     """Arrays of members (..., size), of equal shape, as one (..., N, size), members contiguous."""
-    return np.moveaxis(np.stack([np.asarray(each) for each in values], axis=-1), -1, -2)
+    return np.moveaxis(np.stack([np.asarray(value) for value in values], axis=-1), -1, -2)
 
 
 def all_below(values: FloatArray, bound: float) -> bool:
@@ -38,11 +32,6 @@ def all_below(values: FloatArray, bound: float) -> bool:
     """
     flat = values.reshape(-1)
     return bool(flat.dot(flat) < bound * bound)
-
-
-def smallest(value: PerMember) -> Any:
-    """The smallest value of all members."""
-    return value.min() if isinstance(value, np.ndarray) else value
 
 
 def of(value: PerMember, member: int) -> Any:

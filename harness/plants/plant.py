@@ -1,4 +1,4 @@
-"""The interface that the loop requires of a plant, of one platform or many."""
+"""The interface that the loop requires of a plant, of one platform or many, and a plant of one as one of many."""
 
 from collections.abc import Mapping
 from types import TracebackType
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
+from gough_stewart.model.errors import MembersError, StepError
 from gough_stewart.model.vectors import FloatArray
 
 BoolArray = NDArray[np.bool_]
@@ -25,8 +26,8 @@ class Plant(Protocol):
     2. `set_inputs` takes the whole input vector (12,) in the order of `interface.INPUTS`; it holds until the next call.
     3. `set_parameters` sets tunable parameters by name, all or none, at any time between two steps.
     4. `results` returns all outputs and locals (N_RESULTS,) in the order of `columns`, at the present time under the
-       present inputs, as a copy. It has no side effects. If its friction sticks or its legs give, it has more of them,
-       see `Variant.columns`.
+       present inputs, as a copy. It has no side effects. A plant with friction that sticks or with elastic legs has
+       more of them, see `Variant.columns`.
     5. `do_step(time, step)` advances from `time`, the plant's own, to `time + step`.
     6. A failed call raises an error of this project with the plant's message and leaves the plant unchanged:
        `StepError` for a motion that the plant cannot perform, other errors for wrong use.
@@ -41,6 +42,8 @@ class Plant(Protocol):
     11. `signals` returns the first part of the results (*shape, 24) faster, perhaps as a view, valid until the next
        step.
     12. `remarks` returns what a plant from elsewhere said since the last call while all went well, "" for nothing.
+
+    A user's plant of one platform needs `set_inputs`, `set_parameters`, `results` and `do_step`.
     """
 
     shape: tuple[int, ...] = ()
@@ -48,44 +51,43 @@ class Plant(Protocol):
     columns: tuple[str, ...] = interface.RESULT_COLUMNS
 
     def set_inputs(self, inputs: FloatArray) -> None:
-        """Rule 2."""
+        """Hold these inputs (*shape, 12) from now on."""
 
     def set_parameters(self, values: Mapping[str, object]) -> None:
-        """Rules 3 and 9."""
+        """Set tunable parameters of all members by name, all of them or none."""
 
     def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:  # noqa: ARG002
-        """Rule 9 for these members (N,) only; values of the others are ignored."""
+        """Set tunable parameters of these members (N,) only; values of the others are ignored."""
         raise _single(self)
 
     def signals(self) -> FloatArray:
-        """Rule 11."""
+        """The first part of the results (*shape, 24), perhaps a view that is valid until the next step."""
         return self.results()[..., : signals.SIZE]
 
     def results(self) -> FloatArray:
-        """Rule 4."""
+        """A copy of all outputs and locals (*shape, N_RESULTS) at the present time."""
 
     def do_step(self, time: float, step: float) -> None:
-        """Rules 5, 6 and 9; both in s."""
+        """Advance all members that can continue from a time [s] by a step [s]."""
 
     def remarks(self) -> str:
-        """Rule 12."""
+        """What the plant said since the last call while all went well."""
         return ""
 
     def freeze(self, members: BoolArray) -> None:  # noqa: ARG002
-        """Freeze these members (N,) in their present state (rule 9)."""
+        """Leave these members (N,) in their present state from now on."""
         raise _single(self)
 
     def close(self) -> None:
-        """Rule 8."""
+        """Release the plant's resources, by default nothing; may be called again."""
+        return
 
     def __enter__(self) -> Self:
-        """Rule 8."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Rule 8."""
         self.close()
 
 
@@ -93,3 +95,52 @@ def _single(plant: Plant) -> PlantError:
     return PlantError(
         f"{type(plant).__name__} is a plant of one platform; expected a plant of many platforms for member actions"
     )
+
+
+class PlantOfOne(Plant):
+    """A plant of shape () as one of shape (1,): a user's own, which may lack what has a default, the model, an FMU."""
+
+    shape = (1,)
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self.may_overrun = getattr(plant, "may_overrun", False)
+        self.columns = getattr(plant, "columns", Plant.columns)
+        self._has_signals = hasattr(plant, "signals")
+
+    def set_inputs(self, inputs: FloatArray) -> None:
+        self._plant.set_inputs(inputs[0])
+
+    def set_parameters(self, values: Mapping[str, object]) -> None:
+        self._plant.set_parameters(values)
+
+    def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
+        """Set those of the platform, without a member axis."""
+        if members.any():
+            self._plant.set_parameters(values)
+
+    def signals(self) -> FloatArray:
+        return self._plant.signals()[np.newaxis] if self._has_signals else super().signals()
+
+    def results(self) -> FloatArray:
+        return self._plant.results()[np.newaxis]
+
+    def do_step(self, time: float, step: float) -> None:
+        try:
+            self._plant.do_step(time, step)
+        except StepError as error:
+            raise MembersError({0: error}) from error
+
+    def freeze(self, members: BoolArray) -> None:
+        """Do nothing: with its only member the run has ended."""
+
+
+def seen(plant: Plant, side: signals.Side) -> FloatArray:
+    """The signals (*shape, 24) for sensors at this side of legs: the motors' lengths and velocities of elastic ones.
+
+    Both sides of rigid legs are the same.
+    """
+    if side == "leg" or signals.MOTORS not in plant.columns:
+        return plant.signals()
+    results, first, n = plant.results(), plant.columns.index(signals.MOTORS), signals.LEGS.stop - signals.LEGS.start
+    return np.concatenate([results[..., : signals.LEGS.start], results[..., first : first + n]], axis=-1)

@@ -34,13 +34,13 @@ def positions(names: Iterable[str]) -> NDArray[np.intp]:
     names = [names] if isinstance(names, str) else list(names)
     if not names:
         raise ControllerError(f"no signals; expected one or more of {', '.join(NAMES)}")
-    found = []
+    places = []
     everything = interface.unpack(VARIABLES, np.arange(SIZE))
     for name in names:
         if name not in everything:
             raise ControllerError(f"no signal '{name}'{interface.nearest(name, NAMES)}")
-        found.append(everything[name])
-    return np.concatenate(found)
+        places.append(everything[name])
+    return np.concatenate(places)
 
 
 def column_names(names: Iterable[str]) -> list[str]:

@@ -9,10 +9,11 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from ctypes import CFUNCTYPE, Array, byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p, cast
+from copy import copy
+from ctypes import CFUNCTYPE, byref, c_bool, c_double, c_int, c_size_t, c_uint, c_void_p, cast
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, Self
 
 import fmpy
 import numpy as np
@@ -24,7 +25,6 @@ from numpy.typing import ArrayLike
 from gough_stewart.fmu_build.component import Layout
 from gough_stewart.fmu_build.plant.layout import PLANT, plant_layout
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.model import interface
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.variant import Variant
 
@@ -57,8 +57,6 @@ class FmuFile:
     ----------
     path
         The FMU file.
-    folder
-        An empty folder for the unpacked files, which `close` keeps; by default a temporary one, which it removes.
 
     Raises
     ------
@@ -70,16 +68,14 @@ class FmuFile:
     remedy: ClassVar[str] = "make one with `gough-stewart build`"
     layout: Layout = PLANT
 
-    def __init__(self, path: Path | str, folder: Path | None = None) -> None:
+    def __init__(self, path: Path | str) -> None:
         self.path = Path(path)
         self.description = self._read()
         self.version = str(self.description.fmiVersion)
         self._check()
-        self._temporary: tempfile.TemporaryDirectory[str] | None = None
-        if folder is None:
-            self._temporary = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
-            folder = Path(self._temporary.name)
-        self.folder = folder
+        self._libraries: dict[FmiType, Any] = {}
+        self._temporary = tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
+        self.folder = Path(self._temporary.name)
         try:
             with zipfile.ZipFile(self.path) as archive:
                 archive.extractall(self.folder)
@@ -107,10 +103,34 @@ class FmuFile:
         """The error with the reason and the remedy."""
         return self.error(f"{self.path}: {reason}; {self.remedy}")
 
+    def library(self, fmi_type: FmiType) -> Any:
+        """FMPy's object of the library, without an instance; loaded once, since it takes FMPy some milliseconds."""
+        if fmi_type not in self._libraries:
+            kind: Any = _CLASSES[self.version, fmi_type]
+            fmu = kind.__new__(kind)  # made in two steps: the library is loaded before its functions may be missing
+            try:
+                fmu.__init__(
+                    guid=self.token,
+                    unzipDirectory=str(self.folder),
+                    modelIdentifier=self.description.coSimulation.modelIdentifier,  # the same for Model Exchange
+                )
+            except Exception as error:  # FMPy raises the base class
+                if hasattr(fmu, "dll"):
+                    fmu.freeLibrary()
+                raise self.refusal(f"does not run on this machine ({error})") from error
+            self._libraries[fmi_type] = fmu
+        return self._libraries[fmi_type]
+
+    def references(self, name: str) -> list[int]:
+        """Value references of a whole variable: of each scalar in FMI 2.0, of the array in FMI 3.0."""
+        row = self.layout.by_name[name]
+        return list(row.slots) if self.is_fmi2 else [row.reference]
+
     def close(self) -> None:
-        """Remove the temporary folder; may be called again."""
-        if self._temporary is not None:
-            self._temporary.cleanup()
+        """Unload the libraries, whose instances must have been freed, and remove the temporary folder; repeatedly."""
+        while self._libraries:
+            self._libraries.popitem()[1].freeLibrary()
+        self._temporary.cleanup()
 
     def __enter__(self) -> Self:
         return self
@@ -151,64 +171,26 @@ class UnitFile(FmuFile):
     variant: Variant
 
     def _check(self) -> None:
-        found = {v.name: v.valueReference for v in self.description.modelVariables}
-        self.variant = Variant("leg_friction_model" in found, "leg_stiffness" in found)
+        stated = {v.name: v.valueReference for v in self.description.modelVariables}
+        self.variant = Variant("leg_friction_model" in stated, "leg_stiffness" in stated)
         self.layout = plant_layout(self.variant)
         for variable in (row.variable for row in self.layout.rows if row.derivative_of is None):
             if variable is self.layout.time.variable:
                 continue
             names = variable.scalar_names if self.is_fmi2 else (variable.name,)
-            for name, reference in zip(names, references(variable.name, self.is_fmi2, self.layout), strict=True):
-                if found.get(name) != reference:
+            for name, reference in zip(names, self.references(variable.name), strict=True):
+                if stated.get(name) != reference:
                     model = self.description.modelName
                     raise self.refusal(
                         f"is the FMU of another model or version, {model} (variable {name} is missing or misplaced)"
                     )
 
 
-class Message(NamedTuple):
-    """A log message of an instance."""
-
-    status: int
-    category: str
-    text: str
-    instance: str | None  # its name, absent in FMI 3.0
-
-
-class Values:
-    """Variables by their value references, with a buffer for their values in the form that the FMU reads and writes.
-
-    FMI 2.0 has a reference for each of the `size` scalars, FMI 3.0 one for each array.
-    """
-
-    def __init__(self, references: Sequence[int], size: int, is_fmi2: bool) -> None:
-        self.array = np.zeros(size)
-        self._references: Array[c_uint] = (c_uint * len(references))(*references)
-        self.arguments = [
-            cast(self._references, c_void_p),
-            c_size_t(len(references)),
-            c_void_p(self.array.ctypes.data),
-            *(() if is_fmi2 else (c_size_t(size),)),
-        ]
-
-
-def values_of(names: Iterable[str], is_fmi2: bool, layout: Layout = PLANT) -> Values:
-    """Whole variables of the plant, by name."""
-    variables = [layout.by_name[name].variable for name in names]
-    found = [reference for variable in variables for reference in references(variable.name, is_fmi2, layout)]
-    return Values(found, interface.size_of(variables), is_fmi2)
-
-
-class Unit:
+class FmuInstance:
     """An instance of an FMU; `fmu` is FMPy's instance. Failed calls raise FMPy's FMICallException.
 
     `messages` has the first and the last ones since they were last taken, `is_alarmed` says whether one of all was more
     than a warning.
-
-    Parameters
-    ----------
-    options
-        Arguments of the FMI 3.0 instantiation, named as in FMPy.
 
     Raises
     ------
@@ -216,73 +198,38 @@ class Unit:
         As the file's class: no binary for this machine, or one that cannot be loaded or instantiated.
     """
 
-    def __init__(
-        self,
-        file: FmuFile,
-        fmi_type: FmiType = "CoSimulation",
-        *,
-        name: str = "plant",
-        token: str | None = None,
-        logging: bool = True,
-        **options: Any,
-    ) -> None:
-        self.is_fmi2, self._layout = file.is_fmi2, file.layout
-        self.messages: list[Message] = []
+    def __init__(self, file: FmuFile, fmi_type: FmiType = "CoSimulation", *, name: str = "plant") -> None:
+        self.file, self.is_fmi2 = file, file.is_fmi2
+        self.messages: list[str] = []
         self.is_alarmed, self._heard = False, 0
-        arguments = {
-            "guid": file.token if token is None else token,
-            "unzipDirectory": str(file.folder),
-            "modelIdentifier": file.description.coSimulation.modelIdentifier,  # the same for Model Exchange
-            "instanceName": name,
-        }
-        kind: Any = _CLASSES[file.version, fmi_type]
-        # made in two steps: the library is loaded before instantiation may fail
-        self.fmu: Any = kind.__new__(kind)
+        self.fmu: Any = copy(file.library(fmi_type))
+        self.fmu.instanceName = name
+        self.fmu._call = partial(_call_of, self.fmu._call)
         try:
-            self.fmu.__init__(**arguments)
-            self.fmu._call = partial(_call_of, self.fmu._call)
             if self.is_fmi2:
                 # keep references, since the instance calls them during its lifetime
                 self.callbacks = fmi2CallbackFunctions()
                 self.callbacks.logger = fmi2CallbackLoggerTYPE(self._hear)
                 self.callbacks.allocateMemory = type(self.callbacks.allocateMemory)(calloc)
                 self.callbacks.freeMemory = type(self.callbacks.freeMemory)(free)
-                self.fmu.instantiate(callbacks=self.callbacks, loggingOn=logging)
+                self.fmu.instantiate(callbacks=self.callbacks, loggingOn=True)
             else:
-                self.fmu.instantiate(loggingOn=logging, logMessage=self._hear, **options)
+                self.fmu.instantiate(loggingOn=True, logMessage=self._hear)
         except Exception as error:  # FMPy raises the base class
-            if hasattr(self.fmu, "dll"):
-                self.fmu.freeLibrary()
             text = self.take_messages()
             reason = f"cannot be instantiated: {text}" if text else f"does not run on this machine ({error})"
             raise file.refusal(reason) from error
-        self._names = ("fmi2GetReal", "fmi2SetReal") if self.is_fmi2 else ("fmi3GetFloat64", "fmi3SetFloat64")
         if fmi_type == "CoSimulation":
             # only the status of an FMI 3.0 step is used: the FMU has no events, and returns early only on request
-            answers = tuple(byref(each) for each in (c_bool(), c_bool(), c_bool(), c_double()))
-            self._step = self.fmu.fmi2DoStep if self.is_fmi2 else self.fmu.fmi3DoStep
-            self._step_arguments = (fmi2True,) if self.is_fmi2 else (True, *answers)
+            answers = (c_bool(), c_bool(), c_bool(), c_double())
+            self._times = c_double(), c_double()
+            arguments = (c_int(fmi2True),) if self.is_fmi2 else (c_bool(True), *(byref(answer) for answer in answers))
+            self._step = self.bound("fmi2DoStep" if self.is_fmi2 else "fmi3DoStep", *self._times, *arguments)
 
-    def read(self, values: Values) -> None:
-        """Fill the buffer."""
-        self.reading(values)()
-
-    def write(self, values: Values) -> None:
-        """Write the buffer to the instance."""
-        self.writing(values)()
-
-    def reading(self, values: Values) -> Callable[[], None]:
-        """A function that fills the buffer."""
-        return self._bound(self._names[0], values)
-
-    def writing(self, values: Values) -> Callable[[], None]:
-        """A function that writes the buffer to the instance."""
-        return self._bound(self._names[1], values)
-
-    def _bound(self, name: str, values: Values) -> Callable[[], None]:
-        """The library's function with its arguments; to convert them at each call takes half of its time."""
+    def bound(self, name: str, *arguments: Any) -> Callable[[], None]:
+        """A function of the library with its arguments, whose conversion at each call would take half of its time."""
         address = cast(getattr(self.fmu.dll, name), c_void_p).value or 0
-        call = partial(CFUNCTYPE(c_int)(address), c_void_p(self.fmu.component), *values.arguments)
+        call = partial(CFUNCTYPE(c_int)(address), c_void_p(self.fmu.component), *arguments)
 
         def call_and_check() -> None:
             if self.fmu is None:
@@ -293,15 +240,21 @@ class Unit:
 
         return call_and_check
 
+    def values_of(self, names: Iterable[str]) -> "Values":
+        """Whole variables of the file's layout, by name."""
+        names, layout = list(names), self.file.layout
+        references = [reference for name in names for reference in self.file.references(name)]
+        return Values(self, references, sum(layout.by_name[name].variable.size for name in names))
+
     def write_by_name(self, values: Mapping[str, ArrayLike]) -> None:
         """Set whole variables in one call."""
-        buffer = values_of(values, self.is_fmi2, self._layout)
+        buffer = self.values_of(values)
         buffer.array[:] = np.concatenate([np.ravel(value) for value in values.values()])
-        self.write(buffer)
+        buffer.write()
 
-    def initialise(self, tolerance: float | None = None, time: float = 0.0, stop: float | None = None) -> None:
+    def initialise(self, tolerance: float | None = None, time: float = 0.0) -> None:
         """Initialise the instance; for Model Exchange, enter continuous-time mode."""
-        times = {"tolerance": tolerance, "startTime": time, "stopTime": stop}
+        times = {"tolerance": tolerance, "startTime": time}
         if self.is_fmi2:
             self.fmu.setupExperiment(**times)
             self.fmu.enterInitializationMode()
@@ -314,11 +267,12 @@ class Unit:
 
     def do_step(self, time: float, step: float) -> None:
         """Do a communication step of Co-Simulation."""
-        self._step(self.fmu.component, time, step, *self._step_arguments)
+        self._times[0].value, self._times[1].value = time, step
+        self._step()
 
     def take_messages(self) -> str:
         """The messages since the last call as one text; empty without problems."""
-        texts, left_out = [message.text for message in self.messages], self._heard - len(self.messages)
+        texts, left_out = list(self.messages), self._heard - len(self.messages)
         if left_out > 0:
             texts.insert(_MESSAGES_KEPT, f"… {left_out:,} more messages …")
         self.messages.clear()
@@ -328,8 +282,8 @@ class Unit:
     def free(self) -> None:
         """Terminate and free the instance; may be called again."""
         fmu, self.fmu = self.fmu, None
-        if fmu is not None:
-            fmu.freeInstance()
+        if fmu is not None:  # the library is the file's
+            (fmu.fmi2FreeInstance if self.is_fmi2 else fmu.fmi3FreeInstance)(fmu.component)
 
     def __enter__(self) -> Self:
         return self
@@ -338,10 +292,9 @@ class Unit:
         self.free()
 
     def _hear(self, *arguments: Any) -> None:
-        # environment, in FMI 2.0 the instance's name, status, category, message
-        status, category, text = arguments[-3:]
-        name = _ends_of(arguments[1]) if self.is_fmi2 else None
-        self.messages.append(Message(status, _ends_of(category), _ends_of(text), name))
+        # the environment, in FMI 2.0 the instance's name, then these
+        status, _category, text = arguments[-3:]
+        self.messages.append(_ends_of(text))
         self.is_alarmed |= status not in _WELL
         self._heard += 1
         if len(self.messages) > 2 * _MESSAGES_KEPT:
@@ -358,17 +311,29 @@ def _call_of(call: Callable[..., Any], name: str, *arguments: Any) -> Any:
 
 def _ends_of(text: bytes | None) -> str:
     """A text that a unit hands over, of any length: its first and last bytes if it is long, "" for a null pointer."""
-    whole = text or b""
-    left_out = len(whole) - 2 * _BYTES_KEPT
+    shown = text or b""
+    left_out = len(shown) - 2 * _BYTES_KEPT
     if left_out > 0:
-        whole = whole[:_BYTES_KEPT] + f" … {left_out:,} more bytes … ".encode() + whole[-_BYTES_KEPT:]
-    return whole.decode(errors="replace")
+        shown = shown[:_BYTES_KEPT] + f" … {left_out:,} more bytes … ".encode() + shown[-_BYTES_KEPT:]
+    return shown.decode(errors="replace")
 
 
-def references(name: str, is_fmi2: bool, layout: Layout = PLANT) -> list[int]:
-    """Value references of a whole variable: of each scalar in FMI 2.0, of the array in FMI 3.0."""
-    row = layout.by_name[name]
-    return list(range(row.first, row.first + row.variable.size)) if is_fmi2 else [row.reference]
+class Values:
+    """Variables of an instance by their value references: their `array`, which `read` fills and `write` hands over.
+
+    FMI 2.0 has a reference for each of the `size` scalars, FMI 3.0 one for each array.
+    """
+
+    def __init__(self, unit: FmuInstance, references: Sequence[int], size: int) -> None:
+        self.array = np.zeros(size)
+        arguments = (
+            (c_uint * len(references))(*references),
+            c_size_t(len(references)),
+            self.array.ctypes.data_as(c_void_p),  # which keeps the array
+            *(() if unit.is_fmi2 else (c_size_t(size),)),
+        )
+        names = ("fmi2GetReal", "fmi2SetReal") if unit.is_fmi2 else ("fmi3GetFloat64", "fmi3SetFloat64")
+        self.read, self.write = (unit.bound(name, *arguments) for name in names)
 
 
 def check_archive(path: Path) -> None:

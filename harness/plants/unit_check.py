@@ -17,7 +17,7 @@ from fmpy.validation import validate_fmu
 from gough_stewart.fmu_build.plant.component import IDENTIFIER
 from gough_stewart.fmu_build.plant.reference_results import FOLDER
 from gough_stewart.harness.errors import PlantError
-from gough_stewart.harness.plants.unit import FmiType, Unit, UnitFile, check_archive, references, values_of
+from gough_stewart.harness.plants.unit import FmiType, FmuInstance, UnitFile, check_archive
 from gough_stewart.model import interface
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.variant import IDEAL, NOMINAL
@@ -46,7 +46,7 @@ class UnitCheck:
 
     file: str
     name: str
-    found: str
+    result: str  # the largest deviation, or the problem
     passed: bool
     deviation: float | None = None  # from the reference results, as a share
 
@@ -68,9 +68,9 @@ def check_units(paths: Iterable[Path | str]) -> Iterator[UnitCheck]:
                 with UnitFile(path) as file:
                     deviations = dict(_deviations(file, kind))
                 worst = max(deviations, key=lambda case: deviations[case])
-                found = f"{deviations[worst]:.1e} ({worst})"
+                result = f"{deviations[worst]:.1e} ({worst})"
                 # NaN does not pass
-                yield UnitCheck(path.name, name, found, deviations[worst] <= BOUND, deviations[worst])
+                yield UnitCheck(path.name, name, result, deviations[worst] <= BOUND, deviations[worst])
             except (GoughStewartError, FMICallException, OSError) as error:
                 yield UnitCheck(path.name, name, str(error), passed=False)
 
@@ -81,34 +81,32 @@ def _deviations(file: UnitFile, kind: FmiType) -> Iterator[tuple[str, float]]:
     if not cases:
         raise file.refusal(f"has no reference results in {FOLDER}")
     for case in cases:
-        expected, inputs, start = (_columns(case / f"{IDENTIFIER}_{each}.csv") for each in ("ref", "in", "start"))
+        expected, inputs, start = (_columns(case / f"{IDENTIFIER}_{part}.csv") for part in ("ref", "in", "start"))
         time = expected.pop("time")[:, 0]
         del inputs["time"], start["time"]
-        starts = {name: values[0] for name, values in (inputs | start).items()}
+        references = np.concatenate(list(expected.values()), axis=1)
+        # of bristles less than 1, as in absolute tolerances
+        scale = np.concatenate(
+            [
+                np.full(values.shape[1], max(interface.BY_NAME[name].nominal / NOMINAL, np.abs(values).max()))
+                for name, values in expected.items()
+            ]
+        )
         deviation = 0.0
-        with Unit(file, kind) as unit:
-            unit.write_by_name(starts)
+        with FmuInstance(file, kind) as unit:
+            unit.write_by_name({name: values[0] for name, values in (inputs | start).items()})
             unit.initialise(_TOLERANCE)
-            step = _by_steps(unit, inputs) if kind == "CoSimulation" else _by_integration(unit, inputs, file)
-            results = values_of(expected, unit.is_fmi2, file.layout)
-            wanted = np.concatenate(list(expected.values()), axis=1)
-            scale = np.concatenate(
-                [np.full(values.shape[1], _scale(name, values)) for name, values in expected.items()]
-            )
+            step = (_by_steps if kind == "CoSimulation" else _by_integration)(unit, inputs, file)
+            results = unit.values_of(expected)
             for k in range(len(time) - 1):
                 try:
                     step(k, time[k], time[k + 1])
                 except FMICallException as error:
                     raise file.refusal(f"{case.name}: {unit.take_messages() or error}") from error
-                unit.read(results)
+                results.read()
                 # keeps NaN, unlike max()
-                deviation = float(np.maximum(deviation, (np.abs(results.array - wanted[k + 1]) / scale).max()))
+                deviation = float(np.maximum(deviation, (np.abs(results.array - references[k + 1]) / scale).max()))
         yield case.name, deviation if np.isfinite(deviation) else np.inf
-
-
-def _scale(name: str, values: FloatArray) -> float:
-    """The largest value of a variable, at least 1 in its SI unit; less for bristles, as in absolute tolerances."""
-    return max(interface.BY_NAME[name].nominal / NOMINAL, float(np.abs(values).max()))
 
 
 def _columns(path: Path) -> _Columns:
@@ -118,20 +116,20 @@ def _columns(path: Path) -> _Columns:
     parts = dict[str, list[FloatArray]]()
     for name, cells in zip(names, zip(*rows, strict=True), strict=True):
         parts.setdefault(name.split("[")[0], []).append(np.array([[float(w) for w in cell.split()] for cell in cells]))
-    return {name: np.concatenate(each, axis=1) for name, each in parts.items()}
+    return {name: np.concatenate(elements, axis=1) for name, elements in parts.items()}
 
 
 _Step = Callable[[int, float, float], None]
 
 
-def _by_steps(unit: Unit, inputs: _Columns) -> _Step:
+def _by_steps(unit: FmuInstance, inputs: _Columns, file: UnitFile) -> _Step:
     """Communication steps under inputs that are linear between rows."""
-    buffer, rows = values_of(inputs, unit.is_fmi2), np.concatenate(list(inputs.values()), axis=1)
-    scalars = [each for name in inputs for each in references(name, unit.is_fmi2)]
+    buffer, rows = unit.values_of(inputs), np.concatenate(list(inputs.values()), axis=1)
+    scalars = [reference for name in inputs for reference in file.references(name)]
 
     def by_rates(k: int, begin: float, end: float) -> None:
         buffer.array[:] = rows[k]
-        unit.write(buffer)
+        buffer.write()
         rates = (rows[k + 1] - rows[k]) / (end - begin)
         unit.fmu.setRealInputDerivatives(scalars, [1] * len(scalars), rates.tolist())
         unit.do_step(begin, end - begin)
@@ -140,19 +138,19 @@ def _by_steps(unit: Unit, inputs: _Columns) -> _Step:
         step = (end - begin) / _STEPS_A_ROW
         for m in range(_STEPS_A_ROW):
             buffer.array[:] = rows[k] + (m + (1 + m % 2) / 3) / _STEPS_A_ROW * (rows[k + 1] - rows[k])
-            unit.write(buffer)
+            buffer.write()
             unit.do_step(begin + m * step, step)
         buffer.array[:] = rows[k + 1]
-        unit.write(buffer)
+        buffer.write()
 
     return by_rates if unit.is_fmi2 else by_held_values
 
 
-def _by_integration(unit: Unit, inputs: _Columns, file: UnitFile) -> _Step:
+def _by_integration(unit: FmuInstance, inputs: _Columns, file: UnitFile) -> _Step:
     """SciPy integrates the unit's derivatives under inputs that are linear between rows."""
     from scipy.integrate import solve_ivp
 
-    buffer, rows = values_of(inputs, unit.is_fmi2), np.concatenate(list(inputs.values()), axis=1)
+    buffer, rows = unit.values_of(inputs), np.concatenate(list(inputs.values()), axis=1)
     n = len(file.variant.scales)
     x, xdot = (c_double * n)(), (c_double * n)()
     absolute, is_stiff = _TOLERANCE * np.array(file.variant.scales), file.variant != IDEAL
@@ -161,7 +159,7 @@ def _by_integration(unit: Unit, inputs: _Columns, file: UnitFile) -> _Step:
     def integrate(k: int, begin: float, end: float) -> None:
         def derivatives(t: float, state: FloatArray) -> FloatArray:
             buffer.array[:] = rows[k] + (t - begin) / (end - begin) * (rows[k + 1] - rows[k])
-            unit.write(buffer)
+            buffer.write()
             unit.fmu.setTime(t)
             x[:] = state.tolist()
             unit.fmu.setContinuousStates(x, n)

@@ -24,7 +24,7 @@ from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.plants.lanes import lanes_plant
+from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_jacobian
@@ -120,7 +120,7 @@ def test_each_controller_starts_at_rest_under_its_own_error() -> None:
 
 def run_of(numbers: list[int], space: Any) -> Run:
     loops, jacobians = zip(*(loop_of_member(k) for k in numbers), strict=True)
-    plant = lanes_plant([platform_of(k) for k in numbers], [start_of(k) for k in numbers], substeps=8)
+    plant = LanesPlant([platform_of(k) for k in numbers], [start_of(k) for k in numbers], substeps=8)
     law_from = laws_of([controller_of_member(k, space) for k in numbers], T, np.stack(jacobians, axis=1))
     return simulate(plant, law_from, loop_of_members(loops))
 
@@ -179,7 +179,7 @@ def test_the_response_to_white_noise_has_the_covariance_of_the_lyapunov_equation
         Actuators(delay=1),
         shape=(N,),
     )
-    plant = lanes_plant([platform] * N, [home] * N, substeps=1)
+    plant = LanesPlant([platform] * N, [home] * N, substeps=1)
     last = Last()
     outcomes = observe(plant, laws_of([LinearController(K)] * N, T, np.zeros((0, 6, 6))), loop, last)
     assert {(outcome.status, outcome.cause) for outcome in outcomes} == {("completed", None)}

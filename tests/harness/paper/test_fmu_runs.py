@@ -11,7 +11,7 @@ from gough_stewart.fmu_build.build import VERSIONS
 from gough_stewart.harness.paper import fmu_runs
 from gough_stewart.harness.paper.fmu_runs import run_fmu
 from gough_stewart.harness.paper.open_loop import run_kernel
-from gough_stewart.harness.plants.unit import FmiType, Message, Unit
+from gough_stewart.harness.plants.unit import FmiType, FmuInstance
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import paper_case
 from tests.support.fmu_plants import Fmu
@@ -42,7 +42,7 @@ def test_a_run_that_ends_early_or_warns_is_an_error(
     """Expected: a warning of the unit in the error's text, though all rows are there; too few rows without one."""
     simulate, made = fmpy.simulate_fmu, list[Any]()
 
-    class Noted(Unit):
+    class Noted(FmuInstance):
         def __init__(self, *arguments: Any) -> None:
             super().__init__(*arguments)
             made.append(self)
@@ -50,10 +50,10 @@ def test_a_run_that_ends_early_or_warns_is_an_error(
     def simulated(*arguments: Any, **options: Any) -> Any:
         found = simulate(*arguments, **options)
         if says:
-            made[-1].messages.append(Message(1, "logStatusWarning", "a warning of the unit", "unit"))
+            made[-1].messages.append("a warning of the unit")
         return found if says else found[:-1]
 
-    monkeypatch.setattr(fmu_runs, "Unit", Noted)
+    monkeypatch.setattr(fmu_runs, "FmuInstance", Noted)
     monkeypatch.setattr(fmpy, "simulate_fmu", simulated)
     with pytest.raises(StepError, match=r"FMI 3\.0 CoSimulation: rows") as caught:
         run_fmu(fmus["3.0"].path, paper_case(), "CoSimulation")

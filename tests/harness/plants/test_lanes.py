@@ -15,7 +15,7 @@ import pytest
 from scipy.optimize import brentq
 
 import gough_stewart as gs
-from gough_stewart.harness.plants.lanes import LanesPlant, lanes_plant
+from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.model.errors import MembersError
 from tests.support.lagrangian import FloatArray
 from tests.support.plain_motion import trajectory
@@ -90,7 +90,7 @@ def run(plant: LanesPlant, inputs: FloatArray, steps: int = 20, first: int = 0) 
 
 def one_step(platform: gs.Platform, start: gs.State, u: FloatArray, size: float, **options: Any) -> LanesPlant:
     """A plant of one platform after one step."""
-    plant = lanes_plant([platform], [start], **options)
+    plant = LanesPlant([platform], [start], **options)
     plant.set_inputs(u[None])
     plant.do_step(0.0, size)
     return plant
@@ -116,7 +116,7 @@ def distance(found: FloatArray, exact: FloatArray) -> float:
 def test_members_move_as_the_lagrangian_says_with_changes_for_those_that_are_meant() -> None:
     """Expected: within 1e-8, of platforms that change their payload and gravity on the way, together or not."""
     platforms, starts, inputs = members(N)
-    plant = lanes_plant(platforms, starts, substeps=16)
+    plant = LanesPlant(platforms, starts, substeps=16)
     some, masses = np.arange(N) % 2 == 0, np.array([1.5 * p.platform_mass for p in platforms])
     coms = np.array([[0.0, 0.01 * k, 0.02] for k in range(N)])
     expected = [np.concatenate(list(start)) for start in starts]
@@ -155,7 +155,7 @@ def test_it_begins_in_its_starts_held_as_at_home(steps: dict[str, Any]) -> None:
     """Expected: the starts, and of members at home the accelerations of a platform that is held: none."""
     platforms, starts, _ = members(N)
     starts[3] = at_rest(platforms[3])
-    plant = lanes_plant(platforms, starts, **steps)
+    plant = LanesPlant(platforms, starts, **steps)
     results = plant.results()
     assert plant.shape == (N,)
     assert (plant.results().shape, plant.signals().shape) == ((N, 50), (N, 24))
@@ -169,7 +169,7 @@ def test_a_member_has_the_same_bits_in_any_company(steps: dict[str, Any]) -> Non
     platforms, starts, inputs = members(n)
 
     def everything(chosen: Sequence[int]) -> tuple[FloatArray, ...]:
-        plant = lanes_plant([platforms[k] for k in chosen], [starts[k] for k in chosen], **steps)
+        plant = LanesPlant([platforms[k] for k in chosen], [starts[k] for k in chosen], **steps)
         begun = plant.results().copy()
         return begun, run(plant, inputs[list(chosen)], 4), plant.integration_error, plant.internal_steps
 
@@ -182,7 +182,7 @@ def test_a_member_has_the_same_bits_in_any_company(steps: dict[str, Any]) -> Non
 def test_frozen_members_stay_to_the_last_bit_while_others_go_on(steps: dict[str, Any]) -> None:
     """Expected: states as they were, and the run of the others as if nobody had been frozen."""
     platforms, starts, inputs = members(N)
-    plant, free = (lanes_plant(platforms, starts, **steps) for _ in range(2))
+    plant, free = (LanesPlant(platforms, starts, **steps) for _ in range(2))
     before, frozen = run(plant, inputs, 3)[:, :24], np.arange(N) % 3 == 1
     plant.freeze(frozen)
     error, taken = plant.integration_error.copy(), plant.internal_steps.copy()
@@ -240,7 +240,7 @@ def test_the_largest_error_of_any_step_of_a_run_is_kept() -> None:
     n, size = 2, 8e-3
     platforms, starts, inputs = members(n)
     platforms = [replace(each, leg_coulomb_friction=3.0, leg_friction_velocity=2e-2) for each in platforms]
-    plant, largest, before = lanes_plant(platforms, starts, substeps=1), np.zeros(n), np.zeros(n)
+    plant, largest, before = LanesPlant(platforms, starts, substeps=1), np.zeros(n), np.zeros(n)
     for k in range(12):
         forces = inputs.copy()
         forces[:, :6] *= 1 + 0.3 * np.sin(1.7 * k + np.arange(6)) * (k % 7 == 5)
@@ -262,7 +262,7 @@ def test_the_largest_error_of_any_step_of_a_run_is_kept() -> None:
 def test_a_stiff_member_takes_small_steps_and_its_neighbours_do_not() -> None:
     """Expected: as many steps for the others as without it; sizes carry over to the next step."""
     sticky = replace(UNEVEN, leg_coulomb_friction=60.0, leg_friction_velocity=1e-3)
-    plant = lanes_plant([UNEVEN, sticky, UNEVEN], [at_rest(UNEVEN)] * 3, tolerance=1e-8)
+    plant = LanesPlant([UNEVEN, sticky, UNEVEN], [at_rest(UNEVEN)] * 3, tolerance=1e-8)
     plant.set_inputs(np.stack([HELD + U] * 3))
     taken = [np.zeros(3)]
     for k in range(3):
@@ -281,7 +281,7 @@ def test_a_stiff_member_takes_small_steps_and_its_neighbours_do_not() -> None:
 def test_a_member_that_needs_too_many_steps_says_so_and_others_go_on() -> None:
     """Expected: after 10,000 internal steps of one plant step: the cause in words; the others as without it."""
     hopeless = replace(UNEVEN, leg_coulomb_friction=5e3, leg_friction_velocity=1e-7)
-    plant, free = (lanes_plant(each, [STATE] * len(each), tolerance=1e-12) for each in ([UNEVEN, hopeless], [UNEVEN]))
+    plant, free = (LanesPlant(each, [STATE] * len(each), tolerance=1e-12) for each in ([UNEVEN, hopeless], [UNEVEN]))
     plant.set_inputs(np.stack([HELD + U] * 2))
     free.set_inputs((HELD + U)[None])
     ((k, error),) = failures_of(plant, 0.0, STEP).items()
@@ -327,7 +327,7 @@ def test_a_member_that_cannot_go_on_stays_as_it_was_and_others_go_on(kind: str, 
     starts[5], inputs[5] = bad(kind)
     begin = np.concatenate(list(starts[5]))
     others = np.arange(N) != 5
-    plant, again = (lanes_plant(platforms, starts, **steps) for _ in range(2))
+    plant, again = (LanesPlant(platforms, starts, **steps) for _ in range(2))
     again.freeze(~others)
     plant.set_inputs(inputs)
     ((k, error),) = failures_of(plant, 0.0, STEP).items()
@@ -350,7 +350,7 @@ def test_each_of_many_failures_is_told_with_its_own_data() -> None:
     for k, kind in at.items():
         platforms[k] = UNEVEN
         starts[k], inputs[k] = bad(kind)
-    plant = lanes_plant(platforms, starts, substeps=4)
+    plant = LanesPlant(platforms, starts, substeps=4)
     plant.set_inputs(np.array([held(each) for each in platforms]))
     first = failures_of(plant, 0.0, STEP)
     assert sorted(first) == [3, 8, 10]
@@ -408,18 +408,18 @@ def test_poses_are_refused_from_the_limits_on() -> None:
     numbers = np.array([np.linalg.norm(J) * np.linalg.norm(np.linalg.inv(J)) for J in map(jacobian, yaws)])
     clear = np.abs(np.log10(numbers / 1e8)) > 0.01  # rounding decides at the limit itself
     starts = [at_rest(UNEVEN, orientation=[0.0, 0.0, yaw]) for yaw in yaws]
-    failures = failures_of(lanes_plant([UNEVEN] * len(yaws), starts, substeps=1), 0.0, 1e-9)
+    failures = failures_of(LanesPlant([UNEVEN] * len(yaws), starts, substeps=1), 0.0, 1e-9)
     refused = np.isin(np.arange(len(yaws)), [k for k, error in failures.items() if error.time == 0])
     np.testing.assert_array_equal(refused[clear], (numbers >= 1e8)[clear])
     assert 5 < refused.sum() < 60
     far = np.pi / 2 - 1e-3
     pitches = [far - 1e-6, -far + 1e-6, far + 1e-6, -far - 1e-6]
     starts = [at_rest(UNEVEN, orientation=[0.0, pitch, 0.0]) for pitch in pitches]
-    failures = failures_of(lanes_plant([UNEVEN] * 4, starts, substeps=1), 0.0, 1e-9)
+    failures = failures_of(LanesPlant([UNEVEN] * 4, starts, substeps=1), 0.0, 1e-9)
     assert {k: (error.value, error.time) for k, error in failures.items()} == {k: (pitches[k], 0.0) for k in (2, 3)}
     joints = UNEVEN.base_points - UNEVEN.platform_points + np.array([3e-4, 0.0, 4e-4])
     starts = [at_rest(UNEVEN), *(at_rest(UNEVEN, joint, REST) for joint in joints)]
-    failures = failures_of(lanes_plant([UNEVEN] * 7, starts, substeps=1), 0.0, 1e-6)
+    failures = failures_of(LanesPlant([UNEVEN] * 7, starts, substeps=1), 0.0, 1e-6)
     assert {k: error.quantity for k, error in failures.items()} == {k: f"leg_length[{k}]" for k in range(1, 7)}
     assert [error.value for error in failures.values()] == pytest.approx([5e-4] * 6, rel=1e-9)
 
@@ -433,7 +433,7 @@ def test_short_legs_are_told_of_members_that_start_only() -> None:
         *({"leg_lower_com": 0.99 * shortest}, {"leg_upper_com": 0.99 * shortest}),
     )
     platforms = [replace(UNEVEN, **part) for part in parts]
-    plant = lanes_plant(platforms, [low, at_rest(UNEVEN), low, low, low, low], substeps=1)
+    plant = LanesPlant(platforms, [low, at_rest(UNEVEN), low, low, low, low], substeps=1)
     plant.freeze(np.arange(6) == 3)
     failures = failures_of(plant, 0.0, 1e-6)
     found = {k: (error.quantity, error.value, error.time) for k, error in failures.items()}
@@ -471,7 +471,7 @@ SKEWED = FLAT + 1e-7 * np.array([[0, 0, 0], [0, 0, 0], [0, 1, 0]])
 def test_impossible_parameters_are_refused_and_change_nothing(values: dict[str, object], message: str) -> None:
     """Expected: what is wrong and whose it is, and the run of a plant that was not asked."""
     platforms, starts, inputs = members(3)
-    plant, untouched = (lanes_plant(platforms, starts, substeps=2) for _ in range(2))
+    plant, untouched = (LanesPlant(platforms, starts, substeps=2) for _ in range(2))
     with pytest.raises(gs.GoughStewartError, match=message):
         plant.set_parameters({"leg_friction_velocity": 3.0, **values})
     with pytest.raises(gs.GoughStewartError, match=r"leg_stati|cannot be set"):
@@ -487,13 +487,13 @@ def test_values_at_their_bounds_and_three_numbers_for_three_members_are_taken() 
         **{"leg_viscous_friction": 0.0, "leg_coulomb_friction_factor": np.zeros(6), "platform_inertia": FLAT},
         "platform_com": np.array([0.0, 0.0, 0.1]),
     }
-    plant = lanes_plant(platforms, starts, substeps=2)
+    plant = LanesPlant(platforms, starts, substeps=2)
     plant.set_parameters({**changed, "gravity": rows})
     own = [replace(p, **changed, gravity=row) for p, row in zip(platforms, rows, strict=True)]
-    np.testing.assert_array_equal(run(plant, inputs, 3), run(lanes_plant(own, starts, substeps=2), inputs, 3))
+    np.testing.assert_array_equal(run(plant, inputs, 3), run(LanesPlant(own, starts, substeps=2), inputs, 3))
     plant.set_parameters({"gravity": [1.0, 2.0, -3.0]})
-    other = lanes_plant([replace(p, gravity=np.array([1.0, 2.0, -3.0])) for p in own], starts, substeps=2)
-    plant = lanes_plant(own, starts, substeps=2)
+    other = LanesPlant([replace(p, gravity=np.array([1.0, 2.0, -3.0])) for p in own], starts, substeps=2)
+    plant = LanesPlant(own, starts, substeps=2)
     plant.set_parameters({"gravity": [1.0, 2.0, -3.0]})
     np.testing.assert_array_equal(run(plant, inputs, 3), run(other, inputs, 3))
 
@@ -508,9 +508,9 @@ def test_wrong_use_is_refused_in_whole_sentences() -> None:
         *((1, 1, k, f"substeps is {k}; {whole}") for k in (0, 1025, 2.0)),
     ):
         with pytest.raises(gs.GoughStewartError) as caught:
-            lanes_plant([UNEVEN] * n, [STATE] * starts, substeps=substeps)  # type: ignore[arg-type]
+            LanesPlant([UNEVEN] * n, [STATE] * starts, substeps=substeps)  # type: ignore[arg-type]
         assert str(caught.value) == expected
-    plant = lanes_plant([UNEVEN], [STATE], substeps=1)
+    plant = LanesPlant([UNEVEN], [STATE], substeps=1)
     before = plant.results().copy()
     for time, step in ((0.0, 0.0), (0.0, -1.0), (0.5, 1e-3), (0.0, np.nan)):
         with pytest.raises(gs.StepError, match=r"step|time"):
@@ -562,7 +562,7 @@ def test_machines_move_as_the_stepping_model_does(friction: str, springs: bool) 
         model.set_many(start._asdict())
         inputs.append(breaking_loose(platform))
         expected.append(stepped(model, inputs[-1]))
-    plant = lanes_plant(platforms, starts, tolerance=1e-8)
+    plant = LanesPlant(platforms, starts, tolerance=1e-8)
     gap = np.abs(stepped(plant, np.stack(inputs, axis=1)) - np.stack(expected, axis=1))
     largest = dict(zip(plant.columns, (gap / (1 + np.abs(expected).max(axis=(0, 1)))).max(axis=(0, 1)), strict=True))
     kinds: dict[str, list[float]] = {}
@@ -576,9 +576,9 @@ def test_machines_move_as_the_stepping_model_does(friction: str, springs: bool) 
     # legs have moved by more than the bristles bend, or the springs stretch
     assert np.abs(np.array(expected)[..., LENGTHS] - np.array(expected)[:, :1, LENGTHS]).max() > 1e-3
     # alone it has the same bits, and with a coarser tolerance a larger error
-    alone = lanes_plant(platforms[1:], starts[1:], tolerance=1e-8)
+    alone = LanesPlant(platforms[1:], starts[1:], tolerance=1e-8)
     np.testing.assert_array_equal(stepped(alone, inputs[1][:, None])[-1, 0], plant.results()[1])
-    coarse = lanes_plant(platforms, starts, tolerance=1e-5)
+    coarse = LanesPlant(platforms, starts, tolerance=1e-5)
     worse = np.abs(stepped(coarse, np.stack(inputs, axis=1)) - np.stack(expected, axis=1))[..., STATES].max()
     assert gap[..., STATES].max() < 0.1 * worse
     assert worse < 1e-3
@@ -587,7 +587,7 @@ def test_machines_move_as_the_stepping_model_does(friction: str, springs: bool) 
 def test_motors_follow_a_payload_at_the_start_and_stay_later() -> None:
     """Closed form: where the springs carry it, F/k by the platform's statics."""
     platform, heavy = real_platform("elasto_plastic", True), real_platform("elasto_plastic", True, platform_mass=30.0)
-    plant = lanes_plant([platform] * 2, [at_rest(platform)] * 2)
+    plant = LanesPlant([platform] * 2, [at_rest(platform)] * 2)
     plant.set_parameters_of(np.array([True, False]), {"platform_mass": 30.0})
     first = plant.columns.index("motor_position[1]")
     motors = slice(first, first + 6)
@@ -609,9 +609,9 @@ def test_platforms_of_two_kinds_and_fixed_steps_of_sticking_ones_are_refused() -
         (sticking, giving, "leg_stiffness: gives platform 2 other states: it has friction that sticks and legs that g"),
     ):
         with pytest.raises(gs.GoughStewartError, match=text):
-            lanes_plant([first, first, second], [STATE] * 3)
+            LanesPlant([first, first, second], [STATE] * 3)
     with pytest.raises(gs.GoughStewartError, match="with friction that sticks and rigid legs has no steps of a fixed"):
-        lanes_plant([sticking], [STATE], substeps=8)
+        LanesPlant([sticking], [STATE], substeps=8)
 
 
 MACHINE = {

@@ -1,8 +1,10 @@
 """Plants by their contract: model, FMI 2.0 and FMI 3.0 give the same, and clean up after themselves."""
 
+import re
 import shutil
 import sys
 import tempfile
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
@@ -18,7 +20,7 @@ from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.unit import Unit, UnitFile
+from gough_stewart.harness.plants.unit import FmuInstance, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, PlatformError, StepError
 from gough_stewart.model.formulations import newton_euler
@@ -114,15 +116,22 @@ def test_an_inertia_that_no_body_has_is_refused_at_once_and_changes_nothing(open
 
 @pytest.mark.skipif(sys.platform != "linux", reason="mapped files are read from /proc")
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_a_failed_instance_does_not_keep_the_library(version: str, fmus: dict[str, Fmu]) -> None:
+def test_a_closed_file_keeps_no_library_also_after_a_failed_instance(
+    version: str, fmus: dict[str, Fmu], tmp_path: Path
+) -> None:
     """Expected: no file of the unit's folder is mapped into this process afterwards."""
-    with UnitFile(fmus[version].path) as file:
-        with Unit(file):
-            assert str(file.folder) in Path("/proc/self/maps").read_text()
-        assert str(file.folder) not in Path("/proc/self/maps").read_text()
-        with pytest.raises(PlantError, match="wrong token"):
-            Unit(file, token="another")
-        assert str(file.folder) not in Path("/proc/self/maps").read_text()
+    with zipfile.ZipFile(fmus[version].path) as old, zipfile.ZipFile(tmp_path / "other.fmu", "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                content = re.sub(rb'((?:guid|instantiationToken)="\{?)', rb"\1x", content)
+            new.writestr(name, content)
+    with UnitFile(fmus[version].path) as file, FmuInstance(file):
+        assert str(file.folder) in Path("/proc/self/maps").read_text()
+    with UnitFile(tmp_path / "other.fmu") as other, pytest.raises(PlantError, match="wrong token"):
+        FmuInstance(other)
+    for closed in (file, other):
+        assert str(closed.folder) not in Path("/proc/self/maps").read_text()
 
 
 def test_closing_twice_is_fine_and_leaves_nothing(

@@ -2,23 +2,20 @@
 
 import re
 import zipfile
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from gough_stewart.fmu_build.build import build, to_zip
 from gough_stewart.harness.plants.unit_check import BOUND, UnitCheck, check_units
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.commands import invoke
 from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN
 
 NAMES = ["validation", "Co-Simulation", "Model Exchange"]
-
-
+Files = dict[str, bytes]
 PLATFORMS = {
     "uneven": UNEVEN,
     # whose smooth friction changes sign within a millimetre per second; the small one follows forces at once
@@ -30,53 +27,56 @@ PLATFORMS = {
 }
 
 
-@pytest.fixture(scope="module", params=PLATFORMS)
-def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[Platform, list[Path]]:
-    """A platform with its units."""
-    platform = PLATFORMS[request.param]
-    return platform, build(tmp_path_factory.mktemp("built"), platform=platform)
+@pytest.fixture(scope="module")
+def units(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Files]:
+    """The files of sound units."""
+    paths = build(tmp_path_factory.mktemp("units"), platform=UNEVEN)
+    return dict(zip((2, 3), map(files_of, paths), strict=True))
 
 
-def changed(path: Path, place: str, change: Callable[[str], str]) -> Path:
-    """The unit beside its original, with the files that end so changed."""
+def files_of(path: Path) -> Files:
     with zipfile.ZipFile(path) as archive:
-        contents = {name: archive.read(name) for name in archive.namelist()}
-    found = [name for name in contents if name.endswith(place)]
-    assert found
-    for name in found:
-        contents[name] = change(contents[name].decode()).encode()
-    out = path.with_name(f"changed_{path.name}")
-    out.write_bytes(to_zip(contents))
-    return out
+        return {name: archive.read(name) for name in archive.namelist()}
 
 
-def outcomes(checks: list[UnitCheck]) -> Mapping[str, bool]:
-    return {each.name: each.passed for each in checks}
+def checks_of(files: Files, tmp_path: Path) -> list[UnitCheck]:
+    """The three checks of a unit of these files."""
+    path = tmp_path / "unit.fmu"
+    path.write_bytes(to_zip(files))
+    checks = list(check_units([path]))
+    assert [check.name for check in checks] == NAMES
+    return checks
 
 
-def test_units_pass_all_checks(built: tuple[Platform, list[Path]]) -> None:
+def changed(files: Files, place: str, change: Callable[[str], str]) -> Files:
+    """The same, with those that end so changed."""
+    places = [name for name in files if name.endswith(place)]
+    assert places
+    return files | {name: change(files[name].decode()).encode() for name in places}
+
+
+@pytest.mark.parametrize("name", PLATFORMS)
+def test_units_pass_all_checks(name: str, tmp_path: Path) -> None:
     """Expected: the files' reference results at 1e-12 in Python; inputs vary linearly in one of the cases.
 
     To a fifth of the bound, so that a sound unit of another platform does not fail.
     """
-    found = list(check_units(built[1]))
-    assert [(each.file, each.name) for each in found] == [
-        (f"gough_stewart_fmi{version}.fmu", name) for version in (2, 3) for name in NAMES
-    ]
-    assert all(each.passed for each in found), found
-    assert [each.found for each in found if each.name == "validation"] == ["no problem"] * 2
-    for each in found:
-        if each.name != "validation":
-            assert each.deviation is not None
-            assert 0 < each.deviation <= 0.2 * BOUND
-            assert re.fullmatch(r"\d\.\de-\d\d \((open_loop|varying_inputs)\)", each.found)
+    for path in build(tmp_path, platform=PLATFORMS[name]):
+        validation, *comparisons = check_units([path])
+        assert validation == UnitCheck(path.name, "validation", "no problem", passed=True)
+        for check in comparisons:
+            assert check.passed
+            assert check.deviation is not None
+            assert 0 < check.deviation <= 0.2 * BOUND
+            assert re.fullmatch(r"\d\.\de-\d\d \((open_loop|varying_inputs)\)", check.result)
 
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("case", ["open_loop", "varying_inputs"])
-def test_another_result_anywhere_fails_both_kinds(version: int, case: str, tmp_path: Path) -> None:
+def test_another_result_anywhere_fails_both_kinds(
+    version: int, case: str, units: dict[int, Files], tmp_path: Path
+) -> None:
     """Expected: the last number of the last row, an angular acceleration, differs by twice the bound."""
-    path = build(tmp_path, fmi=[f"{version}.0"], platform=UNEVEN)[0]
 
     def other(text: str) -> str:
         rows = text.splitlines()
@@ -85,83 +85,89 @@ def test_another_result_anywhere_fails_both_kinds(version: int, case: str, tmp_p
         rows[-1] = f"{head}{' ' if version == 3 else ','}{float(last.strip(chr(34))) + by!r}"
         return "\n".join(rows) + "\n"
 
-    found = list(check_units([changed(path, f"{case}/gough_stewart_ref.csv", other)]))
-    assert outcomes(found) == dict(zip(NAMES, (True, False, False), strict=True))
-    for each in found[1:]:
-        assert each.deviation == pytest.approx(2 * BOUND, rel=0.1)
-        assert each.found.endswith(f"({case})")
+    validation, *comparisons = checks_of(changed(units[version], f"{case}/gough_stewart_ref.csv", other), tmp_path)
+    assert validation.passed
+    for check in comparisons:
+        assert not check.passed
+        assert check.deviation == pytest.approx(2 * BOUND, rel=0.1)
+        assert check.result.endswith(f"({case})")
 
 
 @pytest.mark.parametrize("place", ["open_loop/gough_stewart_in.csv", "open_loop/gough_stewart_start.csv"])
-def test_the_inputs_and_starts_of_the_files_are_those_of_the_run(place: str, tmp_path: Path) -> None:
+def test_the_inputs_and_starts_of_the_files_are_those_of_the_run(
+    place: str, units: dict[int, Files], tmp_path: Path
+) -> None:
     """Expected: with the first force or position a percent larger, both kinds deviate, by the same."""
-    path = build(tmp_path, fmi=["3.0"], platform=UNEVEN)[0]
 
     def larger(text: str) -> str:
         return re.sub(r"^([\d.e-]+),([\d.e-]+)", lambda m: f"{m[1]},{1.01 * float(m[2])!r}", text, flags=re.M)
 
-    _, stepped, integrated = check_units([changed(path, place, larger)])
-    assert stepped.deviation == pytest.approx(integrated.deviation, rel=1e-3)
+    _, stepped, integrated = checks_of(changed(units[3], place, larger), tmp_path)
     assert stepped.deviation is not None
     assert stepped.deviation > 1e-4
+    assert stepped.deviation == pytest.approx(integrated.deviation, rel=1e-3)
     assert not stepped.passed
 
 
-@pytest.mark.parametrize(
-    ("platform", "parameter"),
-    [("gives", "leg_damping"), ("sticks", "leg_bristle_damping")],
-)
+@pytest.mark.parametrize(("platform", "parameter"), [("gives", "leg_damping"), ("sticks", "leg_bristle_damping")])
 def test_a_unit_with_other_equations_fails_both_kinds(platform: str, parameter: str, tmp_path: Path) -> None:
     """Expected: the results of a platform with a percent more of one parameter are not those of the unit."""
     sound = PLATFORMS[platform]
     other = sound.with_parameters({parameter: 1.01 * getattr(sound, parameter)})
-    path, results = (
-        build(tmp_path / name, fmi=["2.0"], platform=each)[0] for name, each in (("a", sound), ("b", other))
+    files, results = (
+        files_of(build(tmp_path / k, fmi=["2.0"], platform=p)[0]) for k, p in (("a", sound), ("b", other))
     )
-    with zipfile.ZipFile(results) as archive:
-        extra = {name: archive.read(name) for name in archive.namelist() if name.startswith("extra/")}
-    with zipfile.ZipFile(path) as archive:
-        own = {name: archive.read(name) for name in archive.namelist()}
-    path.write_bytes(to_zip(own | extra))
-    assert outcomes(list(check_units([path]))) == dict(zip(NAMES, (True, False, False), strict=True))
+    extra = {name: content for name, content in results.items() if name.startswith("extra/")}
+    assert [check.passed for check in checks_of(files | extra, tmp_path)] == [True, False, False]
 
 
-def test_a_description_that_is_wrong_is_named_with_its_reason(tmp_path: Path) -> None:
-    """Expected: an output without its entry in ModelStructure, which the standard requires."""
-    path = build(tmp_path, fmi=["3.0"], platform=UNEVEN)[0]
-    wrong = changed(path, "modelDescription.xml", lambda text: re.sub(r" *<Output [^>]*/>\n", "", text, count=1))
-    found = list(check_units([wrong]))
-    assert outcomes(found)["validation"] is False
-    assert "ModelStructure/Outputs" in found[0].found
+def _without_forces(text: str) -> str:
+    """The platform falls into the plane of its base within a second."""
+    return re.sub(r"^([\d.e-]+),[^,]*,", rf"\1,{' '.join(['0.0'] * 6)},", text, flags=re.M)
 
 
-def test_units_that_do_not_run_fail_with_the_reason(tmp_path: Path) -> None:
-    """Expected: another token, no results, and no file at all."""
-    path = build(tmp_path, fmi=["2.0"], platform=UNEVEN)[0]
-    token = changed(path, "modelDescription.xml", lambda text: re.sub(r'guid="\{.', 'guid="{x', text))
-    found = list(check_units([token]))
-    assert [each.passed for each in found] == [True, False, False]
-    assert all("wrong token" in each.found for each in found[1:])
-    with zipfile.ZipFile(path) as archive:
-        contents = {name: archive.read(name) for name in archive.namelist() if not name.startswith("extra/")}
-    path.write_bytes(to_zip(contents))
-    found = list(check_units([path]))
-    assert all("has no reference results in extra/gough_stewart" in each.found for each in found[1:])
-    found = list(check_units([tmp_path / "nowhere.fmu"]))
-    assert [each.passed for each in found] == [False] * 3
+# Version, what is done to the files, what passes, and the reason of what does not.
+WRONG: dict[str, tuple[int, Callable[[Files], Files], list[bool], str]] = {
+    "an output without its entry in ModelStructure": (
+        3,
+        lambda files: changed(files, "modelDescription.xml", lambda t: re.sub(r" *<Output [^>]*/>\n", "", t, count=1)),
+        [False, True, True],
+        "ModelStructure/Outputs",
+    ),
+    "another token": (
+        2,
+        lambda files: changed(files, "modelDescription.xml", lambda t: re.sub(r'guid="\{.', 'guid="{x', t)),
+        [True, False, False],
+        "wrong token",
+    ),
+    "no results": (
+        2,
+        lambda files: {name: content for name, content in files.items() if not name.startswith("extra/")},
+        [True, False, False],
+        "has no reference results in extra/gough_stewart",
+    ),
+    "a description that is too long": (
+        3,
+        lambda files: changed(files, "modelDescription.xml", lambda t: t + " " * 20_000_000),
+        [False, False, False],
+        r"its modelDescription\.xml has 20\.\d MB; expected at most 20 MB; nothing was parsed",
+    ),
+    "a motion into a limit": (
+        3,
+        lambda files: changed(files, "gough_stewart_in.csv", _without_forces),
+        [True, False, False],
+        ".",
+    ),
+}
 
 
-def test_a_discarded_step_fails_with_the_units_message(tmp_path: Path) -> None:
-    """Expected: without actuator forces the paper's platform falls into the plane of its base within a second."""
-    path = build(tmp_path, fmi=["3.0"], platform=replace(UNEVEN, leg_armature=0.0))[0]
-    none = " ".join(["0.0"] * 6)
-
-    def without(text: str) -> str:
-        return re.sub(r"^([\d.e-]+),[^,]*,", rf"\1,{none},", text, flags=re.M)
-
-    found = list(check_units([changed(path, "gough_stewart_in.csv", without)]))
-    assert outcomes(found)["Co-Simulation"] is False
-    assert outcomes(found)["Model Exchange"] is False
+@pytest.mark.parametrize("case", WRONG)
+def test_a_unit_that_is_wrong_fails_with_the_reason(case: str, units: dict[int, Files], tmp_path: Path) -> None:
+    version, change, passes, reason = WRONG[case]
+    checks = checks_of(change(units[version]), tmp_path)
+    assert [check.passed for check in checks] == passes
+    assert all(check.passed or re.search(reason, check.result) for check in checks)
+    assert [check.passed for check in check_units([tmp_path / "nowhere.fmu"])] == [False] * 3
 
 
 def test_the_command_says_a_line_for_each_check_and_fails_with_one(
