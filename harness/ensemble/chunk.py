@@ -98,7 +98,7 @@ class _Run(NamedTuple):
 
 
 def _run(members: Members, batch: Batch, first: int, threads: int) -> _Run:
-    n, running, timing = len(batch), batch.in_parallel(members.stepping), batch.timing[0]
+    n, running, timing = len(batch), batch.in_parallel(members.stepping), batch.timing
     bands = Bands(_signals(members), timing, n, first)
     errors = LegErrors(timing)
     folds = [*folds_of_loop(running.loop, limits_of_members(batch, running.size)), bands, errors]
@@ -134,7 +134,7 @@ def check_memory(batch: Batch, results: Results, again: Callable[[Batch], Result
     SharedMemoryError
         It gives others.
     """
-    controller = shared_by_members(batch.controller[0])
+    controller = shared_by_members(batch.design[0].controller)
     if controller is None:
         return
     outcomes, columns = again(batch.take([0]))
@@ -153,7 +153,7 @@ def _signals(members: Members) -> Sequence[str]:
 
 def limits_of_members(batch: Batch, size: int) -> dict[str, Any]:
     """Limits of the nominal models, one number if they are all the same; of a size, with copies of the last one."""
-    filled = batch.platform.take(np.minimum(np.arange(size), len(batch) - 1))
+    filled = batch.design.map(attrgetter("platform")).take(np.minimum(np.arange(size), len(batch) - 1))
     stated = [row.name for row in LIMITS if getattr(filled[0], row.name) is not None]
     return {name: filled.numbers(attrgetter(name)) for name in stated}
 

@@ -18,7 +18,8 @@ from gough_stewart.harness.ensemble.exact_versions import difference, exact_vers
 from gough_stewart.harness.ensemble.local import Range, Workers, chunks_here, cores, processes_for
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import EnsembleError
-from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.errors import OutputError

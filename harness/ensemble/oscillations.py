@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
 from gough_stewart.harness.experiment.batch import Batch
-from gough_stewart.harness.experiment.recording import acting_columns
+from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folds import KeptRows, State
 from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.loop.outcomes import Outcome
@@ -94,10 +94,11 @@ def _candidates(
     """
     alike = dict[tuple[int | None, ...], list[int]]()
     for k in members:
-        if batch.planned[k] is not None and batch.controller[k] is not None:
+        design = batch.design[k]
+        if design.planned is not None and design.controller is not None:
             # changes are each machine's own, and with jitter the rows of an injection each member's
-            own = k if batch.injection[k] is not None and batch.jitter[k] else None
-            key = (*(int(each.of[k]) for each in (batch.planned, batch.changes, batch.injection)), own)
+            own = k if design.injection is not None and design.timing.jitter else None
+            key = id(design.planned), int(batch.changes.of[k]), id(design.injection), own
             alike.setdefault(key, []).append(k)
     for group in alike.values():
         prepared = batch.member(group[0])

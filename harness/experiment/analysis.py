@@ -20,13 +20,14 @@ from gough_stewart.harness.control.state_space import StateSpace, control_system
 from gough_stewart.harness.control.structure import Structure, structural_modes, structure_of
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import Prepared
-from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.margins_report import FRAIL, margins_report
+from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.step_answers import step_answers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.notebook import to_html
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
@@ -100,8 +101,6 @@ class LoopMargins(Margins):
         )
 
     def _repr_html_(self) -> str:
-        from gough_stewart.harness.report.notebook import to_html
-
         return to_html(self.report(charts=False))
 
     def report(self, *, charts: bool = True) -> Report:
@@ -112,7 +111,7 @@ class LoopMargins(Margins):
         Report
             Verdict, numbers such as `margins.disk` and `margins.delay`, tables, and with `charts` the responses.
         """
-        return margins_report(self, step_answers(self.transfer) if charts else None)
+        return margins_report(self, charts=charts)
 
     def as_dict(self) -> dict[str, Any]:
         """As plain types, as in margins.json; None for infinite or undefined values."""

@@ -10,7 +10,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.experiment.file import experiment_from
-from gough_stewart.harness.experiment.named_files import digests
+from gough_stewart.harness.experiment.file import digests
 
 T = 0.002
 MASS = gs.load_preset("motion_base").platform_mass

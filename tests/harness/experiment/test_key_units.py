@@ -2,7 +2,7 @@
 
 import pytest
 
-from gough_stewart.harness.experiment.key_units import unit_of, value_text
+from gough_stewart.harness.experiment.overrides import unit_of, value_text
 
 
 @pytest.mark.parametrize(
