@@ -47,7 +47,7 @@ if __name__ == "__main__":
 def simulated_seconds(plan: Plan, stepping: Stepping) -> tuple[float, float]:
     """Simulated seconds per second: members on one core, and a single run on the FMU."""
     batch = plan.prepared.prepared(0, SIZE).batch
-    duration = batch.timing[0].duration
+    duration = batch.timing.duration
     # longer, so that its start is negligible
     single = prepare(shipped_experiment("heave_step", ["loop.duration=4"]))
     rounds = []

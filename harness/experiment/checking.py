@@ -218,11 +218,9 @@ class MotionCheck:
         return Timing(float(f"{steps * clocks.plant_step:.12g}"), clocks.sample_time, clocks.plant_step)
 
     def _largest_share_if_slower(self, factor: float) -> float:
-        times = self._slower_clocks(factor).times
+        times, worst = self._slower_clocks(factor).times, self.experiment.limits.condition_number
         motion = Scaled(self._reference, factor)(times)
-        return float(
-            shares_along(self._less_margin, times, motion, self.experiment.limits.condition_number).total.max()
-        )
+        return float(shares_along(self._less_margin, times, motion, worst).total.max())
 
 
 def _rounded(scale: float, to: Callable[[float], int]) -> float:

@@ -305,9 +305,8 @@ def _responses(analysis: "LoopMargins") -> tuple[Chart, ...]:
     sigma = tuple(_sigma(matrices, name, role) for matrices, name, role in values)
     one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
     legs = _first_mode(analysis, frequency.values)
-    of_disk = (
-        Mark(analysis.disk.frequency, f"disk margin {analysis.disk.alpha:.3g} at", "vertical", _margin_role(analysis)),
-    )
+    text = f"disk margin {analysis.disk.alpha:.3g} at"
+    of_disk = (Mark(analysis.disk.frequency, text, "vertical", _margin_role(analysis)),)
     gain_margins, phase_margins = _margins_of_one(analysis, frequency.values, angles)
     alone = "one leg cut, the others closed"
     log = Axis("gain of L", _GAIN, scale="log")

@@ -105,7 +105,7 @@ def with_hints(experiment: Experiment, prepared: Prepared) -> Prepared:
         f"{' and '.join(read) or 'no sensor'}"
         for k, fault in enumerate(experiment.fault, 1)
         for name in fault.freeze
-        if read is not None and prepared.controller is not None and name not in read
+        if read is not None and name not in read
     ]
     hints = (*platform.hints, *too_late(experiment), *coarse, *unread)
     return replace(prepared, warnings=(*prepared.warnings, *hints))

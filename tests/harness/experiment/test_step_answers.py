@@ -7,7 +7,7 @@ import control
 import numpy as np
 import pytest
 
-from gough_stewart.harness.experiment.step_answers import step_answers
+from gough_stewart.harness.experiment.margins_report import step_answers
 
 
 def diagonal(one: Any) -> Any:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.check_report import check_report
+from gough_stewart.harness.experiment.checking import check_report
 from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Report, Section, Setting, Verdict, settings_of
 from gough_stewart.harness.report.figures import figures
