@@ -94,11 +94,11 @@ def _candidates(
     """
     alike = dict[tuple[int | None, ...], list[int]]()
     for k in members:
-        design = batch.design[k]
-        if design.planned is not None and design.controller is not None:
+        setup = batch.setups[k]
+        if setup.planned is not None and setup.controller is not None:
             # changes are each machine's own, and with jitter the rows of an injection each member's
-            own = k if design.injection is not None and design.timing.jitter else None
-            key = id(design.planned), int(batch.changes.of[k]), id(design.injection), own
+            own = k if setup.injection is not None and setup.timing.jitter else None
+            key = id(setup.planned), int(batch.changes.of[k]), id(setup.injection), own
             alike.setdefault(key, []).append(k)
     for group in alike.values():
         prepared = batch.member(group[0])

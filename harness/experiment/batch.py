@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from operator import methodcaller
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -166,7 +167,7 @@ class InParallel(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Design:
+class Setup:
     """What members share that differ only in their machine and in their sensors."""
 
     timing: Timing  # with their jitter
@@ -184,7 +185,7 @@ class Design:
 class Batch:
     """N members of an experiment that are ready to run."""
 
-    design: Distinct[Design]
+    setups: Distinct[Setup]
     machine: Distinct[Platform]
     sensors: Distinct[Sensors]
     changes: Distinct[tuple[Change, ...]]
@@ -193,25 +194,31 @@ class Batch:
 
     def __len__(self) -> int:
         """N."""
-        return len(self.design)
+        return len(self.setups)
 
     def take(self, members: Sequence[int] | NDArray[np.intp]) -> "Batch":
         """Some of them, in the order of their indices."""
         at = np.asarray(members, dtype=np.intp)
-        parts = (self.design, self.machine, self.sensors, self.changes, self.seeds)
-        return Batch(*(part.take(at) for part in parts), self.start_force[at])
+        return Batch(
+            setups=self.setups.take(at),
+            machine=self.machine.take(at),
+            sensors=self.sensors.take(at),
+            changes=self.changes.take(at),
+            seeds=self.seeds.take(at),
+            start_force=self.start_force[at],
+        )
 
     def member(self, k: int) -> Prepared:
         """One of them alone."""
-        design, planned = self.design[k], self.design[k].planned
+        setup, planned = self.setups[k], self.setups[k].planned
         return Prepared(
-            platform=design.platform,
+            platform=setup.platform,
             machine=self.machine[k],
-            start=design.start,
+            start=setup.start,
             loop=self.take([k]).loop,
             motion=planned and planned.motion,
             legs=planned and planned.legs,
-            controller=design.controller,
+            controller=setup.controller,
             jacobians=planned.jacobians if planned else _NO_JACOBIANS,
             warnings=planned.warnings if planned else (),
             reference=planned and planned.reference,
@@ -220,22 +227,22 @@ class Batch:
     @property
     def timing(self) -> Timing:
         """The clocks, which are the same but for the members' jitter."""
-        return replace(self.design[0].timing, jitter=0.0)
+        return replace(self.setups[0].timing, jitter=0.0)
 
     @property
     def loop(self) -> Loop:
         """The loop of all; of one member alone without a member axis."""
-        n, design, sensors = len(self), self.design, self.sensors
-        timing, common = design[0].timing, sensors[0].seed
-        limits, actuators = design.map(lambda d: d.limits), design.map(lambda d: d.actuators)
+        n, setups, sensors = len(self), self.setups, self.sensors
+        timing, common = setups[0].timing, sensors[0].seed
+        limits, actuators = setups.map(lambda setup: setup.limits), setups.map(lambda setup: setup.actuators)
         return Loop(
             timing=replace(
                 timing,
-                jitter=design.numbers(lambda d: d.timing.jitter),
-                seed=self._seeds(design.map(lambda d: bool(d.timing.jitter)), timing.seed),
+                jitter=setups.numbers(lambda setup: setup.timing.jitter),
+                seed=self._seeds(setups.map(lambda setup: bool(setup.timing.jitter)), timing.seed),
             ),
-            reference=design.map(lambda d: d.planned).arrays(lambda planned: planned and planned.signals),
-            feedforward=design.arrays(lambda d: d.feedforward),
+            reference=setups.map(lambda setup: setup.planned).arrays(lambda planned: planned and planned.signals),
+            feedforward=setups.arrays(lambda setup: setup.feedforward),
             start_force=self.start_force[0] if n == 1 else self.start_force,
             sensors=Sensors(
                 _by_signal(sensors.map(lambda s: s.noise)),
@@ -256,7 +263,7 @@ class Batch:
                 limits.numbers(lambda ends: ends.largest_position_error),
             ),
             changes=changes_of_members(list(self.changes), timing),
-            injection=design.arrays(lambda d: d.injection),
+            injection=setups.arrays(lambda setup: setup.injection),
             shape=() if n == 1 else (n,),
         )
 
@@ -270,21 +277,21 @@ class Batch:
         BuildError, OSError
             There is no machine code of the loop, as `loop_library`.
         """
-        n, design = len(self), self.design
-        controllers = design.map(lambda d: d.controller)
+        n, setups = len(self), self.setups
+        controllers = setups.map(lambda setup: setup.controller)
         runs_in_c = _is_linear(*controllers.values) or are_traced(controllers.values)
         copies = 0 if runs_in_c else -n % LANES
         filled = self.take([*range(n), *[n - 1] * copies])
         machines = Platforms.of(filled.machine.values)[filled.machine.of]
-        starts = [d.start for d in filled.design]
+        starts = [setup.start for setup in filled.setups]
         kernel = loop_kernel(Variant.of(self.machine[0]))
         plant, law_from = lanes_plant(machines, starts, **stepping._asdict(), kernel=kernel), None
         closed = [controller for controller in controllers if controller is not None]
         if closed:
-            planned = filled.design.map(lambda d: d.planned)
+            planned = filled.setups.map(lambda setup: setup.planned)
             flat = planned.arrays(lambda plan: (plan.jacobians if plan else _NO_JACOBIANS).reshape(-1, 36))
-            sample_time = design[0].timing.sample_time
-            known = [known_of(d.platform, d.timing, d.feedforward, d.injection) for d in design]
+            sample_time = setups[0].timing.sample_time
+            known = [known_of(setup.platform, setup.timing, setup.feedforward, setup.injection) for setup in setups]
             law_from = laws_of(closed, sample_time, flat.reshape(*flat.shape[:-1], 6, 6), known, copies)
         return InParallel(plant, law_from, filled.loop, len(filled))
 
@@ -299,7 +306,7 @@ class Batch:
 
 def _by_signal(sizes: Distinct[Mapping[str, PerMember]]) -> dict[str, PerMember]:
     names = dict.fromkeys(name for of_signal in sizes.values for name in of_signal)
-    return {name: sizes.numbers(lambda of_signal, name=name: of_signal.get(name, 0.0)) for name in names}
+    return {name: sizes.numbers(methodcaller("get", name, 0.0)) for name in names}
 
 
 def _is_linear(*controllers: Controller | None) -> bool:

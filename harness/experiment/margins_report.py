@@ -1,13 +1,14 @@
-"""What the linear analysis of a loop found, as a report: its margins, what limits them, responses as charts."""
+"""The margins of a loop, from its linear analysis: numbers, what limits them, and their report with responses."""
 
+import json
 import math
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.control.linear import modes
+from gough_stewart.harness.control.linear import Mode, modes
 from gough_stewart.harness.control.margins import (
     ClassicalMargins,
     Margins,
@@ -17,18 +18,18 @@ from gough_stewart.harness.control.margins import (
     response,
     sensitivities,
 )
-from gough_stewart.harness.control.state_space import StateSpace, discretised
+from gough_stewart.harness.control.pid import Gains
+from gough_stewart.harness.control.state_space import StateSpace, control_system, discretised
 from gough_stewart.harness.control.structure import Structure
+from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
+from gough_stewart.harness.report.notebook import to_html
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, counted, listed, sentence
 from gough_stewart.model.vectors import FloatArray
-
-if TYPE_CHECKING:
-    from gough_stewart.harness.experiment.analysis import LoopMargins
 
 _SHOWN_MODES = 8
 _POINTS = 500
@@ -74,37 +75,131 @@ RENAMED = {
 }
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopMargins(Margins):
+    """Stability margins of an experiment's loop, from `margins`.
+
+    Of the loop that runs: the machine with the controller that is designed on the believed platform.
+
+    `legs` has for each leg, with the others closed, `gain_up` and `gain_down` (factors), `phase` [rad], `delay` [s] and
+    `crossover` [Hz]; `common` has the same of one change of all legs. `disk` has what all legs may have independently
+    of each other: `alpha`, `gain`, `phase` [rad] and `frequency` [Hz]. `sensitivity_peak` and `complementary_peak` are
+    the largest σ(S) and σ(T).
+    """
+
+    title: str
+    """Title of the experiment."""
+    sample_time: float
+    """[s]"""
+    delay: int
+    """[samples]"""
+    lag: float
+    """Of the actuators [s]."""
+    gains: Gains | None
+    """Gains of a PD or PID."""
+    modes: tuple[Mode, ...]
+    """Modes of the closed loop, slowest first."""
+    transfer: StateSpace
+    """Loop transfer L (6×6) at the actuators, u = −L u, as matrices."""
+    changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """What was set of the experiment's file, as `Experiment.changed`."""
+    structure: Structure | None = None
+    """Of a machine whose legs give: the structural modes, each with `frequency`, `damping_ratio`, `held_frequency` and
+    `gain`, and the largest `bandwidth` [Hz] of the controller with a disk margin of at least `disk`."""
+    late: float = 0.0
+    """What the sensors' own clock and jitter add to the delay at worst, as modelled in these margins [s]."""
+    doubt: str = ""
+    """What these margins leave out, so that a requirement on them cannot be told."""
+    believed: Margins | None = None
+    """Of the loop with the believed platform as machine, where that differs and is stable."""
+    warnings: tuple[str, ...] = ()
+    """What else is to be known of these margins, one sentence each."""
+
+    @property
+    def loop(self) -> Any:
+        """The same as a python-control system."""
+        return control_system(self.transfer)
+
+    def __repr__(self) -> str:
+        """The margins of all legs at once, the smallest of one leg, and the slowest mode, one line each."""
+        disk, all_legs, slowest = self.disk, self.common, self.modes[0]
+        phase, delay = min(leg.phase for leg in self.legs), min(leg.delay for leg in self.legs)
+        up, down = min(leg.gain_up for leg in self.legs), max(leg.gain_down for leg in self.legs)
+        return "\n".join(
+            [
+                f"Margins: {self.title}",
+                f"  all legs at once   disk margin {disk.alpha:.3g} at {disk.frequency:.3g} Hz: gains × "
+                f"{disk.gain[0]:.3g} to {disk.gain[1]:.3g}, phases ± {np.degrees(disk.phase):.3g}°",
+                f"  all legs alike     gain × {all_legs.gain_down:.3g} to {all_legs.gain_up:.3g}, phase "
+                f"{np.degrees(all_legs.phase):.3g}°, delay {1000 * all_legs.delay:.3g} ms",
+                f"  one leg at a time  gain × {down:.3g} to {up:.3g}, phase {np.degrees(phase):.3g}°, delay "
+                f"{1000 * delay:.3g} ms",
+                f"  slowest mode       {slowest.frequency:.3g} Hz, damping ratio {slowest.damping_ratio:.3g}",
+            ]
+        )
+
+    def _repr_html_(self) -> str:
+        return to_html(self.report(charts=False))
+
+    def report(self, *, charts: bool = True) -> Report:
+        """How much gain, phase and delay the loop bears, and what limits it.
+
+        Returns
+        -------
+        Report
+            Verdict, numbers such as `margins.disk` and `margins.delay`, tables, and with `charts` the responses.
+        """
+        sections = [Section("Margins", (_legs(self), _together(self)))]
+        sections.append(Section("Design", (*_gains(self), _modes(self), *_structure(self))))
+        if charts:
+            sections.append(Section("Responses", (*_responses(self), _step(*step_answers(self.transfer)))))
+        lag = f", lag of the drives {about(TIME, self.lag)}" if self.lag else ""
+        late = f" and up to {about(_DELAY, self.late)} by the sensors' clock and jitter" if self.late else ""
+        delay = f"delay of {counted(self.delay, 'sample')}{late}"
+        return Report(
+            self.title,
+            _verdict(self),
+            tuple(sections),
+            study="margins",
+            lead=f"sampled every {about(_DELAY, self.sample_time, 4)}, {delay}{lag}",
+            settings=settings_of(self.changed),
+            numbers=_numbers(self),
+            notes=(
+                *(Note(text, "warning") for text in self.warnings),
+                Note(_LINEAR),
+                *([Note(_WORST)] if self.late else []),
+            ),
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """As plain types, as in margins.json; None for infinite or undefined values."""
+        return {
+            "title": self.title,
+            "sample_time": self.sample_time,
+            "delay": self.delay,
+            "lag": self.lag,
+            "late": self.late,
+            "gains": None if self.gains is None else _plain_gains(self.gains),
+            "modes": [
+                {
+                    "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
+                    "frequency": mode.frequency,
+                    "damping_ratio": mode.damping_ratio,
+                }
+                for mode in self.modes
+            ],
+            "margins": Margins(*(getattr(self, each.name) for each in fields(Margins))).as_dict(),
+            **({} if self.believed is None else {"believed": self.believed.as_dict()}),
+            **({} if self.structure is None else {"structure": _plain_structure(self.structure)}),
+        }
+
+
 def decibels(factor: float) -> float:
     """A factor on a gain in dB."""
     return 20 * math.log10(factor) if 0 < factor < math.inf else math.inf
 
 
-def margins_report(analysis: "LoopMargins", *, charts: bool) -> Report:
-    """The report of an analysis."""
-    sections = [Section("Margins", (_legs(analysis), _together(analysis)))]
-    sections.append(Section("Design", (*_gains(analysis), _modes(analysis), *_structure(analysis))))
-    if charts:
-        sections.append(Section("Responses", (*_responses(analysis), _step(*step_answers(analysis.transfer)))))
-    lag = f", lag of the drives {about(TIME, analysis.lag)}" if analysis.lag else ""
-    late = f" and up to {about(_DELAY, analysis.late)} by the sensors' clock and jitter" if analysis.late else ""
-    delay = f"delay of {counted(analysis.delay, 'sample')}{late}"
-    return Report(
-        analysis.title,
-        margins_verdict(analysis),
-        tuple(sections),
-        study="margins",
-        lead=f"sampled every {about(_DELAY, analysis.sample_time, 4)}, {delay}{lag}",
-        settings=settings_of(analysis.changed),
-        numbers=_numbers(analysis),
-        notes=(
-            *(Note(text, "warning") for text in analysis.warnings),
-            Note(_LINEAR),
-            *([Note(_WORST)] if analysis.late else []),
-        ),
-    )
-
-
-def margins_verdict(analysis: "LoopMargins") -> Verdict:
+def _verdict(analysis: LoopMargins) -> Verdict:
     """How much gain, phase and delay the loop bears."""
     disk, common = analysis.disk, analysis.common
     numbers = {number.path: number for number in _numbers(analysis)}
@@ -127,7 +222,7 @@ def margins_verdict(analysis: "LoopMargins") -> Verdict:
     return Verdict(text, "marginal" if disk.alpha < FRAIL or analysis.doubt else "good", carried)
 
 
-def _numbers(analysis: "LoopMargins") -> tuple[Number, ...]:
+def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
     doubt, other = analysis.doubt, analysis.believed
     slowest, damping_ratio = analysis.modes[0].frequency, min(mode.damping_ratio for mode in analysis.modes)
     of_machine = (
@@ -194,7 +289,7 @@ def _numbers_of(structure: Structure | None) -> tuple[Number, ...]:
     )  # fmt: skip
 
 
-def _structure(analysis: "LoopMargins") -> tuple[Table | Note, ...]:
+def _structure(analysis: LoopMargins) -> tuple[Table | Note, ...]:
     structure = analysis.structure
     if structure is None or not structure.modes:
         return ()
@@ -233,7 +328,7 @@ def _allowed(structure: Structure) -> tuple[Note, ...]:
     )
 
 
-def _legs(analysis: "LoopMargins") -> Table:
+def _legs(analysis: LoopMargins) -> Table:
     columns = (
         Column("leg"),
         Column("gain", _FACTOR, "smallest factor on the gain at which the loop is stable"),
@@ -249,7 +344,7 @@ def _legs(analysis: "LoopMargins") -> Table:
     return Table("Margins, one leg at a time, and the same change of all", columns, rows)
 
 
-def _together(analysis: "LoopMargins") -> Table:
+def _together(analysis: LoopMargins) -> Table:
     disk = analysis.disk
     three = Quantity("", "", digits=3)
     rows: tuple[tuple[Cell, ...], ...] = (
@@ -262,7 +357,7 @@ def _together(analysis: "LoopMargins") -> Table:
     return Table("Margins, independent changes of all legs at once", (Column("measure"), Column("value")), rows)
 
 
-def _gains(analysis: "LoopMargins") -> tuple[Table, ...]:
+def _gains(analysis: LoopMargins) -> tuple[Table, ...]:
     if analysis.gains is None:
         return ()
     five = Quantity("", "", digits=5)
@@ -272,7 +367,7 @@ def _gains(analysis: "LoopMargins") -> tuple[Table, ...]:
     return (Table("Gains", columns, tuple((str(k), *row) for k, row in enumerate(rows, 1))),)
 
 
-def _modes(analysis: "LoopMargins") -> Table:
+def _modes(analysis: LoopMargins) -> Table:
     columns = (
         Column("mode", explanation="of the closed loop, the slowest first"),
         Column("frequency", FREQUENCY),
@@ -286,7 +381,7 @@ def _modes(analysis: "LoopMargins") -> Table:
     return Table("Modes of the closed loop", columns, tuple(rows), first_shown=_SHOWN_MODES)
 
 
-def _responses(analysis: "LoopMargins") -> tuple[Chart, ...]:
+def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
     L = analysis.transfer
     low, high = frequency_range(L)
     # the range begins far below the slowest pole, where curves are flat
@@ -319,7 +414,7 @@ def _responses(analysis: "LoopMargins") -> tuple[Chart, ...]:
     )  # fmt: skip
 
 
-def _first_mode(analysis: "LoopMargins", frequency: np.ndarray) -> tuple[Mark, ...]:
+def _first_mode(analysis: LoopMargins, frequency: np.ndarray) -> tuple[Mark, ...]:
     """Where legs that give begin to resonate."""
     if analysis.structure is None or not analysis.structure.modes:
         return ()
@@ -327,12 +422,12 @@ def _first_mode(analysis: "LoopMargins", frequency: np.ndarray) -> tuple[Mark, .
     return (Mark(at, "first structural mode", "vertical", "neutral"),) if at < frequency[-1] else ()
 
 
-def _margin_role(analysis: "LoopMargins") -> Role:
+def _margin_role(analysis: LoopMargins) -> Role:
     return "marginal" if analysis.disk.alpha < FRAIL else "good"
 
 
 def _margins_of_one(
-    analysis: "LoopMargins", frequency: np.ndarray, angles: Sequence[np.ndarray]
+    analysis: LoopMargins, frequency: np.ndarray, angles: Sequence[np.ndarray]
 ) -> tuple[tuple[Span, ...], tuple[Span, ...]]:
     """The least gain margins of all legs, from the gain of L to 1; the least phase margin, from the phase to ±180°."""
     legs, role = analysis.legs, _margin_role(analysis)
@@ -410,3 +505,28 @@ def _step(time: np.ndarray, answers: Sequence[np.ndarray] | np.ndarray) -> Chart
         marks=(Mark(1.0, "all of it", role="neutral", tells=False),),
         group="step",
     )
+
+
+def margins_file(found: LoopMargins) -> bytes:
+    """The numbers as JSON, with the versions of the software."""
+    return (json.dumps({**found.as_dict(), "versions": versions()}, indent=2) + "\n").encode()
+
+
+def _plain_structure(structure: Structure) -> dict[str, Any]:
+    """In plain types; None where there is none."""
+
+    def number(value: float | None) -> float | None:
+        return None if value is None or math.isnan(value) else value
+
+    modes = [{name: number(value) for name, value in mode._asdict().items()} for mode in structure.modes]
+    return {"modes": modes, "disk": structure.disk, "bandwidth": number(structure.bandwidth)}
+
+
+def _plain_gains(gains: Gains) -> dict[str, Any]:
+    """By channel, in plain types."""
+    return {
+        "proportional": np.asarray(gains.proportional).tolist(),
+        "derivative": np.asarray(gains.derivative).tolist(),
+        "integral": np.asarray(gains.integral).tolist(),
+        "derivative_filter": gains.filter_time,
+    }

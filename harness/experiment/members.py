@@ -17,9 +17,9 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
 from gough_stewart.harness.sampling.correlation import CorrelatedInputs, correlated, correlation_of, reordered
-from gough_stewart.harness.sampling.design import Design, in_turn
-from gough_stewart.harness.sampling.distributions import Normal
-from gough_stewart.harness.sampling.variation import Spread, Target
+from gough_stewart.harness.sampling.design import SamplingDesign, in_turn
+from gough_stewart.harness.sampling.distributions import normal
+from gough_stewart.harness.sampling.variation import Spread, VariedValue
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -103,10 +103,10 @@ class Members:
         _ = self.design
 
     @cached_property
-    def design(self) -> Design:
+    def design(self) -> SamplingDesign:
         """The sample points of the members in the unit cube."""
         try:
-            return Design(
+            return SamplingDesign(
                 self.choice.sampling,
                 self.seed,
                 self.count,
@@ -260,7 +260,7 @@ class Members:
         """
         return place_of(key, self.nominal, *self.platforms)
 
-    def _input(self, key: str, spread: Callable[[Target], Spread]) -> Input:
+    def _input(self, key: str, spread: Callable[[VariedValue], Spread]) -> Input:
         try:
             place = self.place_of(key)
             return Input(key, place, spread(place.target))
@@ -298,12 +298,12 @@ class Members:
         return ExperimentError(self.nominal.where, f"ensemble.{key}".rstrip("."), message)
 
 
-def _normal(deviations: FloatArray, target: Target) -> Spread:
+def _normal(deviations: FloatArray, target: VariedValue) -> Spread:
     """Normal about the present value, with the first of these deviations."""
     if target.nominal is None or target.unit is None:
         raise ValueError("has no value to vary about; set one in the experiment")
     n = prod(target.shape)
     if n > len(deviations):
         raise ValueError(f"has {n} elements; the matrix has {len(deviations)} rows left")
-    normal = Normal(target.nominal, deviations[:n].reshape(target.shape))
-    return Spread(n, lambda u: normal.quantile(u.reshape(len(u), *target.shape)))
+    mean, deviation = target.nominal, deviations[:n].reshape(target.shape)
+    return Spread(n, lambda u: normal(u.reshape(len(u), *target.shape), mean, deviation))

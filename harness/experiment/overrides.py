@@ -21,7 +21,7 @@ from gough_stewart.harness.quantities import PLAIN, Vector, quantity_in
 from gough_stewart.harness.report.quantities import of_unit
 from gough_stewart.harness.report.words import plain_text
 from gough_stewart.harness.sampling.choice import EnsembleChoice
-from gough_stewart.harness.sampling.variation import Target
+from gough_stewart.harness.sampling.variation import VariedValue
 from gough_stewart.harness.section import Section, complaints
 from gough_stewart.model import interface
 from gough_stewart.model.interface import nearest
@@ -173,7 +173,7 @@ class Place:
     """A place in an experiment: the path through its tables, and the value there."""
 
     path: tuple[str, ...]
-    target: Target
+    target: VariedValue
 
 
 def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platform) -> Place:
@@ -204,7 +204,7 @@ def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platf
     return Place(path, _target(".".join(path), getattr(experiment, section), rest, section))
 
 
-def _target(key: str, table: Any, path: Sequence[str], above: str) -> Target:
+def _target(key: str, table: Any, path: Sequence[str], above: str) -> VariedValue:
     """The value at the end of a path through tables."""
     name, *rest = path
     if isinstance(table, list):
@@ -233,12 +233,12 @@ def _target(key: str, table: Any, path: Sequence[str], above: str) -> Target:
         raise ValueError(f"{above}.{name} is not a table")
     quantity = quantity_in(field.annotation, *field.metadata)
     if quantity is None:
-        return Target(key, None, (), None)
+        return VariedValue(key, None, (), None)
     shape = (quantity.size,) if isinstance(quantity, Vector) else ()
-    return Target(key, quantity.unit, shape, None if isinstance(value, str) else _array(value))
+    return VariedValue(key, quantity.unit, shape, None if isinstance(value, str) else _array(value))
 
 
-def _controller_parameter(key: str, value: Any) -> Target:
+def _controller_parameter(key: str, value: Any) -> VariedValue:
     """A parameter of a controller in Python or of an FMU, which alone knows its name: a plain number, or a list."""
     try:
         nominal = None if isinstance(value, bool | str) else _array(value)
@@ -246,26 +246,28 @@ def _controller_parameter(key: str, value: Any) -> Target:
         nominal = None
     # a text or a switch has no distribution but a choice
     unit = PLAIN if value is None or nominal is not None else None
-    return Target(key, unit, () if nominal is None else nominal.shape, nominal)
+    return VariedValue(key, unit, () if nominal is None else nominal.shape, nominal)
 
 
-def _named(key: str, value: Any, table: str) -> Target:
+def _named(key: str, value: Any, table: str) -> VariedValue:
     """A value in a table of parameters, of factors on them, or of signals."""
     name = key.rpartition(".")[2]
     if table in ("parameters", "factors") and name not in TABLE:
         raise ValueError(f"no such parameter{nearest(name, TABLE)}")
     if table == "factors":
-        return Target(key, PLAIN, (), _array(value))
+        return VariedValue(key, PLAIN, (), _array(value))
     if table == "parameters":
         return _parameter(key, name, value)
     if name not in _SIGNALS:
         raise ValueError(f"no signal '{name}'{nearest(name, NAMES)}")
-    return Target(key, _SIGNALS[name].unit, (), _array(value))
+    return VariedValue(key, _SIGNALS[name].unit, (), _array(value))
 
 
-def _parameter(key: str, name: str, value: Any) -> Target:
+def _parameter(key: str, name: str, value: Any) -> VariedValue:
     row = TABLE[name]
-    return Target(key, PLAIN if row.unit == "1" else row.unit, row.shape, _array(value), name == "platform_inertia")
+    return VariedValue(
+        key, PLAIN if row.unit == "1" else row.unit, row.shape, _array(value), name == "platform_inertia"
+    )
 
 
 def _array(value: Any) -> Any:

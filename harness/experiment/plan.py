@@ -28,14 +28,14 @@ _PACKAGE = __name__.partition(".")[0]
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
+class GivenController:
     """A controller from Python that replaces the experiment's; compared by identity."""
 
     controller: Any
 
 
 @dataclass(frozen=True)
-class Plan:
+class EnsemblePlan:
     """Everything that determines the results of an ensemble, as plain values that can be sent to workers."""
 
     experiment: dict[str, Any]
@@ -47,7 +47,7 @@ class Plan:
     files: dict[str, str] = field(default_factory=dict)
     # the controller from Python that replaces the experiment's, in words, and itself, which no file keeps
     controller: str = ""
-    given: Given | None = field(default=None, compare=False)
+    given: GivenController | None = field(default=None, compare=False)
     # what was set of the experiment's file, as `Experiment.changed`
     settings: dict[str, Any] = field(default_factory=dict, compare=False)
 
@@ -92,8 +92,8 @@ class Plan:
         return _members_of(self.text, self.given)
 
 
-def plan_from(text: str, given: Given | None = None) -> Plan:
-    """The plan of a `Plan.text`; a controller from Python is not part of the text.
+def plan_from(text: str, given: GivenController | None = None) -> EnsemblePlan:
+    """The plan of a `EnsemblePlan.text`; a controller from Python is not part of the text.
 
     Raises
     ------
@@ -103,10 +103,10 @@ def plan_from(text: str, given: Given | None = None) -> Plan:
     values = json.loads(text)
     if values.pop("format", None) != FORMAT:
         raise ValueError("a plan of another version")
-    return Plan(**values, given=given)
+    return EnsemblePlan(**values, given=given)
 
 
-def plan_of(experiment: Experiment, controller: Any = None) -> Plan:
+def plan_of(experiment: Experiment, controller: Any = None) -> EnsemblePlan:
     """The plan of an experiment with an `[ensemble]`.
 
     Parameters
@@ -127,7 +127,7 @@ def plan_of(experiment: Experiment, controller: Any = None) -> Plan:
             "ensemble",
             "nothing varies; expected a distribution, for instance platform_mass = {normal = [120, 10]}, or noise",
         )
-    return Plan(
+    return EnsemblePlan(
         experiment=values,
         where=experiment.where,
         folder=str(experiment.folder.absolute()),
@@ -135,13 +135,13 @@ def plan_of(experiment: Experiment, controller: Any = None) -> Plan:
         seed=members.seed,
         files=digests(experiment),
         controller="" if controller is None else fingerprint(controller),
-        given=None if controller is None else Given(controller),
+        given=None if controller is None else GivenController(controller),
         settings=experiment.changed,
     )
 
 
 @lru_cache(2)
-def _members_of(text: str, given: Given | None) -> Members:
+def _members_of(text: str, given: GivenController | None) -> Members:
     plan = plan_from(text)
     experiment = experiment_from(plan.experiment, plan.where, Path(plan.folder))
     if (files := digests(experiment)) != plan.files:

@@ -1,6 +1,6 @@
 """From an experiment's tables to what runs: everything is checked, for one run or for many members that differ.
 
-Members that have the same values, but for their machine and their sensors, share one `Design`. What several designs
+Members that have the same values, but for their machine and their sensors, share one `Setup`. What several setups
 have in common, such as the planned motion, is computed once. A single run is one member.
 """
 
@@ -22,7 +22,7 @@ from gough_stewart.harness.control.laws import Controller, controller_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import schema
-from gough_stewart.harness.experiment.batch import Batch, Design, Distinct, Planned, Prepared, identity
+from gough_stewart.harness.experiment.batch import Batch, Distinct, Planned, Prepared, Setup, identity
 from gough_stewart.harness.experiment.overrides import Values, table_with
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.actuators import Actuators
@@ -164,16 +164,16 @@ class Preparation:
         experiment, n, errors = self.experiment, len(values), dict[int, GoughStewartError]()
         paths = list(dict.fromkeys(path for member in values for path in member))
         of_sensors = [path for path in paths if path[0] == "sensors"]
-        of_design = [path for path in paths if path[0] not in ("sensors", "plant")]
+        of_setup = [path for path in paths if path[0] not in ("sensors", "plant")]
 
-        # tables: members with equal values share them; those of the sensors and of the machine play no part in a design
-        groups, of_group = _grouped(values, of_design)
+        # tables: members with equal values share them; those of the sensors and of the machine play no part in a setup
+        groups, of_group = _grouped(values, of_setup)
         readings, of_reading = _grouped(values, of_sensors)
         tables, nominal = [dict[str, Any]()] * len(groups), list[Platform | None]([None] * len(groups))
-        sensors, designs = [Sensors()] * len(readings), list[Design | None]([None] * len(groups))
+        sensors, setups = [Sensors()] * len(readings), list[Setup | None]([None] * len(groups))
         for g, members in enumerate(groups):
             with _failing(errors, members):
-                tables[g] = self._tables(values[members[0]], of_design)
+                tables[g] = self._tables(values[members[0]], of_setup)
                 nominal[g] = self._once(self.nominal, tables[g]["platform"])
         for r, members in enumerate(readings):
             with _failing(errors, members):
@@ -185,13 +185,13 @@ class Preparation:
             with _failing(errors, members):
                 platform = nominal[g]
                 if platform is not None and not errors.keys() >= set(members):
-                    designs[g] = self._design(tables[g], platform, injection)
-        made = [design for design in designs if design is not None]
-        index = np.cumsum([design is not None for design in designs]) - 1
-        design = Distinct(made, np.maximum(index[of_group], 0))
+                    setups[g] = self._setup(tables[g], platform, injection)
+        made = [setup for setup in setups if setup is not None]
+        index = np.cumsum([setup is not None for setup in setups]) - 1
+        each_setup = Distinct(made, np.maximum(index[of_group], 0))
 
         # forces at the start, and changes, of each machine
-        start_force = _start_forces(machine, design, errors)
+        start_force = _start_forces(machine, each_setup, errors)
         changes = [tuple[Change, ...]()] * n
         if experiment.change or experiment.disturbance or experiment.fault:
             for k in [k for k in range(n) if k not in errors]:
@@ -201,7 +201,7 @@ class Preparation:
 
         self._known = {name: results for name, results in self._known.items() if len(results) <= _REPEATED}
         every = Batch(
-            design=design,
+            setups=each_setup,
             machine=machine,
             sensors=Distinct(sensors, of_reading),
             changes=Distinct.among(changes),
@@ -211,7 +211,7 @@ class Preparation:
         numbers = np.array([k for k in range(n) if k not in errors], dtype=np.intp)
         return PreparedMembers(numbers, every.take(numbers), errors, experiment.where)
 
-    def _design(self, tables: Mapping[str, Any], platform: Platform, injection: Injection | None) -> Design:
+    def _setup(self, tables: Mapping[str, Any], platform: Platform, injection: Injection | None) -> Setup:
         """Everything of a member but its machine and its sensors."""
         experiment, once = self.experiment, self._once
         loop, drives, limits, choice = (tables[name] for name in ("loop", "actuators", "limits", "controller"))
@@ -245,7 +245,7 @@ class Preparation:
         if bound is None:
             bound = once(_mean_leg_length, platform) if is_closed else math.inf
         stroke = stroke_of(platform.leg_length_min, platform.leg_length_max)
-        return Design(
+        return Setup(
             timing=timing,
             platform=platform,
             start=start,
@@ -425,14 +425,14 @@ class Preparation:
         own = [{path[-1]: value for path, value in member.items() if path[0] == "plant"} for member in values]
         stage = self._machine_base if any(own) else self.machine
         bases = list[Platform | None]([None] * n)
-        for platform, group in zip(nominal, groups, strict=True):
-            if platform is not None:
+        for believed, group in zip(nominal, groups, strict=True):
+            if believed is not None:
                 with _failing(errors, group):
-                    base = self._once(stage, platform)
+                    base = self._once(stage, believed)
                     for k in group:
                         bases[k] = base
         members = [k for k in range(n) if k not in errors]
-        machine = Distinct.among([base for k in members if (base := bases[k]) is not None])
+        machine = Distinct.among([platform for k in members if (platform := bases[k]) is not None])
         if any(own) and members:
             common = self.experiment.plant.parameters
             made, impossible = platforms_with(machine.values, machine.of, [{**common, **own[k]} for k in members])
@@ -468,16 +468,16 @@ class Preparation:
 
 
 def _start_forces(
-    machine: Distinct[Platform], design: Distinct[Design], errors: dict[int, GoughStewartError]
+    machine: Distinct[Platform], setups: Distinct[Setup], errors: dict[int, GoughStewartError]
 ) -> FloatArray:
     """Forces (N, 6) before the first command: of an open loop its own, else those that hold the machine at rest."""
     forces, going = np.zeros((len(machine), 6)), [k for k in range(len(machine)) if k not in errors]
-    closed = [k for k in going if design[k].controller is not None]
+    closed = [k for k in going if setups[k].controller is not None]
     for k in going:
-        if design[k].controller is None:
-            forces[k] = design[k].feedforward[0]
+        if setups[k].controller is None:
+            forces[k] = setups[k].feedforward[0]
     if closed:
-        machines, starts = machine.take(closed), design.map(lambda each: each.start).take(closed)
+        machines, starts = machine.take(closed), setups.map(lambda setup: setup.start).take(closed)
         platforms = Platforms.of(machines.values)[machines.of].parameters
         position = np.stack([start.position for start in starts.values])[starts.of]
         orientation = np.stack([start.orientation for start in starts.values])[starts.of]
@@ -486,9 +486,9 @@ def _start_forces(
         except SingularPoseError:
             for k in closed:
                 with _failing(errors, [k]):
-                    start = design[k].start
+                    start = setups[k].start
                     forces[k] = static_leg_forces(machine[k], start.position, start.orientation)
-    limits = [design[k].actuators.force_limit for k in going]
+    limits = [setups[k].actuators.force_limit for k in going]
     limit = np.array([np.inf if number is None else number for number in limits])[:, None]
     forces[going] = np.clip(forces[going], -limit, limit)
     return forces

@@ -17,7 +17,7 @@ from gough_stewart.harness.experiment.analysis import growing_of
 from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.file import digests, experiment_of
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
-from gough_stewart.harness.experiment.plan import Plan, fingerprint, plan_of
+from gough_stewart.harness.experiment.plan import EnsemblePlan, fingerprint, plan_of
 from gough_stewart.harness.experiment.preparation import Injection, prepare, with_hints
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import ERRORS, error_between
@@ -211,7 +211,7 @@ def _check_plant(plant: object, fmu: object) -> None:
         raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")
 
 
-def member_of(plan: Plan, member: int) -> tuple[Experiment, Prepared]:
+def member_of(plan: EnsemblePlan, member: int) -> tuple[Experiment, Prepared]:
     """The experiment of a member, and the same prepared.
 
     Raises
@@ -223,7 +223,7 @@ def member_of(plan: Plan, member: int) -> tuple[Experiment, Prepared]:
     return experiment, with_hints(experiment, batch.member(0))
 
 
-def _members_of(plan: Plan, numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
+def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
     for member in numbers:
         if member is not None and not 0 <= member < plan.members:
             raise ExperimentError(plan.where, "member", f"is {member}; expected 0 to {plan.members - 1}")
@@ -240,7 +240,7 @@ def _members_of(plan: Plan, numbers: Sequence[int | None]) -> tuple[list[Experim
     return experiments, prepared.batch
 
 
-def records_of(plan: Plan, members: Sequence[int | None], progress: TimeProgress | None = None) -> list[Record]:
+def records_of(plan: EnsemblePlan, members: Sequence[int | None], progress: TimeProgress | None = None) -> list[Record]:
     """The records of members, which run in parallel; None is the nominal machine, with the experiment's own seed.
 
     Raises

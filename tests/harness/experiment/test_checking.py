@@ -11,11 +11,10 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExperimentError, MotionError, ReachError
 from gough_stewart.harness.experiment.checking import Fit, MotionCheck, as_dict, check
-from gough_stewart.harness.experiment.file import experiment_from
+from gough_stewart.harness.experiment.file import experiment_from, text_with_settings
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.file import text_with_settings
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, shares_along
 from gough_stewart.harness.motion.limits.shares_tables import shares_tables
 from gough_stewart.harness.report.terminal import tables_text

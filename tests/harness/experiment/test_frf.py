@@ -13,8 +13,7 @@ from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.file import experiment_from, load_experiment
 from gough_stewart.harness.experiment.files import save_record
-from gough_stewart.harness.experiment.frf import FrequencyResponse, frf
-from gough_stewart.harness.experiment.frf import loop_is_known
+from gough_stewart.harness.experiment.frf import FrequencyResponse, frf, loop_is_known
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.metrics import metrics

@@ -9,11 +9,15 @@ import pytest
 
 from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.experiment.file import experiment_from, load_experiment
-from gough_stewart.harness.experiment.file import digests, names_from
+from gough_stewart.harness.experiment.file import (
+    digests,
+    experiment_from,
+    load_experiment,
+    names_from,
+    text_with_settings,
+)
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment, PlantChoice, PlatformChoice
-from gough_stewart.harness.experiment.file import text_with_settings
 from gough_stewart.harness.motion.references import ReferenceChoice
 from gough_stewart.harness.section import Section, file_names, kinds
 

@@ -10,9 +10,8 @@ from numpy.random import SeedSequence
 import gough_stewart as gs
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.preparation import Preparation, Values, prepare
-from gough_stewart.harness.experiment.preparation import Stages
 from gough_stewart.harness.experiment.overrides import experiment_with
+from gough_stewart.harness.experiment.preparation import Preparation, Stages, Values, prepare
 from gough_stewart.harness.loop.seeds import as_numbers
 from gough_stewart.harness.plants.lanes import Stepping
 

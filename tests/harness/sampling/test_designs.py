@@ -9,13 +9,13 @@ from scipy import stats
 from scipy.stats import qmc
 
 from gough_stewart.harness.sampling.correlation import CorrelatedInputs, correlated, correlation_of, reordered
-from gough_stewart.harness.sampling.design import Design, Sampling, in_turn
+from gough_stewart.harness.sampling.design import Sampling, SamplingDesign, in_turn
 
 NAMES, SIZES, GROUPS = ("a", "b", "c"), (1, 18, 2), ((0,), (1,), (2,))
 
 
-def design(sampling: Sampling, members: int = 60, seed: int = 4) -> Design:
-    return Design(sampling, seed, members, NAMES, SIZES, GROUPS)
+def design(sampling: Sampling, members: int = 60, seed: int = 4) -> SamplingDesign:
+    return SamplingDesign(sampling, seed, members, NAMES, SIZES, GROUPS)
 
 
 @pytest.mark.parametrize("sampling", ["random", "latin_hypercube", "sobol", "saltelli"])
@@ -29,7 +29,7 @@ def test_a_member_is_the_same_alone_and_among_others(sampling: Sampling) -> None
 
 
 def test_random_members_do_not_depend_on_what_else_varies_or_how_many_there_are() -> None:
-    some, all_ = Design("random", 4, 5, ("b",), (18,)).points(0, 5), design("random", 1000).points(0, 5)
+    some, all_ = SamplingDesign("random", 4, 5, ("b",), (18,)).points(0, 5), design("random", 1000).points(0, 5)
     assert (some == all_[:, 1:19]).all()
     assert stats.kstest(design("random", 1000).points(0, 1000).ravel(), "uniform").pvalue > 1e-3
 
@@ -111,7 +111,7 @@ def test_a_copula_keeps_the_margins_and_correlates_the_scores() -> None:
 @pytest.mark.parametrize("rho", [-0.4, 0.0, 0.6, 0.999])
 def test_a_reordered_design_keeps_each_columns_numbers(members: int, rho: float) -> None:
     """Expected: the same numbers in each column; the correlation, where there are enough members."""
-    u = Design("latin_hypercube", 3, members, ("x",), (3,)).points(0, members)
+    u = SamplingDesign("latin_hypercube", 3, members, ("x",), (3,)).points(0, members)
     R = np.array([[1.0, rho, 0.0], [rho, 1.0, 0.0], [0.0, 0.0, 1.0]])
     done = reordered(u, R)
     assert (np.sort(done, axis=0) == np.sort(u, axis=0)).all()

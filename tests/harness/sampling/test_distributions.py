@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from gough_stewart.harness.sampling.variation import Target, Variation
+from gough_stewart.harness.sampling.variation import Variation, VariedValue
 
-MASS = Target("platform_mass", "kg", (), np.array(120.0))
+MASS = VariedValue("platform_mass", "kg", (), np.array(120.0))
 U = np.random.default_rng(3).random((4000, 1))
 SCIPY = {
     "normal": ({"normal": ["130 kg", 7]}, stats.norm(130, 7)),
@@ -40,7 +40,7 @@ def test_draws_have_the_distribution_of_scipy(what: str) -> None:
 def test_a_spread_of_points_is_per_joint_and_axis() -> None:
     """Expected: 18 independent deviations of 0.2 mm about the points that are there."""
     points = np.random.default_rng(5).normal(size=(6, 3))
-    spread = Variation.model_validate({"normal": "0.2 mm"}).spread(Target("base_points", "m", (6, 3), points))
+    spread = Variation.model_validate({"normal": "0.2 mm"}).spread(VariedValue("base_points", "m", (6, 3), points))
     assert spread.size == 18
     off = (np.asarray(spread.draw(np.random.default_rng(6).random((5000, 18)))) - points).reshape(-1, 18)
     assert np.allclose(off.std(axis=0), 2e-4, rtol=0.05)
@@ -50,7 +50,7 @@ def test_a_spread_of_points_is_per_joint_and_axis() -> None:
 def test_a_factor_is_one_for_all_elements() -> None:
     """Expected: every member's inertia is a multiple of the present one."""
     J = np.diag([3.0, 4.0, 6.0]) + 0.1
-    spread = Variation.model_validate({"factor": {"uniform": [0.5, 2]}}).spread(Target("J", "kg.m2", (3, 3), J))
+    spread = Variation.model_validate({"factor": {"uniform": [0.5, 2]}}).spread(VariedValue("J", "kg.m2", (3, 3), J))
     ratio = np.asarray(spread.draw(U[:50])) / J
     assert spread.size == 1
     assert np.allclose(ratio, 0.5 + 1.5 * U[:50, :, None])
@@ -58,7 +58,7 @@ def test_a_factor_is_one_for_all_elements() -> None:
 
 def test_a_symmetric_matrix_stays_symmetric() -> None:
     J = np.diag([3.0, 4.0, 6.0])
-    target = Target("J", "kg.m2", (3, 3), J, is_symmetric=True)
+    target = VariedValue("J", "kg.m2", (3, 3), J, is_symmetric=True)
     drawn = np.asarray(
         Variation.model_validate({"normal": 0.1}).spread(target).draw(np.random.default_rng(1).random((9, 9)))
     )
@@ -68,11 +68,11 @@ def test_a_symmetric_matrix_stays_symmetric() -> None:
 
 def test_a_choice_takes_each_value_as_often_and_as_it_is() -> None:
     """Expected: a third each within five standard errors; whole numbers stay whole, texts texts."""
-    drawn = Variation.model_validate({"choice": [0, 1, 5]}).spread(Target("delay", None, (), None)).draw(U)
+    drawn = Variation.model_validate({"choice": [0, 1, 5]}).spread(VariedValue("delay", None, (), None)).draw(U)
     assert {type(each) for each in drawn} == {int}
     shares = np.array([drawn.count(value) for value in (0, 1, 5)]) / len(U)
     assert np.abs(shares - 1 / 3).max() < 5 * np.sqrt(2 / 9 / len(U))
-    texts = Variation.model_validate({"choice": ["gravity", "none"]}).spread(Target("f", None, (), None)).draw(U)
+    texts = Variation.model_validate({"choice": ["gravity", "none"]}).spread(VariedValue("f", None, (), None)).draw(U)
     assert set(texts) == {"gravity", "none"}
 
 
@@ -99,9 +99,9 @@ def test_what_is_no_distribution_is_refused(what: str) -> None:
 
 def test_about_nothing_there_is_no_deviation() -> None:
     with pytest.raises(ValueError, match="no value to vary about"):
-        Variation.model_validate({"normal": 2}).spread(Target("leg_length_max", "m", (), None))
+        Variation.model_validate({"normal": 2}).spread(VariedValue("leg_length_max", "m", (), None))
     with pytest.raises(ValueError, match="expected choice or grid"):
-        Variation.model_validate({"normal": [2, 1]}).spread(Target("delay", None, (), None))
+        Variation.model_validate({"normal": [2, 1]}).spread(VariedValue("delay", None, (), None))
 
 
 @settings(deadline=None)
