@@ -14,9 +14,11 @@ from typing import NamedTuple
 
 import casadi
 import numpy as np
+from numpy.typing import NDArray
 
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart import Platform
+
+FloatArray = NDArray[np.float64]
 
 
 class Pose(NamedTuple):

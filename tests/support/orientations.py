@@ -1,10 +1,10 @@
 """Differences of orientations by SciPy."""
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.model.vectors import FloatArray
+FloatArray = NDArray[np.float64]
 
 
 def rotation_vectors(orientation: ArrayLike, to: ArrayLike) -> FloatArray:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gough_stewart import Platform
 from gough_stewart.model.formulations.cases import OpenLoopCase
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import Inputs, State
 
 UNEVEN = Platform(
@@ -58,6 +58,12 @@ UNEVEN = Platform(
     actuator_force_max=640.0,
     joint_angle_max=0.7,
 )
+# Its parameters in plain types, as in a file.
+PARAMETERS = {
+    name: value.tolist() if isinstance(value, np.ndarray) else value
+    for name, value in UNEVEN.as_dict().items()
+    if name not in ("name", "source")
+}
 # In motion about every axis, with every input.
 STATE = State(
     position=np.array([0.12, -0.09, 2.97]),

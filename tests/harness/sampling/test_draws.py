@@ -4,12 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy import stats
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN
+
+FloatArray = NDArray[np.float64]
+
 
 N = 128
 J = UNEVEN.platform_inertia
@@ -228,6 +230,31 @@ def test_random_draws_depend_on_seed_name_and_number_alone() -> None:
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "no spread": ({"platform_mass": {"normal": [120, 0]}}, "without a spread; expected a standard deviation > 0"),
+    "one value": ({"platform_mass": {"choice": [4, "4 kg"]}}, "expected at least two values that differ"),
+    "another unit": ({"platform_mass": {"normal": ["120 kg", "10 mm"]}}, "found the unit 'mm'"),
+    "no median": ({"platform_mass": {"lognormal": [-3, 1]}}, "has the median -3.0; expected a median > 0"),
+    "nested factors": ({"platform_mass": {"factor": {"factor": {"uniform": [1, 2]}}}}, "factor of a factor"),
+    **{
+        f"a matrix that is {name}": (
+            {
+                "correlation": [
+                    {"of": ["platform_mass", "leg_armature", "leg_lower_mass"][: len(matrix)], "matrix": matrix}
+                ]
+            },
+            message,
+        )
+        for name, matrix, message in (
+            ("indefinite", [[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]], "the matrix is not positive definite"),
+            ("singular", [[1, 1], [1, 1]], "the matrix is not positive definite"),
+            ("negative", [[-1, 0], [0, 1]], "the matrix is not positive definite"),
+            ("lopsided", [[1, 0.5], [0.4, 1]], "the matrix is not symmetric"),
+        )
+    },
+    "a name twice": (
+        {"correlation": [{"of": ["gravity", "gravity"], "matrix": [[1, 0], [0, 1]]}]},
+        "expected different names",
+    ),
     "two kinds": (
         {"platform_mass": {"normal": [1, 1], "grid": [1, 2]}},
         "ensemble: platform_mass: expected one of normal, uniform, truncated_normal, lognormal, choice, grid, factor, "
@@ -299,7 +326,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 def test_what_is_no_variation_says_what_is_expected(what: str) -> None:
     """Expected: found, expected, remedy, written out here."""
     table, message = WRONG[what]
-    with pytest.raises(ExperimentError) as caught:
+    with pytest.raises(gs.GoughStewartError) as caught:
         gs.run("heave_step", {"ensemble": table}, member=0)
     assert message in str(caught.value)
 
