@@ -89,18 +89,16 @@ def test_the_sampled_loop_tends_to_the_continuous_one_linearly() -> None:
 
 
 def test_the_decay_of_the_run_is_that_of_an_eigenvalue() -> None:
-    """Expected: late heave of 0.1 mm decays as one of the real eigenvalues of the sampled linear loop says, within 1 %.
+    """Expected: late heave of 0.1 mm decays as one of the real eigenvalues of the sampled linear loop says.
 
-    `margins` has them without a run; no other one is within a tenth.
+    `margins` has them without a run; the nearest other one is 0.4 % away.
     """
     controller, experiment = gs.sampled(gs.pid(GAINS), 1e-3), back_home([0, 0, 3.0001], 1e-3, 0.6, 1e-12)
-    eigenvalues = [
-        m.eigenvalue.real for m in gs.margins(experiment, controller=controller).modes if not m.eigenvalue.imag
-    ]
+    modes = gs.margins(experiment, controller=controller).modes
     record = gs.run(experiment, plant="fmu3", controller=controller)
     late = record["time"] > 0.35
     rate = np.polyfit(record["time"][late], np.log(np.abs(record["error.position[3]"][late])), 1)[0]
-    print("eigenvalues", eigenvalues, "decay", rate)
-    expected = min(eigenvalues, key=lambda eigenvalue: abs(eigenvalue - rate))
-    assert rate == pytest.approx(expected, rel=0.01)
-    assert all(abs(other / expected - 1) > 0.1 for other in eigenvalues if abs(other / expected - 1) > 1e-3)
+    expected = min((mode.eigenvalue for mode in modes), key=lambda eigenvalue: abs(eigenvalue - rate))
+    print("eigenvalue", expected, "decay", rate)
+    assert expected.imag == 0
+    assert rate == pytest.approx(expected.real, rel=1e-5)

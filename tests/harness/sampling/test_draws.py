@@ -151,6 +151,9 @@ def test_normal_scores_have_the_correlation_of_the_matrix_in_its_order(sampling:
     gap = np.abs(np.corrcoef(z.T) - R) * np.sqrt(500) / (1 - R**2 + np.eye(7))
     assert gap.max() < 4.5
     assert max(gap[:4, :4].max(), gap[4:, 4:].max()) < within
+    if sampling == "latin_hypercube":
+        layers = np.sort(np.floor(500 * stats.norm.cdf(z) + 1e-9), axis=0)
+        assert (layers == np.arange(500)[:, None]).all()
     # 7 means and variances, each two-sided with a false alarm of 1 in 10⁵
     assert np.abs(z.mean(axis=0)).max() < 4.5 / np.sqrt(500)
     low, high = (float(stats.chi2.ppf(p, 499)) / 499 for p in (5e-6, 1 - 5e-6))
