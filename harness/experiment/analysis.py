@@ -83,7 +83,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         except UnstableLoopError:
             warnings = ("with the believed platform as machine the loop would be unstable",)
     try:
-        L, found, doubt, warning = judged(prepared, machine, linear)
+        L, of_machine, doubt, warning = judged(prepared, machine, linear)
     except UnstableLoopError as error:
         moved = _what_moved_it(prepared, linear, choice)
         if other is not None:
@@ -92,7 +92,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
             )
         raise UnstableLoopError("; ".join([str(error), *moved]), error.eigenvalue) from None
     return LoopMargins(
-        **vars(found),
+        **vars(of_machine),
         title=chosen.title,
         sample_time=prepared.loop.timing.sample_time,
         delay=actuators.delay,
@@ -224,12 +224,12 @@ def _structure(prepared: Prepared, L: StateSpace, choice: ControllerChoice | Non
 def robustness_of(experiment: Experiment) -> Robustness | None:
     """The disk margin of an experiment's loop as `margins` has it: 0 of an unstable loop, None if it has none."""
     try:
-        found = margins(experiment)
+        of_loop = margins(experiment)
     except UnstableLoopError:
         return Robustness(0.0, math.nan, (1.0, 1.0))
     except ControllerError:
         return None
-    return Robustness(found.disk.alpha, found.disk.frequency, found.disk.gain, found.doubt)
+    return Robustness(of_loop.disk.alpha, of_loop.disk.frequency, of_loop.disk.gain, of_loop.doubt)
 
 
 def transfer_of(prepared: Prepared, plant: Platform, controller: LinearController, **other: Any) -> StateSpace:
@@ -261,23 +261,25 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
         except ControllerError:  # too many states
             return False
 
-    found = []
+    remedies = []
     if machine.leg_stiffness > 0 and is_stable_with(machine.with_parameters(RIGID)):
         assert prepared.motion is not None  # as in `transfer_of`
         free, _ = structural_modes(machine, prepared.motion.position[0], prepared.motion.orientation[0])
         first = f", whose first structural mode is at {free[0].frequency:.3g} Hz" if free else ""
-        found.append(f"it is stable on rigid legs: those of {machine.leg_stiffness:g} N/m{first}, limit the bandwidth")
+        remedies.append(
+            f"it is stable on rigid legs: those of {machine.leg_stiffness:g} N/m{first}, limit the bandwidth"
+        )
     if delay and is_stable_with(delay=0):
-        found.append(f"it is stable without the delay of {delay} samples")
+        remedies.append(f"it is stable without the delay of {delay} samples")
     if lag and is_stable_with(lag=0.0):
-        found.append(f"it is stable without the actuators' lag of {lag:g} s")
+        remedies.append(f"it is stable without the actuators' lag of {lag:g} s")
     if late and is_stable_with(late=0.0):
-        found.append(f"it is stable without the delay of up to {1e3 * late:.4g} ms by the sensors' clock and jitter")
+        remedies.append(f"it is stable without the delay of up to {1e3 * late:.4g} ms by the sensors' clock and jitter")
     for part in (2, 4, 8, 16):
         # a controller from a file is made for its own sample time
         shorter = sample_time / part
         faster = choice.controller(prepared.platform, shorter) if isinstance(choice, PD | PID) else None
         if isinstance(faster, LinearController) and is_stable_with(law=faster, sample_time=shorter):
-            found.append(f"it is stable at a sample_time of {shorter:g} s")
+            remedies.append(f"it is stable at a sample_time of {shorter:g} s")
             break
-    return found
+    return remedies

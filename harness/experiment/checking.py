@@ -272,22 +272,22 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     return MotionCheck(chosen, platform, shares, needs, reference, motion, timing)
 
 
-def _verdict(found: MotionCheck) -> Verdict:
+def _verdict(result: MotionCheck) -> Verdict:
     """Whether the motion can be done, what it needs most, and what would fit if it cannot."""
-    peak = found.shares.largest
+    peak = result.shares.largest
     number = _number(peak)
-    if found.within and found.keeps_margin:
+    if result.within and result.keeps_margin:
         # without limits of the legs, only singular poses have been checked
-        known = [name for name in _OF_LEG if name in found.shares.of]
+        known = [name for name in _OF_LEG if name in result.shares.of]
         can = "can be done" if known else "can be done as far as is known: the platform states no limit of its legs"
         status: Status = "told" if not known else "marginal" if peak.share > _NEAR else "good"
         return Verdict(sentence([can, _need(peak)]), status, (number,))
-    slow, small = found.time_factor, found.amplitude_factor
+    slow, small = result.time_factor, result.amplitude_factor
     fits = [] if slow is None else [f"{slow:.4g} times as long (--fit time)"]
     fits += [] if small is None else [f"{small:.4g} times as large (--fit amplitude)"]
     ways = f"it fits {listed(fits, 'or')}" if fits else "no slower and no smaller motion fits"
-    if found.within:
-        beyond = f"can be done, but not with its margin of {percent(found.margin)}"
+    if result.within:
+        beyond = f"can be done, but not with its margin of {percent(result.margin)}"
         return Verdict(sentence([beyond, _need(peak), ways]), "marginal", (number,))
     return Verdict(sentence(["cannot be done", _need(peak), ways]), "bad", (number,))
 
@@ -331,38 +331,38 @@ def _chart(shares: Shares) -> Chart:
     return Chart("share of each limit", time_axis(time), series, marks=(mark,), strips=strips, group="shares")
 
 
-def check_files(found: MotionCheck) -> dict[str, bytes]:
+def check_files(result: MotionCheck) -> dict[str, bytes]:
     """Numbers and needs by file name."""
-    columns = {f"{name} [{need.unit}]": need.of_leg for name, need in found.needs.of.items()}
-    numbers = {**as_dict(found), "versions": versions()}
+    columns = {f"{name} [{need.unit}]": need.of_leg for name, need in result.needs.of.items()}
+    numbers = {**as_dict(result), "versions": versions()}
     return {
         "check.json": (json.dumps(numbers, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
         "needs.csv": polars.DataFrame({"leg": LEGS, **columns}).fill_nan(None).write_csv().encode(),
     }
 
 
-def as_dict(found: MotionCheck) -> dict[str, Any]:
+def as_dict(result: MotionCheck) -> dict[str, Any]:
     """The largest share of every limit, its time, and all needs, as plain numbers; None for what is not finite."""
     limits = {}
-    for name, share in found.shares.of.items():
-        peaks = [found.shares.peak(name, leg) for leg in LEGS] if share.ndim == 2 else [found.shares.peak(name)]
+    for name, share in result.shares.of.items():
+        peaks = [result.shares.peak(name, leg) for leg in LEGS] if share.ndim == 2 else [result.shares.peak(name)]
         used, times = [finite(peak.share) for peak in peaks], [peak.time for peak in peaks]
         limits[name] = {"share": used, "time": times} if share.ndim == 2 else {"share": used[0], "time": times[0]}
-    largest = found.shares.largest
+    largest = result.shares.largest
     return {
-        "title": found.experiment.title,
-        "platform": found.platform.name,
-        "within": found.within,
-        "margin": found.margin,
-        "keeps_margin": found.keeps_margin,
-        "not_stated": list(found.not_stated),
+        "title": result.experiment.title,
+        "platform": result.platform.name,
+        "within": result.within,
+        "margin": result.margin,
+        "keeps_margin": result.keeps_margin,
+        "not_stated": list(result.not_stated),
         "largest": {**largest._asdict(), "share": finite(largest.share)},
-        "time_factor": found.time_factor,
-        "amplitude_factor": found.amplitude_factor,
+        "time_factor": result.time_factor,
+        "amplitude_factor": result.amplitude_factor,
         "limits": limits,
         "needs": {
             name: {"unit": need.unit, "of_leg": [finite(float(value)) for value in need.of_leg]}
-            for name, need in found.needs.of.items()
+            for name, need in result.needs.of.items()
         },
-        "needs_notes": list(found.needs.notes),
+        "needs_notes": list(result.needs.notes),
     }

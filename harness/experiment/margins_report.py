@@ -19,7 +19,7 @@ from gough_stewart.harness.control.margins import (
     sensitivities,
 )
 from gough_stewart.harness.control.pid import Gains
-from gough_stewart.harness.control.state_space import StateSpace, control_system, discretised
+from gough_stewart.harness.control.state_space import StateSpace, control_system
 from gough_stewart.harness.control.structure import Structure
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
@@ -29,9 +29,9 @@ from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, counted, listed, sentence
-from gough_stewart.model.vectors import FloatArray
 
 _SHOWN_MODES = 8
+_ACTIONS = ("proportional", "derivative", "integral")
 _POINTS = 500
 # Of step responses, at most.
 _STEP_POINTS = 500
@@ -152,7 +152,7 @@ class LoopMargins(Margins):
         sections = [Section("Margins", (_legs(self), _together(self)))]
         sections.append(Section("Design", (*_gains(self), _modes(self), *_structure(self))))
         if charts:
-            sections.append(Section("Responses", (*_responses(self), _step(*step_answers(self.transfer)))))
+            sections.append(Section("Responses", (*_responses(self), _step(self.transfer))))
         lag = f", lag of the drives {about(TIME, self.lag)}" if self.lag else ""
         late = f" and up to {about(_DELAY, self.late)} by the sensors' clock and jitter" if self.late else ""
         delay = f"delay of {counted(self.delay, 'sample')}{late}"
@@ -179,7 +179,12 @@ class LoopMargins(Margins):
             "delay": self.delay,
             "lag": self.lag,
             "late": self.late,
-            "gains": None if self.gains is None else _plain_gains(self.gains),
+            "gains": None
+            if self.gains is None
+            else {
+                **{name: np.asarray(getattr(self.gains, name)).tolist() for name in _ACTIONS},
+                "derivative_filter": self.gains.filter_time,
+            },
             "modes": [
                 {
                     "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
@@ -188,7 +193,7 @@ class LoopMargins(Margins):
                 }
                 for mode in self.modes
             ],
-            "margins": Margins(*(getattr(self, each.name) for each in fields(Margins))).as_dict(),
+            "margins": Margins(*(getattr(self, part.name) for part in fields(Margins))).as_dict(),
             **({} if self.believed is None else {"believed": self.believed.as_dict()}),
             **({} if self.structure is None else {"structure": _plain_structure(self.structure)}),
         }
@@ -397,7 +402,10 @@ def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
     gain = tuple(Series(f"leg {k}", _GAIN, np.abs(loop), leg=k) for k, loop in enumerate(loops, 1))
     phase = tuple(Series(f"leg {k}", ANGLE, angle, leg=k) for k, angle in enumerate(angles, 1))
     values = zip(sensitivities(L, omega), ("S", "T"), ("actual", "published"), strict=True)
-    sigma = tuple(_sigma(matrices, name, role) for matrices, name, role in values)
+    sigma = []
+    for matrices, name, role in values:
+        singular = np.linalg.svd(matrices, compute_uv=False)
+        sigma.append(Series(f"σ({name})", _GAIN, singular[:, 0], role, low=singular[:, -1], high=singular[:, 0]))
     one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
     legs = _first_mode(analysis, frequency.values)
     text = f"disk margin {analysis.disk.alpha:.3g} at"
@@ -409,7 +417,7 @@ def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
         Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=(*one, *legs), spans=gain_margins, group="bode"),
         Chart(f"phase of L, {alone}", frequency, phase, y=Axis("phase of L", ANGLE), group="bode",
               spans=phase_margins, marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
-        Chart("singular values of S and T, all legs closed", frequency, sigma, marks=(*one, *of_disk),
+        Chart("singular values of S and T, all legs closed", frequency, tuple(sigma), marks=(*one, *of_disk),
               y=Axis("singular value", _GAIN, scale="log"), group="bode"),
     )  # fmt: skip
 
@@ -437,7 +445,9 @@ def _margins_of_one(
         if frequency[0] <= at <= frequency[-1]:
             low, high = sorted((1.0, 1 / factor))
             size = DECIBEL.text(decibels(high / low))
-            gains.append(Span(at, low, high, f"gain margin {size} at {_at(at)}, {_of_legs(legs, leg)}", role))
+            gains.append(
+                Span(at, low, high, f"gain margin {size} at {about(FREQUENCY, at, 3)}, {_of_legs(legs, leg)}", role)
+            )
     least = min(legs, key=lambda leg: leg.phase)
     if not frequency[0] <= least.phase_at <= frequency[-1]:
         return tuple(gains), ()
@@ -446,12 +456,8 @@ def _margins_of_one(
     phase = float(np.interp(math.log(least.phase_at), np.log(frequency[known]), angle[known]))
     # the odd multiple of 180° that is nearest
     low, high = sorted((phase, math.pi * (2 * round((phase / math.pi - 1) / 2) + 1)))
-    text = f"phase margin {_PHASE.text(least.phase)} at {_at(least.phase_at)}, {_of_legs(legs, least)}"
+    text = f"phase margin {_PHASE.text(least.phase)} at {about(FREQUENCY, least.phase_at, 3)}, {_of_legs(legs, least)}"
     return tuple(gains), (Span(least.phase_at, low, high, text, role),)
-
-
-def _at(frequency: float) -> str:
-    return about(FREQUENCY, frequency, 3)
 
 
 def _of_legs(legs: Sequence[ClassicalMargins], one: ClassicalMargins) -> str:
@@ -460,56 +466,34 @@ def _of_legs(legs: Sequence[ClassicalMargins], one: ClassicalMargins) -> str:
     return "any leg" if alike else f"leg {legs.index(one) + 1}"
 
 
-def _sigma(values: np.ndarray, name: str, role: Any) -> Series:
-    sigma = np.linalg.svd(values, compute_uv=False)
-    return Series(f"σ({name})", _GAIN, sigma[:, 0], role, low=sigma[:, -1], high=sigma[:, 0])
-
-
-def step_answers(L: StateSpace) -> tuple[FloatArray, FloatArray]:
-    """Times (n,) [s] and answers (6, n) [1] to a step of force on each leg: the share that is compensated."""
+def _step(L: StateSpace) -> Chart:
+    """The share that is compensated of a step of force on each leg, until the slowest mode has decayed to e⁻⁶."""
     closed = closed_loop(L)
-    time = _times(closed)
-    # the input is constant, so that a system in continuous time is sampled exactly
-    sampled = closed if closed.isdtime() else discretised(closed, float(time[1]), "zoh")
+    end = 6 / min((-mode.eigenvalue.real for mode in modes(closed)), default=6.0)
+    time = np.arange(min(math.ceil(end / closed.dt) + 1, _LONGEST)) * closed.dt
     # column k of the states answers to leg k
-    states, values = np.zeros(sampled.B.shape), np.empty((L.noutputs, len(time)))
-    direct = np.diag(sampled.D)
+    states, values = np.zeros(closed.B.shape), np.empty((L.noutputs, len(time)))
+    direct = np.diag(closed.D)
     for n in range(len(time)):
-        values[:, n] = (sampled.C * states.T).sum(axis=1) + direct
-        states = sampled.A @ states + sampled.B
+        values[:, n] = (closed.C * states.T).sum(axis=1) + direct
+        states = closed.A @ states + closed.B
     # slow modes may hardly show: end soon after the response has settled
     moving = np.nonzero((np.abs(values - values[:, -1:]) > _SETTLED).any(axis=0))[0]
     shown = min(len(time), max(10, int(1.5 * (moving[-1] + 1)))) if moving.size else len(time)
-    every = max(1, shown // _STEP_POINTS)
-    return time[:shown:every], values[:, :shown:every]
-
-
-def _times(closed: StateSpace) -> FloatArray:
-    """Times until the slowest mode has decayed to e⁻⁶, with a limited number of points [s]."""
-    of_loop = modes(closed)
-    end = 6 / min((-mode.eigenvalue.real for mode in of_loop), default=6.0)
-    if closed.isdtime():
-        return np.asarray(np.arange(min(math.ceil(end / closed.dt) + 1, _LONGEST)) * closed.dt)
-    # fine enough for the fastest visible mode
-    fastest = 2 * math.pi * max((mode.frequency for mode in of_loop), default=1.0)
-    return np.linspace(0, end, min(max(_STEP_POINTS, math.ceil(3 * end * fastest)), _LONGEST))
-
-
-def _step(time: np.ndarray, answers: Sequence[np.ndarray] | np.ndarray) -> Chart:
-    series = tuple(Series(f"leg {k}", SHARE, answer, leg=k) for k, answer in enumerate(answers, 1))
+    some = slice(0, shown, max(1, shown // _STEP_POINTS))
     return Chart(
         "a step of force on one leg: the share that the controller compensates",
-        time_axis(time),
-        series,
+        time_axis(time[some]),
+        tuple(Series(f"leg {k}", SHARE, answer[some], leg=k) for k, answer in enumerate(values, 1)),
         y=Axis("share compensated", SHARE),
         marks=(Mark(1.0, "all of it", role="neutral", tells=False),),
         group="step",
     )
 
 
-def margins_file(found: LoopMargins) -> bytes:
+def margins_file(margins: LoopMargins) -> bytes:
     """The numbers as JSON, with the versions of the software."""
-    return (json.dumps({**found.as_dict(), "versions": versions()}, indent=2) + "\n").encode()
+    return (json.dumps({**margins.as_dict(), "versions": versions()}, indent=2) + "\n").encode()
 
 
 def _plain_structure(structure: Structure) -> dict[str, Any]:
@@ -520,13 +504,3 @@ def _plain_structure(structure: Structure) -> dict[str, Any]:
 
     modes = [{name: number(value) for name, value in mode._asdict().items()} for mode in structure.modes]
     return {"modes": modes, "disk": structure.disk, "bandwidth": number(structure.bandwidth)}
-
-
-def _plain_gains(gains: Gains) -> dict[str, Any]:
-    """By channel, in plain types."""
-    return {
-        "proportional": np.asarray(gains.proportional).tolist(),
-        "derivative": np.asarray(gains.derivative).tolist(),
-        "integral": np.asarray(gains.integral).tolist(),
-        "derivative_filter": gains.filter_time,
-    }

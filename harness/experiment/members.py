@@ -94,7 +94,13 @@ class Members:
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
         self.inputs = self._inputs()
         self._matrices = [(t, self._at(t), t.values) for t in (*choice.correlation, *choice.covariance)]
-        self._check_matrices()
+        correlated_keys = [self.inputs[k].key for _, at, _ in self._matrices for k in at]
+        for key in correlated_keys:
+            # the second matrix would change the correlation of the first
+            if correlated_keys.count(key) > 1:
+                raise self._error(
+                    key, "is in two matrices; expected one matrix of all inputs that depend on each other"
+                )
         grids = prod(i.spread.levels or 1 for i in self.inputs)
         # of grids that are run through in the order of members
         self.combinations = 1 if choice.sampling == "saltelli" else grids
@@ -129,19 +135,16 @@ class Members:
 
     def draws(self, first: int, last: int) -> Draws:
         """The draws of members first to last − 1."""
-        return self._drawn(self._points(first, last))
-
-    def _drawn(self, u: FloatArray) -> Draws:
-        ends = self._ends
+        u, ends = self._points(first, last), self._ends
         table = dict[str, Any]()
         values: list[dict[tuple[str, ...], Any]] = [{} for _ in u]
-        for k, each in enumerate(self.inputs):
+        for k, varied in enumerate(self.inputs):
             part = np.ascontiguousarray(u[:, ends[k] : ends[k + 1]])
-            drawn = each.spread.draw(part)
-            table |= each.table(part, drawn)
+            drawn = varied.spread.draw(part)
+            table |= varied.table(part, drawn)
             plain = drawn.tolist() if isinstance(drawn, np.ndarray) else drawn
             for member, value in zip(values, plain, strict=True):
-                member[each.place.path] = value
+                member[varied.place.path] = value
         return Draws(table, values)
 
     def _points(self, first: int, last: int) -> FloatArray:
@@ -200,13 +203,13 @@ class Members:
             None of the first members can.
         """
         for last in (1, 8, _AMONG):
-            found = self.prepared(0, min(self.count, last))
-            if len(found.batch):
-                return found.batch.take([0])
+            prepared = self.prepared(0, min(self.count, last))
+            if len(prepared.batch):
+                return prepared.batch.take([0])
         raise ExperimentError(
             self.nominal.where,
             "ensemble",
-            f"none of the first {len(found.errors)} members is possible; the first: {found.reasons[0]}",
+            f"none of the first {len(prepared.errors)} members is possible; the first: {prepared.reasons[0]}",
         )
 
     @property
@@ -217,21 +220,20 @@ class Members:
 
     def _inputs(self) -> tuple[Input, ...]:
         """Inputs in order of their places, independent of the order in the file."""
-        found = [self._input(key, variation.spread) for key, variation in self.choice.varied.items()]
+        inputs = [self._input(key, variation.spread) for key, variation in self.choice.varied.items()]
         for table in self.choice.covariance:
             deviations = np.sqrt(np.diag(table.values))
             for key in table.of:
                 if key in self.choice.varied:
                     raise self._error(key, "has a distribution and a covariance; expected only one of them")
-                found.append(self._input(key, partial(_normal, deviations)))
-                deviations = deviations[found[-1].spread.size :]
-        paths = [each.place.path for each in found]
-        for each in found:
-            if paths.count(each.place.path) > 1:
-                raise self._error(each.key, "varies twice; expected one distribution")
-        for each in found:
-            self.check_acts(each.key, each.place)
-        return tuple(sorted(found, key=lambda each: each.place.path))
+                inputs.append(self._input(key, partial(_normal, deviations)))
+                deviations = deviations[inputs[-1].spread.size :]
+        paths = [varied.place.path for varied in inputs]
+        for varied in inputs:
+            if paths.count(varied.place.path) > 1:
+                raise self._error(varied.key, "varies twice; expected one distribution")
+            self.check_acts(varied.key, varied.place)
+        return tuple(sorted(inputs, key=lambda varied: varied.place.path))
 
     def check_acts(self, key: str, place: Place) -> None:
         """Refuse a key of a controller that another one replaces.
@@ -269,7 +271,7 @@ class Members:
 
     def _at(self, table: CorrelatedInputs) -> list[int]:
         """The indices of a matrix's inputs, in its order."""
-        keys = [each.key for each in self.inputs]
+        keys = [varied.key for varied in self.inputs]
         for key in table.of:
             if key not in keys:
                 raise self._error(key, "is correlated but does not vary; add a distribution for it")
@@ -284,15 +286,6 @@ class Members:
         if table in self.choice.correlation and not np.allclose(np.diag(table.values), 1):
             raise self._error("correlation", "expected a matrix with 1 on the diagonal, or use covariance")
         return at
-
-    def _check_matrices(self) -> None:
-        """Refuse an input in two matrices: the second would change the correlation of the first."""
-        correlated_ones = [self.inputs[k].key for _, at, _ in self._matrices for k in at]
-        for key in correlated_ones:
-            if correlated_ones.count(key) > 1:
-                raise self._error(
-                    key, "is in two matrices; expected one matrix of all inputs that depend on each other"
-                )
 
     def _error(self, key: str, message: str) -> ExperimentError:
         return ExperimentError(self.nominal.where, f"ensemble.{key}".rstrip("."), message)
