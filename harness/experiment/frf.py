@@ -97,7 +97,8 @@ class FrequencyResponse:
         peak = int(np.abs(measured.S).argmax())
         lines = [
             f"{self.channel}, {len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {measured.periods} periods",
-            f"largest |S| {abs(measured.S[peak]):.4g} at {f[peak]:.4g} Hz; smallest coherence {measured.coherence.min():.3g}",
+            f"largest |S| {abs(measured.S[peak]):.4g} at {f[peak]:.4g} Hz; "
+            f"smallest coherence {measured.coherence.min():.3g}",
         ]
         if self.predicted is not None:
             gap = np.abs(measured.S - 1 / (1 + self.predicted))

@@ -401,10 +401,10 @@ def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
         angles.append(np.where(np.abs(loop) > _BELOW, angle, np.nan))
     gain = tuple(Series(f"leg {k}", _GAIN, np.abs(loop), leg=k) for k, loop in enumerate(loops, 1))
     phase = tuple(Series(f"leg {k}", ANGLE, angle, leg=k) for k, angle in enumerate(angles, 1))
-    values = zip(sensitivities(L, omega), ("S", "T"), ("actual", "published"), strict=True)
     sigma = []
-    for matrices, name, role in values:
-        singular = np.linalg.svd(matrices, compute_uv=False)
+    roles: tuple[Role, ...] = ("actual", "published")
+    for matrices, name, role in zip(sensitivities(L, omega), ("S", "T"), roles, strict=True):
+        singular = np.asarray(np.linalg.svd(matrices, compute_uv=False), dtype=float)
         sigma.append(Series(f"σ({name})", _GAIN, singular[:, 0], role, low=singular[:, -1], high=singular[:, 0]))
     one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
     legs = _first_mode(analysis, frequency.values)
@@ -470,7 +470,7 @@ def _step(L: StateSpace) -> Chart:
     """The share that is compensated of a step of force on each leg, until the slowest mode has decayed to e⁻⁶."""
     closed = closed_loop(L)
     end = 6 / min((-mode.eigenvalue.real for mode in modes(closed)), default=6.0)
-    time = np.arange(min(math.ceil(end / closed.dt) + 1, _LONGEST)) * closed.dt
+    time = float(closed.dt) * np.arange(min(math.ceil(end / closed.dt) + 1, _LONGEST), dtype=float)
     # column k of the states answers to leg k
     states, values = np.zeros(closed.B.shape), np.empty((L.noutputs, len(time)))
     direct = np.diag(closed.D)

@@ -1,5 +1,7 @@
 """The sampled loop against python-control's continuous one, and against the eigenvalues of the linear model."""
 
+from typing import Any
+
 import control
 import numpy as np
 import pytest
@@ -18,16 +20,15 @@ DURATION = 0.2
 
 def back_home(start: list[float], sample_time: float, duration: float, tolerance: float) -> gs.Experiment:
     """From a displaced start to home under static forces; the controller comes from outside."""
-    return gs.Experiment(
-        **{
-            "title": "back home",
-            "plant": {"tolerance": tolerance},
-            "start": {"position": start},
-            "reference": {"type": "hold"},
-            "controller": {"type": "open_loop", "feedforward": "gravity"},
-            "loop": {"duration": duration, "sample_time": sample_time},
-        }
-    )
+    values: dict[str, Any] = {
+        "title": "back home",
+        "plant": {"tolerance": tolerance},
+        "start": {"position": start},
+        "reference": {"type": "hold"},
+        "controller": {"type": "open_loop", "feedforward": "gravity"},
+        "loop": {"duration": duration, "sample_time": sample_time},
+    }
+    return gs.Experiment(**values)
 
 
 def sampled_run(sample_time: float) -> FloatArray:

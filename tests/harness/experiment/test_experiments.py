@@ -294,6 +294,9 @@ def test_settings_are_a_mapping_or_texts_that_replace_and_add() -> None:
     assert found.sensors.noise == {"leg_length": 1e-6, "position": pytest.approx(2e-6)}
     assert found.changed["loop.delay"] == {"value": 3, "file": 1}
     assert gs.load_experiment("heave_step", "loop.delay=3").loop.delay == 3
+    # of a key that is set twice the file's value stays known
+    again = gs.run(found, {"plant.kind": "model", "loop.delay": 4, "loop.duration": 0.01, "reference.at": 5e-3})
+    assert again.metadata["settings"]["loop.delay"] == {"value": 4, "file": 1}
 
 
 def test_elements_of_lists_are_set_by_their_number_from_one() -> None:

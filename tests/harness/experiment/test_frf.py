@@ -59,7 +59,7 @@ def test_a_mass_on_six_springs_has_its_closed_form() -> None:
     """
     light: dict[str, Any] = dict.fromkeys(("leg_lower_mass", "leg_upper_mass"), 1e-9)
     light |= dict.fromkeys(("leg_lower_inertia", "leg_upper_inertia"), 0.0) | {"gravity": [0.0, 0.0, 0.0]}
-    values = {
+    values: dict[str, Any] = {
         "title": "springs",
         "platform": {"preset": "liu2000", "parameters": light},
         "plant": {"tolerance": 1e-11},

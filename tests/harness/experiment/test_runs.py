@@ -147,7 +147,7 @@ def test_ones_own_function_drops_in() -> None:
 def test_a_controller_from_a_python_file(tmp_path: Path) -> None:
     """Expected: the object of that name, whether system or function; what is not one is refused."""
     (tmp_path / "mine.py").write_text("controller = lambda sample: [sample.time] * 6\nnothing = 3\n")
-    values = {
+    values: dict[str, Any] = {
         "title": "mine",
         "reference": {"type": "hold"},
         "controller": {"type": "python", "file": "mine.py"},

@@ -40,6 +40,8 @@ DISTRIBUTIONS: dict[str, tuple[dict[str, Any], list[Any]]] = {
     "leg_lower_mass": ({"lognormal": ["2 kg", 0.2]}, [stats.lognorm(0.2, scale=2)]),
     "leg_upper_mass": ({"lognormal": 0.3}, [stats.lognorm(0.3, scale=gs.load_preset("motion_base").leg_upper_mass)]),
     "leg_armature": ({"truncated_normal": [2, 1.5, 0.5, 2.5]}, [stats.truncnorm(-1, 1 / 3, 2, 1.5)]),
+    # far up the tail of the normal distribution
+    "leg_coulomb_friction": ({"truncated_normal": [0, 1, 9, 12]}, [stats.truncnorm(9, 12, 0, 1)]),
     "leg_viscous_friction": ({"uniform": [5, "11 N.s/m"]}, [stats.uniform(5, 6)]),
     "platform_com": (
         {"normal": [["10 mm", "20 mm", "-30 mm"], ["1 mm", "2 mm", "3 mm"]]},
@@ -212,6 +214,10 @@ def test_saltellis_design_changes_one_input_after_the_other() -> None:
         assert np.allclose(blocks[:, 1 + k], mixed, atol=1e-12)
     for part in (first, last):
         assert (np.sort(np.floor(16 * part), axis=0) == np.arange(16)[:, None]).all()
+    # a member alone is the same
+    quick = {"loop.duration": 4e-3, "plant.parameters": PARAMETERS, "limits.reference": "warn"}
+    alone = gs.run("heave_step", {**quick, "ensemble": {"worst": 0, "seed": 8, **ensemble}}, member=8)
+    assert alone.metadata["machine"]["platform_mass"] == drawn["platform_mass"][8]
 
 
 def test_random_draws_depend_on_seed_name_and_number_alone() -> None:
