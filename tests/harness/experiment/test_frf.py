@@ -296,11 +296,12 @@ from pathlib import Path
 
 import control
 import numpy as np
+from gough_stewart import LinearController
 
 
 Path(__file__).with_name("executed").touch()
 gains = np.hstack([2000 * np.eye(6), 60 * np.eye(6)])
-controller = gs.LinearController(control.ss([], [], [], gains, 2e-3), ("leg_length", "leg_velocity"))
+controller = LinearController(control.ss([], [], [], gains, 2e-3), ("leg_length", "leg_velocity"))
 """
 OWN = """
 title = "own"
