@@ -194,6 +194,14 @@ def test_grids_and_choices_give_their_values_and_go_through_all_combinations() -
     assert rows == {(0, 0, -9.81), (1, 2, -9)}
 
 
+def test_a_draw_far_up_the_tail_grows_with_its_score() -> None:
+    """Expected: of two inputs with a correlation of 0.99 the larger of one is the larger of the other, by ranks."""
+    pair = {"of": ["leg_coulomb_friction", "platform_mass"], "matrix": [[1, 0.99], [0.99, 1]]}
+    far = {"leg_coulomb_friction": {"truncated_normal": [0, 1, 9, 12]}, "platform_mass": {"uniform": [10, 11]}}
+    drawn = table_of({"members": 60, **far, "correlation": [pair]})
+    assert stats.spearmanr(drawn["leg_coulomb_friction"], drawn["platform_mass"]).statistic > 0.9
+
+
 def test_saltellis_design_changes_one_input_after_the_other() -> None:
     """Expected: of five rows A, A with one input from B each, and B; 2⁴ points of A and of B fill the 16 layers."""
     ensemble = {
