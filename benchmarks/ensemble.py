@@ -19,7 +19,7 @@ from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.ensemble.local import Workers, chunks_here
 from gough_stewart.harness.experiment.file import shipped_experiment
-from gough_stewart.harness.experiment.plan import Plan, plan_of
+from gough_stewart.harness.experiment.plan import EnsemblePlan, plan_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe
@@ -43,10 +43,10 @@ if __name__ == "__main__":
 """
 
 
-def simulated_seconds(plan: Plan, stepping: Stepping) -> tuple[float, float]:
+def simulated_seconds(plan: EnsemblePlan, stepping: Stepping) -> tuple[float, float]:
     """Simulated seconds per second: members on one core, and a single run on the FMU."""
     batch = plan.prepared.prepared(0, SIZE).batch
-    duration = batch.timing[0].duration
+    duration = batch.timing.duration
     # longer, so that its start is negligible
     single = prepare(shipped_experiment("heave_step", ["loop.duration=4"]))
     rounds = []
@@ -75,7 +75,7 @@ def command() -> float:
         return time.perf_counter() - start
 
 
-def scaling(plan: Plan) -> float:
+def scaling(plan: EnsemblePlan) -> float:
     """Speed-up of two workers over one, without their start."""
 
     def seconds(workers: Workers | int, chunks: int) -> float:

@@ -122,7 +122,7 @@ def simulated_seconds(rounds: int) -> tuple[dict[str, float], dict[str, float]]:
     for name, kind in MEMBERS.items():
         few = batch_of(kind, 32)
         errors[name] = float(np.abs(run(few, TOLERANCE)[1] - run(few, 1e-10)[1]).max())
-    return {name: SIZE * batches[name].timing[0].duration / seconds for name, seconds in best.items()}, errors
+    return {name: SIZE * batches[name].timing.duration / seconds for name, seconds in best.items()}, errors
 
 
 def main() -> int:

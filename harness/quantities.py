@@ -63,6 +63,8 @@ def number(value: object, unit: str) -> float:
     ValueError
         Neither a finite number nor a string with a number and a unit of this kind.
     """
+    if type(value) is float and abs(value) <= LARGEST:  # of many members most are, and the checks below are slow
+        return value
     if unit == PLAIN:
         return plain_number(value)
     expected = f"expected a number of {unit}, or a string with one of the units {', '.join(UNITS[unit])}"

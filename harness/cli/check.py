@@ -104,7 +104,7 @@ def _write_fitted(experiment: str, settings: list[str], found: "MotionCheck", fi
 
     A shipped experiment is written to the current folder.
     """
-    from gough_stewart.harness.experiment.setting_file import text_with_settings
+    from gough_stewart.harness.experiment.file import text_with_settings
     from gough_stewart.model.process.files import write_whole
 
     fitting = found.settings_that_fit("time" if fit == "time" else "amplitude")

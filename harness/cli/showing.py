@@ -235,7 +235,7 @@ class Showing:
 
 def _numbers_of_loops() -> set[str]:
     """The paths of numbers that several studies of one experiment share the first word of."""
-    from gough_stewart.harness.experiment.check_report import PATHS as OF_CHECKS
+    from gough_stewart.harness.experiment.checking import PATHS as OF_CHECKS
     from gough_stewart.harness.experiment.margins_report import PATHS as OF_MARGINS
     from gough_stewart.harness.results.metric_folds import METRICS
 

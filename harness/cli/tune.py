@@ -95,7 +95,7 @@ def tune_command(
         folder = out or results_folder("tune", experiment)
         with progress_bar(refresh_per_second=4) as progress:
             task = progress.add_task("preparing", total=None)
-            from gough_stewart.harness.experiment.setting_file import text_with_settings
+            from gough_stewart.harness.experiment.file import text_with_settings
             from gough_stewart.harness.report.requirements import check_known
             from gough_stewart.harness.results.metric_folds import METRICS, metric_of
             from gough_stewart.harness.tuning.files import FILES, tuning_files

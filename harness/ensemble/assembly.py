@@ -15,7 +15,7 @@ from gough_stewart.harness.ensemble.exact_versions import exact_versions
 from gough_stewart.harness.ensemble.local import Range
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import RecordError
-from gough_stewart.harness.experiment.plan import Plan
+from gough_stewart.harness.experiment.plan import EnsemblePlan
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.polars_paths import read_parquet, scan_parquet, write_to
 from gough_stewart.harness.report.small_machine import fineness_of
@@ -27,7 +27,9 @@ _ROWS_A_GROUP = 65_536
 _MOST_CAUSES = 50
 
 
-def assemble(plan: Plan, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path) -> Ensemble:
+def assemble(
+    plan: EnsemblePlan, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path
+) -> Ensemble:
     """Write the tables and ensemble.json from the chunks; the last one marks completion."""
     rows = polars.concat([scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
 
@@ -73,7 +75,7 @@ def read_ensemble(folder: Path | str) -> Ensemble:
         raise RecordError(f"{folder} has no ensemble: {error}") from error
 
 
-def _metadata(plan: Plan, members: polars.LazyFrame, features: Sequence[str]) -> dict[str, Any]:
+def _metadata(plan: EnsemblePlan, members: polars.LazyFrame, features: Sequence[str]) -> dict[str, Any]:
     """Metadata that depend only on the results: no times, and no names of workers."""
     prepared = plan.prepared
     counts = members.group_by(OUTCOME).len().sort(OUTCOME).collect()

@@ -32,7 +32,7 @@ from gough_stewart.harness.errors import (
 )
 from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.plan import Plan
+from gough_stewart.harness.experiment.plan import EnsemblePlan
 from gough_stewart.harness.experiment.preparation import PreparedMembers
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
@@ -57,7 +57,7 @@ class Chunk(NamedTuple):
     features: str  # processor features of the machine code
 
 
-def chunk(plan: Plan, first: int, last: int, threads: int = 1) -> Chunk:
+def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
     """Run members first to last − 1: a pure function, with the same result on any machine and any number of threads.
 
     Raises
@@ -97,7 +97,7 @@ class _Run(NamedTuple):
 
 
 def _run(members: Members, batch: Batch, first: int, threads: int) -> _Run:
-    n, running, timing = len(batch), batch.in_parallel(members.stepping), batch.timing[0]
+    n, running, timing = len(batch), batch.in_parallel(members.stepping), batch.timing
     bands = Bands(_signals(members), timing, n, first)
     errors = LegErrors(timing)
     folds = [*folds_of_loop(running.loop, limits_of_members(batch, running.size)), bands, errors]
@@ -133,7 +133,7 @@ def check_memory(batch: Batch, results: Results, again: Callable[[Batch], Result
     SharedMemoryError
         It gives others.
     """
-    controller = shared_by_members(batch.controller[0])
+    controller = shared_by_members(batch.setups[0].controller)
     if controller is None:
         return
     outcomes, columns = again(batch.take([0]))
@@ -152,7 +152,7 @@ def _signals(members: Members) -> Sequence[str]:
 
 def limits_of_members(batch: Batch, size: int) -> dict[str, Any]:
     """Limits of the nominal models, one number if they are all the same; of a size, with copies of the last one."""
-    filled = batch.platform.take(np.minimum(np.arange(size), len(batch) - 1))
+    filled = batch.setups.map(attrgetter("platform")).take(np.minimum(np.arange(size), len(batch) - 1))
     stated = [row.name for row in LIMITS if getattr(filled[0], row.name) is not None]
     return {name: filled.numbers(attrgetter(name)) for name in stated}
 
@@ -186,7 +186,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
     return {f"{MARGINS}stable": stable, f"{MARGINS}disk": disk, CAUSE: causes}
 
 
-def check_names(plan: Plan) -> None:
+def check_names(plan: EnsemblePlan) -> None:
     """Refuse unknown bands and metrics before anything runs.
 
     Raises

@@ -9,14 +9,14 @@ from gough_stewart.harness.ensemble.exact_versions import difference, exact_vers
 from gough_stewart.harness.ensemble.local import Range
 from gough_stewart.harness.ensemble.passing import packed, unpacked
 from gough_stewart.harness.errors import EnsembleError
-from gough_stewart.harness.experiment.plan import Plan
+from gough_stewart.harness.experiment.plan import EnsemblePlan
 
 TIMEOUT = 10  # [s], for an answer of the scheduler, and for its first worker
 # Chunks submitted per worker thread: one running, and the next.
 _AHEAD = 2
 
 
-def chunks_there(plan: Plan, ranges: Sequence[Range], address: str) -> Iterator[tuple[Range, ChunkBytes]]:
+def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> Iterator[tuple[Range, ChunkBytes]]:
     """Finished chunks of the workers, in any order; if a worker dies, others compute its chunks.
 
     Raises
@@ -45,7 +45,9 @@ def chunks_there(plan: Plan, ranges: Sequence[Range], address: str) -> Iterator[
         yield from _chunks(client, distributed, plan, ranges)
 
 
-def _chunks(client: Any, distributed: Any, plan: Plan, ranges: Sequence[Range]) -> Iterator[tuple[Range, ChunkBytes]]:
+def _chunks(
+    client: Any, distributed: Any, plan: EnsemblePlan, ranges: Sequence[Range]
+) -> Iterator[tuple[Range, ChunkBytes]]:
     text, ours, waiting, controller = plan.text, exact_versions(), list(reversed(ranges)), packed(plan)
 
     def submit() -> Any:

@@ -18,8 +18,9 @@ from gough_stewart.harness.ensemble.exact_versions import difference, exact_vers
 from gough_stewart.harness.ensemble.local import Range, Workers, chunks_here, cores, processes_for
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.errors import EnsembleError
-from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.overrides import Settings
+from gough_stewart.harness.experiment.plan import EnsemblePlan, plan_from, plan_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.process.files import check_output_folder, remove_leftovers, reserved, write_whole
@@ -173,7 +174,7 @@ def _computed(
 
 
 def _source(
-    plan: Plan, left: Sequence[Range], workers: Workers | int, scheduler: str | None
+    plan: EnsemblePlan, left: Sequence[Range], workers: Workers | int, scheduler: str | None
 ) -> Generator[tuple[Range, ChunkBytes], None, None]:
     if not left:
         return
@@ -183,7 +184,9 @@ def _source(
         yield from chunks_there(plan, left, scheduler)
 
 
-def _planned(experiment: Experiment, controller: Any, folder: Path, files: ChunkFiles, resume: bool) -> Plan | None:
+def _planned(
+    experiment: Experiment, controller: Any, folder: Path, files: ChunkFiles, resume: bool
+) -> EnsemblePlan | None:
     """The plan of this run, continuing the one in the folder if there is one; None if that is complete.
 
     Raises
@@ -216,14 +219,14 @@ def _planned(experiment: Experiment, controller: Any, folder: Path, files: Chunk
     return None if is_finished else replace(plan, given=requested.given)
 
 
-def _new_plan(experiment: Experiment, controller: Any) -> Plan:
+def _new_plan(experiment: Experiment, controller: Any) -> EnsemblePlan:
     plan = plan_of(experiment, controller)
     plan.prepared.possible()
     check_names(plan)
     return plan
 
 
-def _begun(folder: Path) -> tuple[Plan, dict[str, str], bool] | None:
+def _begun(folder: Path) -> tuple[EnsemblePlan, dict[str, str], bool] | None:
     """The plan of a folder's results, the versions that made them, and whether they are complete."""
     for name in (PLAN, METADATA):
         try:

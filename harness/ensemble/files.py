@@ -10,7 +10,7 @@ from gough_stewart.harness.ensemble.report import worst_by
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.statistics import worst_members
 from gough_stewart.harness.experiment.plan import plan_from
-from gough_stewart.harness.experiment.recording import records_of
+from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.report.document import Report, Section
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.process.files import Content, write_files

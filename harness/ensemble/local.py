@@ -12,7 +12,7 @@ from gough_stewart.harness.ensemble.chunk import chunk
 from gough_stewart.harness.ensemble.chunk_files import ChunkBytes
 from gough_stewart.harness.ensemble.passing import packed, unpacked
 from gough_stewart.harness.errors import EnsembleError
-from gough_stewart.harness.experiment.plan import Plan
+from gough_stewart.harness.experiment.plan import EnsemblePlan
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.isolated import Isolated
 
@@ -45,14 +45,16 @@ class Worker:
     """The object in each worker process."""
 
     def chunk(self, plan: str, first: int, last: int, controller: bytes | None = None) -> ChunkBytes:
-        """See `chunk.chunk`; a plan as `Plan.text`, and its controller from Python as `packed`."""
+        """See `chunk.chunk`; a plan as `EnsemblePlan.text`, and its controller from Python as `packed`."""
         return ChunkBytes.of(chunk(unpacked(plan, controller), first, last))
 
     def close(self) -> None:
         """Nothing to release."""
 
 
-def chunks_here(plan: Plan, ranges: Sequence[Range], workers: "int | Workers") -> Iterator[tuple[Range, ChunkBytes]]:
+def chunks_here(
+    plan: EnsemblePlan, ranges: Sequence[Range], workers: "int | Workers"
+) -> Iterator[tuple[Range, ChunkBytes]]:
     """Finished chunks, in any order, from a number of cores, or from workers that have been started already.
 
     Raises
@@ -96,7 +98,7 @@ class Workers:
         for worker in open_now:
             worker.kill()
 
-    def chunks(self, plan: Plan, ranges: Sequence[Range]) -> Iterator[tuple[Range, ChunkBytes]]:
+    def chunks(self, plan: EnsemblePlan, ranges: Sequence[Range]) -> Iterator[tuple[Range, ChunkBytes]]:
         """See `chunks_here`. The others begin with the first chunk, this process with the last."""
         controller = packed(plan)
         waiting = {self._threads.submit(self._chunk, plan.text, controller, each): each for each in ranges}

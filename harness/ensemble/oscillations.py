@@ -9,7 +9,7 @@ import polars
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
 from gough_stewart.harness.experiment.batch import Batch
-from gough_stewart.harness.experiment.recording import acting_columns
+from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folds import KeptRows, State
 from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.loop.outcomes import Outcome
@@ -60,7 +60,7 @@ def oscillations(
         errors = kept.errors[..., together]
         for k in np.flatnonzero(~judge.sound_at_a_glance(errors)).tolist():
             member, error = members[k], np.ascontiguousarray(errors[..., k].T)
-            sensors, platform = batch.sensors[member], batch.platform[member]
+            sensors, platform = batch.sensors[member], batch.setups[member].platform
             length = float(np.mean(reference) - np.mean(error))
             least = least_amplitude(length, platform.platform_points, sensors.noise, sensors.quantisation)
             found[member] = judge(error, least)
@@ -91,11 +91,11 @@ def _alike(
     """Members that completed and share what acts on them, their legs' reference at the kept rows, and their judge."""
     alike = dict[tuple[int | None, ...], list[int]]()
     for k, outcome in enumerate(outcomes):
-        is_closed = batch.planned[k] is not None and batch.controller[k] is not None
-        if is_closed and outcome.status == "completed":
+        setup = batch.setups[k]
+        if outcome.status == "completed" and setup.planned is not None and setup.controller is not None:
             # changes are each machine's own, and with jitter the rows of an injection each member's
-            own = k if batch.injection[k] is not None and batch.jitter[k] else None
-            key = (*(int(part.of[k]) for part in (batch.planned, batch.changes, batch.injection)), own)
+            own = k if setup.injection is not None and setup.timing.jitter else None
+            key = id(setup.planned), int(batch.changes.of[k]), id(setup.injection), own
             alike.setdefault(key, []).append(k)
     for members in alike.values():
         prepared = batch.member(members[0])

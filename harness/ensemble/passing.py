@@ -7,10 +7,10 @@ from typing import Any
 
 from gough_stewart.harness.control.python.makers import name_of
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.experiment.plan import Given, Plan, plan_from
+from gough_stewart.harness.experiment.plan import EnsemblePlan, GivenController, plan_from
 
 
-def packed(plan: Plan) -> bytes | None:
+def packed(plan: EnsemblePlan) -> bytes | None:
     """The plan's controller from Python, if there is one, for a worker.
 
     cloudpickle, which comes with dask.distributed, is used if it is installed: it also packs what is defined in a
@@ -38,7 +38,7 @@ def packed(plan: Plan) -> bytes | None:
     return content
 
 
-def unpacked(text: str, content: bytes | None) -> Plan:
+def unpacked(text: str, content: bytes | None) -> EnsemblePlan:
     """The plan of a text, with its controller, on a worker.
 
     Raises
@@ -50,7 +50,7 @@ def unpacked(text: str, content: bytes | None) -> Plan:
 
 
 @lru_cache(2)
-def _with_controller(text: str, content: bytes) -> Plan:
+def _with_controller(text: str, content: bytes) -> EnsemblePlan:
     try:
         controller: Any = pickle.loads(content)
     except Exception as error:  # user code may raise anything
@@ -58,7 +58,7 @@ def _with_controller(text: str, content: bytes) -> Plan:
             f"a worker cannot load the controller ({type(error).__name__}: {error}); its modules have to be on the "
             "workers' path"
         ) from error
-    return plan_from(text, Given(controller))
+    return plan_from(text, GivenController(controller))
 
 
 def _pickler() -> ModuleType:

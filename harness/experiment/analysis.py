@@ -1,9 +1,6 @@
 """Linear analysis of an experiment: gains, loop transfer, closed-loop modes, margins, figures."""
 
-import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,22 +8,19 @@ import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
 from gough_stewart.harness.control.laws import LinearController, linear_of
-from gough_stewart.harness.control.linear import Mode, modes
+from gough_stewart.harness.control.linear import modes
 from gough_stewart.harness.control.loop_transfer import MOST_STATES, feedback_part, held_plant, loop_transfer
 from gough_stewart.harness.control.margins import Margins, closed_loop, is_stable, loop_margins
-from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.python.makers import Maker
-from gough_stewart.harness.control.state_space import StateSpace, control_system
+from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.control.structure import Structure, structural_modes, structure_of
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import Prepared
-from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.margins_report import FRAIL, margins_report
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.margins_report import FRAIL, LoopMargins
+from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.step_answers import step_answers
-from gough_stewart.harness.output.versions import versions
-from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
@@ -34,107 +28,6 @@ from gough_stewart.model.variant import RIGID
 
 # Of an eigenvalue, and the largest exponent of a growth that is told.
 _ROUNDING, _MOST = 1e-7, 300.0
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class LoopMargins(Margins):
-    """Stability margins of an experiment's loop, from `margins`.
-
-    Of the loop that runs: the machine with the controller that is designed on the believed platform.
-
-    `legs` has for each leg, with the others closed, `gain_up` and `gain_down` (factors), `phase` [rad], `delay` [s] and
-    `crossover` [Hz]; `common` has the same of one change of all legs. `disk` has what all legs may have independently
-    of each other: `alpha`, `gain`, `phase` [rad] and `frequency` [Hz]. `sensitivity_peak` and `complementary_peak` are
-    the largest σ(S) and σ(T).
-    """
-
-    title: str
-    """Title of the experiment."""
-    sample_time: float
-    """[s]"""
-    delay: int
-    """[samples]"""
-    lag: float
-    """Of the actuators [s]."""
-    gains: Gains | None
-    """Gains of a PD or PID."""
-    modes: tuple[Mode, ...]
-    """Modes of the closed loop, slowest first."""
-    transfer: StateSpace
-    """Loop transfer L (6×6) at the actuators, u = −L u, as matrices."""
-    changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    """What was set of the experiment's file, as `Experiment.changed`."""
-    structure: Structure | None = None
-    """Of a machine whose legs give: the structural modes, each with `frequency`, `damping_ratio`, `held_frequency` and
-    `gain`, and the largest `bandwidth` [Hz] of the controller with a disk margin of at least `disk`."""
-    late: float = 0.0
-    """What the sensors' own clock and jitter add to the delay at worst, as modelled in these margins [s]."""
-    doubt: str = ""
-    """What these margins leave out, so that a requirement on them cannot be told."""
-    believed: Margins | None = None
-    """Of the loop with the believed platform as machine, where that differs and is stable."""
-    warnings: tuple[str, ...] = ()
-    """What else is to be known of these margins, one sentence each."""
-
-    @property
-    def loop(self) -> Any:
-        """The same as a python-control system."""
-        return control_system(self.transfer)
-
-    def __repr__(self) -> str:
-        """The margins of all legs at once, the smallest of one leg, and the slowest mode, one line each."""
-        disk, all_legs, slowest = self.disk, self.common, self.modes[0]
-        phase, delay = min(leg.phase for leg in self.legs), min(leg.delay for leg in self.legs)
-        up, down = min(leg.gain_up for leg in self.legs), max(leg.gain_down for leg in self.legs)
-        return "\n".join(
-            [
-                f"Margins: {self.title}",
-                f"  all legs at once   disk margin {disk.alpha:.3g} at {disk.frequency:.3g} Hz: gains × "
-                f"{disk.gain[0]:.3g} to {disk.gain[1]:.3g}, phases ± {np.degrees(disk.phase):.3g}°",
-                f"  all legs alike     gain × {all_legs.gain_down:.3g} to {all_legs.gain_up:.3g}, phase "
-                f"{np.degrees(all_legs.phase):.3g}°, delay {1000 * all_legs.delay:.3g} ms",
-                f"  one leg at a time  gain × {down:.3g} to {up:.3g}, phase {np.degrees(phase):.3g}°, delay "
-                f"{1000 * delay:.3g} ms",
-                f"  slowest mode       {slowest.frequency:.3g} Hz, damping ratio {slowest.damping_ratio:.3g}",
-            ]
-        )
-
-    def _repr_html_(self) -> str:
-        from gough_stewart.harness.report.notebook import to_html
-
-        return to_html(self.report(charts=False))
-
-    def report(self, *, charts: bool = True) -> Report:
-        """How much gain, phase and delay the loop bears, and what limits it.
-
-        Returns
-        -------
-        Report
-            Verdict, numbers such as `margins.disk` and `margins.delay`, tables, and with `charts` the responses.
-        """
-        return margins_report(self, step_answers(self.transfer) if charts else None)
-
-    def as_dict(self) -> dict[str, Any]:
-        """As plain types, as in margins.json; None for infinite or undefined values."""
-        return {
-            "title": self.title,
-            "sample_time": self.sample_time,
-            "delay": self.delay,
-            "lag": self.lag,
-            "late": self.late,
-            "gains": None if self.gains is None else _plain_gains(self.gains),
-            "modes": [
-                {
-                    "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag],
-                    "frequency": mode.frequency,
-                    "damping_ratio": mode.damping_ratio,
-                }
-                for mode in self.modes
-            ],
-            "margins": Margins(*(getattr(self, each.name) for each in fields(Margins))).as_dict(),
-            **({} if self.believed is None else {"believed": self.believed.as_dict()}),
-            **({} if self.structure is None else {"structure": _plain_structure(self.structure)}),
-        }
 
 
 def margins(experiment: Experiment | Path | str, settings: Settings = (), *, controller: Any = None) -> LoopMargins:
@@ -190,7 +83,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         except UnstableLoopError:
             warnings = ("with the believed platform as machine the loop would be unstable",)
     try:
-        L, found, doubt, warning = judged(prepared, machine, linear)
+        L, of_machine, doubt, warning = judged(prepared, machine, linear)
     except UnstableLoopError as error:
         moved = _what_moved_it(prepared, linear, choice)
         if other is not None:
@@ -199,7 +92,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
             )
         raise UnstableLoopError("; ".join([str(error), *moved]), error.eigenvalue) from None
     return LoopMargins(
-        **vars(found),
+        **vars(of_machine),
         title=chosen.title,
         sample_time=prepared.loop.timing.sample_time,
         delay=actuators.delay,
@@ -331,12 +224,12 @@ def _structure(prepared: Prepared, L: StateSpace, choice: ControllerChoice | Non
 def robustness_of(experiment: Experiment) -> Robustness | None:
     """The disk margin of an experiment's loop as `margins` has it: 0 of an unstable loop, None if it has none."""
     try:
-        found = margins(experiment)
+        of_loop = margins(experiment)
     except UnstableLoopError:
         return Robustness(0.0, math.nan, (1.0, 1.0))
     except ControllerError:
         return None
-    return Robustness(found.disk.alpha, found.disk.frequency, found.disk.gain, found.doubt)
+    return Robustness(of_loop.disk.alpha, of_loop.disk.frequency, of_loop.disk.gain, of_loop.doubt)
 
 
 def transfer_of(prepared: Prepared, plant: Platform, controller: LinearController, **other: Any) -> StateSpace:
@@ -368,48 +261,25 @@ def _what_moved_it(prepared: Prepared, controller: LinearController, choice: Con
         except ControllerError:  # too many states
             return False
 
-    found = []
+    remedies = []
     if machine.leg_stiffness > 0 and is_stable_with(machine.with_parameters(RIGID)):
         assert prepared.motion is not None  # as in `transfer_of`
         free, _ = structural_modes(machine, prepared.motion.position[0], prepared.motion.orientation[0])
         first = f", whose first structural mode is at {free[0].frequency:.3g} Hz" if free else ""
-        found.append(f"it is stable on rigid legs: those of {machine.leg_stiffness:g} N/m{first}, limit the bandwidth")
+        remedies.append(
+            f"it is stable on rigid legs: those of {machine.leg_stiffness:g} N/m{first}, limit the bandwidth"
+        )
     if delay and is_stable_with(delay=0):
-        found.append(f"it is stable without the delay of {delay} samples")
+        remedies.append(f"it is stable without the delay of {delay} samples")
     if lag and is_stable_with(lag=0.0):
-        found.append(f"it is stable without the actuators' lag of {lag:g} s")
+        remedies.append(f"it is stable without the actuators' lag of {lag:g} s")
     if late and is_stable_with(late=0.0):
-        found.append(f"it is stable without the delay of up to {1e3 * late:.4g} ms by the sensors' clock and jitter")
+        remedies.append(f"it is stable without the delay of up to {1e3 * late:.4g} ms by the sensors' clock and jitter")
     for part in (2, 4, 8, 16):
         # a controller from a file is made for its own sample time
         shorter = sample_time / part
         faster = choice.controller(prepared.platform, shorter) if isinstance(choice, PD | PID) else None
         if isinstance(faster, LinearController) and is_stable_with(law=faster, sample_time=shorter):
-            found.append(f"it is stable at a sample_time of {shorter:g} s")
+            remedies.append(f"it is stable at a sample_time of {shorter:g} s")
             break
-    return found
-
-
-def margins_file(found: LoopMargins) -> bytes:
-    """The numbers as JSON, with the versions of the software."""
-    return (json.dumps({**found.as_dict(), "versions": versions()}, indent=2) + "\n").encode()
-
-
-def _plain_structure(structure: Structure) -> dict[str, Any]:
-    """In plain types; None where there is none."""
-
-    def number(value: float | None) -> float | None:
-        return None if value is None or math.isnan(value) else value
-
-    modes = [{name: number(value) for name, value in mode._asdict().items()} for mode in structure.modes]
-    return {"modes": modes, "disk": structure.disk, "bandwidth": number(structure.bandwidth)}
-
-
-def _plain_gains(gains: Gains) -> dict[str, Any]:
-    """By channel, in plain types."""
-    return {
-        "proportional": np.asarray(gains.proportional).tolist(),
-        "derivative": np.asarray(gains.derivative).tolist(),
-        "integral": np.asarray(gains.integral).tolist(),
-        "derivative_filter": gains.filter_time,
-    }
+    return remedies

@@ -1,4 +1,4 @@
-"""Checks whether a platform can follow the motion of an experiment, and scales the motion until it can."""
+"""Whether a platform can follow the motion of an experiment, what the motion needs, and how it would fit."""
 
 import json
 import math
@@ -6,26 +6,58 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
+
+import numpy as np
+import polars
 
 from gough_stewart.harness.errors import ExperimentError, MotionError
-from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.overrides import Settings
+from gough_stewart.harness.experiment.preparation import (
+    Preparation,
+    force_limit_of,
+    limited_by,
+    reference_motion,
+    timing_of,
+)
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.stages import ReferenceMotion, Stages, force_limit_of
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.fitting import factor_near, shrinking_that_fits, slowing_that_fits
 from gough_stewart.harness.motion.limits.needs import Needs, needs_along
-from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, Shares, shares_along
-from gough_stewart.harness.motion.motion import Motion, Scaled, centre_of
+from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, Peak, Shares, shares_along
+from gough_stewart.harness.motion.limits.shares_tables import LEGS, OF_LIMIT, finite, largest_needs, shares_tables
+from gough_stewart.harness.motion.motion import Motion, Reference, Scaled, centre_of
+from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
+from gough_stewart.harness.report.notebook import to_html
+from gough_stewart.harness.report.palette import Role
+from gough_stewart.harness.report.small_machine import fine, fineness_of
+from gough_stewart.harness.report.words import listed, percent, sentence
 from gough_stewart.model.platform import Platform
-
-if TYPE_CHECKING:
-    from gough_stewart.harness.report.document import Report
 
 Fit = Literal["time", "amplitude"]
 FILES = ("check.json", "needs.csv")
 _DIGITS = 9
 _ROUNDING = 1e-9
+# A motion that needs more of a limit is done with little room.
+_NEAR = 0.9
+# Larger shares would flatten the others; tables have them.
+_HIGHEST = 2.0
+# Of strips one above the other.
+_STRIPS: tuple[Role, ...] = ("bad", "marginal", "published", "measured", "neutral")
+_OF_LEG = {
+    "stroke": "stroke",
+    "joint_angle_max": "joint angle",
+    "leg_velocity_max": "speed",
+    "leg_acceleration_max": "acceleration",
+    "actuator_force_max": "force",
+    "actuator_power_max": "power",
+}
+
+# All numbers that a check may have.
+PATHS = tuple(f"limits.{name}" for name in LABELS)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,22 +72,14 @@ class MotionCheck:
     """Shares of every limit at every row of the run; see `shares_along`."""
     needs: Needs
     """What the motion needs of each leg, whatever limits are stated; see `needs_along`."""
-    _requested: ReferenceMotion
+    _reference: Reference
+    _motion: Motion
+    _timing: Timing
 
     @property
     def title(self) -> str:
         """Title of the experiment."""
         return self.experiment.title
-
-    @property
-    def changed(self) -> dict[str, dict[str, Any]]:
-        """What was set of the experiment's file."""
-        return self.experiment.changed
-
-    @property
-    def platform_name(self) -> str:
-        """Name of the platform."""
-        return self.platform.name
 
     @property
     def within(self) -> bool:
@@ -81,13 +105,13 @@ class MotionCheck:
     @cached_property
     def time_factor(self) -> float | None:
         """The time scale at which the motion fits and leaves its margin, 1 if it does already; None if none does."""
-        return slowing_that_fits(self._less_margin, self._motion, self._worst)
+        return slowing_that_fits(self._less_margin, self._motion, self.experiment.limits.condition_number)
 
     @cached_property
     def amplitude_factor(self) -> float | None:
         """The amplitude scale at which the motion fits and leaves its margin, 1 if it does; None if none does."""
-        centre = centre_of(self._requested.reference)
-        return shrinking_that_fits(self._less_margin, self._motion, centre, self._worst)
+        centre = centre_of(self._reference)
+        return shrinking_that_fits(self._less_margin, self._motion, centre, self.experiment.limits.condition_number)
 
     def settings_that_fit(self, fit: Fit) -> dict[str, float]:
         """Settings of the experiment with which its motion fits and leaves its margin: none if it does already.
@@ -145,16 +169,25 @@ class MotionCheck:
         Report
             Verdict, largest shares by the paths `limits.NAME`, tables, and with `charts` the shares over time.
         """
-        from gough_stewart.harness.experiment.check_report import check_report
-        from gough_stewart.harness.report.small_machine import fine, fineness_of
-
-        return fine(check_report(self, charts=charts), fineness_of(self.platform))
+        sections = [Section("Limits and needs", tuple(shares_tables(self.shares, self.needs)))]
+        if charts:
+            sections.append(Section("Over time", (_chart(self.shares),)))
+        duration = float(self.shares.time[-1] - self.shares.time[0])
+        unchecked = listed([LABELS[name] for name in self.not_stated])
+        report = Report(
+            self.title,
+            _verdict(self),
+            tuple(sections),
+            study="check",
+            lead=f"platform {self.platform.name}, nominal model without load, {duration:.6g} s",
+            settings=settings_of(self.experiment.changed),
+            numbers=tuple(_number(self.shares.peak(name)) for name in self.shares.of),
+            notes=(Note(f"Not checked, as the platform states no limit: {unchecked}."),) if unchecked else (),
+        )
+        return fine(report, fineness_of(self.platform))
 
     def __repr__(self) -> str:
         """Title, verdict, largest share of each limit, and needs of the most loaded leg, one line each."""
-        from gough_stewart.harness.motion.limits.shares_tables import largest_needs
-        from gough_stewart.harness.report.words import percent
-
         lines = [f"Motion: {self.experiment.title}, of platform {self.platform.name}"]
         lines.append(f"  {self.report(charts=False).verdict.text}")
         for name in self.shares.of:
@@ -165,17 +198,7 @@ class MotionCheck:
 
     def _repr_html_(self) -> str:
         """The tables, for a notebook."""
-        from gough_stewart.harness.report.notebook import to_html
-
         return to_html(self.report(charts=False))
-
-    @property
-    def _motion(self) -> Motion:
-        return self._requested.motion
-
-    @property
-    def _worst(self) -> float:
-        return self.experiment.limits.condition_number
 
     @cached_property
     def _less_margin(self) -> Platform:
@@ -187,17 +210,17 @@ class MotionCheck:
 
     def _slower_clocks(self, factor: float) -> Timing:
         """Clocks of a run that much longer, in whole plant steps within the motion."""
-        clocks = self._requested.timing
-        end = Scaled(self._requested.reference, factor).end
+        clocks = self._timing
+        end = Scaled(self._reference, factor).end
         steps = math.ceil(clocks.steps * factor - 1e-9)
         if steps * clocks.plant_step > end:
             steps = math.floor(end / clocks.plant_step)
         return Timing(float(f"{steps * clocks.plant_step:.12g}"), clocks.sample_time, clocks.plant_step)
 
     def _largest_share_if_slower(self, factor: float) -> float:
-        times = self._slower_clocks(factor).times
-        motion = Scaled(self._requested.reference, factor)(times)
-        return float(shares_along(self._less_margin, times, motion, self._worst).total.max())
+        times, worst = self._slower_clocks(factor).times, self.experiment.limits.condition_number
+        motion = Scaled(self._reference, factor)(times)
+        return float(shares_along(self._less_margin, times, motion, worst).total.max())
 
 
 def _rounded(scale: float, to: Callable[[float], int]) -> float:
@@ -238,58 +261,108 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     >>> record = gs.run(slower.experiment, {"loop.duration": 0.1})
     """
     chosen = experiment_of(experiment, settings)
-    stages = Stages(chosen)
-    nominal = stages.platform(chosen.platform)
-    platform = stages.limited(nominal, force_limit_of(chosen.actuators.force_limit, nominal))
-    timing = stages.timing(chosen.loop.jitter, chosen.loop.delay)
+    nominal = Preparation(chosen).nominal(chosen.platform)
+    platform = limited_by(force_limit_of(chosen.actuators.force_limit, nominal), nominal)
+    timing = timing_of(chosen, chosen.loop)
     if chosen.reference is None:
         raise ExperimentError(chosen.where, "reference", "is missing; add one, so that there is a motion")
-    requested = stages.reference(chosen.reference, platform, timing, True)
-    assert requested is not None
-    time, motion = requested.timing.times, requested.motion
-    shares = shares_along(platform, time, motion, chosen.limits.condition_number)
-    return MotionCheck(chosen, platform, shares, needs_along(platform, time, motion), requested)
+    reference, motion = reference_motion(chosen, chosen.reference, platform, timing)
+    shares = shares_along(platform, timing.times, motion, chosen.limits.condition_number)
+    needs = needs_along(platform, timing.times, motion)
+    return MotionCheck(chosen, platform, shares, needs, reference, motion, timing)
 
 
-def check_files(found: MotionCheck) -> dict[str, bytes]:
+def _verdict(result: MotionCheck) -> Verdict:
+    """Whether the motion can be done, what it needs most, and what would fit if it cannot."""
+    peak = result.shares.largest
+    number = _number(peak)
+    if result.within and result.keeps_margin:
+        # without limits of the legs, only singular poses have been checked
+        known = [name for name in _OF_LEG if name in result.shares.of]
+        can = "can be done" if known else "can be done as far as is known: the platform states no limit of its legs"
+        status: Status = "told" if not known else "marginal" if peak.share > _NEAR else "good"
+        return Verdict(sentence([can, _need(peak)]), status, (number,))
+    slow, small = result.time_factor, result.amplitude_factor
+    fits = [] if slow is None else [f"{slow:.4g} times as long (--fit time)"]
+    fits += [] if small is None else [f"{small:.4g} times as large (--fit amplitude)"]
+    ways = f"it fits {listed(fits, 'or')}" if fits else "no slower and no smaller motion fits"
+    if result.within:
+        beyond = f"can be done, but not with its margin of {percent(result.margin)}"
+        return Verdict(sentence([beyond, _need(peak), ways]), "marginal", (number,))
+    return Verdict(sentence(["cannot be done", _need(peak), ways]), "bad", (number,))
+
+
+def _need(peak: Peak) -> str:
+    """What is used most, and when: "leg 3 needs 92 % of its speed at 4.2 s"."""
+    at = f"at {peak.time:.4g} s"
+    if peak.limit == "side":
+        return f"it leads through a singular pose {at}" if peak.share > 1 else f"no singular pose {at}"
+    if peak.limit not in _OF_LEG:
+        return f"the {LABELS[peak.limit]} is at {percent(peak.share)} of its limit {at}"
+    if not math.isfinite(peak.share):
+        return f"leg {peak.leg} has no finite {_OF_LEG[peak.limit]} {at}"
+    return f"leg {peak.leg} needs {percent(peak.share)} of its {_OF_LEG[peak.limit]} {at}"
+
+
+def _number(peak: Peak) -> Number:
+    finite = math.isfinite(peak.share)
+    who = "" if peak.leg is None else f", leg {peak.leg}"
+    return Number(
+        f"limits.{peak.limit}",
+        f"{LABELS[peak.limit]}{who}",
+        peak.share if finite else None,
+        OF_LIMIT,
+        limit=1.0,
+        margin=1 - peak.share if finite else None,
+        explanation=f"largest share of the limit along the motion, at {peak.time:.6g} s",
+    )
+
+
+def _chart(shares: Shares) -> Chart:
+    """The largest share of each limit over all legs; the one that is used most first."""
+    names = sorted(shares.of, key=lambda name: -shares.peak(name).share)
+    series = tuple(Series(LABELS[name], OF_LIMIT, np.minimum(shares.over_time[name], 10 * _HIGHEST)) for name in names)
+    mark, time = Mark(1.0, "limit"), shares.time
+    beyond = [
+        strip_of(f"{LABELS[name]} beyond its limit", time, shares.over_time[name] > 1, role)
+        for name, role in zip(names, _STRIPS, strict=False)
+    ]
+    strips = tuple(strip for strip in beyond if strip is not None)
+    return Chart("share of each limit", time_axis(time), series, marks=(mark,), strips=strips, group="shares")
+
+
+def check_files(result: MotionCheck) -> dict[str, bytes]:
     """Numbers and needs by file name."""
-    import polars
-
-    from gough_stewart.harness.motion.limits.shares_tables import LEGS
-    from gough_stewart.harness.output.versions import versions
-
-    columns = {f"{name} [{need.unit}]": need.of_leg for name, need in found.needs.of.items()}
-    numbers = {**as_dict(found), "versions": versions()}
+    columns = {f"{name} [{need.unit}]": need.of_leg for name, need in result.needs.of.items()}
+    numbers = {**as_dict(result), "versions": versions()}
     return {
         "check.json": (json.dumps(numbers, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode(),
         "needs.csv": polars.DataFrame({"leg": LEGS, **columns}).fill_nan(None).write_csv().encode(),
     }
 
 
-def as_dict(found: MotionCheck) -> dict[str, Any]:
+def as_dict(result: MotionCheck) -> dict[str, Any]:
     """The largest share of every limit, its time, and all needs, as plain numbers; None for what is not finite."""
-    from gough_stewart.harness.motion.limits.shares_tables import LEGS, finite
-
     limits = {}
-    for name, share in found.shares.of.items():
-        peaks = [found.shares.peak(name, leg) for leg in LEGS] if share.ndim == 2 else [found.shares.peak(name)]
+    for name, share in result.shares.of.items():
+        peaks = [result.shares.peak(name, leg) for leg in LEGS] if share.ndim == 2 else [result.shares.peak(name)]
         used, times = [finite(peak.share) for peak in peaks], [peak.time for peak in peaks]
         limits[name] = {"share": used, "time": times} if share.ndim == 2 else {"share": used[0], "time": times[0]}
-    largest = found.shares.largest
+    largest = result.shares.largest
     return {
-        "title": found.experiment.title,
-        "platform": found.platform.name,
-        "within": found.within,
-        "margin": found.margin,
-        "keeps_margin": found.keeps_margin,
-        "not_stated": list(found.not_stated),
+        "title": result.experiment.title,
+        "platform": result.platform.name,
+        "within": result.within,
+        "margin": result.margin,
+        "keeps_margin": result.keeps_margin,
+        "not_stated": list(result.not_stated),
         "largest": {**largest._asdict(), "share": finite(largest.share)},
-        "time_factor": found.time_factor,
-        "amplitude_factor": found.amplitude_factor,
+        "time_factor": result.time_factor,
+        "amplitude_factor": result.amplitude_factor,
         "limits": limits,
         "needs": {
             name: {"unit": need.unit, "of_leg": [finite(float(value)) for value in need.of_leg]}
-            for name, need in found.needs.of.items()
+            for name, need in result.needs.of.items()
         },
-        "needs_notes": list(found.needs.notes),
+        "needs_notes": list(result.needs.notes),
     }

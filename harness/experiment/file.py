@@ -1,25 +1,35 @@
-"""Experiments from TOML files, from the shipped ones, and with changed settings."""
+"""Experiments from TOML files, from the shipped ones, and with changed settings; the files that they name."""
 
+import ast
+import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+import os
+from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
+from functools import reduce
+from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
+from gough_stewart.harness.control.controllers import PythonController
 from gough_stewart.harness.errors import ExperimentError, SettingError
+from gough_stewart.harness.experiment.overrides import (
+    Settings,
+    keys_and_values,
+    set_key,
+    table_or_element,
+    with_settings,
+)
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.section import complaints
+from gough_stewart.harness.motion.recorded.recording import recording_path
+from gough_stewart.harness.motion.references import FromFile
+from gough_stewart.harness.section import complaints, file_names
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.process.toml import toml_names, toml_text, toml_values
 
 _SHIPPED = ("gough_stewart.harness.experiment", "shipped")
-
-
-# Changed settings: strings "key.key=value", or a mapping from "key.key" to values.
-Settings = Iterable[str] | Mapping[str, Any]
 
 
 def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
@@ -48,25 +58,23 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
     --------
     >>> experiment = gs.load_experiment("heave_step", {"loop.duration": 1, "controller.bandwidth": 3})
     """
-    if is_shipped(name):
-        return shipped_experiment(str(name), settings)
-    text, where = experiment_text(name)
-    return _set(_parsed(text, where), settings, where, Path(name).parent)
+    text, where, folder = _read(name)
+    return _set(_parsed(text, where), settings, where, folder)
 
 
-def experiment_text(name: Path | str) -> tuple[str, str]:
-    """The TOML text of an experiment's file or of a shipped experiment, and its name for messages.
+def _read(name: Path | str) -> tuple[str, str, Path]:
+    """The TOML text of an experiment's file or of a shipped experiment, its name for messages, and its folder.
 
     Raises
     ------
     ExperimentError
         It cannot be read.
     """
-    if is_shipped(name):
-        return shipped_text(str(name)), f"experiment '{name}'"
     path = Path(name)
+    if str(name) in experiment_names() and not path.is_file():
+        return shipped_text(str(name)), f"experiment '{name}'", Path()
     try:
-        return path.read_text(encoding="utf-8-sig"), str(path)
+        return path.read_text(encoding="utf-8-sig"), str(path), path.parent
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
         close = get_close_matches(path.stem, experiment_names(), n=1)
@@ -76,11 +84,6 @@ def experiment_text(name: Path | str) -> tuple[str, str]:
             else "expected a TOML file, or a shipped experiment, which `gough-stewart experiments` lists"
         )
         raise ExperimentError(str(path), "", f"cannot read this experiment: {reason}; {hint}") from error
-
-
-def is_shipped(name: Path | str) -> bool:
-    """Whether it is a shipped name; a file of the same name takes precedence."""
-    return str(name) in experiment_names() and not Path(name).is_file()
 
 
 def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) -> Experiment:
@@ -141,7 +144,12 @@ def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:
     return _set(_parsed(shipped_text(name), where), settings, where)
 
 
-def experiment_from(values: Mapping[str, Any], where: str = "experiment", folder: Path = Path()) -> Experiment:
+def experiment_from(
+    values: Mapping[str, Any],
+    where: str = "experiment",
+    folder: Path = Path(),
+    changed: Mapping[str, dict[str, Any]] | None = None,
+) -> Experiment:
     """An experiment from plain values, as in a TOML file.
 
     Parameters
@@ -150,6 +158,8 @@ def experiment_from(values: Mapping[str, Any], where: str = "experiment", folder
         The file or name of the experiment, for messages.
     folder
         Resolves file names.
+    changed
+        The keys that calls have set, as `Experiment.changed`.
 
     Raises
     ------
@@ -157,7 +167,7 @@ def experiment_from(values: Mapping[str, Any], where: str = "experiment", folder
         A key that is unknown, missing, or has an invalid value; names place, value and remedy, one line each.
     """
     try:
-        return Experiment.built().model_validate(dict(values)).from_file(where, folder)
+        return Experiment.built().model_validate(dict(values)).from_file(where, folder, changed)
     except ValidationError as error:
         raise ExperimentError(where, "", complaints(error, Experiment, values)) from None
 
@@ -170,92 +180,15 @@ def _set(
     before: Mapping[str, dict[str, Any]] | None = None,
 ) -> Experiment:
     """An experiment with settings, which remembers them and what its file has in their place."""
-    given = [settings] if isinstance(settings, str) else settings
-    each = dict(given) if isinstance(given, Mapping) else list(given)
-    made = experiment_from(with_settings(values, each), where, folder)
+    if isinstance(settings, str):
+        settings = [settings]
+    settings = dict(settings) if isinstance(settings, Mapping) else list(settings)
     changed = dict(before or {})
-    for _, key, value in keys_and_values(each):
+    for _, key, value in keys_and_values(settings):
         name = key.strip()
-        of_file = changed[name]["file"] if name in changed else _value_at(values, name)
+        of_file = changed[name]["file"] if name in changed else reduce(table_or_element, name.split("."), values)
         changed[name] = json.loads(json.dumps({"value": value, "file": of_file}, default=str))
-    return made.with_changed(changed)
-
-
-def _value_at(values: Any, key: str) -> Any:
-    """The value of a key in plain tables; None if there is none."""
-    found = values
-    for name in key.split("."):
-        found = found.get(name) if isinstance(found, Mapping) else _element(found, name)
-    return found
-
-
-def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, Any]:
-    """Plain values with some replaced: "loop.duration=3", "reference.position_change=[0, 0, 0.01]", "plant.kind=fmu2".
-
-    Values in strings are TOML; anything else is taken as a string. Values of a mapping are copied, arrays become
-    lists.
-
-    Raises
-    ------
-    SettingError
-        No "=", or a key inside something that is not a table.
-    """
-    made: dict[str, Any] = _copied(values)
-    for where, key, value in keys_and_values(settings):
-        set_key(made, where, key, _copied(value))
-    return made
-
-
-def set_key(values: Any, where: str, key: str, value: Any) -> None:
-    """Set one key, such as "loop.duration", in the tables of an experiment, plain or tomlkit's.
-
-    Raises
-    ------
-    SettingError
-        A key inside something that is not a table; `where` names the setting.
-    """
-    names = key.strip().split(".")
-    if not all(names):
-        raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
-    table: Any = values
-    for name in names[:-1]:
-        table = table.setdefault(name, {}) if isinstance(table, dict) else _element(table, name)
-        if table is None:
-            break
-    if not isinstance(table, dict):
-        raise SettingError(where, "", f"{key.rpartition('.')[0]} is not a table of the experiment")
-    table[names[-1]] = value
-
-
-def keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
-    """For every setting its name for messages, its key, and its value."""
-    if isinstance(settings, Mapping):
-        for key, value in settings.items():
-            yield f"setting {key!r}", str(key), value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-        return
-    for setting in [settings] if isinstance(settings, str) else settings:
-        where = f"--set {setting}"
-        key, equals, text = setting.partition("=")
-        if not equals:
-            raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
-        if "\n" in text:
-            raise SettingError(where, "", "expected one line")
-        try:
-            yield where, key, toml_values(f"value = {text}")["value"]
-        except ValueError:
-            yield where, key, text.strip()
-
-
-def _element(array: Any, name: str) -> Any:
-    """An element of [[change]] or [[disturbance]], 1-based."""
-    known = isinstance(array, list) and name.isdigit() and 1 <= int(name) <= len(array)
-    return array[int(name) - 1] if known else None
-
-
-def _copied(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {k: _copied(v) for k, v in value.items()}
-    return [_copied(v) for v in value] if isinstance(value, list) else value
+    return experiment_from(with_settings(values, settings), where, folder, changed)
 
 
 def _parsed(text: str, where: str) -> dict[str, Any]:
@@ -268,3 +201,148 @@ def _parsed(text: str, where: str) -> dict[str, Any]:
             where, "", "is a platform file; expected an experiment that names it: platform.file = 'FILE.toml'"
         )
     return values
+
+
+def text_with_settings(source: Experiment | Path | str, *settings: Settings, folder: Path | None = None) -> str:
+    """The TOML text of an experiment with keys set, which `load_experiment` accepts from a file in a folder.
+
+    Comments and order of an experiment's file, or of a shipped experiment, are kept. A file whose keys cannot be set in
+    place is written anew, without its comments.
+
+    Parameters
+    ----------
+    source
+        A file, a shipped name, or an experiment without a file.
+    folder
+        The folder of the text, where the files that the experiment names have other relative names; by default that of
+        the source.
+
+    Raises
+    ------
+    ExperimentError
+        The source cannot be read, or the experiment with these keys is not valid.
+    """
+    import tomlkit  # slow, and only needed to write files
+
+    if isinstance(source, Experiment):
+        text = tomlkit.dumps(without_none(source.model_dump(mode="json", exclude_unset=True)))
+        where, origin = source.where, source.folder
+    else:
+        text, where, origin = _read(source)
+    document = tomlkit.parse(text)
+    expected: Mapping[str, Any] = toml_values(text)
+    chosen = [*settings]
+    for keys in settings:
+        expected = with_settings(expected, keys)
+    experiment = experiment_from(expected, where, origin)
+    if folder is not None:
+        names = {".".join(key): name for key, name in names_from(experiment, folder).items()}
+        chosen.append(names)
+        expected = with_settings(expected, names)
+    try:
+        for keys in chosen:
+            for setting, key, value in keys_and_values(keys):
+                set_key(document, setting, key, value)
+        written = tomlkit.dumps(document)
+        if toml_values(written) == expected:
+            return written
+    except (SettingError, ValueError, KeyError):  # of tables that are not written one after another
+        pass
+    return tomlkit.dumps(expected)
+
+
+def without_none(value: Any) -> Any:
+    """Plain values without the keys that are None, which TOML does not have."""
+    if isinstance(value, dict):
+        return {key: without_none(inner) for key, inner in value.items() if inner is not None}
+    return [without_none(element) for element in value] if isinstance(value, list) else value
+
+
+def digests(experiment: Experiment) -> dict[str, str]:
+    """SHA-256 of the files that an experiment names in its folder, by name; shipped files have none.
+
+    Of a Python controller also the modules beside it that it imports, and the files that these name.
+    """
+    names = set(file_names(experiment).values())
+    if isinstance(experiment.controller, PythonController) and experiment.controller.file is not None:
+        file = experiment.folder / experiment.controller.file
+        names |= {_from(path, experiment.folder) for path in _files_beside(file)}
+    paths = {name: experiment.folder / name for name in sorted(names)}
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in paths.items() if path.is_file()}
+
+
+def _files_beside(file: Path) -> set[Path]:
+    """The modules and packages beside a Python file that import statements reach, and files that texts in them name.
+
+    Of a package all modules count.
+    """
+    folder, seen, waiting = file.parent, set[Path](), [file]
+    while waiting:
+        path = waiting.pop()
+        if path in seen:
+            continue
+        seen.add(path)
+        try:
+            nodes = list(ast.walk(ast.parse(path.read_bytes()))) if path.suffix == ".py" else []
+        except (OSError, SyntaxError, ValueError):
+            continue  # executing it says so
+        for name in _imported(nodes):
+            spec = PathFinder.find_spec(name, [str(folder)])
+            if spec is not None and spec.submodule_search_locations is not None:
+                waiting += [module for place in spec.submodule_search_locations for module in Path(place).rglob("*.py")]
+            elif spec is not None and spec.origin is not None:
+                waiting.append(Path(spec.origin))
+        texts = (node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
+        waiting += [folder / text for text in texts if os.path.isfile(folder / text)]  # noqa: PTH113 - of any text
+    return seen - {file}
+
+
+def _imported(nodes: list[ast.AST]) -> Iterator[str]:
+    """The top-level names of import statements, also of those inside functions."""
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module.partition(".")[0]
+
+
+def _from(file: Path, folder: Path) -> str:
+    """The name of a file from a folder, the same wherever both lie."""
+    try:
+        return Path(os.path.relpath(file, folder)).as_posix()
+    except ValueError:  # on another drive
+        return file.as_posix()
+
+
+def names_from(experiment: Experiment, folder: Path) -> dict[tuple[str, ...], str]:
+    """The names, by key, under which an experiment file in a folder finds the same files.
+
+    Absolute names, and names of shipped recordings, stay as they are.
+
+    Raises
+    ------
+    ExperimentError
+        The folder has a file of its own under the name of a shipped one.
+    """
+    return {key: _name_from(experiment, key, Path(name), folder) for key, name in file_names(experiment).items()}
+
+
+def _name_from(experiment: Experiment, key: tuple[str, ...], name: Path, folder: Path) -> str:
+    if name.is_absolute():
+        return str(name)
+    is_recording = key[0] == "reference" and isinstance(experiment.reference, FromFile)
+    if is_recording and recording_path(experiment.folder, str(name)) != experiment.folder / name:  # a shipped one
+        if (folder / name).exists():
+            raise ExperimentError(
+                experiment.where,
+                ".".join(key),
+                f"is the shipped {name}, but {folder} has a file of this name, which an experiment there would read; "
+                "choose another folder",
+            )
+        return str(name)
+    # resolved first: ".." leads elsewhere from a folder that is a link
+    target, there = (experiment.folder / name.parent).resolve() / name.name, folder.resolve()
+    try:
+        return Path(os.path.relpath(target, there)).as_posix()
+    except ValueError:  # on another drive
+        return target.as_posix()

@@ -1,14 +1,16 @@
 """The frequency response of a loop from the record of a run with an injection, compared with the linear model."""
 
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import polars
+from numpy.typing import NDArray
 
 from gough_stewart.harness.control.frequency_response import Response, response_of_periods
 from gough_stewart.harness.control.laws import Controller, controller_of, linear_of
@@ -16,17 +18,29 @@ from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import is_stable, response
 from gough_stewart.harness.control.structured import ComplexArray
 from gough_stewart.harness.errors import ControllerError, RecordError
-from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.experiment.frf_report import frf_report
-from gough_stewart.harness.experiment.named_files import digests
+from gough_stewart.harness.experiment.file import digests, experiment_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.report.document import Report
+from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
+from gough_stewart.harness.report.notebook import to_html
+from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table
+from gough_stewart.harness.report.words import about, percent, sentence
 from gough_stewart.harness.results.record import Record, machine_of, platform_of, read_record
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.vectors import FloatArray
 
 FILES = ("frf.csv", "frf.parquet")
+_SHOWN_ROWS = 24
+# 1/S is a circle only while the radius of S is small beside it.
+_SMALL = 0.5
+# A peak of |S| above 6 dB leaves little margin, and a model that so few of the points agree with is another's.
+_HIGH, _FEW = 2.0, 0.5
+_GAIN = Quantity("1", "1", name="gain", digits=3)
+_PLAIN = replace(NUMBER, digits=3)
+_PHASE = replace(ANGLE, digits=3)
+_COHERENCE = Quantity("", "", name="coherence", digits=5)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,8 +69,6 @@ class FrequencyResponse:
         return "\n".join([f"Frequency response: {self.title}", *(f"  {line}" for line in self._summary())])
 
     def _repr_html_(self) -> str:
-        from gough_stewart.harness.report.notebook import to_html
-
         return to_html(self.report(charts=False))
 
     def report(self, *, charts: bool = True) -> Report:
@@ -67,32 +79,44 @@ class FrequencyResponse:
         Report
             Verdict, numbers such as `S.peak` and `L.crossover`, a table, and with `charts` the Bode plot.
         """
-        return frf_report(self, charts=charts)
+        sections = [Section("Bode plot", _charts(self))] if charts else []
+        f = self.frequency
+        return Report(
+            f"{self.title}: {self.channel}",
+            _verdict(self),
+            (*sections, Section("Values", (_table(self),))),
+            study="frf",
+            settings=settings_of(self.changed),
+            lead=f"{len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {self.measured.periods} periods",
+            numbers=_numbers(self),
+            notes=tuple(Note(text, "warning") for text in self.notes),
+        )
 
     def _summary(self) -> list[str]:
-        found, f = self.measured, self.frequency
-        peak = int(np.abs(found.S).argmax())
+        measured, f = self.measured, self.frequency
+        peak = int(np.abs(measured.S).argmax())
         lines = [
-            f"{self.channel}, {len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {found.periods} periods",
-            f"largest |S| {abs(found.S[peak]):.4g} at {f[peak]:.4g} Hz; smallest coherence {found.coherence.min():.3g}",
+            f"{self.channel}, {len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {measured.periods} periods",
+            f"largest |S| {abs(measured.S[peak]):.4g} at {f[peak]:.4g} Hz; "
+            f"smallest coherence {measured.coherence.min():.3g}",
         ]
         if self.predicted is not None:
-            gap = np.abs(found.S - 1 / (1 + self.predicted))
+            gap = np.abs(measured.S - 1 / (1 + self.predicted))
             worst = int(gap.argmax())
             lines.append(f"farthest from the linear model: S by {gap[worst]:.3g} at {f[worst]:.4g} Hz")
         return [*lines, *self.notes]
 
     def table(self) -> polars.DataFrame:
         """One row per frequency: gains [1], phases [rad], radii of 95 % confidence, coherence."""
-        found = self.measured
+        measured = self.measured
         parts: dict[str, Any] = {"frequency": self.frequency}
         for name, values, radius in (
-            ("S", found.S, found.radius),
-            ("T", found.T, found.radius),
-            ("L", found.L, found.loop_radius),
+            ("S", measured.S, measured.radius),
+            ("T", measured.T, measured.radius),
+            ("L", measured.L, measured.loop_radius),
         ):
             parts |= {f"{name}.gain": np.abs(values), f"{name}.phase": np.angle(values), f"{name}.radius": radius}
-        parts["coherence"] = found.coherence
+        parts["coherence"] = measured.coherence
         if self.predicted is not None:
             S = 1 / (1 + self.predicted)
             for name, values in (("S", S), ("T", 1 - S), ("L", self.predicted)):
@@ -147,7 +171,7 @@ def frf(
     choice = own.injection
     if choice is None or "controller.injection" not in record:
         raise RecordError("the record's run had no [injection]; expected an experiment with that table")
-    if "injection" in _replaced(record):
+    if "injection" in record.metadata.get("replaced", []):
         raise RecordError("the run had an injection of its own instead of [injection]; expected that of the experiment")
     sample_time = float(record.metadata["sample_time"])
     J = leg_jacobian(platform_of(record), *_pose(record))
@@ -173,8 +197,8 @@ def frf(
     except GoughStewartError as error:
         notes.append(f"no linear model to compare with: {error}")
     changed = record.metadata.get("settings") or {}
-    found = (frequency, measured, predicted, tuple(notes), changed, own.requirements)
-    return FrequencyResponse(own.title, choice.channel, *found)
+    numbers = (frequency, measured, predicted, tuple(notes), changed, own.requirements)
+    return FrequencyResponse(own.title, choice.channel, *numbers)
 
 
 def _experiment_of(record: Record) -> Experiment:
@@ -184,15 +208,15 @@ def _experiment_of(record: Record) -> Experiment:
         raise RecordError(f"the metadata contain no experiment ({error}); expected a record of `run`") from error
 
 
-def _with_folder(own: Experiment, given: Experiment) -> Experiment:
-    """The record's experiment, which may have other settings, with the folder of the given one."""
-    if own.controller.code != given.controller.code:
-        names = [", ".join(each.controller.code) or "no file" for each in (given, own)]
+def _with_folder(own: Experiment, other: Experiment) -> Experiment:
+    """The record's experiment, which may have other settings, with the folder of the other one."""
+    if own.controller.code != other.controller.code:
+        names = [", ".join(experiment.controller.code) or "no file" for experiment in (other, own)]
         raise RecordError(
-            f"{given.where} has a controller of {names[0]}, the record's run one of {names[1]}; expected the "
+            f"{other.where} has a controller of {names[0]}, the record's run one of {names[1]}; expected the "
             "experiment of this run"
         )
-    return own.from_file(given.where, given.folder)
+    return own.from_file(other.where, other.folder)
 
 
 def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> list[str]:
@@ -204,7 +228,7 @@ def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> li
         It is not, or executes code, and nobody has asked for it.
     """
     notes, code = [], own.controller.code
-    if "controller" in _replaced(record):
+    if "controller" in record.metadata.get("replaced", []):
         if not is_given:
             raise ControllerError(
                 "the run had a controller of its own instead of the experiment's; give it: frf(…, controller=…)"
@@ -221,11 +245,6 @@ def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> li
     if changed:
         notes.append(f"{', '.join(changed)} has changed since the run: the linear model is that of today's file")
     return notes
-
-
-def _replaced(record: Record) -> list[str]:
-    """The tables of the experiment that objects replaced in the run."""
-    return list(record.metadata.get("replaced", []))
 
 
 def _pose(record: Record) -> tuple[FloatArray, FloatArray]:
@@ -277,9 +296,163 @@ def _notes(record: Record) -> list[str]:
     return notes
 
 
-def frf_files(found: FrequencyResponse) -> dict[str, bytes]:
+def loop_is_known(result: Response) -> NDArray[np.bool_]:
+    """Where the circle of 95 % confidence about L leaves 0 out, and is a circle: elsewhere L is not known.
+
+    At high frequencies S is near 1 and L = 1/S − 1 is the small difference of two larger numbers, however coherent
+    force and injection are.
+    """
+    known = (result.loop_radius < np.abs(result.L)) & (result.radius < _SMALL * np.abs(result.S))
+    return np.asarray(known)
+
+
+def _verdict(result: FrequencyResponse) -> Verdict:
+    """The peak of S, where L is 1, at how many frequencies L is known, and how many agree with the linear model."""
+    numbers = {number.path: number for number in _numbers(result)}
+    peak, crossover, agree = (numbers[path] for path in ("S.peak", "L.crossover", "agreement"))
+    n, known = len(result.frequency), int(loop_is_known(result.measured).sum())
+    at = result.frequency[int(np.abs(result.measured.S).argmax())]
+    parts: list[str | None] = [
+        f"|S| peaks at {about(DECIBEL, 20 * math.log10(peak.value or math.nan))} at {about(FREQUENCY, float(at))}",
+        None if crossover.value is None else f"the gain of L is 1 at {about(FREQUENCY, crossover.value)}",
+        f"L is known at {known} of {n} frequencies" if known < n else f"L is known at all {n} frequencies",
+    ]
+    status: Status = "marginal" if (peak.value or 0.0) > _HIGH else "good"
+    if agree.value is None:
+        parts.append("no linear model to compare with")
+        status = "told" if status == "good" else status
+    else:
+        parts.append(f"S agrees with the linear model within its 95 % confidence at {percent(agree.value)} of them")
+        status = "marginal" if agree.value < _FEW else status
+    return Verdict(sentence(parts), status, tuple(numbers[path] for path in ("S.peak", "L.crossover", "agreement")))
+
+
+def _numbers(result: FrequencyResponse) -> tuple[Number, ...]:
+    seen = result.measured
+    size, known = np.abs(seen.S), loop_is_known(seen)
+    peak = int(size.argmax())
+    within = None
+    if result.predicted is not None:
+        within = float((np.abs(seen.S - 1 / (1 + result.predicted)) <= seen.radius).mean())
+    return (
+        Number(
+            "S.peak",
+            "largest |S|",
+            float(size[peak]),
+            _PLAIN,
+            float(size[peak] - seen.radius[peak]),
+            float(size[peak] + seen.radius[peak]),
+            explanation="the largest amplification of a disturbance, with its 95 % confidence",
+        ),
+        Number("L.crossover", "crossover of L", _crossover(result, known), FREQUENCY, explanation="where |L| is 1"),
+        Number(
+            "L.known",
+            "frequencies at which L is known",
+            float(known.mean()),
+            SHARE,
+            explanation="where the 95 % confidence of L leaves 0 out",
+        ),
+        Number(
+            "agreement",
+            "agreement of S with the linear model",
+            within,
+            SHARE,
+            explanation="share of the frequencies at which the model is within the 95 % confidence of S; 95 % if the "
+            "model were exact and friction linear",
+        ),
+        Number("coherence", "least coherence", float(seen.coherence.min()), _COHERENCE,
+               explanation="share of the force that the injection explains, of S and T"),
+    )  # fmt: skip
+
+
+def _crossover(result: FrequencyResponse, known: NDArray[np.bool_]) -> float | None:
+    """The highest frequency at which the measured |L| falls through 1, between two lines at which it is known."""
+    gain, f = np.abs(result.measured.L), result.frequency
+    falls = np.flatnonzero((gain[:-1] >= 1) & (gain[1:] < 1) & known[:-1] & known[1:])
+    if not falls.size:
+        return None
+    k = int(falls[-1])
+    share = math.log(gain[k]) / (math.log(gain[k]) - math.log(gain[k + 1]))
+    return float(f[k] * (f[k + 1] / f[k]) ** share)
+
+
+def _table(result: FrequencyResponse) -> Table:
+    """All frequencies, of which the terminal shows some; L where it is known."""
+    seen, n = result.measured, len(result.frequency)
+    known = loop_is_known(seen)
+    columns = [
+        Column("f", FREQUENCY),
+        Column("|S|", _PLAIN, "gain from the injected to the total force"),
+        Column("|T|", _PLAIN, "share of the injected force that the controller cancels"),
+        Column("|L|", _PLAIN, "gain of the loop with this channel cut; none where its confidence includes 0"),
+        Column("∠L", _PHASE),
+    ]
+    if result.predicted is not None:
+        columns += [Column("|L| model", _PLAIN, "of the linear model"), Column("∠L model", _PHASE)]
+    columns.append(Column("coherence", _COHERENCE, "of S and T, not of L: what the injection explains of the force"))
+    rows: list[tuple[Cell, ...]] = []
+    for k in np.unique(np.linspace(0, n - 1, min(_SHOWN_ROWS, n)).round().astype(int)):
+        cells: list[Cell] = [float(result.frequency[k]), float(abs(seen.S[k])), float(abs(seen.T[k]))]
+        cells += [float(abs(seen.L[k])), float(np.angle(seen.L[k]))] if known[k] else [None, None]
+        if result.predicted is not None:
+            cells += [float(abs(result.predicted[k])), float(np.angle(result.predicted[k]))]
+        rows.append((*cells, float(seen.coherence[k])))
+    some = f"{len(rows)} of {n} frequencies; frf.csv has all. " if len(rows) < n else ""
+    note = f"{some}Coherence is of S and T: it may be 1 where L is not known."
+    return Table("Frequency response", tuple(columns), tuple(rows), note=note)
+
+
+def _charts(result: FrequencyResponse) -> tuple[Chart, ...]:
+    seen = result.measured
+    known = loop_is_known(seen)
+    x = Axis("frequency", FREQUENCY, result.frequency, scale="log")
+    L = np.where(known, seen.L, np.nan)
+    radius = np.where(known, seen.loop_radius, np.nan)
+    size = np.abs(L)
+    angle = np.full(len(L), np.nan)
+    angle[known] = np.unwrap(np.angle(seen.L[known]))
+    spread = np.full(len(L), np.nan)
+    spread[known] = np.arcsin(np.minimum(1.0, radius[known] / size[known]))
+    gain = [Series("run", _GAIN, size, "measured", low=size - radius, high=size + radius)]
+    phase = [Series("run", _PHASE, angle, "measured", low=angle - spread, high=angle + spread)]
+    sizes = {
+        name: [
+            Series("run", _GAIN, np.abs(values), "measured", low=np.abs(values) - seen.radius,
+                   high=np.abs(values) + seen.radius)
+        ]
+        for name, values in (("S", seen.S), ("T", seen.T))
+    }  # fmt: skip
+    if result.predicted is not None:
+        line = np.unwrap(np.angle(result.predicted))
+        # by full turns to the nearest phase
+        turns = np.round(np.median(angle[known] - line[known]) / (2 * math.pi)) if known.any() else 0.0
+        S = 1 / (1 + result.predicted)
+        gain.append(Series("linear model", _GAIN, np.abs(result.predicted), "nominal"))
+        phase.append(Series("linear model", _PHASE, line + 2 * math.pi * turns, "nominal"))
+        for name, values in (("S", S), ("T", 1 - S)):
+            sizes[name].append(Series("linear model", _GAIN, np.abs(values), "nominal"))
+    one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
+    unknown = "" if known.all() else "L is left out where its 95 % confidence includes 0."
+    half_turn = Mark(-math.pi, "−180°", role="neutral", tells=False)
+    coherence = Series("coherence of S and T", _COHERENCE, seen.coherence, "measured")
+    return (
+        Chart("gain of L", x, tuple(gain), y=Axis("gain of L", _GAIN, scale="log"), marks=one, note=unknown,
+              group="bode"),
+        Chart("phase of L", x, tuple(phase), y=Axis("phase of L", ANGLE), marks=(half_turn,),
+              note=unknown, group="bode"),
+        *(
+            Chart(f"gain of {name}", x, tuple(series), y=Axis(f"gain of {name}", _GAIN, scale="log"), marks=one,
+                  group="bode")
+            for name, series in sizes.items()
+        ),
+        Chart("coherence of S and T", x, (coherence,), "points", y=Axis("coherence", _COHERENCE), group="bode",
+              note="The share of the force that the injection explains; it says nothing of L where that is small."),
+    )  # fmt: skip
+
+
+def frf_files(result: FrequencyResponse) -> dict[str, bytes]:
     """The table by file name."""
-    table, parquet = found.table(), BytesIO()
+    table, parquet = result.table(), BytesIO()
     table.write_parquet(parquet)
     return {
         "frf.csv": table.write_csv().encode(),

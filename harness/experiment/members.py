@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.batch import Batch
-from gough_stewart.harness.experiment.preparation import Preparation, PreparedMembers, Values
+from gough_stewart.harness.experiment.overrides import Place, Values, place_of
+from gough_stewart.harness.experiment.preparation import Preparation, PreparedMembers, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.stages import platforms_of
-from gough_stewart.harness.experiment.varied import Place, place_of
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
 from gough_stewart.harness.sampling.correlation import CorrelatedInputs, correlated, correlation_of, reordered
-from gough_stewart.harness.sampling.design import Design, in_turn
-from gough_stewart.harness.sampling.distributions import Normal
-from gough_stewart.harness.sampling.variation import Spread, Target
+from gough_stewart.harness.sampling.design import SamplingDesign, in_turn
+from gough_stewart.harness.sampling.distributions import normal
+from gough_stewart.harness.sampling.variation import Spread, VariedValue
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -95,7 +94,13 @@ class Members:
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
         self.inputs = self._inputs()
         self._matrices = [(t, self._at(t), t.values) for t in (*choice.correlation, *choice.covariance)]
-        self._check_matrices()
+        correlated_keys = [self.inputs[k].key for _, at, _ in self._matrices for k in at]
+        for key in correlated_keys:
+            # the second matrix would change the correlation of the first
+            if correlated_keys.count(key) > 1:
+                raise self._error(
+                    key, "is in two matrices; expected one matrix of all inputs that depend on each other"
+                )
         grids = prod(i.spread.levels or 1 for i in self.inputs)
         # of grids that are run through in the order of members
         self.combinations = 1 if choice.sampling == "saltelli" else grids
@@ -104,10 +109,10 @@ class Members:
         _ = self.design
 
     @cached_property
-    def design(self) -> Design:
+    def design(self) -> SamplingDesign:
         """The sample points of the members in the unit cube."""
         try:
-            return Design(
+            return SamplingDesign(
                 self.choice.sampling,
                 self.seed,
                 self.count,
@@ -130,19 +135,16 @@ class Members:
 
     def draws(self, first: int, last: int) -> Draws:
         """The draws of members first to last − 1."""
-        return self._drawn(self._points(first, last))
-
-    def _drawn(self, u: FloatArray) -> Draws:
-        ends = self._ends
+        u, ends = self._points(first, last), self._ends
         table = dict[str, Any]()
         values: list[dict[tuple[str, ...], Any]] = [{} for _ in u]
-        for k, each in enumerate(self.inputs):
+        for k, varied in enumerate(self.inputs):
             part = np.ascontiguousarray(u[:, ends[k] : ends[k + 1]])
-            drawn = each.spread.draw(part)
-            table |= each.table(part, drawn)
+            drawn = varied.spread.draw(part)
+            table |= varied.table(part, drawn)
             plain = drawn.tolist() if isinstance(drawn, np.ndarray) else drawn
             for member, value in zip(values, plain, strict=True):
-                member[each.place.path] = value
+                member[varied.place.path] = value
         return Draws(table, values)
 
     def _points(self, first: int, last: int) -> FloatArray:
@@ -201,13 +203,13 @@ class Members:
             None of the first members can.
         """
         for last in (1, 8, _AMONG):
-            found = self.prepared(0, min(self.count, last))
-            if len(found.batch):
-                return found.batch.take([0])
+            prepared = self.prepared(0, min(self.count, last))
+            if len(prepared.batch):
+                return prepared.batch.take([0])
         raise ExperimentError(
             self.nominal.where,
             "ensemble",
-            f"none of the first {len(found.errors)} members is possible; the first: {found.reasons[0]}",
+            f"none of the first {len(prepared.errors)} members is possible; the first: {prepared.reasons[0]}",
         )
 
     @property
@@ -218,21 +220,20 @@ class Members:
 
     def _inputs(self) -> tuple[Input, ...]:
         """Inputs in order of their places, independent of the order in the file."""
-        found = [self._input(key, variation.spread) for key, variation in self.choice.varied.items()]
+        inputs = [self._input(key, variation.spread) for key, variation in self.choice.varied.items()]
         for table in self.choice.covariance:
             deviations = np.sqrt(np.diag(table.values))
             for key in table.of:
                 if key in self.choice.varied:
                     raise self._error(key, "has a distribution and a covariance; expected only one of them")
-                found.append(self._input(key, partial(_normal, deviations)))
-                deviations = deviations[found[-1].spread.size :]
-        paths = [each.place.path for each in found]
-        for each in found:
-            if paths.count(each.place.path) > 1:
-                raise self._error(each.key, "varies twice; expected one distribution")
-        for each in found:
-            self.check_acts(each.key, each.place)
-        return tuple(sorted(found, key=lambda each: each.place.path))
+                inputs.append(self._input(key, partial(_normal, deviations)))
+                deviations = deviations[inputs[-1].spread.size :]
+        paths = [varied.place.path for varied in inputs]
+        for varied in inputs:
+            if paths.count(varied.place.path) > 1:
+                raise self._error(varied.key, "varies twice; expected one distribution")
+            self.check_acts(varied.key, varied.place)
+        return tuple(sorted(inputs, key=lambda varied: varied.place.path))
 
     def check_acts(self, key: str, place: Place) -> None:
         """Refuse a key of a controller that another one replaces.
@@ -261,7 +262,7 @@ class Members:
         """
         return place_of(key, self.nominal, *self.platforms)
 
-    def _input(self, key: str, spread: Callable[[Target], Spread]) -> Input:
+    def _input(self, key: str, spread: Callable[[VariedValue], Spread]) -> Input:
         try:
             place = self.place_of(key)
             return Input(key, place, spread(place.target))
@@ -270,7 +271,7 @@ class Members:
 
     def _at(self, table: CorrelatedInputs) -> list[int]:
         """The indices of a matrix's inputs, in its order."""
-        keys = [each.key for each in self.inputs]
+        keys = [varied.key for varied in self.inputs]
         for key in table.of:
             if key not in keys:
                 raise self._error(key, "is correlated but does not vary; add a distribution for it")
@@ -286,25 +287,16 @@ class Members:
             raise self._error("correlation", "expected a matrix with 1 on the diagonal, or use covariance")
         return at
 
-    def _check_matrices(self) -> None:
-        """Refuse an input in two matrices: the second would change the correlation of the first."""
-        correlated_ones = [self.inputs[k].key for _, at, _ in self._matrices for k in at]
-        for key in correlated_ones:
-            if correlated_ones.count(key) > 1:
-                raise self._error(
-                    key, "is in two matrices; expected one matrix of all inputs that depend on each other"
-                )
-
     def _error(self, key: str, message: str) -> ExperimentError:
         return ExperimentError(self.nominal.where, f"ensemble.{key}".rstrip("."), message)
 
 
-def _normal(deviations: FloatArray, target: Target) -> Spread:
+def _normal(deviations: FloatArray, target: VariedValue) -> Spread:
     """Normal about the present value, with the first of these deviations."""
     if target.nominal is None or target.unit is None:
         raise ValueError("has no value to vary about; set one in the experiment")
     n = prod(target.shape)
     if n > len(deviations):
         raise ValueError(f"has {n} elements; the matrix has {len(deviations)} rows left")
-    normal = Normal(target.nominal, deviations[:n].reshape(target.shape))
-    return Spread(n, lambda u: normal.quantile(u.reshape(len(u), *target.shape)))
+    mean, deviation = target.nominal, deviations[:n].reshape(target.shape)
+    return Spread(n, lambda u: normal(u.reshape(len(u), *target.shape), mean, deviation))

@@ -1,5 +1,6 @@
 """The schema of experiments, in TOML files and in Python."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -259,14 +260,9 @@ class Experiment(Section):
         """The keys that were set of it by `--set` or `settings`: their `value`, and that of the `file`."""
         return dict(self._changed)
 
-    def with_changed(self, changed: dict[str, dict[str, Any]]) -> "Experiment":
-        """The same experiment, with what has been set of it."""
-        made = self.model_copy()
-        made._changed = changed
-        return made
-
-    def from_file(self, where: str, folder: Path) -> "Experiment":
-        """The same experiment, with its origin."""
+    def from_file(self, where: str, folder: Path, changed: Mapping[str, dict[str, Any]] | None = None) -> "Experiment":
+        """The same experiment, with its origin, and with what calls have set of it if that is given."""
         made = self.model_copy()
         made._where, made._folder = where, folder
+        made._changed = dict(self._changed if changed is None else changed)
         return made

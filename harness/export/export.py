@@ -9,7 +9,8 @@ from gough_stewart.fmu_build.errors import check_installed
 from gough_stewart.fmu_build.targets import chosen_targets
 from gough_stewart.harness.control.python.casadi_function import is_casadi_function
 from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.experiment.file import Settings, experiment_of
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.carried import Part, chosen_parts
 from gough_stewart.harness.export.faults import SafeForce, faults_of

@@ -24,7 +24,7 @@ _SMALLEST = 2.0**-53
 
 
 @dataclass(frozen=True)
-class Design:
+class SamplingDesign:
     """Points (members, size) in the open unit cube; those of member k depend only on the design and k.
 
     - "random": member k's numbers depend on the seed, the names and k, not on the number of members.
@@ -80,13 +80,13 @@ class Design:
         """The points of members first to last − 1 (last − first, size)."""
         if not self.size:
             return np.zeros((last - first, 0))
-        found = {
+        points = {
             "random": self._random,
             "latin_hypercube": lambda a, b: np.asarray(_hypercube(self.size, self.members, self.seed)[a:b]),
             "sobol": lambda a, b: _sobol(self.size, self.seed, a, b),
             "saltelli": self._saltelli,
         }[self.sampling](first, last)
-        return np.asarray(np.maximum(found, _SMALLEST))
+        return np.asarray(np.maximum(points, _SMALLEST))
 
     def _random(self, first: int, last: int) -> FloatArray:
         return np.concatenate(
@@ -143,11 +143,11 @@ def _hypercube(size: int, members: int, seed: int) -> FloatArray:
 
 def in_turn(u: FloatArray, levels: Sequence[int | None], first: int) -> FloatArray:
     """Replace the columns of grids by all combinations of their levels, the last grid fastest: (n, k)."""
-    found = u.copy()
+    points = u.copy()
     index = np.arange(first, first + len(u))
     for column in reversed([k for k, n in enumerate(levels) if n is not None]):
         n = levels[column]
         assert n is not None
-        found[:, column] = (index % n + 0.5) / n
+        points[:, column] = (index % n + 0.5) / n
         index = index // n
-    return found
+    return points

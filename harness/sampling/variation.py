@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from math import prod
 from typing import Any
 
@@ -9,20 +10,16 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from gough_stewart.harness.quantities import PLAIN, number, plain_number
-from gough_stewart.harness.sampling.distributions import (
-    Choice,
-    Distribution,
-    Lognormal,
-    Normal,
-    TruncatedNormal,
-    Uniform,
-)
+from gough_stewart.harness.sampling.distributions import choice, lognormal, normal, truncated_normal, uniform
 from gough_stewart.harness.section import Section
 from gough_stewart.model.vectors import FloatArray
 
+# From numbers in (0, 1) to values, elementwise.
+Quantile = Callable[[FloatArray], FloatArray]
+
 
 @dataclass(frozen=True)
-class Target:
+class VariedValue:
     """The varied value: its name, unit ("" if dimensionless, None if not a number), shape, and present value."""
 
     name: str
@@ -77,7 +74,7 @@ class Variation(Section):
         (name,) = (name for name in type(self).model_fields if getattr(self, name) is not None)
         return name
 
-    def spread(self, target: Target) -> Spread:
+    def spread(self, target: VariedValue) -> Spread:
         """The spread of a target under this distribution.
 
         Raises
@@ -97,17 +94,20 @@ class Variation(Section):
             return self._of_values(kind, getattr(self, kind), target)
         if target.unit is None:
             raise ValueError(f"{kind} applies to numbers only; expected choice or grid")
-        distribution = _DISTRIBUTIONS[kind](getattr(self, kind), target)
-        size = prod(target.shape)
+        quantile = _DISTRIBUTIONS[kind](getattr(self, kind), target)
 
         def draw(u: FloatArray) -> FloatArray:
-            return _paired(distribution.quantile(u.reshape(len(u), *target.shape)), target)
+            drawn = quantile(u.reshape(len(u), *target.shape))
+            if not target.is_symmetric:
+                return drawn
+            # the elements above the diagonal, and their mirror images
+            return np.triu(drawn) + np.swapaxes(np.triu(drawn, 1), -1, -2)
 
-        return Spread(size, draw)
+        return Spread(prod(target.shape), draw)
 
-    def _of_factor(self, factor: "Variation", target: Target) -> Spread:
+    def _of_factor(self, factor: "Variation", target: VariedValue) -> Spread:
         nominal = _nominal(target)
-        inner = _only_values(factor, "factor").spread(Target("factor", PLAIN, (), np.ones(())))
+        inner = _only_values(factor, "factor").spread(VariedValue("factor", PLAIN, (), np.ones(())))
 
         def drawn(u: FloatArray) -> FloatArray:
             return np.asarray(inner.draw(u), dtype=float)
@@ -118,18 +118,16 @@ class Variation(Section):
         return Spread(1, draw, inner.levels, drawn)
 
     @staticmethod
-    def _of_values(kind: str, values: list[Any], target: Target) -> Spread:
+    def _of_values(kind: str, values: list[Any], target: VariedValue) -> Spread:
         if not values:
             raise ValueError(f"{kind} has no values; expected at least two")
         parsed = values if target.unit is None else [_parsed(value, target, target.shape) for value in values]
         if all(np.array_equal(value, parsed[0]) for value in parsed):
             raise ValueError(f"{kind} is {values!r}, without a spread; expected at least two values that differ")
-        whole = all(isinstance(value, int) for value in values)
-        distribution = Choice(values if whole else parsed)
+        among = values if all(isinstance(value, int) for value in values) else parsed
 
         def draw(u: FloatArray) -> Any:
-            found = distribution.quantile(u)
-            return found if target.unit is None else np.asarray(found)
+            return choice(u, among) if target.unit is None else np.asarray(choice(u, among))
 
         return Spread(1, draw, len(values) if kind == "grid" else None)
 
@@ -140,56 +138,57 @@ def _only_values(inner: Variation, where: str) -> Variation:
     return inner
 
 
-def _nominal(target: Target) -> FloatArray:
+def _nominal(target: VariedValue) -> FloatArray:
     if target.nominal is None:
         raise ValueError("has no value to vary about; set one in the experiment, or use a distribution of values")
     return target.nominal
 
 
-def _parsed(value: Any, target: Target, shape: tuple[int, ...]) -> FloatArray:
+def _parsed(value: Any, target: VariedValue, shape: tuple[int, ...]) -> FloatArray:
     """Numbers in SI units of this shape."""
     if shape:
         if not isinstance(value, list | tuple) or len(value) != shape[0]:
             raise ValueError(f"is {value!r}; expected {shape[0]} elements")
-        return np.array([_parsed(each, target, shape[1:]) for each in value])
+        return np.array([_parsed(element, target, shape[1:]) for element in value])
     return np.array(number(value, target.unit or PLAIN))
 
 
-def _number_or_all(value: Any, target: Target) -> FloatArray:
+def _number_or_all(value: Any, target: VariedValue) -> FloatArray:
     """One number for all elements, or one for each."""
     return _parsed(value, target, target.shape if isinstance(value, list | tuple) else ())
 
 
 def _listed(value: Any, sizes: tuple[int, ...], kind: str) -> list[Any]:
-    found = list(value) if isinstance(value, list | tuple) else [value]
-    if len(found) not in sizes:
+    numbers = list(value) if isinstance(value, list | tuple) else [value]
+    if len(numbers) not in sizes:
         raise ValueError(f"{kind} is {value!r}; expected {_WANTED[kind]}")
-    return found
+    return numbers
 
 
-def _positive(size: FloatArray, value: Any, what: str) -> FloatArray:
+def _positive(size: FloatArray, value: Any, expected: str) -> FloatArray:
     if not (size > 0).all():
-        raise ValueError(f"is {value!r}, without a spread; expected {what}")
+        raise ValueError(f"is {value!r}, without a spread; expected {expected}")
     return size
 
 
-def _normal(value: Any, target: Target) -> Distribution:
+def _normal(value: Any, target: VariedValue) -> Quantile:
     *mean, deviation = _listed(value, (1, 2), "normal")
     middle = _number_or_all(mean[0], target) if mean else _nominal(target)
-    return Normal(middle, _positive(_number_or_all(deviation, target), value, "a standard deviation > 0"))
+    size = _positive(_number_or_all(deviation, target), value, "a standard deviation > 0")
+    return partial(normal, mean=middle, deviation=size)
 
 
-def _uniform(value: Any, target: Target) -> Distribution:
-    bounds = [_number_or_all(each, target) for each in _listed(value, (1, 2), "uniform")]
+def _uniform(value: Any, target: VariedValue) -> Quantile:
+    bounds = [_number_or_all(bound, target) for bound in _listed(value, (1, 2), "uniform")]
     if len(bounds) == 1:
         half = _positive(bounds[0], value, "a half width > 0")
-        return Uniform(_nominal(target) - half, _nominal(target) + half)
+        return partial(uniform, low=_nominal(target) - half, high=_nominal(target) + half)
     _positive(bounds[1] - bounds[0], value, "the lower bound below the upper one")
-    return Uniform(bounds[0], bounds[1])
+    return partial(uniform, low=bounds[0], high=bounds[1])
 
 
-def _truncated_normal(value: Any, target: Target) -> Distribution:
-    parts = [_number_or_all(each, target) for each in _listed(value, (2, 4), "truncated_normal")]
+def _truncated_normal(value: Any, target: VariedValue) -> Quantile:
+    parts = [_number_or_all(part, target) for part in _listed(value, (2, 4), "truncated_normal")]
     if len(parts) == 2:
         deviation, bound = parts
         _positive(bound, value, "a bound > 0")
@@ -198,27 +197,19 @@ def _truncated_normal(value: Any, target: Target) -> Distribution:
         middle, deviation, low, high = parts
     _positive(deviation, value, "a standard deviation > 0")
     _positive(high - low, value, "the lower bound below the upper one")
-    return TruncatedNormal(middle, deviation, low, high)
+    return partial(truncated_normal, mean=middle, deviation=deviation, low=low, high=high)
 
 
-def _lognormal(value: Any, target: Target) -> Distribution:
+def _lognormal(value: Any, target: VariedValue) -> Quantile:
     *median, deviation = _listed(value, (1, 2), "lognormal")
     middle = _number_or_all(median[0], target) if median else _nominal(target)
     if not (middle > 0).all():
         raise ValueError(f"lognormal has the median {middle.tolist()}; expected a median > 0")
-    size = np.array(plain_number(deviation))
-    return Lognormal(middle, _positive(size, value, "a deviation of the logarithm > 0"))
+    size = _positive(np.array(plain_number(deviation)), value, "a deviation of the logarithm > 0")
+    return partial(lognormal, median=middle, log_deviation=size)
 
 
-def _paired(values: FloatArray, target: Target) -> FloatArray:
-    """A symmetric matrix from the elements above the diagonal."""
-    if not target.is_symmetric:
-        return values
-    upper = np.triu(values)
-    return np.asarray(upper + np.swapaxes(np.triu(values, 1), -1, -2))
-
-
-_DISTRIBUTIONS: dict[str, Callable[[Any, Target], Distribution]] = {
+_DISTRIBUTIONS: dict[str, Callable[[Any, VariedValue], Quantile]] = {
     "normal": _normal,
     "uniform": _uniform,
     "truncated_normal": _truncated_normal,

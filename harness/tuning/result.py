@@ -5,8 +5,8 @@ from typing import Any
 
 import polars
 
+from gough_stewart.harness.experiment.preparation import platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.stages import platforms_of
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.notebook import to_html
 from gough_stewart.harness.report.small_machine import fine, fineness_of

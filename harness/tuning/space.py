@@ -8,8 +8,8 @@ from typing import Any
 
 from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.overrides import Place
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.varied import Place
 from gough_stewart.harness.quantities import PLAIN, number
 from gough_stewart.model.vectors import FloatArray
 

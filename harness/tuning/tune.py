@@ -6,10 +6,10 @@ from typing import Any
 
 from gough_stewart.harness.ensemble.columns import DISK
 from gough_stewart.harness.errors import NoCandidateError, TuningError
-from gough_stewart.harness.experiment.file import Settings, experiment_of
-from gough_stewart.harness.experiment.hints import too_late
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.overrides import Settings, experiment_with
+from gough_stewart.harness.experiment.preparation import too_late
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.varied import experiment_with
 from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
 from gough_stewart.harness.tuning.conditions import check_metric, condition_of
 from gough_stewart.harness.tuning.result import Tuning

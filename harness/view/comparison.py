@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.experiment.key_units import value_text
+from gough_stewart.harness.experiment.overrides import value_text
 from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Setting, Verdict
 from gough_stewart.harness.report.quantities import LENGTH, Quantity

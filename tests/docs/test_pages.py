@@ -23,7 +23,8 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.fmu_build.build import file_name
 from gough_stewart.fmu_build.sources import standard_headers
-from gough_stewart.harness.experiment.file import experiment_from, with_settings
+from gough_stewart.harness.experiment.file import experiment_from
+from gough_stewart.harness.experiment.overrides import with_settings
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.results.metrics import flattened
 from gough_stewart.model import interface

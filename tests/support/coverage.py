@@ -12,7 +12,7 @@ from gough_stewart.harness.ensemble.report import ensemble_numbers
 from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.report.document import Number
 from gough_stewart.harness.report.requirements import judge, required
-from gough_stewart.harness.sampling.design import Design, Sampling
+from gough_stewart.harness.sampling.design import Sampling, SamplingDesign
 from gough_stewart.model.vectors import FloatArray
 
 SHARES = (0.5, 0.9, 0.99)
@@ -69,7 +69,7 @@ def drawn(sampling: Sampling, inputs: int, members: int, response: Response, see
     groups = tuple((k,) for k in range(inputs))
     known = {"sampling": sampling, "groups": [[name] for name in names]}
     for seed in seeds:
-        points = Design(sampling, seed, members, names, (1,) * inputs, groups).points(0, members)
+        points = SamplingDesign(sampling, seed, members, names, (1,) * inputs, groups).points(0, members)
         columns = {
             "member": np.arange(members),
             "outcome": ["completed"] * members,

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart import Platform
 from tests.support.documented_loop import (
     LegLaw,
     TaskLaw,
@@ -24,6 +23,9 @@ from tests.support.documented_loop import (
     twist_of_rates,
 )
 from tests.support.lagrangian import Pose, legs_along
+
+FloatArray = NDArray[np.float64]
+
 
 GOOD, OUT_OF_RANGE, FROZEN = range(3)
 Measured = Mapping[str, FloatArray]

@@ -9,11 +9,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from gough_stewart import Platform
-from tests.support.lagrangian import FloatArray, Pose, forces_along, legs_along
+from tests.support.lagrangian import Pose, forces_along, legs_along
+
+FloatArray = NDArray[np.float64]
+
 
 _SMALLEST_STEP = 5e-4  # of the plant [s]
 

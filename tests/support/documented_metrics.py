@@ -3,9 +3,11 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 import gough_stewart as gs
-from gough_stewart.model.vectors import FloatArray
+
+FloatArray = NDArray[np.float64]
 
 
 def _rms(values: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from gough_stewart.harness.control.laws import controller_of
 from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.python.sample import Sample
-from gough_stewart.harness.experiment.distinct import Distinct
+from gough_stewart.harness.experiment.batch import Distinct
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
 from gough_stewart.harness.loop.run import Run, simulate

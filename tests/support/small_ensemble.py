@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from gough_stewart.harness.experiment.file import experiment_from
-from gough_stewart.harness.experiment.schema import Experiment
+import gough_stewart as gs
 
 SMALL: dict[str, Any] = {
     "title": "small ensemble",
@@ -32,6 +31,6 @@ SMALL: dict[str, Any] = {
 }
 
 
-def small(**ensemble: Any) -> Experiment:
+def small(**ensemble: Any) -> gs.Experiment:
     """That experiment, with other keys in its `[ensemble]`."""
-    return experiment_from({**SMALL, "ensemble": {**SMALL["ensemble"], **ensemble}})
+    return gs.Experiment(**{**SMALL, "ensemble": {**SMALL["ensemble"], **ensemble}})

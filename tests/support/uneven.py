@@ -58,6 +58,12 @@ UNEVEN = Platform(
     actuator_force_max=640.0,
     joint_angle_max=0.7,
 )
+# Its parameters in plain types, as in a file.
+PARAMETERS = {
+    name: value.tolist() if isinstance(value, np.ndarray) else value
+    for name, value in UNEVEN.as_dict().items()
+    if name not in ("name", "source")
+}
 # In motion about every axis, with every input.
 STATE = State(
     position=np.array([0.12, -0.09, 2.97]),

@@ -5,9 +5,7 @@ from typing import Any
 import numpy as np
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.file import experiment_from
-from gough_stewart.harness.results.record import plain
-from tests.support.uneven import UNEVEN
+from tests.support.uneven import PARAMETERS, UNEVEN
 
 LEG = {
     "kp": [1100.0, 1450.0, 900.0, 1250.0, 1600.0, 1000.0],
@@ -46,16 +44,13 @@ def experiment_of(name: str, **tables: Any) -> gs.Experiment:
         **({"integral_gain": options["ki"]} if has_integral else {}),
         **({"derivative_filter": options["derivative_filter"]} if options["derivative_filter"] else {}),
     }
-    parameters = {name: value for name, value in plain(UNEVEN).items() if name not in ("name", "source")}
-    return experiment_from(
-        {
-            "title": f"uneven {name}",
-            "platform": {"preset": "liu2000", "parameters": parameters},
-            "plant": {"parameters": MACHINE},
-            "reference": {"type": "hold", "position": POSE[:3].tolist(), "orientation": POSE[3:].tolist()},
-            "controller": controller,
-            "loop": {"duration": 1.0, "sample_time": options["sample_time"], "delay": options["delay"]},
-            "actuators": {"lag": options["lag"]},
-            **tables,
-        }
-    )
+    values = {
+        "title": f"uneven {name}",
+        "platform": {"preset": "liu2000", "parameters": PARAMETERS},
+        "plant": {"parameters": MACHINE},
+        "reference": {"type": "hold", "position": POSE[:3].tolist(), "orientation": POSE[3:].tolist()},
+        "controller": controller,
+        "loop": {"duration": 1.0, "sample_time": options["sample_time"], "delay": options["delay"]},
+        "actuators": {"lag": options["lag"]},
+    }
+    return gs.Experiment(**(values | tables))

@@ -11,11 +11,11 @@ from gough_stewart.harness.control.controllers import OpenLoop
 from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.experiment.batch import Prepared
-from gough_stewart.harness.experiment.file import with_settings
+from gough_stewart.harness.experiment.file import without_none
+from gough_stewart.harness.experiment.overrides import with_settings
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.experiment.recording import FORMAT
+from gough_stewart.harness.experiment.run import FORMAT
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.experiment.setting_file import without_none
 from gough_stewart.harness.export.live.behind import behind_of
 from gough_stewart.harness.export.machine import Block, fields, machine_of
 from gough_stewart.harness.export.turned import MOST_DELAY, POLES, WANTED, Turned, turned_of

@@ -8,7 +8,7 @@ from typer.testing import CliRunner, Result
 
 import gough_stewart as gs
 from gough_stewart.harness.cli.app import app
-from gough_stewart.harness.experiment.check_report import PATHS as OF_CHECKS
+from gough_stewart.harness.experiment.checking import PATHS as OF_CHECKS
 from gough_stewart.harness.experiment.file import shipped_text
 from gough_stewart.harness.experiment.margins_report import PATHS as OF_MARGINS
 

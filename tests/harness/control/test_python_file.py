@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.file import experiment_from
-from gough_stewart.harness.experiment.named_files import digests
+from gough_stewart.harness.experiment.file import digests, experiment_from
 
 T = 0.002
 MASS = gs.load_preset("motion_base").platform_mass

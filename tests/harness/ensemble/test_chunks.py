@@ -12,7 +12,7 @@ from gough_stewart.harness.ensemble.columns import INTEGRATION_ERROR, INTERNAL_S
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.plan import Plan, plan_from, plan_of
+from gough_stewart.harness.experiment.plan import EnsemblePlan, plan_from, plan_of
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.bands import MOST_MEMBERS, MOST_TIMES
@@ -25,12 +25,12 @@ from tests.support.small_ensemble import small
 
 
 @pytest.fixture(scope="module")
-def plan() -> Plan:
+def plan() -> EnsemblePlan:
     return plan_of(small())
 
 
 @pytest.fixture(scope="module")
-def whole(plan: Plan) -> Chunk:
+def whole(plan: EnsemblePlan) -> Chunk:
     return chunk(plan, 0, 40)
 
 
@@ -39,7 +39,9 @@ def same(a: polars.DataFrame, b: polars.DataFrame) -> bool:
 
 
 @pytest.mark.parametrize(("first", "last"), [(0, 1), (7, 8), (3, 13), (13, 40)])
-def test_a_member_has_the_same_bits_alone_and_among_others(plan: Plan, whole: Chunk, first: int, last: int) -> None:
+def test_a_member_has_the_same_bits_alone_and_among_others(
+    plan: EnsemblePlan, whole: Chunk, first: int, last: int
+) -> None:
     part = chunk(plan, first, last)
     assert same(part.rows, whole.rows[first:last])
     possible = np.cumsum(whole.rows["outcome"].to_numpy() != "impossible")
@@ -47,7 +49,7 @@ def test_a_member_has_the_same_bits_alone_and_among_others(plan: Plan, whole: Ch
     assert np.array_equal(part.bands.values, whole.bands.values[:, :, a:b], equal_nan=True)
 
 
-def test_a_plan_reads_back_from_its_text(plan: Plan, whole: Chunk) -> None:
+def test_a_plan_reads_back_from_its_text(plan: EnsemblePlan, whole: Chunk) -> None:
     again = plan_from(plan.text)
     assert again == plan
     assert same(chunk(again, 20, 25).rows, whole.rows[20:25])
@@ -65,7 +67,7 @@ def test_impossible_members_are_rows_with_their_reason(whole: Chunk) -> None:
     assert lost["ended"].null_count() == len(lost)
 
 
-def test_a_chunk_of_which_nobody_can_run_is_like_any_other(plan: Plan, whole: Chunk) -> None:
+def test_a_chunk_of_which_nobody_can_run_is_like_any_other(plan: EnsemblePlan, whole: Chunk) -> None:
     """Expected: the row that the member has among others, with the same columns and types, and bands of nobody."""
     k = whole.rows["outcome"].to_list().index("impossible", 7)
     part = chunk(plan, k, k + 1)
@@ -94,7 +96,7 @@ def test_a_row_holds_the_figures_of_merit_of_the_members_record(whole: Chunk) ->
     assert record.metadata["outcome"]["time"] == row["ended"] == pytest.approx(0.06)
 
 
-def test_bands_and_record_of_a_member_are_the_same_run(plan: Plan) -> None:
+def test_bands_and_record_of_a_member_are_the_same_run(plan: EnsemblePlan) -> None:
     """Expected: bit for bit the poses of the record at the times of the bands."""
     bands, record = chunk(plan, 11, 12).bands, gs.run(small(), member=11)
     rows = np.searchsorted(record["time"], bands.time - 1e-9)

@@ -15,7 +15,7 @@ from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.report.proportions import quantile_interval
-from gough_stewart.harness.sampling.design import Design, Sampling
+from gough_stewart.harness.sampling.design import Sampling, SamplingDesign
 from gough_stewart.model.vectors import FloatArray
 from tests.support.coverage import RESPONSES, SHARES, coverage, drawn, ends_of_median
 from tests.support.ensembles import INPUTS, ensemble_of
@@ -66,7 +66,7 @@ def test_whiskers_of_a_regression_are_those_of_its_hundred_resamples(failed: int
 
 def test_whiskers_of_indices_are_those_of_their_hundred_resamples() -> None:
     """Expected: the sums of Saltelli's estimators, point by point; 1.96 deviations of resampled points."""
-    design = Design("saltelli", 5, 6 * 40, INPUTS, (1, 1, 1, 1), ((0,), (1,), (2,), (3,)))
+    design = SamplingDesign("saltelli", 5, 6 * 40, INPUTS, (1, 1, 1, 1), ((0,), (1,), (2,), (3,)))
     x = np.sqrt(12) * (design.points(0, design.members) - 0.5)
     outcome = ["completed"] * len(x)
     outcome[6 * 7 + 2] = "stopped"

@@ -22,7 +22,7 @@ def test_members_with_other_times_of_changes_are_judged_apart() -> None:
     assert sorted(times) == [0.1, 1.9]
     late = times.index(1.9)
     batch = batch.take([late, 1 - late])
-    kept = LegErrors(batch.timing[0])
+    kept = LegErrors(batch.timing)
     kept.start(2)
     wave = 1e-3 * np.sin(2 * np.pi * 23 * kept.time)
     kept.errors[:, 2, :] = wave[:, None]

@@ -12,9 +12,8 @@ from gough_stewart.harness.ensemble import ensemble as runner
 from gough_stewart.harness.ensemble.local import chunks_here
 from gough_stewart.harness.ensemble.statistics import worst_members
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
-from gough_stewart.harness.experiment.fingerprint import fingerprint
-from gough_stewart.harness.experiment.plan import plan_from, plan_of
-from gough_stewart.harness.experiment.recording import records_of
+from gough_stewart.harness.experiment.plan import fingerprint, plan_from, plan_of
+from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.tuning.files import tuning_files
 from tests.support.memory import BESIDE, EXPERIMENT, FILE, RMS, SHORT, WAYS, Pid

@@ -16,7 +16,7 @@ from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.report.terminal import TerminalTable
-from gough_stewart.harness.sampling.design import Design
+from gough_stewart.harness.sampling.design import SamplingDesign
 from gough_stewart.model.vectors import FloatArray
 from tests.support.ensembles import INPUTS, SLOPES, ensemble_of
 
@@ -126,7 +126,7 @@ def test_an_ensemble_shows_itself_in_a_few_lines() -> None:
 
 def test_sobol_indices_are_those_of_the_closed_form() -> None:
     """Expected: y = a · x has aₖ² / |a|² alone and in total; of a product nothing alone, all in total."""
-    design = Design("saltelli", 5, 6 * 1024, INPUTS, (1, 1, 1, 1), ((0,), (1,), (2,), (3,)))
+    design = SamplingDesign("saltelli", 5, 6 * 1024, INPUTS, (1, 1, 1, 1), ((0,), (1,), (2,), (3,)))
     # uniform of unit deviation
     x = np.sqrt(12) * (design.points(0, design.members) - 0.5)
     ensemble = ensemble_of(x, sampling="saltelli")
@@ -163,7 +163,7 @@ def test_sobol_indices_and_their_confidence_agree_with_scipy() -> None:
 
 def test_a_point_of_which_a_member_failed_is_left_out_whole() -> None:
     """Expected: the indices of the others; six members are missing, those of a point of four inputs."""
-    design = Design("saltelli", 5, 6 * 512, INPUTS, (1, 1, 1, 1), ((0,), (1,), (2,), (3,)))
+    design = SamplingDesign("saltelli", 5, 6 * 512, INPUTS, (1, 1, 1, 1), ((0,), (1,), (2,), (3,)))
     x = np.sqrt(12) * (design.points(0, design.members) - 0.5)
     outcome = ["completed"] * len(x)
     outcome[6 * 100 + 3] = "diverged"

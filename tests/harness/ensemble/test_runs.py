@@ -19,7 +19,7 @@ from gough_stewart.harness.ensemble.chunk import chunk as chunk_of_plan
 from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
 from gough_stewart.harness.ensemble.local import Range, chunks_here
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
-from gough_stewart.harness.experiment.plan import Plan
+from gough_stewart.harness.experiment.plan import EnsemblePlan
 from gough_stewart.harness.plants.isolated import Isolated
 from gough_stewart.harness.report.requirements import with_requirements
 from gough_stewart.model.errors import OutputError
@@ -100,7 +100,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / FOLDER).iterdir()}
     asked = list[Any]()
 
-    def counted(plan: Plan, ranges: Sequence[Range], workers: int) -> Iterator[Any]:
+    def counted(plan: EnsemblePlan, ranges: Sequence[Range], workers: int) -> Iterator[Any]:
         asked.extend(ranges)
         return chunks_here(plan, ranges, workers)
 
@@ -233,7 +233,7 @@ def test_this_process_is_one_of_the_workers(
     own, elsewhere = list[int](), list[int]()
     call = Isolated.call
 
-    def here(plan: Plan, first: int, last: int, threads: int = 1) -> Any:
+    def here(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Any:
         own.append(first)
         return chunk_of_plan(plan, first, last, threads)
 

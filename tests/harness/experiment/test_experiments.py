@@ -1,4 +1,4 @@
-"""Experiment files: what they may say, and what is told about those that are wrong."""
+"""Experiment files and settings: what they may say, and what is told about those that are wrong."""
 
 import re
 import tomllib
@@ -7,28 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from gough_stewart.harness.control.controllers import PID
-from gough_stewart.harness.errors import ExperimentError, ReachError
-from gough_stewart.harness.experiment.file import (
-    experiment_from,
-    experiment_names,
-    experiment_of,
-    load_experiment,
-    shipped_experiment,
-    shipped_text,
-    with_settings,
-)
-from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.experiment.schema import Experiment, LoopChoice
-from gough_stewart.harness.motion.references import PointToPoint, Step
-from gough_stewart.harness.quantities import UNITS, number
-from gough_stewart.model.platform_toml import preset_text
+import gough_stewart as gs
 
-SHIPPED = experiment_names()
-GOOD = shipped_text("heave_step")
+SHIPPED = gs.experiment_names()
+GOOD = (Path(__file__).parents[3] / "harness/experiment/shipped/heave_step.toml").read_text("utf-8")
 
 
 def written(folder: Path, text: str) -> Path:
@@ -37,22 +20,12 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_experiments_can_be_prepared(name: str) -> None:
-    """Expected: as many rows and samples as the clocks say."""
-    prepared = prepare(shipped_experiment(name))
-    timing = prepared.loop.timing
-    assert len(timing.times) == timing.steps + 1
-    assert prepared.loop.feedforward.shape == (len(timing.samples), 6)
-
-
 def test_the_control_page_names_every_shipped_experiment() -> None:
     """Expected: the list of docs/control.md."""
     page = (Path(__file__).parents[3] / "docs" / "control.md").read_text()
     assert [name for name in SHIPPED if f"`{name}`" not in page] == []
 
 
-# What is replaced in heave_step, by what, and what the message has to name: key, value, remedy.
 BROKEN = {
     "unknown key": ('title = "heave', 'titel = "heave', "titel: unknown key.*did you mean 'title'"),
     "unknown key in a table": ("delay = 1", "latency = 1", "loop.latency: unknown key .= 1."),
@@ -153,11 +126,10 @@ def test_a_broken_file_names_key_value_and_remedy(what: str, tmp_path: Path) -> 
     old, new, match = BROKEN[what]
     assert old in GOOD
     path = written(tmp_path, GOOD.replace(old, new, 1))
-    with pytest.raises(ExperimentError, match=rf"(?s)mine\.toml: .*{match}"):
-        load_experiment(path)
+    with pytest.raises(gs.GoughStewartError, match=rf"(?s)mine\.toml: .*{match}"):
+        gs.load_experiment(path)
 
 
-# Files that can be read and still make no experiment: settings, and what the message has to name.
 IMPOSSIBLE = {
     "a preset that is not there": (
         ["platform.preset=motionbase"],
@@ -222,37 +194,33 @@ IMPOSSIBLE = {
 
 @pytest.mark.parametrize("what", IMPOSSIBLE)
 def test_an_impossible_experiment_names_its_part(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: part, value and remedy, before anything runs; a setting `key=` takes a key out of the file."""
     monkeypatch.chdir(tmp_path)
     settings, match = IMPOSSIBLE[what]
     values = tomllib.loads(GOOD)
-    values = with_settings(values, [s for s in settings if not s.endswith("=")])
-    for setting in settings:
-        if setting.endswith("="):
-            *path, last = setting[:-1].split(".")
-            table: Any = values
-            for name in path:
-                table = table[name]
-            del table[last]
-    with pytest.raises(ExperimentError, match=rf"(?s){match}"):
-        prepare(experiment_from(values))
+    for *path, last in [setting[:-1].split(".") for setting in settings if setting.endswith("=")]:
+        table: Any = values
+        for name in path:
+            table = table[name]
+        del table[last]
+    with pytest.raises(gs.GoughStewartError, match=rf"(?s){match}"):
+        gs.run(gs.Experiment(**values), [setting for setting in settings if not setting.endswith("=")])
 
 
 def test_a_reference_out_of_reach_is_refused_with_time_and_leg() -> None:
     """Expected: the step of 2 m at 0.2 s leaves the stroke of every leg; the first is named."""
-    with pytest.raises(ReachError, match=r"0\.2 s.*leg 1") as caught:
-        prepare(shipped_experiment("heave_step", ["reference.position_change=[0, 0, 2.0]"]))
-    assert caught.value.time == pytest.approx(0.2)
-    assert caught.value.leg == 1
+    with pytest.raises(gs.GoughStewartError, match=r"0\.2 s.*leg 1") as caught:
+        gs.run("heave_step", {"reference.position_change": [0, 0, 2.0]})
+    data: Any = caught.value
+    assert (data.time, data.leg) == (pytest.approx(0.2), 1)
 
 
-def test_an_experiment_made_in_python_is_that_of_the_file() -> None:
+def test_an_experiment_made_in_python_is_that_of_the_file(tmp_path: Path) -> None:
     """Expected: the same keys give the same experiment, in texts or numbers; settings find their kinds again."""
-    made = Experiment(
-        title="two degrees",
-        reference=PointToPoint(orientation_change=[0, np.pi / 90, 0], at=0.1, duration=0.5),
-        controller=PID(proportional_gain=[4e5, 5e5, 4e5, 5e5, 4e5, 6e5], derivative_gain=9e3, integral_time=0.5),
-        loop=LoopChoice(duration=1, sample_time=2e-3, plant_step=5e-4),
-    )
+    controller = gs.PID(proportional_gain=[4e5, 5e5, 4e5, 5e5, 4e5, 6e5], derivative_gain=9e3, integral_time=0.5)
+    reference: Any = {"type": "point_to_point", "orientation_change": [0, np.pi / 90, 0], "at": 0.1, "duration": 0.5}
+    loop: Any = {"duration": 1, "sample_time": 2e-3, "plant_step": 5e-4}
+    made = gs.Experiment(title="two degrees", reference=reference, controller=controller, loop=loop)
     text = """
     title = "two degrees"
     reference = {type = "point_to_point", orientation_change = [0, "2 deg", 0], at = "100 ms", duration = 0.5}
@@ -263,124 +231,177 @@ def test_an_experiment_made_in_python_is_that_of_the_file() -> None:
     derivative_gain = "9 kN.s/m"
     integral_time = 0.5
     """
-    assert made == experiment_from(tomllib.loads(text))
-    slower = experiment_of(made, {"loop.delay": 2, "reference.duration": "0.8 s"})
+    read = gs.load_experiment(written(tmp_path, text))
+    assert made.model_dump() == read.model_dump()
+    slower = gs.Experiment(**{**made.model_dump(exclude_unset=True), "loop": {**loop, "delay": 2}})
     assert slower.controller == made.controller
-    assert slower.reference == PointToPoint(orientation_change=[0, np.pi / 90, 0], at=0.1, duration=0.8)
-    assert slower.loop.delay == 2
-
-
-def test_an_experiment_made_in_python_is_refused_by_the_keys_of_the_file() -> None:
-    controller: Any = {"type": "pd", "bandwith": 2}
-    with pytest.raises(ExperimentError, match=r"controller\.bandwith: unknown key .= 2.; did you mean 'bandwidth'"):
-        Experiment(title="x", controller=controller, loop=LoopChoice(duration=1))
-    with pytest.raises(ExperimentError, match=r"^duration: is -1; expected > 0 s$"):
-        LoopChoice(duration=-1)
-
-
-def test_a_controller_in_the_place_of_an_open_loop_takes_its_forces_away() -> None:
-    """Expected: of the plan only the feedforward stays; here the open loop's 1 N … 6 N beside none."""
-    settings = ["controller={type='open_loop', force=[1, 2, 3, 4, 5, 6]}"]
-    experiment = shipped_experiment("hold_against_gravity", settings)
-    assert prepare(experiment).loop.feedforward[7].tolist() == [1, 2, 3, 4, 5, 6]
-    replaced = prepare(experiment, lambda _sample: np.zeros(6))
-    assert replaced.controller is not None
-    assert not replaced.loop.feedforward.any()
+    wrong: Any = {"type": "pd", "bandwith": 2}
+    with pytest.raises(gs.GoughStewartError, match=r"controller\.bandwith: unknown key .= 2.; did you mean"):
+        gs.Experiment(title="x", controller=wrong, loop=loop)
 
 
 def test_units_need_no_space(tmp_path: Path) -> None:
     """Expected: the same numbers with and without."""
     dense = re.sub(r'"(-?[0-9.]+) ([a-zA-Z]+)"', r'"\1\2"', GOOD)
     assert dense != GOOD
-    assert (
-        load_experiment(written(tmp_path, dense)).model_dump() == load_experiment(written(tmp_path, GOOD)).model_dump()
-    )
+    expected = gs.load_experiment(written(tmp_path, GOOD)).model_dump()
+    assert gs.load_experiment(written(tmp_path, dense)).model_dump() == expected
 
 
-def test_a_platform_file_is_no_experiment(tmp_path: Path) -> None:
-    with pytest.raises(ExperimentError, match=r"mine.toml: is a platform file; expected an experiment that names it"):
-        load_experiment(written(tmp_path, preset_text("liu2000")))
+def test_a_platform_file_is_known_by_two_of_its_keys(tmp_path: Path) -> None:
+    """Expected: joints and mass make a platform; one of them is an unknown key of an experiment."""
+    start = 'title = "x"\nloop.duration = 1\ncontroller = {type = "pd", bandwidth = 1}\n'
+    for lines, says in (
+        (
+            "platform_mass = 3\nbase_points = []\n",
+            "mine.toml: is a platform file; expected an experiment",
+        ),
+        ("platform_mass = 3\n", "platform_mass: unknown key"),
+        ("base_points = []\n", "base_points: unknown key"),
+    ):
+        with pytest.raises(gs.GoughStewartError, match=says):
+            gs.load_experiment(written(tmp_path, start + lines))
 
 
-def test_a_missing_file_names_a_shipped_one_of_that_name(tmp_path: Path) -> None:
-    with pytest.raises(ExperimentError, match=r"heave_ste.toml: cannot read.*did you mean 'heave_step', which ships"):
-        load_experiment(tmp_path / "heave_ste.toml")
-    with pytest.raises(ExperimentError, match=r"no such experiment; did you mean 'heave_step'"):
-        shipped_experiment("heave_stp")
+def test_what_is_no_experiment_is_refused_with_the_nearest(tmp_path: Path) -> None:
+    for name, says in (
+        (tmp_path / "heave_ste.toml", r"heave_ste.toml: cannot read.*did you mean 'heave_step', which ships"),
+        ("heave_stp", r"cannot read this experiment.*'heave_step'"),
+        ("nothing_like_it", r"expected a TOML file, or a shipped experiment, which `gough-stewart experiments` lists"),
+        (3, r"experiment is 3; expected an Experiment, the name of a shipped one such as"),
+    ):
+        with pytest.raises((gs.GoughStewartError, TypeError), match=says):
+            gs.run(name)  # type: ignore[arg-type]
 
 
-def test_settings_replace_and_add() -> None:
-    """Expected: TOML values at their places, bare words as texts, arrays of tables by 1-based number."""
-    settings = [
-        "loop.delay=3",
-        "plant.kind=fmu2",
-        "reference.position_change=[0, 0, '5 mm']",
-        "sensors.noise.leg_length='2 um'",
-        "sensors.seed=7",
-    ]
-    experiment = shipped_experiment("heave_step", settings)
-    assert (experiment.loop.delay, experiment.plant.kind, experiment.sensors.seed) == (3, "fmu2", 7)
-    assert isinstance(experiment.reference, Step)
-    assert experiment.reference.position_change == (0, 0, 0.005)
-    assert experiment.sensors.noise == {"leg_length": pytest.approx(2e-6)}
-    assert shipped_experiment("impulse", ["disturbance.1.force=['3 kN', 0, 0]"]).disturbance[0].force == (3000, 0, 0)
+def test_settings_are_a_mapping_or_texts_that_replace_and_add() -> None:
+    """Expected: TOML values at their places, bare words as texts, arrays as lists, and what is in no text as it is."""
+    texts = ["loop.delay=3", "plant.kind=fmu2", "reference.position_change=[0, 0, '5 mm']", "sensors.seed=7"]
+    texts += ["sensors.noise={leg_length=1e-6, position='2 um'}", "title= a longer = title ", "ensemble.margins=true"]
+    mapping: dict[str, Any] = {
+        "loop.delay": np.int64(3),
+        "plant.kind": "fmu2",
+        "reference.position_change": np.array([0, 0, 0.005]),
+        "sensors.seed": 7,
+        "sensors.noise": {"leg_length": 1e-6, "position": "2 um"},
+        "title": "a longer = title",
+        "ensemble.margins": True,
+    }
+    found = gs.load_experiment("heave_step", texts)
+    assert found.model_dump() == gs.load_experiment("heave_step", mapping).model_dump()
+    assert (found.loop.delay, found.plant.kind, found.sensors.seed) == (3, "fmu2", 7)
+    assert found.model_dump()["reference"]["position_change"] == (0, 0, 0.005)
+    assert found.sensors.noise == {"leg_length": 1e-6, "position": pytest.approx(2e-6)}
+    assert found.changed["loop.delay"] == {"value": 3, "file": 1}
+    assert gs.load_experiment("heave_step", "loop.delay=3").loop.delay == 3
+    # of a key that is set twice the file's value stays known
+    again = gs.run(found, {"plant.kind": "model", "loop.delay": 4, "loop.duration": 0.01, "reference.at": 5e-3})
+    assert again.metadata["settings"]["loop.delay"] == {"value": 4, "file": 1}
+
+
+def test_elements_of_lists_are_set_by_their_number_from_one() -> None:
+    """Expected: the first and the last of two; none before, after or between."""
+    two = [{"at": 0.1, "duration": 0.1, "force": [1, 2, 3]}, {"at": 0.3, "duration": 0.2, "torque": [4, 5, 6]}]
+    loaded = gs.load_experiment("impulse", {"disturbance": two})
+    moved = gs.load_experiment("impulse", {"disturbance": two, "disturbance.2.at": 0.4, "disturbance.1.duration": 0.05})
+    assert [each.at for each in moved.disturbance] == [0.1, 0.4]
+    assert [each.duration for each in moved.disturbance] == [0.05, 0.2]
+    assert moved.disturbance[1].torque == loaded.disturbance[1].torque == (4, 5, 6)
+    for key in ("disturbance.0.at", "disturbance.3.at", "disturbance.x.at", "disturbance.-1.at", "title.1.at"):
+        with pytest.raises(gs.GoughStewartError, match=rf"^setting '{key}': {key[:-3]} is not a table"):
+            gs.load_experiment("impulse", {"disturbance": two, key: 1})
+    # given experiments are not changed
+    assert [each.at for each in loaded.disturbance] == [0.1, 0.3]
 
 
 @pytest.mark.parametrize(
-    "setting",
-    ["loop.duration=0.1\nother=3", "loop.duration", "=3", "loop..delay=1", "title.more=1", "disturbance.2.at=1"],
+    ("settings", "says"),
+    [
+        *(([text], f"--set {text}") for text in ("loop.duration", "=3", "loop..delay=1", "title.more=1", "a=1\nb=3")),
+        *(({key: 1}, f"setting '{key}'") for key in ("", "loop..delay", "title.more")),
+    ],
 )
-def test_settings_that_are_none_are_refused(setting: str) -> None:
-    with pytest.raises(ExperimentError, match="--set"):
-        shipped_experiment("impulse", [setting])
+def test_settings_that_are_none_are_refused_by_their_name(settings: Any, says: str) -> None:
+    with pytest.raises(gs.GoughStewartError) as caught:
+        gs.load_experiment("impulse", settings)
+    assert str(caught.value).startswith(says)
 
 
-@pytest.mark.parametrize("unit", UNITS)
-def test_units_are_multiples_of_the_si_unit(unit: str) -> None:
-    """Expected: the SI unit itself counts 1; a number alone is SI."""
-    assert number(f"2.5 {unit}", unit) == 2.5
-    assert number(2.5, unit) == 2.5
+SHORT = {"loop.duration": 0.03, "loop.plant_step": 0.0005, "reference.frequency": 3.0, "plant.kind": "model"}
 
 
-def test_hertz_are_not_radians_a_second() -> None:
-    """Expected: 2π rad/s = 1 Hz = 60 rpm; 180 deg = π rad."""
-    assert number(f"{2 * np.pi} rad/s", "Hz") == pytest.approx(1.0)
-    assert number("60 rpm", "Hz") == pytest.approx(1.0)
-    assert number("180 deg", "rad") == pytest.approx(np.pi)
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An experiment of one's own, with its platform beside it."""
+    folder = tmp_path_factory.mktemp("own")
+    circle = (Path(__file__).parents[3] / "harness/experiment/shipped/circle.toml").read_text("utf-8")
+    (folder / "mine.toml").write_text(circle.replace('preset = "liu2000"', 'file = "heavy.toml"'), encoding="utf-8")
+    text = (Path(__file__).parents[3] / "model/presets/liu2000.toml").read_text("utf-8")
+    (folder / "heavy.toml").write_text(text.replace("platform_mass = 10", "platform_mass = 13"), encoding="utf-8")
+    return folder
 
 
-@given(value=st.floats(-1e6, 1e6))
-def test_millimetres_are_thousandths(value: float) -> None:
-    """Expected: the definition."""
-    assert number(f"{value!r} mm", "m") == pytest.approx(value * 1e-3)
+def test_a_file_a_name_and_an_experiment_run_alike(folder: Path) -> None:
+    """Expected: bit by bit the same records; the file names a platform of 13 kg beside it, settings leave it there."""
+    from_file = gs.run(folder / "mine.toml", SHORT)
+    as_text = gs.run(str(folder / "mine.toml"), SHORT)
+    loaded = gs.run(gs.load_experiment(folder / "mine.toml"), SHORT)
+    whole = gs.run(gs.load_experiment(folder / "mine.toml", SHORT))
+    by_name = gs.run("circle", {**SHORT, "platform.parameters": {"platform_mass": 13}})
+    for other in (as_text, loaded, whole, by_name):
+        assert other.table.equals(from_file.table)
+    assert from_file.metadata["platform"]["platform_mass"] == 13
+    assert len(from_file["time"]) == 61
 
 
-def test_disturbances_add_up_where_they_overlap() -> None:
-    """Expected: 2 kN from 0.5 s, 2 + 1 from 0.52, 1 from 0.55, none from 0.62."""
-    settings = [
-        "disturbance=[{at=0.5, duration=0.05, force=[2000, 0, 0]}, {at=0.52, duration=0.1, force=[1000, 0, 5]}]"
-    ]
-    changes = prepare(shipped_experiment("impulse", settings)).loop.changes
-    assert [change.time for change in changes] == pytest.approx([0.5, 0.52, 0.55, 0.62])
-    wrenches = np.array([change.external_wrench for change in changes])
-    assert wrenches[:, 0].tolist() == [2000, 3000, 1000, 0]
-    assert wrenches[:, 2].tolist() == [0, 5, 5, 0]
+def test_a_file_of_a_shipped_name_goes_first(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "circle").write_text((folder / "mine.toml").read_text("utf-8"), encoding="utf-8")
+    assert gs.load_experiment("circle").platform.file == "heavy.toml"
 
 
-def test_factors_are_of_the_values_just_before() -> None:
-    """Expected: 10 kg · 1.5 · 2 = 30 kg."""
-    settings = ["change=[{at=2, factors={platform_mass=2}}, {at=1, factors={platform_mass=1.5}}]"]
-    changes = prepare(shipped_experiment("payload_change", settings)).loop.changes
-    assert [change.parameters["platform_mass"] for change in changes] == [15.0, 30.0]
+_WRITTEN = """
+[require]
+tracking.position.norm_peak = "<= 1 mm"
+"force.peak" = ["<= 800 N for 95 % of members", "> 0"]
+"""
 
 
-def test_a_change_to_six_values_of_friction_changes_each_leg() -> None:
-    """Expected: the mean 3.5 of 1 to 6, and each value over it; a plant takes both."""
-    change = "change=[{at=1, parameters={leg_viscous_friction=[1, 2, 3, 4, 5, 6]}}]"
-    prepared = prepare(
-        shipped_experiment("heave_step", [change, "plant.parameters.leg_coulomb_friction=[6,5,4,3,2,1]"])
-    )
-    (made,) = prepared.loop.changes
-    assert made.parameters["leg_viscous_friction"] == 3.5
-    assert np.allclose(np.array(made.parameters["leg_viscous_friction_factor"]), np.arange(1, 7) / 3.5, rtol=1e-15)
-    assert np.allclose(prepared.machine.leg_coulomb_friction_factor, np.arange(6, 0, -1) / 3.5, rtol=1e-15)
+def test_requirements_have_paths_with_dots_or_quoted(tmp_path: Path) -> None:
+    """Expected: each condition in words, also of a changed experiment; others are refused by file and key."""
+    found = gs.load_experiment(written(tmp_path, GOOD + _WRITTEN))
+    conditions = ("tracking.position.norm_peak <= 1 mm", "force.peak <= 800 N for 95 % of members", "force.peak > 0")
+    assert found.requirements == conditions
+    assert gs.load_experiment(written(tmp_path, GOOD + _WRITTEN), {"loop.delay": 3}).requirements == conditions
+    assert found.model_dump(mode="json")["require"]["tracking.position.norm_peak"] == ["<= 1 mm"]
+    for text, says in (
+        ('force.peak = "800 N"', "the requirement 'force.peak 800 N' cannot be read; expected PATH <= NUMBER UNIT"),
+        ("force.peak = 800", "force.peak is 800; expected a condition, such as '<= 1 mm', or a list of them"),
+        ('force.peak = ["<= 1 N", 3]', r"force.peak is \['<= 1 N', 3\]; expected a condition"),
+    ):
+        with pytest.raises(gs.GoughStewartError, match=f"mine.toml: require: .*{says}"):
+            gs.load_experiment(written(tmp_path, f"{GOOD}\n[require]\n{text}\n"))
+
+
+BASE: dict[str, Any] = {"title": "x", "controller": {"type": "pd", "bandwidth": 2}, "loop": {"duration": 1}}
+
+
+def test_parameters_of_platforms_may_have_units() -> None:
+    """Expected: the conversions written out here; numbers without unit are SI."""
+    change = {"at": 0.1, "parameters": {"platform_mass": "1.1 t"}}
+    parameters = {"platform_mass": "900 kg", "platform_com": ["10 mm", 0, "2 cm"], "leg_length_max": "3000 mm"}
+    plant = {"leg_coulomb_friction": ["0.5 kN", 400, 300, 300, 300, 300], "gravity": [0, 0, "-9.8 m/s2"]}
+    tables = {"platform": {"parameters": parameters}, "plant": {"parameters": plant}, "change": [change]}
+    experiment = gs.Experiment(**(BASE | tables))
+    assert experiment.platform.parameters == {
+        "platform_mass": 900,
+        "platform_com": pytest.approx([0.01, 0, 0.02], rel=1e-15),
+        "leg_length_max": 3,
+    }
+    assert experiment.plant.parameters["leg_coulomb_friction"] == [500, 400, 300, 300, 300, 300]
+    assert experiment.plant.parameters["gravity"] == [0, 0, -9.8]
+    assert experiment.change[0].parameters["platform_mass"] == pytest.approx(1100, rel=1e-15)
+    with pytest.raises(gs.GoughStewartError, match=r"plant\.parameters.*platform_mass is '12 mm'.*found the unit 'mm'"):
+        gs.Experiment(**{**BASE, "plant": {"parameters": {"platform_mass": "12 mm"}}})
+    arrays = gs.Experiment(**{**BASE, "platform": {"parameters": {"platform_com": np.array([0.0, 0.1, 0.2])}}})
+    assert arrays.model_dump(mode="json")["platform"]["parameters"]["platform_com"] == [0, 0.1, 0.2]

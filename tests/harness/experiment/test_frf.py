@@ -8,25 +8,18 @@ import numpy as np
 import polars
 import pytest
 
+import gough_stewart as gs
 from gough_stewart.harness.control.frequency_response import Response
-from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.errors import ExperimentError, RecordError
-from gough_stewart.harness.experiment.file import experiment_from, load_experiment
-from gough_stewart.harness.experiment.files import save_record
-from gough_stewart.harness.experiment.frf import FrequencyResponse, frf
-from gough_stewart.harness.experiment.frf_report import loop_is_known
-from gough_stewart.harness.experiment.run import run
+from gough_stewart.harness.experiment.frf import loop_is_known
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.metrics import metrics
-from gough_stewart.harness.results.record import Record, plain, read_record
 from tests.support.commands import invoke
-from tests.support.uneven import UNEVEN
+from tests.support.uneven import PARAMETERS
 
-PARTS = {name: value for name, value in plain(UNEVEN).items() if name not in ("name", "source")}
-PARTS |= {"leg_coulomb_friction": 0.0}
+PARTS = {**PARAMETERS, "leg_coulomb_friction": 0.0}
 
 
-def uneven_run(injection: dict[str, Any], **tables: Any) -> Record:
+def uneven_run(injection: dict[str, Any], **tables: Any) -> gs.Record:
     """PD about the home pose of an uneven platform, one sample late."""
     values: dict[str, Any] = {
         "title": "uneven",
@@ -37,7 +30,7 @@ def uneven_run(injection: dict[str, Any], **tables: Any) -> Record:
         "loop": {"duration": 2.5, "sample_time": 2e-3, "plant_step": 1e-3, "delay": 1},
         "injection": injection,
     }
-    return run(experiment_from(values | tables))
+    return gs.run(gs.Experiment(**values | tables))
 
 
 @pytest.mark.parametrize(
@@ -50,7 +43,7 @@ def uneven_run(injection: dict[str, Any], **tables: Any) -> Record:
 )
 def test_small_injections_give_the_loop_of_the_linear_model(injection: dict[str, Any]) -> None:
     """Expected: to 1e-5 of S, what is not linear at 0.2 N; `linearise` differentiates, the run integrates."""
-    found = frf(uneven_run(injection))
+    found = gs.frf(uneven_run(injection))
     assert found.predicted is not None
     S = 1 / (1 + found.predicted)
     assert np.abs(found.measured.S - S).max() < 1e-5
@@ -66,7 +59,7 @@ def test_a_mass_on_six_springs_has_its_closed_form() -> None:
     """
     light: dict[str, Any] = dict.fromkeys(("leg_lower_mass", "leg_upper_mass"), 1e-9)
     light |= dict.fromkeys(("leg_lower_inertia", "leg_upper_inertia"), 0.0) | {"gravity": [0.0, 0.0, 0.0]}
-    values = {
+    values: dict[str, Any] = {
         "title": "springs",
         "platform": {"preset": "liu2000", "parameters": light},
         "plant": {"tolerance": 1e-11},
@@ -77,9 +70,9 @@ def test_a_mass_on_six_springs_has_its_closed_form() -> None:
     }
     k, d, m, T = 2000.0, 60.0, 10.0, 4e-3
     gains = np.hstack([k * np.eye(6), d * np.eye(6)])
-    law = LinearController(control.ss([], [], [], gains, T), ("leg_length", "leg_velocity"))
-    record = run(experiment_from(values), controller=law)
-    found = frf(record, controller=law)
+    law = gs.LinearController(control.ss([], [], [], gains, T), ("leg_length", "leg_velocity"))
+    record = gs.run(gs.Experiment(**values), controller=law)
+    found = gs.frf(record, controller=law)
     n2 = 6 * (record["reference.position"][0, 2] ** 2) / record["reference.leg_length"][0, 0] ** 2
     z = np.exp(2j * np.pi * found.frequency * T)
     L = n2 * (k * T**2 / (2 * m) * (z + 1) / (z - 1) ** 2 + d * T / (m * (z - 1)))
@@ -95,7 +88,7 @@ def test_noise_lowers_coherence_and_circles_reach_the_linear_model() -> None:
     """
     injection = {"type": "multisine", "leg": 4, "amplitude": 2.0, "band": [4, 100], "period": 0.25}
     sensors = {"noise": {"leg_length": 2e-6}, "seed": 8}
-    found = frf(uneven_run(injection, sensors=sensors, loop={"duration": 2.5, "sample_time": 2e-3, "delay": 1}))
+    found = gs.frf(uneven_run(injection, sensors=sensors, loop={"duration": 2.5, "sample_time": 2e-3, "delay": 1}))
     assert found.predicted is not None
     gap = np.abs(found.measured.S - 1 / (1 + found.predicted))
     assert len(gap) == 24
@@ -105,13 +98,13 @@ def test_noise_lowers_coherence_and_circles_reach_the_linear_model() -> None:
 
 
 @pytest.fixture(scope="module")
-def shipped() -> Record:
-    return run("frequency_response", {"loop.duration": 3, "loop.sample_time": 2e-3})
+def shipped() -> gs.Record:
+    return gs.run("frequency_response", {"loop.duration": 3, "loop.sample_time": 2e-3})
 
 
-def test_the_shipped_experiment_shows_its_loop(shipped: Record) -> None:
+def test_the_shipped_experiment_shows_its_loop(shipped: gs.Record) -> None:
     """Expected: what the linear model has, to the noise of the encoders; leg 3 alone is pushed."""
-    found = frf(shipped)
+    found = gs.frf(shipped)
     assert (found.channel, found.measured.periods) == ("leg 3", 2)
     assert found.predicted is not None
     low = found.frequency < 20
@@ -123,22 +116,22 @@ def test_the_shipped_experiment_shows_its_loop(shipped: Record) -> None:
     assert "farthest from the linear model" in text
 
 
-def test_the_command_writes_table_and_picture_beside_the_record(shipped: Record, tmp_path: Path) -> None:
+def test_the_command_writes_table_and_picture_beside_the_record(shipped: gs.Record, tmp_path: Path) -> None:
     """Expected: the same numbers as in Python, one row a frequency."""
     (tmp_path / "record.parquet").write_bytes(shipped.to_parquet())
     done = invoke("frf", str(tmp_path))
     assert done.exit_code == 0
     assert "coherence" in done.output
-    found = frf(shipped)
+    found = gs.frf(shipped)
     for table in (polars.read_parquet(tmp_path / "frf.parquet"), polars.read_csv(tmp_path / "frf.csv")):
         assert table["frequency"].to_numpy() == pytest.approx(found.frequency, rel=1e-15)
         assert table["L.gain"].to_numpy() == pytest.approx(np.abs(found.measured.L), rel=1e-15)
         assert table["predicted.T.phase"].len() == len(found.frequency)
 
 
-def test_text_and_table_have_the_numbers_of_the_response(shipped: Record) -> None:
+def test_text_and_table_have_the_numbers_of_the_response(shipped: gs.Record) -> None:
     """Expected: written here from the response itself; of the table 24 rows over all frequencies."""
-    found = frf(shipped)
+    found = gs.frf(shipped)
     assert found.predicted is not None
     measured, f, model = found.measured, found.frequency, 1 / (1 + found.predicted)
     peak, gap = int(np.abs(measured.S).argmax()), np.abs(measured.S - model)
@@ -179,7 +172,7 @@ def test_text_and_table_have_the_numbers_of_the_response(shipped: Record) -> Non
     assert report.number("L.known").value == pytest.approx(1 - unknown.mean())
     decibels = 20 * np.log10(np.abs(measured.S).max())
     assert report.verdict.text.startswith(f"|S| peaks at {decibels:.2g} dB at {f[peak]:.2g} Hz; ")
-    odd = frf(shipped, controller=lambda _sample: np.zeros(6))
+    odd = gs.frf(shipped, controller=lambda _sample: np.zeros(6))
     other = odd.report()
     table = next(part for part in other.parts() if isinstance(part, Table))
     assert [column.name for column in table.columns] == [*heads[:5], "coherence"]
@@ -193,7 +186,7 @@ def test_an_l_that_cannot_be_known_is_not_shown_however_coherent() -> None:
     L = np.array([4, 2, 0.5, 0.01], dtype=complex)
     measured = Response(np.asarray(1 / (1 + L)), np.full(4, 0.02), np.array([1.0, 1.0, 1.0, 1.0]), 5)
     assert loop_is_known(measured).tolist() == [True, True, True, False]
-    found = FrequencyResponse("made", "leg 2", f, measured, np.asarray(L * 1.001), ())
+    found = gs.FrequencyResponse("made", "leg 2", f, measured, np.asarray(L * 1.001), ())
     report = found.report()
     assert report.number("L.crossover").value == pytest.approx(8.0)
     assert "L is known at 3 of 4 frequencies" in report.verdict.text
@@ -210,9 +203,9 @@ def _degrees(value: Any) -> float:
     return float(np.angle(value) * 180 / np.pi)
 
 
-def test_charts_show_points_with_their_circles_and_the_model(shipped: Record) -> None:
+def test_charts_show_points_with_their_circles_and_the_model(shipped: gs.Record) -> None:
     """Expected: points from the response, intervals of the radii, lines of the linear model."""
-    found = frf(shipped)
+    found = gs.frf(shipped)
     assert found.predicted is not None
     measured, f, S = found.measured, found.frequency, 1 / (1 + found.predicted)
     charts = {chart.title: chart for chart in found.report().charts}
@@ -253,47 +246,49 @@ def test_runs_that_ended_jittered_or_have_an_unstable_model_are_doubted() -> Non
     injection = {"type": "chirp", "leg": 2, "amplitude": 1.0, "band": [4, 50], "period": 0.25}
     base = {"duration": 0.9, "sample_time": 2e-3}
     late = uneven_run(injection, loop={**base, "plant_step": 1e-3, "jitter": 1e-3})
-    assert frf(late).notes == ("jitter delayed the samples, which the linear model does not include",)
+    assert gs.frf(late).notes == ("jitter delayed the samples, which the linear model does not include",)
     force = {"at": 0.8, "duration": 0.1, "force": [0, 0, 4e3]}
     ended = uneven_run(injection, loop=base, disturbance=[force], limits={"position_error": 0.05})
     cause = ended.metadata["outcome"]["cause"]
     assert ended.metadata["outcome"]["time"] < 0.9
-    assert f"the run ended early: {cause}" in frf(ended).notes
-    assert not [note for note in frf(ended).notes if "jitter" in note]
+    assert f"the run ended early: {cause}" in gs.frf(ended).notes
+    assert not [note for note in gs.frf(ended).notes if "jitter" in note]
     limited = uneven_run(injection | {"amplitude": 400.0}, actuators={"force_limit": 100.0}, loop=base)
     share = limited["flag.force_limited"].any(axis=1).mean()
-    assert frf(limited).notes[0].startswith(f"forces were limited for {share:.0%} of the time")
+    assert gs.frf(limited).notes[0].startswith(f"forces were limited for {share:.0%} of the time")
     weak = {"type": "pd", "proportional_gain": 2500, "derivative_gain": 100, "feedforward": "gravity"}
     slow = uneven_run(injection, controller=weak, loop={**base, "delay": 40})
-    assert "the linear loop is unstable; `gough-stewart margins` shows the cause" in frf(slow).notes
+    assert "the linear loop is unstable; `gough-stewart margins` shows the cause" in gs.frf(slow).notes
 
 
 def test_what_is_in_the_way_is_noted() -> None:
     """Expected: limited forces, and a controller without a linear model."""
     injection = {"type": "chirp", "leg": 1, "amplitude": 400.0, "band": [4, 50], "period": 0.25}
     loop = {"duration": 0.8, "sample_time": 2e-3}
-    limited = frf(uneven_run(injection, actuators={"force_limit": 100.0}, loop=loop))
+    limited = gs.frf(uneven_run(injection, actuators={"force_limit": 100.0}, loop=loop))
     assert "forces were limited for" in " ".join(limited.notes)
     injection["amplitude"] = 1.0
     record = uneven_run(injection, loop=loop)
-    odd = frf(record, controller=lambda _sample: np.zeros(6))
+    odd = gs.frf(record, controller=lambda _sample: np.zeros(6))
     assert odd.predicted is None
     assert "no linear model to compare with: the controller is not linear" in " ".join(odd.notes)
     assert "predicted.L.gain" not in odd.table().columns
 
 
-def test_runs_without_a_response_are_refused_with_the_reason(shipped: Record) -> None:
-    plain = run("heave_step", {"loop.duration": 0.05})
-    with pytest.raises(RecordError, match=r"had no \[injection\]"):
-        frf(plain)
-    with pytest.raises(RecordError, match="contain no experiment"):
-        frf(Record(shipped.table, {**shipped.metadata, "experiment": {"title": 3}}))
-    with pytest.raises(ExperimentError, match=r"injection: a run of 1 s has 1 periods of 1 s.*loop.duration of 3 s"):
-        run("frequency_response", {"loop.duration": 1})
+def test_runs_without_a_response_are_refused_with_the_reason(shipped: gs.Record) -> None:
+    plain = gs.run("heave_step", {"loop.duration": 0.05})
+    with pytest.raises(gs.GoughStewartError, match=r"had no \[injection\]"):
+        gs.frf(plain)
+    with pytest.raises(gs.GoughStewartError, match="contain no experiment"):
+        gs.frf(gs.Record(shipped.table, {**shipped.metadata, "experiment": {"title": 3}}))
     with pytest.raises(
-        ExperimentError, match=r"injection: type is 'noise'; expected one of 'multisine', 'chirp', 'prbs'"
+        gs.GoughStewartError, match=r"injection: a run of 1 s has 1 periods of 1 s.*loop.duration of 3 s"
     ):
-        load_experiment("frequency_response", {"injection.type": "noise"})
+        gs.run("frequency_response", {"loop.duration": 1})
+    with pytest.raises(
+        gs.GoughStewartError, match=r"injection: type is 'noise'; expected one of 'multisine', 'chirp', 'prbs'"
+    ):
+        gs.load_experiment("frequency_response", {"injection.type": "noise"})
 
 
 LAW = """
@@ -301,8 +296,8 @@ from pathlib import Path
 
 import control
 import numpy as np
-
 from gough_stewart import LinearController
+
 
 Path(__file__).with_name("executed").touch()
 gains = np.hstack([2000 * np.eye(6), 60 * np.eye(6)])
@@ -341,12 +336,12 @@ def test_reading_a_record_never_executes_the_file_that_it_names(
         folder.mkdir()
         (folder / "law.py").write_text(LAW)
     (mine / "own.toml").write_text(OWN)
-    record = run(mine / "own.toml")
+    record = gs.run(mine / "own.toml")
     (mine / "executed").unlink()
-    save_record(record, mine / "record")
+    gs.save_record(record, mine / "record")
     monkeypatch.chdir(mine)
-    read = read_record(mine / "record")
-    found = frf(read)
+    read = gs.read_record(mine / "record")
+    found = gs.frf(read)
     assert found.predicted is None
     assert "it would execute law.py" in " ".join(found.notes)
     assert len(repr(read) + read._repr_html_() + str(metrics(read)) + repr(found)) > 1000
@@ -357,8 +352,8 @@ def test_reading_a_record_never_executes_the_file_that_it_names(
     assert not list(tmp_path.rglob("executed"))
     monkeypatch.chdir(elsewhere)
     gains = np.hstack([2000 * np.eye(6), 60 * np.eye(6)])
-    same = LinearController(control.ss([], [], [], gains, 2e-3), ("leg_length", "leg_velocity"))
-    expected, asked = frf(record, controller=same).predicted, frf(record, experiment=mine / "own.toml")
+    same = gs.LinearController(control.ss([], [], [], gains, 2e-3), ("leg_length", "leg_velocity"))
+    expected, asked = gs.frf(record, controller=same).predicted, gs.frf(record, experiment=mine / "own.toml")
     assert asked.predicted is not None
     assert expected is not None
     assert np.abs(asked.predicted / expected - 1).max() < 1e-12
@@ -369,22 +364,22 @@ def test_reading_a_record_never_executes_the_file_that_it_names(
     assert "executes law.py" in done.output
     assert "|L| model" in done.output
     (mine / "law.py").write_text(LAW.replace("2000", "2500"))
-    assert "law.py has changed since the run" in " ".join(frf(record, experiment=mine / "own.toml").notes)
-    with pytest.raises(RecordError, match=r"frequency_response' has a controller of no file"):
-        frf(record, experiment="frequency_response")
+    assert "law.py has changed since the run" in " ".join(gs.frf(record, experiment=mine / "own.toml").notes)
+    with pytest.raises(gs.GoughStewartError, match=r"frequency_response' has a controller of no file"):
+        gs.frf(record, experiment="frequency_response")
 
 
-def test_a_controller_or_injection_that_replaced_the_experiments_is_not_taken_for_it(shipped: Record) -> None:
+def test_a_controller_or_injection_that_replaced_the_experiments_is_not_taken_for_it(shipped: gs.Record) -> None:
     """Expected: no linear model of the experiment's gains for a run with others, unless asked for, and then said."""
-    law = LinearController(control.ss([], [], [], 900 * np.eye(6), 2e-3), ("leg_length",))
+    law = gs.LinearController(control.ss([], [], [], 900 * np.eye(6), 2e-3), ("leg_length",))
     chirp = {"type": "chirp", "leg": 1, "amplitude": 300.0, "band": [4, 50], "period": 0.25}
     settings = {"loop.duration": 0.8, "loop.sample_time": 2e-3, "injection": chirp}
-    record = run("frequency_response", settings, controller=law)
-    assert frf(record).predicted is None
-    assert "a controller of its own" in " ".join(frf(record).notes)
-    assert frf(record, controller=law).predicted is not None
-    assert "a controller of its own" in " ".join(frf(record, experiment="frequency_response").notes)
-    other = run("frequency_response", settings, injection=lambda _time: np.zeros(6))
-    with pytest.raises(RecordError, match=r"injection of its own"):
-        frf(other)
-    assert frf(shipped).notes == ()
+    record = gs.run("frequency_response", settings, controller=law)
+    assert gs.frf(record).predicted is None
+    assert "a controller of its own" in " ".join(gs.frf(record).notes)
+    assert gs.frf(record, controller=law).predicted is not None
+    assert "a controller of its own" in " ".join(gs.frf(record, experiment="frequency_response").notes)
+    other = gs.run("frequency_response", settings, injection=lambda _time: np.zeros(6))
+    with pytest.raises(gs.GoughStewartError, match=r"injection of its own"):
+        gs.frf(other)
+    assert gs.frf(shipped).notes == ()

@@ -9,11 +9,14 @@ from typing import Any
 import control
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 import gough_stewart as gs
 from gough_stewart.harness.cli.app import app
-from gough_stewart.model.vectors import FloatArray
+
+FloatArray = NDArray[np.float64]
+
 
 T = 1e-3
 # A small step without limits, quantisation and Coulomb friction: the loop is linear.

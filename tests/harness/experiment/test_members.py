@@ -1,18 +1,16 @@
-"""What varies in an ensemble: places, units, messages for what is not there."""
+"""Members of ensembles: what may vary, each member as if it were alone, and why others cannot run."""
 
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.preparation import prepare
-from tests.support.small_ensemble import SMALL, small
+from tests.support.small_ensemble import small
 
 NORMAL = {"normal": [1, 1]}
+
+
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "unknown parameter": (
         {"platform_mas": {"normal": [1, 1]}},
@@ -103,8 +101,8 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("what", WRONG)
 def test_what_cannot_vary_is_named(what: str) -> None:
     table, message = WRONG[what]
-    with pytest.raises(ExperimentError) as caught:
-        Members(small(**table))
+    with pytest.raises(gs.GoughStewartError) as caught:
+        gs.run(small(**table), member=0)
     assert str(caught.value).startswith("experiment: ensemble.")
     assert message in str(caught.value)
 
@@ -128,116 +126,174 @@ SCHEMA: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("what", SCHEMA)
 def test_what_is_no_ensemble_is_refused_as_the_file_is_read(what: str) -> None:
     table, message = SCHEMA[what]
-    with pytest.raises(ExperimentError) as caught:
+    with pytest.raises(gs.GoughStewartError) as caught:
         small(**table)
     assert message in str(caught.value)
 
 
 def test_numbers_of_saltellis_design_count_what_varies() -> None:
     """Expected: of eight inputs, with those that are correlated as one."""
-    with pytest.raises(ExperimentError, match=r"Saltelli's design needs 10 per point \(8 inputs plus 2\)"):
-        Members(small(sampling="saltelli", members=41))
+    with pytest.raises(gs.GoughStewartError, match=r"Saltelli's design needs 10 per point \(8 inputs plus 2\)"):
+        gs.run(small(sampling="saltelli", members=41), member=0)
     pair = {"of": ["platform_mass", "leg_viscous_friction"], "matrix": [[1, 0.5], [0.5, 1]]}
-    assert len(Members(small(sampling="saltelli", correlation=[pair], members=45)).groups) == 7
+    with pytest.raises(gs.GoughStewartError, match=r"Saltelli's design needs 9 per point \(7 inputs plus 2\)"):
+        gs.run(small(sampling="saltelli", members=41, correlation=[pair]), member=0)
 
 
-def test_without_an_ensemble_there_are_no_members() -> None:
-    with pytest.raises(ExperimentError, match="ensemble: is missing"):
-        gs.run("heave_step", member=3)
+def test_an_ensemble_in_which_nothing_varies_is_refused() -> None:
+    """Expected: noise or jitter alone are enough."""
+    still: dict[str, Any] = {"loop.duration": 0.02, "reference.at": 0.01, "sensors": {}, "ensemble": {"members": 2}}
+    with pytest.raises(gs.GoughStewartError, match=r"ensemble: nothing varies; expected a distribution, for instance"):
+        gs.run("heave_step", still, member=0)
+    noisy = gs.run("heave_step", {**still, "sensors": {"noise": {"leg_length": 1e-6}}}, member=1)
+    assert noisy.metadata["seed"] == {"entropy": 0, "spawn_key": [1]}
+    gs.run("heave_step", {**still, "loop.plant_step": 5e-4, "loop.jitter": 5e-4}, member=1)
+    with pytest.raises(gs.GoughStewartError, match=r"limits\.stroke: is 'stop', which is for single runs only"):
+        gs.run("heave_step", {**still, "limits": {"stroke": "stop"}}, member=0)
 
 
-def test_grids_give_the_number_of_members() -> None:
+def test_the_number_of_members_is_that_of_the_grids_or_fills_a_thousand() -> None:
     """Expected: 2 × 3 combinations, each once; with something random as many of them as fill a thousand."""
-    table = {"loop": {"delay": {"grid": [0, 1]}}, "platform_mass": {"grid": ["1 t", 1200, 1300]}}
-    quiet = {name: values for name, values in SMALL.items() if name != "ensemble"}
-    members = Members(gs.load_experiment("heave_step", {**quiet, "ensemble": table}))
-    assert members.count == 6
-    drawn = members.draws(0, 6).columns
-    pairs = zip(drawn["loop.delay"], np.asarray(drawn["platform_mass"]).tolist(), strict=True)
-    assert set(pairs) == {(d, m) for d in (0, 1) for m in (1000.0, 1200.0, 1300.0)}
-    assert Members(gs.load_experiment("heave_step", {"ensemble": {**table, "gravity": {"normal": 0.1}}})).count == 1002
+    grids = {"loop": {"delay": {"grid": [0, 1]}}, "platform_mass": {"grid": ["1 t", 1200, 1300]}}
+    settings = {"loop.duration": 4e-3, "reference.at": 1e-3, "ensemble": grids}
+    found = gs.ensemble("heave_step", settings, workers=1).members
+    pairs = zip(found["varied.loop.delay"], found["varied.platform_mass"], strict=True)
+    assert sorted(pairs) == [(d, m) for d in (0, 1) for m in (1000.0, 1200.0, 1300.0)]
+    settings["ensemble"] = {**grids, "gravity": {"normal": 0.1}}
+    with pytest.raises(gs.GoughStewartError, match="expected 0 to 1001"):
+        gs.run("heave_step", settings, member=1002)
 
 
-def test_a_grid_in_saltellis_design_has_the_values_of_its_points() -> None:
-    """Expected: of A, A with one input of B each, and B, a value of the grid differs from A's in two at most."""
-    table = {"loop": {"delay": {"grid": [0, 1, 2]}}, "platform_mass": {"uniform": ["1 t", "2 t"]}}
-    members = Members(gs.load_experiment("heave_step", {"ensemble": {**table, "sampling": "saltelli", "members": 400}}))
-    drawn = members.draws(0, 400).columns
-    delay, mass = (np.asarray(drawn[name]).reshape(100, 4) for name in ("loop.delay", "platform_mass"))
-    assert (delay[:, 2] == delay[:, 0]).all()
-    assert (delay[:, 1] == delay[:, 3]).all()
-    assert (mass[:, 1] == mass[:, 0]).all()
-    assert set(delay.ravel().tolist()) == {0, 1, 2}
-    assert 0.5 < (delay[:, 0] != delay[:, 3]).mean() < 0.8  # two thirds
+SHORT: dict[str, Any] = {
+    "loop.duration": 0.05,
+    "loop.plant_step": "0.25 ms",
+    "reference.at": 0.01,
+    "reference.duration": 0.03,
+    "reference.position_change": [0, 0, 2e-4],
+    "plant.tolerance": 1e-10,
+    "change": [{"at": 0.02, "factors": {"platform_mass": 1.2}}],
+}
+# What `test_whole_members` does not vary, beside what shares its tables.
+VARIED: dict[str, Any] = {
+    "platform_mass": {"factor": {"uniform": [0.8, 1.3]}},
+    "platform": {"platform_com": {"normal": "1 mm"}},
+    "start": {"orientation": {"normal": "0.1 deg"}},
+    "reference": {"amplitude_scale": {"choice": [0.5, 0.7, 1.0]}},
+    "controller": {"bandwidth": {"uniform": ["1 Hz", "3 Hz"]}, "feedforward": {"choice": ["none", "gravity"]}},
+    "loop": {"delay": {"choice": [0, 1, 2]}, "jitter": {"choice": ["0 ms", "0.3 ms", "0.5 ms"]}},
+    "sensors": {"noise": {"leg_length": {"choice": ["0 um", "5 um", "7 um"]}}},
+    "actuators": {"force_limit": {"choice": ["1.9 kN", "18 kN"]}},
+    "limits": {"position_error": {"uniform": ["0.1 m", "0.5 m"]}},
+    "change": {"1": {"at": {"choice": [0.015, 0.02]}, "factors": {"platform_mass": {"uniform": [0.9, 1.2]}}}},
+    "injection": {"amplitude": {"uniform": ["10 N", "60 N"]}},
+}
+CHIRP = {"type": "chirp", "leg": 3, "amplitude": "50 N", "band": ["100 Hz", "400 Hz"], "period": "10 ms"}
 
 
-def test_a_covariance_gives_draws_of_that_covariance() -> None:
-    """Expected: mean and covariance of the draws, within five standard errors."""
-    C = np.array([[400.0, -30.0, 0.0, 0.0], [-30.0, 4.0, 0.0, 0.0], [0, 0, 1e-4, 5e-5], [0, 0, 5e-5, 1e-4]])
-    C = np.block([[C, np.zeros((4, 1))], [np.zeros((1, 4)), np.array([[1e-4]])]])
-    table = {
-        "members": 4000,
-        "covariance": [{"of": ["leg_armature", "platform_mass", "platform_com"], "matrix": C.tolist()}],
-    }
-    members = Members(gs.load_experiment("heave_step", {"ensemble": table}))
-    drawn = members.draws(0, 4000).columns
-    names = ("leg_armature", "platform_mass", "platform_com[1]", "platform_com[2]", "platform_com[3]")
-    values = np.array([drawn[name] for name in names])
-    spread = np.sqrt(np.diag(C))
-    found = np.cov(values) / spread / spread[:, None]
-    assert np.abs(found - C / spread / spread[:, None]).max() < 5 / np.sqrt(4000)
-    machine = prepare(members.nominal).machine
-    assert np.abs(values[:2].mean(axis=1) - [machine.leg_armature, machine.platform_mass]).max() < 5 * 20 / np.sqrt(
-        4000
-    )
+def test_a_member_is_its_own_experiment_whoever_else_is_there() -> None:
+    """Expected: bit by bit the same among 8 and 40; and without noise and jitter the run of its own experiment.
 
-
-def test_a_correlated_latin_hypercube_has_one_member_in_each_layer() -> None:
-    """Expected: of 200 members one in each of 200 layers of each input, by the inverse of its distribution.
-
-    Normal scores are correlated to 0.02, where 200 independent draws scatter by 0.05. A member alone is the same.
+    In the ensemble itself the same error, to 1e-11 of it.
     """
-    R = np.array([[1.0, 0.8, -0.3], [0.8, 1.0, 0.1], [-0.3, 0.1, 1.0]])
-    C = np.array([[4.0, 1.2], [1.2, 1.0]])
-    names = ("platform_mass", "leg_viscous_friction", "controller.bandwidth")
-    table: dict[str, Any] = {
-        "members": 200,
-        "sampling": "latin_hypercube",
-        "platform_mass": {"uniform": [900, 1100]},
-        "leg_viscous_friction": {"normal": [300, 20]},
-        "controller": {"bandwidth": {"lognormal": [2, 0.1]}},
-        "leg_coulomb_friction": {"uniform": [0, 100]},
-        "correlation": [{"of": list(names), "matrix": R.tolist()}],
-        "covariance": [{"of": ["leg_armature", "platform.platform_mass"], "matrix": C.tolist()}],
+    settings = {**SHORT, "start.orientation": [0, 0, 0.01], "limits.reference": "warn", "injection": CHIRP}
+
+    def experiment(n: int, varied: dict[str, Any]) -> gs.Experiment:
+        ensemble = {"members": n, "seed": 3, "tolerance": 1e-10, "worst": 0, **varied}
+        return gs.load_experiment("heave_tolerances", {**settings, "ensemble": ensemble})
+
+    records = [[gs.run(experiment(n, VARIED), member=k) for k in range(8)] for n in (8, 40)]
+    assert all(few.table.equals(many.table) for few, many in zip(*records, strict=True))
+    assert len({record["error.position"][-1, 2] for record in records[0]}) == 8
+    quiet = {
+        **VARIED,
+        "loop": {"delay": {"choice": [0, 1, 2]}},
+        "sensors": {"quantisation": VARIED["sensors"]["noise"]},
     }
-    experiment = gs.load_experiment("heave_step", {"ensemble": table})
-    members = Members(experiment)
-    drawn = {name: np.asarray(values) for name, values in members.draws(0, 200).columns.items()}
-    machine = prepare(experiment).machine
-    u = {
-        names[0]: (drawn[names[0]] - 900) / 200,
-        names[1]: stats.norm.cdf(drawn[names[1]], 300, 20),
-        names[2]: stats.norm.cdf(np.log(drawn[names[2]] / 2) / 0.1),
-        "leg_coulomb_friction": drawn["leg_coulomb_friction"] / 100,
-        "leg_armature": stats.norm.cdf(drawn["leg_armature"], machine.leg_armature, 2),
-        "platform.platform_mass": stats.norm.cdf(drawn["platform.platform_mass"], machine.platform_mass, 1),
+    exact = experiment(8, quiet)
+    together = gs.ensemble(exact, {"sensors.noise": {}}, workers=1).members
+    for k in range(8):
+        member = gs.run(exact, {"sensors.noise": {}}, member=k)
+        own = {**member.metadata["experiment"], "ensemble": None, "require": {}}
+        alone = gs.run(gs.Experiment(**own))
+        for name in ("position", "orientation", "controller.force", "actuator_force", "reference.leg_length"):
+            assert member[name] == pytest.approx(alone[name], rel=1e-9, abs=1e-9), (k, name)
+        assert member.metadata["force_limit"] == alone.metadata["force_limit"]
+        peak = np.linalg.norm(member["error.position"], axis=1).max()
+        assert together["tracking.position.norm_peak"][k] == pytest.approx(peak, rel=1e-11)
+
+
+# What varies, the value that cannot be, and the part that its own experiment names.
+IMPOSSIBLE: dict[str, tuple[dict[str, Any], str, Any]] = {
+    "controller": ({"controller": {"bandwidth": {"choice": [2.0, -1.0, 3.0]}}}, "controller.bandwidth", -1.0),
+    "platform": ({"platform": {"platform_mass": {"choice": [1e3, -5.0]}}}, "platform.platform_mass", -5.0),
+    "plant": ({"leg_lower_com": {"choice": [0.5, 40.0, 0.6]}}, "leg_lower_com", 40.0),
+    "loop": ({"loop": {"jitter": {"choice": [0.0, 0.7, 3e-4]}}}, "loop.jitter", 0.7),
+    "sensors": ({"sensors": {"noise": {"leg_length": {"choice": [1e-6, 1e-20]}}}}, "sensors.noise.leg_length", 1e-20),
+    "reference": ({"reference": {"amplitude_scale": {"choice": [0.5, 1e4, 1.0]}}}, "reference.amplitude_scale", 1e4),
+    "change": ({"change": {"1": {"at": {"choice": [0.01, 0.0101, 0.02]}}}}, "change.1.at", 0.0101),
+}
+
+
+@pytest.mark.parametrize("part", IMPOSSIBLE)
+def test_an_impossible_member_has_the_error_of_its_own_experiment(part: str) -> None:
+    """Expected: those with that value, in the words of a run of their own; the others complete."""
+    varied, key, bad = IMPOSSIBLE[part]
+    mass = {"platform_mass": {"factor": {"uniform": [0.8, 1.3]}}}
+    settings = {**SHORT, "ensemble": {"members": 12, "worst": 0, **mass, **varied}}
+    found = gs.ensemble("heave_tolerances", settings, workers=1).members
+    is_bad = found[f"varied.{key}"] == bad
+    assert 0 < is_bad.sum() < 12
+    assert ((found["outcome"] == "impossible") == is_bad).all()
+    assert (found.filter(~is_bad)["outcome"] == "completed").all()
+    place = {"leg_lower_com": "plant.parameters.leg_lower_com"}
+    place["platform.platform_mass"] = "platform.parameters.platform_mass"
+    with pytest.raises(gs.GoughStewartError) as caught:
+        gs.run("heave_tolerances", {**SHORT, place.get(key, key): bad, "ensemble": mass})
+    (cause,) = found.filter(is_bad)["cause"].unique()
+    own = str(caught.value).removeprefix("experiment 'heave_tolerances': ")
+    # in a file its key has all its tables
+    assert own.replace(": ", ".") == cause.replace(": ", ".")
+
+
+def test_a_machine_that_cannot_hold_its_start_is_alone_impossible() -> None:
+    """Expected: of two machines the one whose legs are all in one plane, which has no static forces."""
+    nominal = gs.load_preset("motion_base")
+    flat, base = nominal.platform_points.copy(), nominal.base_points.copy()
+    base[:, 2], flat[:, 2] = nominal.home_position[2], 0.0
+    plant = {"platform_points": flat.tolist(), "home_position": [0, 0, 9.0], "leg_length_max": 20.0}
+    settings: dict[str, Any] = {"loop.duration": 0.05, "reference.at": 0.01, "plant.parameters": plant}
+    choice = [nominal.base_points.tolist(), base.tolist()]
+    settings["ensemble"] = {"base_points": {"grid": choice}, "worst": 0}
+    found = gs.ensemble("heave_step", settings, workers=1).members
+    assert found["outcome"][1] == "impossible"
+    assert "leg Jacobian has condition number" in str(found["cause"][1])
+    assert found["outcome"][0] != "impossible"
+
+
+def test_members_start_with_forces_within_their_own_limits() -> None:
+    """Expected: the forces that hold each machine by statics, cut off at each member's own limit."""
+    varied = {
+        "members": 9,
+        "platform_com": {"normal": "0.2 m"},
+        "actuators": {"force_limit": {"choice": ["1.5 kN", "1.6 kN", "9 kN"]}},
     }
-    for values in u.values():
-        assert (np.sort(np.floor(200 * values + 1e-9)) == np.arange(200)).all()
-    scores = stats.norm.ppf([u[name] for name in u])
-    found = np.corrcoef(scores)
-    assert np.abs(found[:3, :3] - R).max() < 0.02
-    assert np.abs(found[4, 5] - 0.6) < 0.02
-    assert np.abs(found[3, [0, 1, 2, 4, 5]]).max() < 5 / np.sqrt(200)  # of its own alone
-    for first, last in ((0, 1), (17, 19), (199, 200)):
-        part = Members(experiment).draws(first, last).columns
-        assert all((np.asarray(part[name]) == drawn[name][first:last]).all() for name in drawn)
+    settings = {**SHORT, "limits.reference": "warn", "ensemble": varied}
+    cut = set[bool]()
+    for k in range(9):
+        record = gs.run("heave_tolerances", settings, member=k)
+        machine = gs.Platform(**record.metadata["machine"])
+        held = gs.static_leg_forces(machine, record["position"][0], record["orientation"][0])
+        limit = record.metadata["experiment"]["actuators"]["force_limit"]
+        assert record["actuator_force"][0] == pytest.approx(np.clip(held, -limit, limit), rel=1e-9)
+        cut.add(bool((np.abs(held) > limit).any()))
+    assert cut == {True, False}
 
 
 def test_belief_and_machine_vary_each_for_itself() -> None:
     """Expected: a machine that has a mass of its own keeps it when the belief varies."""
     settings = {"plant.parameters.platform_mass": 1234.0, "ensemble": {"platform": {"platform_mass": {"normal": 50}}}}
-    members = Members(gs.load_experiment("heave_step", settings))
-    batch = members.prepared(0, 3).batch
-    assert {each.platform_mass for each in batch.machine} == {1234.0}
-    assert len({each.platform_mass for each in batch.platform}) == 3
+    records = [
+        gs.run("heave_step", {"loop.duration": 0.01, "reference.at": 5e-3, **settings}, member=k) for k in range(3)
+    ]
+    assert {record.metadata["machine"]["platform_mass"] for record in records} == {1234.0}
+    assert len({record.metadata["platform"]["platform_mass"] for record in records}) == 3

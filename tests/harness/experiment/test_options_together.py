@@ -11,17 +11,18 @@ from zlib import crc32
 import numpy as np
 import pytest
 from allpairspy import AllPairs
+from numpy.typing import NDArray
 from scipy import stats
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.file import experiment_from
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
 from tests.support.covering import covering
 from tests.support.documented_loop import Documented, simulate
 from tests.support.foreign_controller import NAMES, foreign_controller
 from tests.support.orientations import rotation_vectors
 from tests.support.uneven import UNEVEN
+
+FloatArray = NDArray[np.float64]
+
 
 DURATION, SAMPLE_TIME = 0.15, 0.005
 _STEPS = 5  # of the plant in a sample time, where it has several
@@ -115,7 +116,7 @@ _SWEEP = 0.03  # [s]
 _WRENCH = np.array([9.0, -14.0, 21.0, 3.0, -4.0, 6.0])
 
 
-def _machine(kind: str, time: float) -> Platform:
+def _machine(kind: str, time: float) -> gs.Platform:
     if kind == "as believed":
         return UNEVEN
     machine = replace(UNEVEN, **_MACHINE)
@@ -275,8 +276,8 @@ def _recorded(
             "tolerance": 1e-11,
             "platform_mass": {"factor": {"uniform": [1 - 1e-13, 1 + 1e-13]}},
         }
-        return gs.run(experiment_from(values, "options").from_file("options", folder), member=2)
-    return gs.run(experiment_from(values, "options").from_file("options", folder), plant=row["host"])
+        return gs.run(gs.Experiment(**values).from_file("options", folder), member=2)
+    return gs.run(gs.Experiment(**values).from_file("options", folder), plant=row["host"])
 
 
 def _samples(record: gs.Record) -> list[int]:

@@ -1,23 +1,15 @@
-"""Single tables of an experiment at work: start, limits, strokes that are stated on one side, what a run warns of."""
+"""Single tables of an experiment at work: start, limits, changes, disturbances, as its record has them."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExperimentError, SettingError
-from gough_stewart.harness.experiment.files import warnings_of
-from tests.support.uneven import UNEVEN
+from tests.support.uneven import PARAMETERS, UNEVEN
 
-PARTS = {
-    name: np.asarray(value).tolist()
-    for name, value in UNEVEN.as_dict().items()
-    if value is not None and name not in ("name", "source")
-}
 HOLD: dict[str, Any] = {
-    "platform": {"preset": "liu2000", "parameters": PARTS},
+    "platform": {"preset": "liu2000", "parameters": PARAMETERS},
     "reference": {"type": "hold"},
     "controller": {"type": "pd", "bandwidth": 2, "feedforward": "gravity"},
     "loop": {"duration": 0.02, "sample_time": 2e-3, "plant_step": 1e-3, "delay": 1},
@@ -91,7 +83,7 @@ def test_a_stroke_may_be_stated_on_one_side(side: str) -> None:
     gravity = {"parameters": {"gravity": (fall * UNEVEN.gravity).tolist()}}
     tables: dict[str, Any] = {"controller": weak, "plant": gravity, "loop": {**HOLD["loop"], "duration": 0.1}}
     other = "leg_length_max" if side == "leg_length_min" else "leg_length_min"
-    parts = {name: value for name, value in PARTS.items() if name != other}
+    parts = {name: value for name, value in PARAMETERS.items() if name != other}
     home = gs.leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
     bound = float(home.min() - 0.003 if fall > 0 else home.max() + 0.003)
     platform = {"preset": "liu2000", "parameters": {**parts, side: bound}}
@@ -101,100 +93,50 @@ def test_a_stroke_may_be_stated_on_one_side(side: str) -> None:
     assert beyond.any()
     assert not beyond.all()
     assert (record["flag.stroke_exceeded"] == beyond).all()
-    row = int(beyond.any(axis=1).argmax())
-    leg = int(beyond[row].argmax())
-    said = [line for line in warnings_of(record) if "stroke" in line]
-    time, length = record["time"][row], record["leg_length"][row, leg]
-    assert said == [
-        f"leg {leg + 1} left its stroke at {time:.6g} s with a length of {length:.6g} m; see flag.stroke_exceeded"
-    ]
-    assert not [line for line in warnings_of(found["ignore"]) if "stroke" in line]
     assert (found["ignore"]["flag.stroke_exceeded"] == beyond).all()
 
 
-def test_a_platform_that_is_held_aside_is_not_said_to_hang() -> None:
-    """Expected: the distance in the record's end; a force across gravity moves it sideways, along gravity down."""
-    for force, word in (([300.0, -200.0, 0.0], "rests"), ([0.0, 0.0, -300.0], "hangs")):
-        record = gs.run(
-            "heave_step",
-            {
-                "platform.parameters": {"gravity": [0, 0, -9.81]},
-                "reference": {"type": "hold"},
-                "controller": {"type": "pd", "bandwidth": 4, "damping_ratio": 1, "feedforward": "none"},
-                "plant.parameters": {"gravity": [0, 0, -1e-3]},
-                "disturbance": [{"at": 0, "duration": 3, "force": [100 * each for each in force]}],
-                "loop": {"duration": 2.5, "sample_time": 5e-3},
-                "actuators.force_limit": "none",
-                "sensors": {},
-            },
-        )
-        (said,) = [line for line in warnings_of(record) if "its reference at the end" in line]
-        mean = record["error.position"][int(0.8 * len(record["time"])) :].mean(axis=0)
-        where = "below" if word == "hangs" else "off"
-        assert said.startswith(f"the platform {word} {1000 * np.linalg.norm(mean):.3g} mm {where} its reference")
+def test_disturbances_add_up_where_they_overlap() -> None:
+    """Expected: 2 kN from 5 ms, 2 + 1 from 7 ms, 1 from 10 ms, none from 17 ms."""
+    both = [{"at": 0.005, "duration": 0.005, "force": [20, 0, 0]}, {"at": 0.007, "duration": 0.01, "force": [10, 0, 5]}]
+    record = run(disturbance=both)
+    time = record["time"] + 1e-9
+    active = np.array([(time > at) & (time < end) for at, end in ((0.005, 0.01), (0.007, 0.017))])
+    assert record["external_force"] == pytest.approx(active.T.astype(float) @ np.array([[20.0, 0, 0], [10, 0, 5]]))
 
 
-def test_an_ensemble_in_which_nothing_varies_is_refused() -> None:
-    """Expected: noise or jitter alone are enough."""
-    nothing: dict[str, Any] = {**HOLD, "ensemble": {"members": 2}}
-    with pytest.raises(
-        ExperimentError, match=r"ensemble: nothing varies; expected a distribution, for instance platform"
-    ):
-        gs.run("heave_step", nothing, member=0)
-    noisy = gs.run("heave_step", {**nothing, "sensors": {"noise": {"leg_length": 1e-6}}}, member=1)
-    assert (noisy["measured.leg_length"] != noisy["leg_length"]).all()
-    jitter = gs.run("heave_step", {**nothing, "loop": {**HOLD["loop"], "jitter": 1e-3}}, member=1)
-    assert jitter.metadata["seed"] == {"entropy": 0, "spawn_key": [1]} or jitter.metadata["seed"] == 0
-    with pytest.raises(
-        ExperimentError, match=r"limits\.stroke: is 'stop', which is for single runs only; expected 'warn'"
-    ):
-        gs.run("heave_step", {**nothing, "limits": {"stroke": "stop"}}, member=0)
+def test_changes_are_of_the_machine_as_it_is_just_before() -> None:
+    """Expected: 10 kg · 1.5 · 2 = 30 kg in order of time; of six values of friction the mean, and each over it."""
+    factors = [{"at": 0.01, "factors": {"platform_mass": 2}}, {"at": 0.005, "factors": {"platform_mass": 1.5}}]
+    record = run(plant={"parameters": {"platform_mass": 10.0}}, change=factors)
+    assert record["platform_mass"][[0, 5, 10, 20]].tolist() == [10, 15, 30, 30]
+    assert record.metadata["machine"]["platform_mass"] == 10
+    friction = [{"at": 0.01, "parameters": {"leg_viscous_friction": [1, 2, 3, 4, 5, 6]}}]
+    six = run(change=friction, plant={"parameters": {"leg_coulomb_friction": [6, 5, 4, 3, 2, 1]}})
+    assert six["leg_viscous_friction"][[0, -1]].tolist() == [UNEVEN.leg_viscous_friction, 3.5]
+    assert six["leg_viscous_friction_factor"][-1] == pytest.approx(np.arange(1, 7) / 3.5, rel=1e-15)
+    assert np.ravel(six.metadata["machine"]["leg_coulomb_friction_factor"]) == pytest.approx(np.arange(6, 0, -1) / 3.5)
 
 
-def test_a_platform_file_is_known_by_two_of_its_keys(tmp_path: Path) -> None:
-    """Expected: joints and mass make a platform; one of them is an unknown key of an experiment."""
-    start = 'title = "x"\nloop.duration = 1\ncontroller = {type = "pd", bandwidth = 1}\n'
-    for lines, says in (
-        ("platform_mass = 3\nbase_points = []\n", "is a platform file; expected an experiment that names it"),
-        ("platform_mass = 3\n", "platform_mass: unknown key"),
-        ("base_points = []\n", "base_points: unknown key"),
-        ("platform_mass = 3\nplatform_points = []\n", "platform_mass: unknown key"),
-    ):
-        (tmp_path / "x.toml").write_text(start + lines)
-        with pytest.raises(ExperimentError, match=says):
-            gs.load_experiment(tmp_path / "x.toml")
+def test_a_controller_in_the_place_of_an_open_loop_takes_its_forces_away() -> None:
+    """Expected: of the plan only the feedforward stays; here the open loop's 1 N … 6 N beside none."""
+    tables: dict[str, Any] = {**HOLD, "controller": {"type": "open_loop", "force": [1, 2, 3, 4, 5, 6]}}
+    assert gs.run("heave_step", tables)["controller.feedforward"][7].tolist() == [1, 2, 3, 4, 5, 6]
+    replaced = gs.run("heave_step", tables, controller=lambda _sample: np.zeros(6))
+    assert not replaced["controller.feedforward"].any()
+    assert replaced.metadata["replaced"] == ["controller"]
 
 
-def test_elements_of_lists_are_set_by_their_number_from_one() -> None:
-    """Expected: the first and the last of two; none before, after or between."""
-    two = [{"at": 0.1, "duration": 0.1, "force": [1, 2, 3]}, {"at": 0.3, "duration": 0.2, "torque": [4, 5, 6]}]
-    loaded = gs.load_experiment("impulse", {"disturbance": two})
-    moved = gs.load_experiment("impulse", {"disturbance": two, "disturbance.2.at": 0.4, "disturbance.1.duration": 0.05})
-    assert [each.at for each in moved.disturbance] == [0.1, 0.4]
-    assert [each.duration for each in moved.disturbance] == [0.05, 0.2]
-    assert moved.disturbance[1].torque == loaded.disturbance[1].torque == (4, 5, 6)
-    for key in ("disturbance.0.at", "disturbance.3.at", "disturbance.x.at", "disturbance.-1.at", "title.1.at"):
-        with pytest.raises(SettingError, match=rf"^setting '{key}': {key[:-3]} is not a table of the experiment$"):
-            gs.load_experiment("impulse", {"disturbance": two, key: 1})
-    # given experiments are not changed
-    assert [each.at for each in loaded.disturbance] == [0.1, 0.3]
-
-
-def test_texts_of_settings_are_toml_or_words() -> None:
-    """Expected: values of their types; words without quotes, and blanks around them, as texts."""
-    texts = ["title= a longer = title ", "loop.duration=0.25", 'controller.bandwidth="3 Hz"', "ensemble.margins=true"]
-    texts += ["ensemble.platform_mass={normal=1}", "sensors.noise={leg_length=1e-6, position='2 um'}"]
-    found = gs.load_experiment("heave_step", texts)
-    assert found.title == "a longer = title"
-    assert found.loop.duration == 0.25
-    assert found.controller.model_dump()["bandwidth"] == 3
-    assert found.ensemble is not None
-    assert found.ensemble.margins is True
-    assert found.sensors.noise == {"leg_length": 1e-6, "position": pytest.approx(2e-6)}
-    for text, says in (
-        ("loop.duration", "expected key=value, for instance loop.duration=2"),
-        ("a=1\n", "expected one line"),
-    ):
-        with pytest.raises(SettingError) as caught:
-            gs.load_experiment("heave_step", [text])
-        assert str(caught.value) == f"--set {text}: {says}"
+def test_jitter_and_the_encoders_clock_come_from_the_file() -> None:
+    """Expected: late samples by the seed of [sensors]; readings every 6 ms in a loop of 4 ms change at their times."""
+    loop = {"duration": 0.12, "sample_time": "4 ms", "plant_step": "1 ms", "delay": 1}
+    sensors = {"sample_time": "6 ms", "seed": 5, "noise": {"leg_length": "1 um"}}
+    record = run(loop=loop, sensors=sensors)
+    changes = np.flatnonzero((np.diff(record["measured.leg_length"], axis=0) != 0).any(axis=1)) + 1
+    assert set(changes % 12) == {0, 8}  # samples at 8 ms have the reading of 6 ms, those at 4 ms that of 0
+    late = {"loop": {**loop, "jitter": "3 ms"}}
+    first, again, other = (run(**late, sensors={**sensors, "seed": seed}) for seed in (5, 5, 6))
+    assert first.table.equals(again.table)
+    rows = [np.flatnonzero((np.diff(r["controller.force"], axis=0) != 0).any(axis=1)).tolist() for r in (first, other)]
+    assert rows[0] != rows[1]
+    assert any(row % 4 != 3 for row in rows[0])

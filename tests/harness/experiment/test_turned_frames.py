@@ -14,18 +14,20 @@ import control
 import numpy as np
 import polars
 import pytest
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.view.page import view_report
 from gough_stewart.harness.workspace.report import workspace_report
-from gough_stewart.model.vectors import FloatArray
 from tests.support.exported import Exported
 from tests.support.laws import law_of
+
+FloatArray = NDArray[np.float64]
+
 
 AS_SHIPPED = (0.0, 0.0, 0.0)
 HALF, BACK, ODD, UPSIDE_DOWN = FRAMES = ((0.0, 0.0, np.pi), (0.0, 0.0, -np.pi), (0.0, 0.0, 3.0), (np.pi, 0.0, 0.0))
@@ -237,7 +239,7 @@ def test_a_controller_of_orientations_sees_them_in_the_turns_of_their_reference(
     rng = np.random.default_rng(4)
     system = control.ss([], [], [], rng.normal(size=(6, 6)), 1e-3)
     follows = gs.LinearController(system, signals=("position", "orientation"))
-    experiment = load_experiment("heave_step", machine("heave_step", HALF) | {"reference": {"type": "hold"}})
+    experiment = gs.load_experiment("heave_step", machine("heave_step", HALF) | {"reference": {"type": "hold"}})
     made = designed(experiment, follows)
     pose = np.array([0.0, 0.0, 2.01, 0.01, 0.02, np.pi + 0.03])
     far = pose - [0, 0, 0, 0, 0, 2 * np.pi]

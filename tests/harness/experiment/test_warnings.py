@@ -1,4 +1,4 @@
-"""Warnings on records made up row by row: each condition from both sides, legs and axes unlike."""
+"""What a run warns of, before and after it: each condition from both sides, legs and axes unlike."""
 
 import re
 from dataclasses import replace
@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from gough_stewart.harness.experiment.files import warnings_of
-from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN
 from tests.support.uneven_loops import experiment_of
 
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 ROWS = 51
 LAST = 40  # the first row of the last fifth: of 51 rows, ⌊0.8 · 51⌋
 DOWN = np.asarray(UNEVEN.gravity) / np.linalg.norm(UNEVEN.gravity)
@@ -63,11 +63,6 @@ def test_a_platform_hangs_where_its_error_is_against_gravity(degrees: float, wor
     angle = np.radians(degrees)
     error = 7.46e-3 * (-np.cos(angle) * DOWN + np.sin(angle) * ASIDE)
     assert said(record, error) == [words.format("7.46") + REMEDY]
-
-
-def test_without_gravity_nothing_hangs(record: gs.Record) -> None:
-    metadata = {**record.metadata, "platform": {**record.metadata["platform"], "gravity": [0.0, 0.0, 0.0]}}
-    assert said(replace(record, metadata=metadata), -3e-3 * DOWN) == [OFF.format("3") + REMEDY]
 
 
 def test_an_error_counts_from_a_ten_thousandth_of_the_mean_leg(record: gs.Record) -> None:
@@ -216,14 +211,31 @@ def test_a_run_of_a_member_warns_as_a_plain_run_does(plant: Any) -> None:
     assert of_member == plain == record.metadata["warnings"]
 
 
-def test_a_function_that_keeps_memory_is_told_of_in_the_run_of_a_member() -> None:
-    """Expected: one warning; the member has a plant of its own, so nobody shares it."""
-    told, kept = list[str](), list[float]()
+def test_a_motion_after_the_end_is_hinted_at_and_refused_in_tune() -> None:
+    """A search would find a best bandwidth for a platform that stays at rest."""
+    late = {"loop.duration": 0.02, "reference.at": "0.02 s"}
+    lines: list[str] = []
+    gs.run("heave_step", late, warn=lines.append)
+    assert lines == ["reference.at is 0.02 s in a run of 0.02 s, so nothing moves; set it earlier, or run longer"]
+    with pytest.raises(gs.GoughStewartError, match=r"reference\.at is 0\.02 s .* nothing moves"):
+        gs.tune("heave_step", ["controller.bandwidth=1..6Hz"], "tracking.position.norm_rms", settings=late)
 
-    def law(sample: gs.Sample) -> Any:
-        kept.append(sample.time)
-        return np.zeros(6)
 
-    gs.run("heave_tolerances", {"loop.duration": 0.12}, controller=law, member=3, plant="model", warn=told.append)
-    assert len(told) == 1
-    assert "keeps memory, which the run has changed" in told[0]
+def test_margins_do_not_depend_on_how_fast_the_reference_is() -> None:
+    """The loop is linearised at the reference's first pose, which is the same."""
+    fast = {"reference.frequency": "20 Hz"}
+    with pytest.raises(gs.GoughStewartError):
+        gs.run("pitch_sine", fast)
+    assert gs.margins("pitch_sine", fast).as_dict() == gs.margins("pitch_sine").as_dict()
+
+
+def test_a_frozen_signal_that_nobody_reads_is_hinted_at() -> None:
+    """A leg-space PD reads lengths, an open loop nothing; a signal that is read has no hint."""
+    faults = [{"at": 0.01, "freeze": {"leg_length": [1], "position": [2]}}, {"at": 0, "freeze": {"leg_velocity": [1]}}]
+    lines: list[str] = []
+    gs.run("heave_step", {"loop.duration": 0.02, "reference.at": 0.01, "fault": faults}, warn=lines.append)
+    assert [line.split(":")[0] for line in lines] == ["fault.1.freeze.position", "fault.2.freeze.leg_velocity"]
+    assert lines[0].endswith("so this changes nothing; the controller reads leg_length")
+    lines.clear()
+    gs.run("paper_open_loop", {"loop.duration": 0.02, "fault": faults[:1]}, warn=lines.append)
+    assert [line.rpartition("; ")[2] for line in lines] == ["the controller reads no sensor"] * 2

@@ -7,13 +7,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.model.vectors import FloatArray
-from tests.support.commands import invoke
+from tests.support.interpreter import Interpreter
 from tests.support.lagrangian import Pose, forces_along, legs_along
 from tests.support.uneven import UNEVEN
+
+FloatArray = NDArray[np.float64]
+
 
 H, STEPS, HERTZ, PHASE = 5e-3, 180, 1.1, 0.3
 ALONG = np.array([0.1, -0.16, 0.2, 0.05, -0.08, 0.07])
@@ -147,13 +150,14 @@ class Motion:
 class Said:
     """What the command made."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, interpreter: Interpreter) -> None:
         gs.save_platform(UNEVEN, folder / "uneven.toml")
         self.experiment = folder / "sway.toml"
         self.experiment.write_text(FILE)
-        done = invoke("check", str(self.experiment), "--out", str(folder / "out"))
-        assert done.exit_code == 3, done.output  # a limit is missed
-        self.output = done.output
+        wide = {"COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb"}
+        done = interpreter.command("check", str(self.experiment), "--out", "out", cwd=folder, env=wide)
+        assert done.returncode == 3, done.stderr  # a limit is missed
+        self.output = done.stdout
         self.values: dict[str, Any] = json.loads((folder / "out" / "check.json").read_text("utf-8"))
         with (folder / "out" / "needs.csv").open(encoding="utf-8") as file:
             self.rows = list(csv.reader(file))
@@ -167,9 +171,9 @@ class Said:
 
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory: pytest.TempPathFactory) -> Said:
+def said(tmp_path_factory: pytest.TempPathFactory, interpreter: Interpreter) -> Said:
     """Of the command, for all tests."""
-    return Said(tmp_path_factory.mktemp("check"))
+    return Said(tmp_path_factory.mktemp("check"), interpreter)
 
 
 @pytest.fixture(scope="module")

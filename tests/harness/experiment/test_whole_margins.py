@@ -10,14 +10,16 @@ import numpy as np
 import pytest
 from lxml import html
 from matplotlib.colors import to_hex
+from numpy.typing import NDArray
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import UnstableLoopError
-from gough_stewart.model.vectors import FloatArray
-from tests.support.commands import invoke
 from tests.support.documented_loop import linear
 from tests.support.drawn_figures import drawn
+from tests.support.interpreter import Interpreter
 from tests.support.uneven import UNEVEN
+
+FloatArray = NDArray[np.float64]
+
 
 T, DELAY, LAG = 4e-3, 2, 6e-3
 POSE = np.array([0.15, -0.1, 2.95, 0.08, -0.11, 0.16])
@@ -65,13 +67,14 @@ delay = 2
 class Said:
     """What the command made."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, interpreter: Interpreter) -> None:
         gs.save_platform(UNEVEN, folder / "uneven.toml")
         self.experiment = folder / "uneven_loop.toml"
         self.experiment.write_text(FILE)
-        done = invoke("margins", str(self.experiment), "--out", str(folder / "out"))
-        assert done.exit_code == 0, done.output
-        self.output = done.output
+        wide = {"COLUMNS": "200", "NO_COLOR": "1", "TERM": "dumb"}
+        done = interpreter.command("margins", str(self.experiment), "--out", "out", cwd=folder, env=wide)
+        assert done.returncode == 0, done.stderr
+        self.output = done.stdout
         self.values: dict[str, Any] = json.loads((folder / "out" / "margins.json").read_text())
         self.found = gs.margins(self.experiment)
 
@@ -88,9 +91,9 @@ class Said:
 
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory: pytest.TempPathFactory) -> Said:
+def said(tmp_path_factory: pytest.TempPathFactory, interpreter: Interpreter) -> Said:
     """Of the command, for all tests."""
-    return Said(tmp_path_factory.mktemp("margins"))
+    return Said(tmp_path_factory.mktemp("margins"), interpreter)
 
 
 @pytest.fixture(scope="module")
@@ -349,7 +352,7 @@ def test_an_unstable_loop_says_what_alone_would_make_it_stable(remedy: str, said
     faulty, mended = UNSTABLE[remedy]
     fast = {f"controller.{kind}_gain": [3 * gain for gain in GAINS[name]] for kind, name in KINDS}
     faulty = {**faulty, **(fast if "sample_time" in remedy else {})}
-    with pytest.raises(UnstableLoopError) as caught:
+    with pytest.raises(gs.UnstableLoopError) as caught:
         gs.margins(said.experiment, faulty)
     assert abs(caught.value.eigenvalue) > 1
     assert f"it is stable {remedy}" in str(caught.value)
@@ -357,7 +360,7 @@ def test_an_unstable_loop_says_what_alone_would_make_it_stable(remedy: str, said
     base = {"loop.delay": DELAY, "actuators.lag": LAG, **faulty}
     for words, key in (("without the delay", "loop.delay"), ("without the actuators' lag", "actuators.lag")):
         if words not in str(caught.value):
-            with pytest.raises(UnstableLoopError):
+            with pytest.raises(gs.UnstableLoopError):
                 gs.margins(said.experiment, {**base, key: 0})
 
 

@@ -8,7 +8,6 @@ import pytest
 from scipy import stats
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExperimentError
 from tests.support.uneven import UNEVEN
 
 VARIED: dict[str, Any] = {
@@ -214,10 +213,10 @@ def test_impossible_members_are_named_with_their_reason_and_the_others_run(folde
     assert causes[3] == causes[0]
     assert str(causes[0]).startswith("plant: platform_mass: is -1")
     assert causes[1] is None
-    with pytest.raises(ExperimentError, match=r"member 3: is impossible: plant: platform_mass: is -1"):
+    with pytest.raises(gs.GoughStewartError, match=r"member 3: is impossible: plant: platform_mass: is -1"):
         gs.run(experiment(folder, ensemble), member=3)
     for member in (-1, 9):
-        with pytest.raises(ExperimentError, match=rf"member: is {member}; expected 0 to 8"):
+        with pytest.raises(gs.GoughStewartError, match=rf"member: is {member}; expected 0 to 8"):
             gs.run(experiment(folder, ensemble), member=member)
     alone = gs.run(experiment(folder, None), {"plant.parameters.platform_mass": 12.0})
     beside = gs.run(experiment(folder, ensemble), member=5)
@@ -242,7 +241,7 @@ COMMON: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("key", COMMON)
 def test_what_is_common_to_all_members_does_not_vary(key: str, folder: Path) -> None:
     with pytest.raises(
-        ExperimentError, match=rf"ensemble\.{key}: is common to all members; expected a parameter of the"
+        gs.GoughStewartError, match=rf"ensemble\.{key}: is common to all members; expected a parameter of the"
     ):
         gs.run(experiment(folder, COMMON[key]), member=0)
 
@@ -258,5 +257,5 @@ def test_a_plant_of_the_users_runs_a_member(folder: Path) -> None:
     assert (
         model.metadata["experiment"]["controller"]["bandwidth"] == own.metadata["experiment"]["controller"]["bandwidth"]
     )
-    with pytest.raises(ExperimentError, match=r"member: has the experiment's injection; remove injection"):
+    with pytest.raises(gs.GoughStewartError, match=r"member: has the experiment's injection; remove injection"):
         gs.run(experiment(folder, ensemble), member=3, injection=lambda _time: np.zeros(6))

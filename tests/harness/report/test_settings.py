@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.check_report import check_report
 from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Report, Section, Setting, Verdict, settings_of
 from gough_stewart.harness.report.figures import figures
@@ -28,7 +27,7 @@ def _ensemble() -> Report:
 
 STUDIES: dict[str, Callable[[], Report]] = {
     "margins": lambda: gs.margins("heave_step", GIVEN).report(charts=False),
-    "check": lambda: check_report(gs.check("heave_step", GIVEN), charts=False),
+    "check": lambda: gs.check("heave_step", GIVEN).report(charts=False),
     "run": lambda: gs.run("heave_step", {**GIVEN, "loop.duration": 0.05}).report(charts=False),
     "ensemble": _ensemble,
 }

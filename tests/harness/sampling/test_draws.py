@@ -4,12 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy import stats
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN
+
+FloatArray = NDArray[np.float64]
+
 
 N = 128
 J = UNEVEN.platform_inertia
@@ -38,6 +40,8 @@ DISTRIBUTIONS: dict[str, tuple[dict[str, Any], list[Any]]] = {
     "leg_lower_mass": ({"lognormal": ["2 kg", 0.2]}, [stats.lognorm(0.2, scale=2)]),
     "leg_upper_mass": ({"lognormal": 0.3}, [stats.lognorm(0.3, scale=gs.load_preset("motion_base").leg_upper_mass)]),
     "leg_armature": ({"truncated_normal": [2, 1.5, 0.5, 2.5]}, [stats.truncnorm(-1, 1 / 3, 2, 1.5)]),
+    # far up the tail of the normal distribution
+    "leg_coulomb_friction": ({"truncated_normal": [0, 1, 9, 12]}, [stats.truncnorm(9, 12, 0, 1)]),
     "leg_viscous_friction": ({"uniform": [5, "11 N.s/m"]}, [stats.uniform(5, 6)]),
     "platform_com": (
         {"normal": [["10 mm", "20 mm", "-30 mm"], ["1 mm", "2 mm", "3 mm"]]},
@@ -149,6 +153,9 @@ def test_normal_scores_have_the_correlation_of_the_matrix_in_its_order(sampling:
     gap = np.abs(np.corrcoef(z.T) - R) * np.sqrt(500) / (1 - R**2 + np.eye(7))
     assert gap.max() < 4.5
     assert max(gap[:4, :4].max(), gap[4:, 4:].max()) < within
+    if sampling == "latin_hypercube":
+        layers = np.sort(np.floor(500 * stats.norm.cdf(z) + 1e-9), axis=0)
+        assert (layers == np.arange(500)[:, None]).all()
     # 7 means and variances, each two-sided with a false alarm of 1 in 10⁵
     assert np.abs(z.mean(axis=0)).max() < 4.5 / np.sqrt(500)
     low, high = (float(stats.chi2.ppf(p, 499)) / 499 for p in (5e-6, 1 - 5e-6))
@@ -187,6 +194,14 @@ def test_grids_and_choices_give_their_values_and_go_through_all_combinations() -
     assert rows == {(0, 0, -9.81), (1, 2, -9)}
 
 
+def test_a_draw_far_up_the_tail_grows_with_its_score() -> None:
+    """Expected: of two inputs with a correlation of 0.99 the larger of one is the larger of the other, by ranks."""
+    pair = {"of": ["leg_coulomb_friction", "platform_mass"], "matrix": [[1, 0.99], [0.99, 1]]}
+    far = {"leg_coulomb_friction": {"truncated_normal": [0, 1, 9, 12]}, "platform_mass": {"uniform": [10, 11]}}
+    drawn = table_of({"members": 60, **far, "correlation": [pair]})
+    assert stats.spearmanr(drawn["leg_coulomb_friction"], drawn["platform_mass"]).statistic > 0.9
+
+
 def test_saltellis_design_changes_one_input_after_the_other() -> None:
     """Expected: of five rows A, A with one input from B each, and B; 2⁴ points of A and of B fill the 16 layers."""
     ensemble = {
@@ -207,6 +222,10 @@ def test_saltellis_design_changes_one_input_after_the_other() -> None:
         assert np.allclose(blocks[:, 1 + k], mixed, atol=1e-12)
     for part in (first, last):
         assert (np.sort(np.floor(16 * part), axis=0) == np.arange(16)[:, None]).all()
+    # a member alone is the same
+    quick = {"loop.duration": 4e-3, "plant.parameters": PARAMETERS, "limits.reference": "warn"}
+    alone = gs.run("heave_step", {**quick, "ensemble": {"worst": 0, "seed": 8, **ensemble}}, member=8)
+    assert alone.metadata["machine"]["platform_mass"] == drawn["platform_mass"][8]
 
 
 def test_random_draws_depend_on_seed_name_and_number_alone() -> None:
@@ -228,6 +247,31 @@ def test_random_draws_depend_on_seed_name_and_number_alone() -> None:
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "no spread": ({"platform_mass": {"normal": [120, 0]}}, "without a spread; expected a standard deviation > 0"),
+    "one value": ({"platform_mass": {"choice": [4, "4 kg"]}}, "expected at least two values that differ"),
+    "another unit": ({"platform_mass": {"normal": ["120 kg", "10 mm"]}}, "found the unit 'mm'"),
+    "no median": ({"platform_mass": {"lognormal": [-3, 1]}}, "has the median -3.0; expected a median > 0"),
+    "nested factors": ({"platform_mass": {"factor": {"factor": {"uniform": [1, 2]}}}}, "factor of a factor"),
+    **{
+        f"a matrix that is {name}": (
+            {
+                "correlation": [
+                    {"of": ["platform_mass", "leg_armature", "leg_lower_mass"][: len(matrix)], "matrix": matrix}
+                ]
+            },
+            message,
+        )
+        for name, matrix, message in (
+            ("indefinite", [[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]], "the matrix is not positive definite"),
+            ("singular", [[1, 1], [1, 1]], "the matrix is not positive definite"),
+            ("negative", [[-1, 0], [0, 1]], "the matrix is not positive definite"),
+            ("lopsided", [[1, 0.5], [0.4, 1]], "the matrix is not symmetric"),
+        )
+    },
+    "a name twice": (
+        {"correlation": [{"of": ["gravity", "gravity"], "matrix": [[1, 0], [0, 1]]}]},
+        "expected different names",
+    ),
     "two kinds": (
         {"platform_mass": {"normal": [1, 1], "grid": [1, 2]}},
         "ensemble: platform_mass: expected one of normal, uniform, truncated_normal, lognormal, choice, grid, factor, "
@@ -299,7 +343,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 def test_what_is_no_variation_says_what_is_expected(what: str) -> None:
     """Expected: found, expected, remedy, written out here."""
     table, message = WRONG[what]
-    with pytest.raises(ExperimentError) as caught:
+    with pytest.raises(gs.GoughStewartError) as caught:
         gs.run("heave_step", {"ensemble": table}, member=0)
     assert message in str(caught.value)
 

@@ -1,0 +1,319 @@
+"""Other values in an experiment: of `--set`, of `--vary`, of the members of an `[ensemble]`, of tuning's candidates.
+
+A key such as `controller.bandwidth` names a place in the experiment's tables. `with_settings` sets keys in plain
+tables, before they are validated as a whole; `table_with` sets paths in one validated table, and validates only that.
+"""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from inspect import isclass
+from typing import Any, get_args
+
+import numpy as np
+from pydantic import ValidationError
+
+from gough_stewart.harness.control.controllers import ControllerChoice
+from gough_stewart.harness.errors import ExperimentError, SettingError
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.plants.signals import NAMES, VARIABLES
+from gough_stewart.harness.quantities import PLAIN, Vector, quantity_in
+from gough_stewart.harness.report.quantities import of_unit
+from gough_stewart.harness.report.words import plain_text
+from gough_stewart.harness.sampling.choice import EnsembleChoice
+from gough_stewart.harness.sampling.variation import VariedValue
+from gough_stewart.harness.section import Section, complaints
+from gough_stewart.model import interface
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.parameters import TABLE
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.process.toml import toml_values
+
+# Changed settings: strings "key.key=value", or a mapping from "key.key" to values.
+Settings = Iterable[str] | Mapping[str, Any]
+# Values of a member by their path through the tables of the experiment.
+Values = Mapping[tuple[str, ...], Any]
+
+_PLATFORMS = ("platform", "plant")
+# Common to all members: clocks, sampling and simulation settings, and strings.
+_COMMON = {
+    "loop": ("duration", "sample_time", "plant_step"),
+    "sensors": ("seed", "sample_time", "side"),
+    "plant": ("kind", "fmu", "file", "tolerance", "fixed_step_size"),
+    "platform": ("preset", "file"),
+    "limits": ("stroke", "condition_number"),
+    "controller": ("type", "file", "name", "factory", "names", "space"),
+    "reference": ("type", "file"),
+}
+_SIGNALS = {variable.name: variable for variable in VARIABLES}
+_GAINS = re.compile(r"controller\.\w+_gain")
+_UNITS = {variable.name: variable.unit for variable in interface.VARIABLES} | {n: row.unit for n, row in TABLE.items()}
+
+
+def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, Any]:
+    """Plain values with some replaced: "loop.duration=3", "reference.position_change=[0, 0, 0.01]", "plant.kind=fmu2".
+
+    Values in strings are TOML; anything else is taken as a string. Values of a mapping are copied, arrays become
+    lists.
+
+    Raises
+    ------
+    SettingError
+        No "=", or a key inside something that is not a table.
+    """
+    made: dict[str, Any] = _copied(values)
+    for where, key, value in keys_and_values(settings):
+        set_key(made, where, key, _copied(value))
+    return made
+
+
+def keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
+    """For every setting its name for messages, its key, and its value."""
+    if isinstance(settings, Mapping):
+        for key, value in settings.items():
+            yield f"setting {key!r}", str(key), value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+        return
+    for setting in [settings] if isinstance(settings, str) else settings:
+        where = f"--set {setting}"
+        key, equals, text = setting.partition("=")
+        if not equals:
+            raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
+        if "\n" in text:
+            raise SettingError(where, "", "expected one line")
+        try:
+            yield where, key, toml_values(f"value = {text}")["value"]
+        except ValueError:
+            yield where, key, text.strip()
+
+
+def set_key(values: Any, where: str, key: str, value: Any) -> None:
+    """Set one key, such as "loop.duration", in the tables of an experiment, plain or tomlkit's.
+
+    Raises
+    ------
+    SettingError
+        A key inside something that is not a table; `where` names the setting.
+    """
+    names = key.strip().split(".")
+    if not all(names):
+        raise SettingError(where, "", "expected key=value, for instance loop.duration=2")
+    table: Any = values
+    for name in names[:-1]:
+        if isinstance(table, dict) and table.get(name) is None:
+            table[name] = {}
+        table = table_or_element(table, name)
+        if table is None:
+            break
+    if not isinstance(table, dict):
+        raise SettingError(where, "", f"{key.rpartition('.')[0]} is not a table of the experiment")
+    table[names[-1]] = value
+
+
+def table_or_element(tables: Any, name: str) -> Any:
+    """What a table has under a name, or a list such as [[change]] under a number from 1 on; None if it has nothing."""
+    if isinstance(tables, Mapping):
+        return tables.get(name)
+    known = isinstance(tables, list) and name.isdigit() and 1 <= int(name) <= len(tables)
+    return tables[int(name) - 1] if known else None
+
+
+def _copied(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {k: _copied(v) for k, v in value.items()}
+    return [_copied(v) for v in value] if isinstance(value, list) else value
+
+
+def table_with(experiment: Experiment, name: str, values: Values) -> Any:
+    """A table of an experiment, or a list of tables, with other values by their paths in it.
+
+    Raises
+    ------
+    ExperimentError
+        Invalid values; those of a platform are checked with the platform.
+    """
+    table = getattr(experiment, name)
+    if name in _PLATFORMS:
+        parameters = {**table.parameters, **{path[-1]: value for path, value in values.items()}}
+        return table.model_copy(update={"parameters": parameters})
+    if not isinstance(table, list):
+        return _validated(experiment, name, table, values)
+    elements = list(table)
+    for number in sorted({int(path[0]) for path in values}):
+        inner = {path[1:]: value for path, value in values.items() if int(path[0]) == number}
+        elements[number - 1] = _validated(experiment, f"{name}.{number}", table[number - 1], inner)
+    return elements
+
+
+def _validated(experiment: Experiment, name: str, table: Section, values: Values) -> Section:
+    plain = table.model_dump(exclude_unset=True)
+    for path, value in values.items():
+        set_key(plain, experiment.where, ".".join(path), value)
+    try:
+        return type(table).built().model_validate(plain)
+    except ValidationError as error:
+        raise ExperimentError(experiment.where, name, complaints(error, type(table), plain)) from None
+
+
+def experiment_with(experiment: Experiment, values: Values) -> Experiment:
+    """An experiment with other values by their paths.
+
+    Raises
+    ------
+    ExperimentError
+        Invalid values.
+    """
+    by_table = dict[str, dict[tuple[str, ...], Any]]()
+    for (name, *path), value in values.items():
+        by_table.setdefault(name, {})[tuple(path)] = value
+    return experiment.model_copy(update={name: table_with(experiment, name, own) for name, own in by_table.items()})
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in an experiment: the path through its tables, and the value there."""
+
+    path: tuple[str, ...]
+    target: VariedValue
+
+
+def place_of(key: str, experiment: Experiment, nominal: Platform, machine: Platform) -> Place:
+    """The place that a key of `[ensemble]` names.
+
+    Raises
+    ------
+    ValueError
+        No such parameter or key, or one that is common to all members; suggests the nearest name.
+    """
+    path = tuple(key.split("."))
+    if len(path) == 1 and key in TABLE:
+        path = ("plant", "parameters", key)
+    elif len(path) == 2 and path[0] in _PLATFORMS and path[1] in TABLE:
+        path = (path[0], "parameters", path[1])
+    section, *rest = path
+    if section not in Experiment.model_fields:
+        tables = [name for name in Experiment.model_fields if name != "ensemble"]
+        raise ValueError(f"no such parameter{nearest(section, [*TABLE, *EnsembleChoice.model_fields, *tables])}")
+    if not rest or (rest[-1] in _COMMON.get(section, ()) and rest[:-1] != ["parameters"]) or section == "ensemble":
+        raise ValueError("is common to all members; expected a parameter of the machine, or a number of another table")
+    if section in _PLATFORMS:
+        name = rest[-1]
+        if len(rest) != 2 or name not in TABLE:
+            raise ValueError(f"no such parameter{nearest(name, TABLE)}")
+        value = getattr(machine if section == "plant" else nominal, name)
+        return Place(path, _parameter(name if section == "plant" else f"platform.{name}", name, value))
+    return Place(path, _target(".".join(path), getattr(experiment, section), rest, section))
+
+
+def _target(key: str, table: Any, path: Sequence[str], above: str) -> VariedValue:
+    """The value at the end of a path through tables."""
+    name, *rest = path
+    if isinstance(table, list):
+        if not (name.isdigit() and 1 <= int(name) <= len(table)) or not rest:
+            raise ValueError(
+                f"expected {above}.1 to {above}.{len(table)} and a key of it" if table else f"no [[{above}]]"
+            )
+        return _target(key, table[int(name) - 1], rest, f"{above}.{name}")
+    if not isinstance(table, Section):
+        raise ValueError(f"the experiment has no [{above}]")  # noqa: TRY004 - the key is wrong, not a type
+    field = type(table).model_fields.get(name)
+    if field is None:
+        raise ValueError(f"no such key of [{above}]{nearest(name, type(table).model_fields)}")
+    value = getattr(table, name)
+    if isinstance(value, Mapping):
+        if isinstance(table, ControllerChoice) and name != "parameters":
+            raise ValueError("is common to all members")
+        if len(rest) != 1:
+            raise ValueError(f"expected one name after {name}")
+        inner = value.get(rest[0])
+        return _controller_parameter(key, inner) if isinstance(table, ControllerChoice) else _named(key, inner, name)
+    may_be = [isinstance(kind, type) and issubclass(kind, Section) for kind in get_args(field.annotation)]
+    if rest and (isinstance(value, Section) or (value is None and any(may_be))):
+        return _target(key, value, rest, f"{above}.{name}")
+    if rest:
+        raise ValueError(f"{above}.{name} is not a table")
+    quantity = quantity_in(field.annotation, *field.metadata)
+    if quantity is None:
+        return VariedValue(key, None, (), None)
+    shape = (quantity.size,) if isinstance(quantity, Vector) else ()
+    return VariedValue(key, quantity.unit, shape, None if isinstance(value, str) else _array(value))
+
+
+def _controller_parameter(key: str, value: Any) -> VariedValue:
+    """A parameter of a controller in Python or of an FMU, which alone knows its name: a plain number, or a list."""
+    try:
+        nominal = None if isinstance(value, bool | str) else _array(value)
+    except (TypeError, ValueError):
+        nominal = None
+    # a text or a switch has no distribution but a choice
+    unit = PLAIN if value is None or nominal is not None else None
+    return VariedValue(key, unit, () if nominal is None else nominal.shape, nominal)
+
+
+def _named(key: str, value: Any, table: str) -> VariedValue:
+    """A value in a table of parameters, of factors on them, or of signals."""
+    name = key.rpartition(".")[2]
+    if table in ("parameters", "factors") and name not in TABLE:
+        raise ValueError(f"no such parameter{nearest(name, TABLE)}")
+    if table == "factors":
+        return VariedValue(key, PLAIN, (), _array(value))
+    if table == "parameters":
+        return _parameter(key, name, value)
+    if name not in _SIGNALS:
+        raise ValueError(f"no signal '{name}'{nearest(name, NAMES)}")
+    return VariedValue(key, _SIGNALS[name].unit, (), _array(value))
+
+
+def _parameter(key: str, name: str, value: Any) -> VariedValue:
+    row = TABLE[name]
+    return VariedValue(
+        key, PLAIN if row.unit == "1" else row.unit, row.shape, _array(value), name == "platform_inertia"
+    )
+
+
+def _array(value: Any) -> Any:
+    return None if value is None else np.asarray(value, dtype=float)
+
+
+def unit_of(key: str) -> str:
+    """The SI unit of the values of a key such as `controller.bandwidth`, or `machine.platform_mass`; "" for none.
+
+    There is none either where kinds of motions or controllers give a key of one name different units, and for gains,
+    whose unit depends on the space in which they act.
+    """
+    if _GAINS.fullmatch(key):
+        return ""
+    names = re.sub(r"\[[\d,]+\]", "", key).split(".")
+    sections: list[type[Section]] = [Experiment]
+    units: set[str] = set()
+    for name in names:
+        fields = [section.model_fields[name] for section in sections if name in section.model_fields]
+        if not fields:
+            # a parameter of the platform or a signal; factors on them have no unit
+            return "" if "factors" in names else _UNITS.get(names[-1], "")
+        quantities = [quantity_in(field.annotation, *field.metadata) for field in fields]
+        units = {"" if quantity is None else quantity.unit for quantity in quantities}
+        sections = list(_sections(field.annotation for field in fields))
+    return next(iter(units)) if len(units) == 1 else ""
+
+
+def _sections(annotations: Iterable[Any]) -> Iterator[type[Section]]:
+    for annotation in annotations:
+        if isclass(annotation) and issubclass(annotation, Section):
+            # of a base, its keys are those of the kinds that `type` selects
+            yield annotation
+            yield from _sections(annotation.__subclasses__())
+        else:
+            yield from _sections(get_args(annotation))
+
+
+def value_text(key: str, value: Any) -> str:
+    """A value of a key in SI units as text with its unit; angles in degrees, shares in percent."""
+    unit = unit_of(key)
+    if not unit or value is None or isinstance(value, bool | str | dict):
+        return plain_text(value)
+    quantity = of_unit("%" if unit == "1" else unit)
+
+    def scaled(value: Any) -> Any:
+        return [scaled(element) for element in value] if isinstance(value, list | tuple) else quantity.factor * value
+
+    return f"{plain_text(scaled(value))} {quantity.unit_text}"
