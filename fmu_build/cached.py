@@ -50,15 +50,14 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None, variant
         from gough_stewart.fmu_build.build import build  # imports CasADi, which a cached unit does not need
 
         with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
-            platform = None if variant == IDEAL else _platform_of(variant)
-            return build(folder, fmi=[fmi_version], platform=platform, progress=progress)[0].read_bytes()
+            return build(folder, fmi=[fmi_version], platform=platform_of(variant), progress=progress)[0].read_bytes()
 
     of = "-".join((state_of_sources(), native().name, *variant.parts))
     return kept(cache_folder() / "fmus" / of / file_name(fmi_version), built)
 
 
-def _platform_of(variant: Variant) -> Platform:
-    """Any platform of a variant: all its parameters are set when it runs."""
+def platform_of(variant: Variant) -> Platform:
+    """Any platform of a variant, the paper's if it is ideal: all its parameters are set when it runs."""
     changes: dict[str, Any] = (
         {"leg_friction_model": ELASTO_PLASTIC, "leg_coulomb_friction": 1.0} if variant.bristles else {}
     )

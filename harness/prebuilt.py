@@ -38,8 +38,8 @@ from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.harness.export.machine import MACHINE, machine_c, machine_texts
 from gough_stewart.harness.loop.loop_library import loop_code
 from gough_stewart.harness.results.fold_library import folds_code
+from gough_stewart.model.compiled_kernel import FUNCTIONS, kernel_state, new_block
 from gough_stewart.model.kernel import parameter_vector, traced_call
-from gough_stewart.model.kernel_block import FUNCTIONS, new_block
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.installed import TRACER
@@ -49,7 +49,6 @@ from gough_stewart.model.process.prebuilt import (
     manifest_line,
     packed,
     prebuilt_folder,
-    state_of_package,
 )
 
 
@@ -83,7 +82,7 @@ def _packed(file: str, states: dict[str, str], make: Callable[[], bytes]) -> Par
 
 
 def _kernel(target: Target) -> Part:
-    state = {f"{target.name}/kernel": state_of_package("gough_stewart.model")}
+    state = {f"{target.name}/kernel": kernel_state()}
     return Part(f"{target.name}/kernel{target.suffix}", state, lambda: compiled_kernel(target))
 
 

@@ -7,6 +7,8 @@ from gough_stewart.model.errors import StepError
 DEFAULT_TOLERANCE = 1e-8
 # Below this range rounding dominates the error estimate; above it the estimate is meaningless.
 TOLERANCES = (1e-13, 1e-2)
+# In one communication step.
+MOST_INTERNAL_STEPS = 20_000
 
 
 def end_of_step(time: float, step: float, current: float) -> float:

@@ -12,9 +12,8 @@ from gough_stewart.fmu_build.layout import Layout, Role
 from gough_stewart.fmu_build.plant.drawing import drawing_svg
 from gough_stewart.fmu_build.plant.tables import MOST_FIXED_STEPS
 from gough_stewart.model import interface
-from gough_stewart.model.integrator import MOST_INTERNAL_STEPS
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES
+from gough_stewart.model.step_times import DEFAULT_TOLERANCE, MOST_INTERNAL_STEPS, TOLERANCES
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import Array
 

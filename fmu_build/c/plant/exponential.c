@@ -127,8 +127,10 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
             return TOO_MANY_STEPS;
         int last = at->t + h >= end;
         double size = last ? end - at->t : h, t = last ? end : at->t + size;
-        if (!(t > at->t) || (!last && h < 16 * DBL_EPSILON * fabs(end)))
+        if (!(t > at->t) || (!last && h < 16 * DBL_EPSILON * fabs(end))) {
+            at->step = size;
             return STEP_TOO_SMALL;
+        }
         double decay[N_LEGS], coarse[N_STATES], middle[N_STATES], fine[N_STATES], rate[N_STATES];
         coefficients whole, half;
         problem->decays(problem->owner, at->x, decay);
@@ -141,7 +143,7 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
         exponential_step(problem, &half, at->t + size / 2, size / 2, middle, rate, fine);
         double error = distance(fine, coarse, at->x, tolerance) / 15, factor = factor_of(error);
         if (!(error <= 1)) {
-            h = size * factor;
+            at->step = h = size * factor;
             if (h < DBL_MIN)
                 return STEP_TOO_SMALL;
             continue;
