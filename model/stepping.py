@@ -309,14 +309,16 @@ class SteppingModel:
         StepError, InterfaceError
             Rule 7; the model is unchanged.
         """
-        if not (type(time) is float and type(step) is float and time == self._time < time + step < math.inf):
+        if not (type(time) is float and type(step) is float and math.isfinite(time + step)):
             time, step = _number("time", time), _number("step", step)
-            end_of_step(time, step, self._time)
+        end = time + step
+        if time != self._time or not end > time:
+            end = end_of_step(time, step, self._time)
         if not self._started:
             legs = leg_geometry(self._platform, self._x[:3], self._x[3:6])
             check_leg_com_offsets(self._platform, float(legs.length.min()), "start")
         self._stepper.step(time, step)
-        self._time, self._started = time + step, True
+        self._time, self._started = end, True
 
     def save_state(self) -> Snapshot:
         """Save the complete state (rule 9)."""
