@@ -131,7 +131,9 @@ class SteppingModel:
             raise InterfaceError("integrator", f"is {integrator!r}; expected 'compiled' or 'scipy'")
         if self._fixed and integrator == "scipy":
             raise InterfaceError(
-                "fixed_step_size", f"is {fixed_step_size!r} s; expected 0 for the integrator 'scipy', or 'compiled'"
+                "fixed_step_size",
+                f"is {fixed_step_size!r} s, but the integrator 'scipy' controls its error; expected 0, or the integrator "
+                "'compiled', which is that of the plant 'model'",
             )
         self._integrator = integrator
         self._initial_platform = platform
