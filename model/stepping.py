@@ -20,7 +20,7 @@ from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
-from gough_stewart.model.pose_limits import LARGEST_PITCH
+from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
 from gough_stewart.model.real import real_array
 from gough_stewart.model.scipy_stepper import ScipyStepper
 from gough_stewart.model.state import State
@@ -205,8 +205,7 @@ class SteppingModel:
                 pass
             else:
                 is_plain = numbers.dtype == np.float64 and numbers.shape == target.shape
-                # a sum of squares is finite only if all numbers are
-                if is_plain and math.isfinite(numbers.dot(numbers)):
+                if is_plain and all(map(math.isfinite, numbers.tolist())):
                     target[:] = numbers
                     return
         self.set_many({name: value})
@@ -317,6 +316,7 @@ class SteppingModel:
         if time != self._time or not end > time:
             end = end_of_step(time, step, self._time)
         if not self._started:
+            check_pose(self._platform, self._x, self._time)
             legs = leg_geometry(self._platform, self._x[:3], self._x[3:6])
             check_leg_com_offsets(self._platform, float(legs.length.min()), "start")
         self._stepper.step(time, step)
