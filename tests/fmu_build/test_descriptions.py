@@ -78,7 +78,7 @@ def test_start_values_are_those_of_the_platform_in_description_and_binary(fmu: F
 
 def test_every_result_goes_by_the_reference_in_the_description(fmu: Fmu) -> None:
     """Expected: the stepping model's element of that name."""
-    model = SteppingModel(UNEVEN)
+    model = SteppingModel(UNEVEN, integrator="scipy")
     model.set_many({**STATE._asdict(), **INPUTS._asdict()})
     found = {v.name: v.valueReference for v in fmu.description.modelVariables}
     with plant(fmu) as p:

@@ -165,7 +165,7 @@ def test_payload_friction_and_gravity_change_during_the_run(fmu: Fmu) -> None:
     }
     tunable = {r.variable.name for r in PLANT.of_role(Role.TUNABLE_PARAMETER)}
     assert set(changes) == tunable
-    model = SteppingModel(UNEVEN, tolerance=1e-10)
+    model = SteppingModel(UNEVEN, tolerance=1e-10, integrator="scipy")
     with plant(fmu) as p:
         p.start(tolerance=1e-10)
         for each in (p, model):

@@ -77,7 +77,7 @@ def _reference() -> FloatArray:
     """Results of the members by the error-controlled integration of another order, each alone."""
     found = []
     for platform, start, own in zip(*_members(N), strict=True):
-        model = ModelPlant(platform, start, tolerance=1e-12)
+        model = ModelPlant(platform, start, 1e-12, integrator="scipy")
         for k in range(10):
             model.set_inputs((1 + 0.1 * np.sin(k)) * own)
             model.do_step(k * STEP, STEP)
@@ -280,7 +280,7 @@ def test_parameters_change_in_mid_run_for_those_that_are_meant() -> None:
     heavier = np.array([1.5 * platform.platform_mass for platform in platforms])
     some = np.arange(N) % 2 == 0
     heavier_of_some = np.where(some, 2.0 * heavier, np.nan)
-    models = [ModelPlant(platform, start, 1e-12) for platform, start in zip(platforms, starts, strict=True)]
+    models = [ModelPlant(platform, start, 1e-12, integrator="scipy") for platform, start in zip(platforms, starts, strict=True)]
 
     def changes(step: int, k: int) -> dict[str, object]:
         if step == 2:
@@ -447,7 +447,7 @@ def test_a_member_that_needs_too_many_steps_says_so_and_others_go_on() -> None:
 
 def _after(platform: Platform, start: State, u: FloatArray, duration: float, tolerance: float) -> FloatArray:
     """States of the stepping model, an integration of another order."""
-    model = ModelPlant(platform, start, tolerance=tolerance)
+    model = ModelPlant(platform, start, tolerance, integrator="scipy")
     model.set_inputs(u)
     model.do_step(0.0, duration)
     return model.results()[:12]
@@ -484,7 +484,7 @@ def test_no_step_of_a_run_is_overlooked() -> None:
         plant.set_inputs(forces)
         plant.do_step(k * size, size)
         for member in range(n):
-            model = ModelPlant(platforms[member], State.from_vector(before[member]), tolerance=1e-11)
+            model = ModelPlant(platforms[member], State.from_vector(before[member]), 1e-11, integrator="scipy")
             model.set_inputs(forces[member])
             model.do_step(0.0, size)
             exact, found = model.results()[:12], plant.signals()[member, :12]

@@ -18,7 +18,6 @@ from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.fixed_steps import fixed_step
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
@@ -27,7 +26,7 @@ from gough_stewart.model.stepping import SteppingModel
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fmu_plants import Fmu, Plant
-from tests.support.real_platforms import gripped, real_platform
+from tests.support.real_platforms import real_platform
 
 WHOLE = Variant(bristles=True, springs=True)
 
@@ -61,7 +60,7 @@ def inputs_at(platform: Platform, time: float) -> FloatArray:
 def test_the_unit_moves_as_the_stepping_model_does(unit: Path, friction: str) -> None:
     """Expected: the model at a tolerance of 1e-11; its bristles are moved off a fixed point of a wrong scheme."""
     platform = real_platform(friction, springs=True)
-    model = SteppingModel(platform, 1e-11)
+    model = SteppingModel(platform, 1e-11, integrator="scipy")
     with FmuPlant(unit, platform, tolerance=1e-10) as exact, FmuPlant(unit, platform, None, 1e-8, 1e-3) as fixed:
         assert exact.columns == model.variant.columns
         np.testing.assert_allclose(exact.results(), model.result_vector(), rtol=1e-12, atol=1e-12)
@@ -81,7 +80,7 @@ def test_the_unit_moves_as_the_stepping_model_does(unit: Path, friction: str) ->
 def test_calls_of_one_fixed_step_slide_as_the_stepping_model_does(springs: bool) -> None:
     """Expected: the model at 1e-10, pushed to 0.1 m/s. Differences of times k h are by rounding above h and below."""
     platform, h = real_platform("lugre", springs=springs), 1e-3
-    model = SteppingModel(platform, 1e-10)
+    model = SteppingModel(platform, 1e-10, integrator="scipy")
     file = cached_build("3.0", None, Variant(bristles=True, springs=springs))
     u = np.concatenate([platform.home_actuator_force + 60.0, np.zeros(6)])
     with FmuPlant(file, platform, None, 1e-8, h) as plant:
@@ -94,34 +93,6 @@ def test_calls_of_one_fixed_step_slide_as_the_stepping_model_does(springs: bool)
         found = dict(zip(plant.columns, plant.results(), strict=True))
         for k in range(3):
             assert found[f"position[{k + 1}]"] == pytest.approx(model.state[k], abs=2e-6)
-
-
-@pytest.mark.parametrize("force", [30.0, -90.0], ids=["slides", "reverses"])
-@pytest.mark.parametrize("springs", [False, True], ids=["rigid", "gives"])
-def test_a_fixed_step_is_that_of_the_scheme_in_numpy(springs: bool, force: float) -> None:
-    """Expected: `fixed_steps`, whose errors and order its own tests show; steps are divided as they are there.
-
-    Of rigid legs the gain of friction is a full matrix without symmetry, of legs that give a diagonal.
-    """
-    platform, h = real_platform("lugre", springs=springs), 1e-3
-    variant = Variant.of(platform)
-    start = State(platform.home_position, platform.home_orientation, np.array([0.03, -0.02, 0.05]), np.zeros(3))
-    model = SteppingModel(platform)
-    model.set_many(start._asdict())
-    u = np.concatenate([platform.home_actuator_force + force, np.zeros(6)])
-    system, x = gripped(Kernel(variant), platform, u), model.state
-    turned = np.zeros(6, dtype=bool)
-    with FmuPlant(cached_build("3.0", None, variant), platform, start, 1e-8, h) as plant:
-        plant.set_inputs(u)
-        for k in range(8):
-            before = system.sliding(x).copy()
-            plant.do_step(k * h, h)
-            x, _ = fixed_step(system, x, system.derivatives(x), h)
-            turned |= before * system.sliding(x) < 0
-        found = dict(zip(plant.columns, plant.results(), strict=True))
-    assert turned.sum() >= (3 if force < 0 else 0)
-    names = [name for v in variant.states for name in v.scalar_names]
-    np.testing.assert_allclose([found[name] for name in names], x, rtol=1e-10, atol=1e-13)
 
 
 def test_legs_that_stick_hold_a_platform(unit: Path) -> None:
@@ -161,13 +132,13 @@ def test_a_fixed_step_beyond_the_modes_is_refused_with_one_that_is_not(unit: Pat
 
 @pytest.mark.parametrize("kind", ["model", "fmu2", "fmu3"])
 def test_a_loop_takes_steps_of_1_ms_where_friction_sticks_and_no_longer_ones(kind: str) -> None:
-    """Expected: the loop on the model under error control; errors of steps are corrected as by any feedback."""
+    """Expected: the loop on SciPy under error control; errors of steps are corrected as by any feedback."""
     settings = {
         "platform.parameters": {"leg_friction_model": "lugre", "leg_coulomb_friction": 100.0},
         "loop.duration": 0.3,
         "plant.kind": kind,
     }
-    exact = gs.run("heave_step", {**settings, "plant.kind": "model", "plant.tolerance": 1e-10})
+    exact = gs.run("heave_step", {**settings, "plant.kind": "scipy", "plant.tolerance": 1e-10})
     found = gs.run("heave_step", {**settings, "plant.fixed_step_size": "1 ms"})
     assert np.ptp(exact["position"][:, 2]) > 0.02
     # encoders of 10 µm may tell two equal lengths apart

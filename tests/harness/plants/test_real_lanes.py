@@ -59,7 +59,7 @@ def _reference(friction: str, springs: bool) -> FloatArray:
     found = []
     for k in range(2):
         platform, start = _member(friction, springs, k)
-        found.append(_stepped(ModelPlant(platform, start, 1e-11), _forces(platform), 13.0))
+        found.append(_stepped(ModelPlant(platform, start, 1e-11, integrator="scipy"), _forces(platform), 13.0))
     return np.stack(found, axis=1)
 
 
@@ -211,7 +211,7 @@ def test_members_of_an_ensemble_are_runs_on_the_model(monkeypatch: pytest.Monkey
         runs.append(simulate(running.plant, running.law_from, running.loop))
     for k in range(3):
         own = batch.member(k)
-        with ModelPlant(own.machine, own.start, 1e-11) as plant, own.law_in_a_run() as law:
+        with ModelPlant(own.machine, own.start, 1e-11, integrator="scipy") as plant, own.law_in_a_run() as law:
             expected = simulate(plant, law, own.loop)
         for run in (each.of_member(k) for each in runs):
             assert run.results.shape == expected.results.shape
