@@ -94,12 +94,9 @@ class ScipyStepper:
         def derivatives(time: float, x: FloatArray) -> FloatArray:
             return kernel.derivatives(x, self.u + self.input_rates * (time - start), p).copy()
 
-        def jacobian(time: float, x: FloatArray) -> FloatArray:
-            return kernel.jacobians(x, self.u + self.input_rates * (time - start), p).A.copy()
-
         problem = derivatives, start, self.x.copy(), end
         tolerances: dict[str, Any] = {"rtol": self._tolerance, "atol": self._tolerance * np.array(self._variant.scales)}
         if not self._variant.bristles:
             first = None if self.internal_step is None else min(self.internal_step, end - start)
             return DOP853(*problem, first_step=first, **tolerances)
-        return (LSODA if self._tolerance >= _TIGHT else Radau)(*problem, jac=jacobian, **tolerances)
+        return (LSODA if self._tolerance >= _TIGHT else Radau)(*problem, **tolerances)
