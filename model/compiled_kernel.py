@@ -57,7 +57,7 @@ def kernel_state() -> str:
 
 @cache
 def kernel_library() -> ctypes.PyDLL | None:
-    """The library of the ideal plant that came with the package; None if there is none, or, with a warning, if it fails.
+    """The library of the ideal plant that came with the package; None if there is none, or with a warning if it fails.
 
     It keeps the interpreter's lock: a call takes a microsecond.
     """

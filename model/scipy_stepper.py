@@ -59,8 +59,8 @@ class ScipyStepper:
                         "internal steps",
                         steps,
                         float(solver.t),
-                        f"too many internal steps for one step to time {end:g} s at tolerance {tolerance:g}; forces too "
-                        "large, leg_friction_velocity too small, or step too long",
+                        f"too many internal steps for one step to time {end:g} s at tolerance {tolerance:g}; forces "
+                        "too large, leg_friction_velocity too small, or step too long",
                     )
                 proposed = float(getattr(solver, "h_abs", 1.0))
                 # if ẋ overflows, SciPy finds no first step size and would reduce it for ever

@@ -20,7 +20,7 @@ from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
-from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose
+from gough_stewart.model.pose_limits import LARGEST_PITCH, SHORTEST_LEG
 from gough_stewart.model.real import real_array
 from gough_stewart.model.scipy_stepper import ScipyStepper
 from gough_stewart.model.state import State
@@ -316,9 +316,10 @@ class SteppingModel:
         if time != self._time or not end > time:
             end = end_of_step(time, step, self._time)
         if not self._started:
-            check_pose(self._platform, self._x, self._time)
-            legs = leg_geometry(self._platform, self._x[:3], self._x[3:6])
-            check_leg_com_offsets(self._platform, float(legs.length.min()), "start")
+            shortest = float(leg_geometry(self._platform, self._x[:3], self._x[3:6]).length.min())
+            # a leg that has collapsed fails the step
+            if shortest > SHORTEST_LEG * self._platform.characteristic_length:
+                check_leg_com_offsets(self._platform, shortest, "start")
         self._stepper.step(time, step)
         self._time, self._started = end, True
 

@@ -48,8 +48,8 @@ def run(
     settings
         Keys of the experiment to change, as in `load_experiment`.
     plant, fmu
-        Replace the experiment's: "model" (compiled), "scipy" (which judges it), "fmu2" or "fmu3", and an FMU file, built
-        if missing; or an object that follows the rules of `Plant`, in its start state, which the caller closes.
+        Replace the experiment's: "model" (compiled), "scipy" (the judge of it), "fmu2" or "fmu3", and an FMU file,
+        built if missing; or an object that follows the rules of `Plant`, in its start state, which the caller closes.
     controller
         Replaces the experiment's, with the feedforward unchanged: a discrete python-control system, a
         `LinearController`, a function of a `Sample` that returns six forces [N], or one with memory: a class or
@@ -187,8 +187,8 @@ def _check_plant(plant: object, fmu: object) -> None:
     missing = [name for name in ("set_inputs", "set_parameters", "results", "do_step") if not hasattr(plant, name)]
     if missing:
         raise PlantError(
-            f"plant is {plant!r}, without {', '.join(missing)}; expected {', '.join(map(repr, get_args(PlantKind)))}, or "
-            "an object that follows the rules of gough_stewart.harness.plants.plant.Plant"
+            f"plant is {plant!r}, without {', '.join(missing)}; expected {', '.join(map(repr, get_args(PlantKind)))}, "
+            "or an object that follows the rules of gough_stewart.harness.plants.plant.Plant"
         )
     if fmu is not None:
         raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")

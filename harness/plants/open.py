@@ -53,7 +53,7 @@ def open_plant(
             raise PlantError(f"plant {kind!r} does not accept the file {fmu}; choose the plant fmu2 or fmu3")
         from gough_stewart.harness.plants.model import ModelPlant
 
-        integrator: "Integrator" = "compiled" if kind == "model" else "scipy"
+        integrator: Integrator = "compiled" if kind == "model" else "scipy"
         with ModelPlant(platform, start, tolerance, fixed_step_size, integrator) as model:
             yield model
         return

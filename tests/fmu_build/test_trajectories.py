@@ -251,7 +251,10 @@ def euler(p: Plant, duration: float, n: int) -> NDArray[np.float64]:
 
 def test_a_closed_loop_runs_on_fmu_and_stepping_model_alike(fmu: Fmu) -> None:
     """Expected: the stepping model, another integrator over the same kernel, under the same sampled controller."""
-    model, offset = SteppingModel(UNEVEN, tolerance=1e-10, integrator="scipy"), np.array([0.05, 0.03, 0.02, 0.06, 0.01, 0.04])
+    model, offset = (
+        SteppingModel(UNEVEN, tolerance=1e-10, integrator="scipy"),
+        np.array([0.05, 0.03, 0.02, 0.06, 0.01, 0.04]),
+    )
     with plant(fmu) as p:
         p.start(tolerance=1e-10)
         home = p.get("leg_length")

@@ -1,4 +1,4 @@
-"""Limits of the pose, as Python checks them: quantity, value, time and words; the unit's checks have tests of their own."""
+"""Limits of the pose, as Python checks them: quantity, value, time and words; the unit's have tests of their own."""
 
 from typing import Any
 
@@ -73,7 +73,10 @@ def test_a_pose_is_singular_from_a_condition_number_of_1e8_on_or_on_the_other_si
         number, side = float(np.linalg.cond(scaled(yaw))), float(np.sign(np.linalg.det(scaled(yaw))))
         if abs(np.log(number / 1e8)) < 0.05:
             continue
-        x, reached = state_at(HOME, [0.0, 0.0, yaw]), "the platform has reached a singular pose{}; the legs cannot hold it there"
+        x, reached = (
+            state_at(HOME, [0.0, 0.0, yaw]),
+            "the platform has reached a singular pose{}; the legs cannot hold it there",
+        )
         seen[number > 1e8] += 1
         cases = [(-side, " (passed since the last internal step)")]
         if number > 1e8:

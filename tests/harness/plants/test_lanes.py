@@ -280,7 +280,10 @@ def test_parameters_change_in_mid_run_for_those_that_are_meant() -> None:
     heavier = np.array([1.5 * platform.platform_mass for platform in platforms])
     some = np.arange(N) % 2 == 0
     heavier_of_some = np.where(some, 2.0 * heavier, np.nan)
-    models = [ModelPlant(platform, start, 1e-12, integrator="scipy") for platform, start in zip(platforms, starts, strict=True)]
+    models = [
+        ModelPlant(platform, start, 1e-12, integrator="scipy")
+        for platform, start in zip(platforms, starts, strict=True)
+    ]
 
     def changes(step: int, k: int) -> dict[str, object]:
         if step == 2:

@@ -21,7 +21,6 @@ from gough_stewart.model.errors import StepError
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
