@@ -132,7 +132,7 @@ class SteppingModel:
         if self._fixed and integrator == "scipy":
             raise InterfaceError(
                 "fixed_step_size",
-                f"is {fixed_step_size!r} s, but the integrator 'scipy' controls its error; expected 0, or the integrator "
+                f"is {fixed_step_size!r} s, but the integrator 'scipy' controls its error; expected 0, or integrator "
                 "'compiled', which is that of the plant 'model'",
             )
         self._integrator = integrator

@@ -403,7 +403,7 @@ FAILURES: dict[str, tuple[dict[str, Any], list[float], float, str, str]] = {
     "legs pulled into the base plane": ({}, [-100.0] * 6, 10.0, CONDITION, "singular pose"),
     "yaw through a singular pose": ({"angular_velocity": [0, 0, 3.0]}, [0.0] * 6, 1.0, CONDITION, "singular pose"),
     "pitch of 90°": (
-        {"orientation": [0, 1.56, 0], "angular_velocity": [0, 1.0, 0]}, [0.0] * 6, 0.1, "orientation[2]", "the pitch has"
+        {"orientation": [0, 1.56, 0], "angular_velocity": [0, 1.0, 0]}, [0.0] * 6, 0.1, "orientation[2]", "the pitch"
     ),
     "P_1 on B_1": (
         {"position": PAPER.base_points[0] - PAPER.platform_points[0]}, [0.0] * 6, 0.1, "leg_length[1]", "the leg has"
