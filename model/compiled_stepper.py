@@ -84,7 +84,7 @@ class CompiledStepper:
     def result_vector(self) -> FloatArray:
         """The results in the order of `Variant.columns`, a copy."""
         self._find_results()
-        return self._y[self._order]
+        return np.asarray(self._y[self._order])
 
 
 @cache

@@ -136,6 +136,7 @@ class SteppingModel:
                 "'compiled', which is that of the plant 'model'",
             )
         self._integrator = integrator
+        self._time, self._started = 0.0, False
         self._initial_platform = platform
         self._variant = variant = Variant.of(platform)
         self._stepper: CompiledStepper | ScipyStepper = (

@@ -153,8 +153,8 @@ def test_a_library_counts_only_for_its_sources(folder: Path, monkeypatch: pytest
         cached.cache_clear()
     assert kernel_library() is None
     copy = folder / "sources"
-    shutil.copytree(files("gough_stewart.fmu_build"), copy / "fmu_build")
-    shutil.copytree(files("gough_stewart.model"), copy / "model")
+    shutil.copytree(str(files("gough_stewart.fmu_build")), copy / "fmu_build")
+    shutil.copytree(str(files("gough_stewart.model")), copy / "model")
     monkeypatch.setattr(resources, "files", lambda package: copy / package.rpartition(".")[2])
     states = set()
     for source in ("c/stepper/stepper.c", "c/plant/plant_step.c", "c/unit/message.c", "codegen.py", "plant/tables.py"):

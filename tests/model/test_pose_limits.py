@@ -78,7 +78,7 @@ def test_a_pose_is_singular_from_a_condition_number_of_1e8_on_or_on_the_other_si
             "the platform has reached a singular pose{}; the legs cannot hold it there",
         )
         seen[number > 1e8] += 1
-        cases = [(-side, " (passed since the last internal step)")]
+        cases: list[tuple[float | None, str]] = [(-side, " (passed since the last internal step)")]
         if number > 1e8:
             cases.append((None, ""))
         else:

@@ -549,7 +549,7 @@ def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str
     stepped(model, 3)
     snapshot = model.save_state()
     assert (snapshot.time, snapshot.x, snapshot.started) == (model.time, tuple(model.state.tolist()), True)
-    copies = [copied(model) for copied in (deepcopy, copy, lambda m: pickle.loads(pickle.dumps(m)))]
+    copies = [deepcopy(model), copy(model), pickle.loads(pickle.dumps(model))]
     other = SteppingModel(model.platform, integrator=integrator)
     other.restore_state(snapshot)
 

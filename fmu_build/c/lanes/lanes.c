@@ -93,7 +93,7 @@ static void read_inputs(group *g)
     read_rows(g->u, N_INPUTS, g->of->inputs + g->first, g->of->stride);
 }
 
-/* Like check_pose of c/plant/pose_limits.c, for one member: FAILURE_GOES_ON or the reason. */
+/* Like check_pose of c/plant/plant.c, for one member: FAILURE_GOES_ON or the reason. */
 static int64_t judge(const group *g, int lane, double *side)
 {
     double x[N_STATES], p[N_PARAMETERS], length[N_LEGS], rate[N_LEGS], jacobian[N_LEGS][N_LEGS], rho, determinant;
