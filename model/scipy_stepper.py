@@ -62,7 +62,8 @@ class ScipyStepper:
                         f"too many internal steps for one step to time {end:g} s at tolerance {tolerance:g}; forces "
                         "too large, leg_friction_velocity too small, or step too long",
                     )
-                proposed = float(getattr(solver, "h_abs", 1.0))
+                # LSODA only tells the last one
+                proposed = float(getattr(solver, "h_abs", solver.step_size or end - solver.t))
                 # if ẋ overflows, SciPy finds no first step size and would reduce it for ever
                 if not proposed > 0 or solver.step() is not None or not np.isfinite(solver.y).all():
                     raise StepError(
