@@ -226,30 +226,25 @@ def test_results_have_the_same_names_and_values_by_both_integrators(name: str) -
         assert ours.get(column) == value
 
 
-def test_the_linearisation_is_that_of_differences() -> None:
-    """Expected: differences of the results, of an uneven platform in motion; a Taylor step of second order; copies."""
-    model = started()
-    blocks = model.linearise()
-    A, B, C, D = blocks
+@by_both
+def test_the_linearisation_predicts_a_small_step(integrator: Integrator) -> None:
+    """Expected: x(h) = x + h (ẋ + A h ẋ/2) and y(h) − y = C (x(h) − x), ẋ by differences of the step; B and D copies."""
+    model, h = started(1e-13, integrator), 1e-4
+    A, B, C, D = blocks = model.linearise()
     assert (A.shape, B.shape, C.shape, D.shape) == ((12, 12), (12, 12), (50, 12), (50, 12))
-    x, u, h = STATE.to_vector(), INPUTS.to_vector(), 1e-5
-
-    def results(x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        other = SteppingModel(UNEVEN)
-        other.set_many({**interface.unpack(interface.STATES, x), **interface.unpack(interface.INPUTS, u)})
-        return other.result_vector()
-
-    for k in (0, 2, 3, 5, 6, 9, 11):
-        e = h * np.eye(12)[k]
-        by_state = (results(x + e, u) - results(x - e, u)) / (2 * h)
-        by_input = (results(x, u + e) - results(x, u - e)) / (2 * h)
-        assert C[:, k] == pytest.approx(by_state, abs=1e-6 * np.abs(C).max())
-        assert D[:, k] == pytest.approx(by_input, abs=1e-6 * np.abs(D).max())
-        # accelerations are the last rows of ẋ, and rows 24 to 29 of the results
-        assert A[6:, k] == pytest.approx(by_state[24:30], abs=1e-6 * np.abs(C).max())
-        assert B[6:, k] == pytest.approx(by_input[24:30], abs=1e-6 * np.abs(D).max())
-    copies = [block.copy() for block in blocks]
-    model.do_step(0.0, 0.1)
+    copies, x, y = [block.copy() for block in blocks], model.state, model.result_vector()
+    short = started(1e-13, integrator)
+    short.do_step(0.0, h / 100)
+    rate = (short.state - x) / (h / 100)
+    model.do_step(0.0, h)
+    assert model.state == pytest.approx(x + h * rate + 0.5 * h * h * A @ rate, abs=3e-8)
+    assert model.state - x != pytest.approx(h * rate, abs=3e-8)
+    assert model.result_vector() - y == pytest.approx(C @ (model.state - x), abs=1e-5 * np.abs(y).max())
+    change = np.linspace(-1.0, 2.0, 12)
+    model.reset()
+    model.set_many({**STATE._asdict(), **INPUTS._asdict()})
+    model.set_inputs(INPUTS.to_vector() + change)
+    assert model.result_vector() - y == pytest.approx(D @ change, abs=1e-9)
     model.linearise()
     assert all(np.array_equal(block, before) for block, before in zip(blocks, copies, strict=True))
 
