@@ -280,7 +280,7 @@ def test_the_error_is_of_the_order_of_the_tolerance(name: str, integrator: Integ
     exact = stepped(judge, 12)
     for tolerance in (1e-4, 1e-6, 1e-8, 1e-10) if integrator == "compiled" else (1e-6, 1e-8):
         gap = np.abs(stepped(moving(name, tolerance, integrator=integrator), 12) - exact)
-        assert gap[:6].max() < 5 * tolerance
+        assert gap[:6].max() < 0.5 * tolerance
         assert gap[6:12].max() < 60 * tolerance
         assert gap[12:18].max(initial=0.0) < (tolerance if judge.variant.bristles else 60 * tolerance)
 
