@@ -97,7 +97,7 @@ def reference_results(case: ReferenceCase) -> FloatArray:
 def reference_files(runs: ReferenceRuns, identifier: str, fmi_version: str) -> dict[str, bytes]:
     """All reference files by their path in the archive, named after the unit."""
     rule = "LSODA" if any(case.variant.bristles for case, _ in runs) else "DOP853"
-    readme = _README.format(identifier=identifier, rule=f"{rule} of SciPy", tolerance=TOLERANCE)
+    readme = _README.format(identifier=identifier, rule=f"SciPy's {rule}", tolerance=TOLERANCE)
     files = {f"{FOLDER}/README.txt": readme.encode()}
     for case, values in runs:
         stem = f"{FOLDER}/{case.name}/{identifier}"
@@ -145,7 +145,7 @@ open_loop        the simulation of Liu, Li & Li (2000), scaled to the size of th
 varying_inputs   varying forces and a varying external wrench, from the start values in modelDescription.xml
 
 *_in.csv    inputs, linear between the rows
-*_ref.csv   results: the equations integrated by the {rule} at tolerance {tolerance:g}
+*_ref.csv   results: the equations integrated by {rule} at tolerance {tolerance:g}
 *_ref.opt   experiment
 *_start.csv start values of the states
 """
