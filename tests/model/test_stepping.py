@@ -228,7 +228,7 @@ def test_results_have_the_same_names_and_values_by_both_integrators(name: str) -
 
 @by_both
 def test_the_linearisation_predicts_a_small_step(integrator: Integrator) -> None:
-    """Expected: x(h) = x + h (ẋ + A h ẋ/2) and y(h) − y = C (x(h) − x), ẋ by differences of the step; B and D copies."""
+    """Expected: x(h) = x + h (ẋ + A h ẋ/2) and y(h) − y = C (x(h) − x), ẋ by differences; copies."""
     model, h = started(1e-13, integrator), 1e-4
     A, B, C, D = blocks = model.linearise()
     assert (A.shape, B.shape, C.shape, D.shape) == ((12, 12), (12, 12), (50, 12), (50, 12))
