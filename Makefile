@@ -124,8 +124,9 @@ $(VENV)/bin/python:
 $(VENV)/run: $(VENV)/bin/python pyproject.toml constraints.txt
 	$(PIP) -e '.[compile]'
 	@touch $@
-# The equations as machine code for this machine; what else is compiled is compiled at first use and kept.
-$(VENV)/kernel: $(VENV)/run $(wildcard model/*.py) fmu_build/kernel_library.py
+KERNEL_SOURCES := $(wildcard model/*.py fmu_build/*.py fmu_build/plant/*.py $(addsuffix /*,$(addprefix fmu_build/c/,kernel plant stepper unit)))
+# The equations and their stepper as machine code for this machine; what else is compiled is compiled at first use and kept.
+$(VENV)/kernel: $(VENV)/run $(KERNEL_SOURCES)
 	$(BIN)/python -m gough_stewart.harness.prebuilt --only-kernel
 	@touch $@
 $(VENV)/dev: $(VENV)/run

@@ -1,44 +1,76 @@
-"""The library of the kernel's functions for Python: the traced equations as C, with the bits of CasADi's evaluation.
+"""The library of a plant's functions for Python: its unit's stepper, and for the ideal plant the kernel's functions.
 
-`gough_stewart.model.compiled_kernel` loads it.
+The stepper is the unit's own code with c/stepper as its face, and the kernel's functions call the unit's equations;
+`gough_stewart.model.compiled_stepper` and `compiled_kernel` load them. A wheel carries the library of the ideal plant,
+others are compiled at first use and kept in the cache:
+
+    python -m gough_stewart.fmu_build.kernel_library bristles springs
+
+prints the path of one.
 """
 
+import sys
 from collections.abc import Mapping
+from itertools import accumulate
 
-from gough_stewart.fmu_build.targets import Target
-from gough_stewart.fmu_build.toolchain import compile_library
-from gough_stewart.model.compiled_kernel import PREFIX
+from gough_stewart.fmu_build.cache import state_of_sources
+from gough_stewart.fmu_build.cached import platform_of
+from gough_stewart.fmu_build.component import Sources
+from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.libraries import Library
+from gough_stewart.fmu_build.targets import native
+from gough_stewart.fmu_build.toolchain import compiler_of
+from gough_stewart.model.compiled_kernel import FUNCTIONS, PREFIX, sizes_of
 from gough_stewart.model.interface import N_INPUTS, N_RESULTS, N_STATES
-from gough_stewart.model.kernel_block import FUNCTIONS, offsets
+from gough_stewart.model.variant import IDEAL, Variant
 
 NAME = "kernel"
-FLAGS = ("-O2", "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
+FLAGS = (
+    *("-O2", "-std=c11", "-g0", "-s", "-shared", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno"),
+    # of the unit's code, the stepper needs a part
+    *("-ffunction-sections", "-fdata-sections"),
+)
+# Of c/unit, what the plant's code calls.
+_SHARED_UNITS = {"model.c", "start.c", "message.c", "variable.c", "communication.c"}
 
 
-def compiled_kernel(target: Target) -> bytes:
-    """The library for a target; see `toolchain.compile_library` for errors."""
-    return compile_library(NAME, *kernel_sources(), target, flags=FLAGS)
+def kernel_code(variant: Variant = IDEAL) -> Library:
+    """The description of the library of a variant."""
+    return Library("-".join([NAME, *variant.parts]), lambda: kernel_sources(variant), state_of_sources(), FLAGS)
 
 
-def kernel_sources() -> tuple[dict[str, str], dict[str, str]]:
+def kernel_sources(variant: Variant = IDEAL) -> Sources:
     """Units and headers by file name."""
+    from gough_stewart.fmu_build.plant.component import plant_component
+    from gough_stewart.fmu_build.sources import c_folder, library_sources
+
+    component = plant_component(platform_of(variant))
+    whole, kernel = library_sources(component), c_folder("kernel")
+    units = {name: whole.units[name] for name in (*component.code.units, *_SHARED_UNITS)}
+    units |= c_folder("stepper").units
+    if variant == IDEAL:
+        units |= {**kernel.units, "functions.c": _functions()}
+    return Sources(units, {**whole.headers, **kernel.headers})
+
+
+def _functions() -> str:
+    """`functions.c`: the kernel's functions on a block of numbers."""
     from gough_stewart.fmu_build.codegen import function_source
-    from gough_stewart.fmu_build.sources import GENERATED, c_folder
+    from gough_stewart.fmu_build.sources import GENERATED
     from gough_stewart.model import traced
 
-    own, at = c_folder("kernel"), offsets()
-    units = dict(own.units)
+    sizes = sizes_of(IDEAL)
+    at = dict(zip(sizes, accumulate(sizes.values(), initial=0), strict=False))
+    tangent = function_source(traced.tangent_function(), "static void kernel_")
+    text = (
+        f'{GENERATED}\n#include "kernel.h"\n#include "processor.h"\n\n#include <math.h>\n\n'
+        f"#define sq(x) ((x) * (x))\n{tangent}"
+    )
     for name, (arguments, results) in FUNCTIONS.items():
-        traced_name = {"jacobians": "tangent"}.get(name, name)
-        # divisions stay divisions: equal bits
-        code = function_source(getattr(traced, f"{traced_name}_function")(), "static void kernel_", reciprocals=False)
         parts = ", ".join(f"block + {at[part]}" for part in (*arguments, *results))
         call = _columns(at) if name == "jacobians" else f"    kernel_{name}({parts});"
-        units[f"{name}.c"] = (
-            f'{GENERATED}\n#include "processor.h"\n\n#include <math.h>\n\n#define sq(x) ((x) * (x))\n{code}\n'
-            f"OFFERED void {PREFIX}{name}(double block[])\n{{\n{call}\n}}\n"
-        )
-    return units, dict(own.headers)
+        text += f"\nOFFERED void {PREFIX}{name}(double block[])\n{{\n{call}\n}}\n"
+    return text
 
 
 def _columns(at: Mapping[str, int]) -> str:
@@ -52,3 +84,16 @@ def _columns(at: Mapping[str, int]) -> str:
     ).replace("{given}", ", ".join(f"block + {at[part]}" for part in ("x", "u", "p")))
     n = max(N_STATES, N_INPUTS)
     return f"    double unit[{n}] = {{0}};\n    const double none[{n}] = {{0}};\n{loops}"
+
+
+def main() -> None:
+    """The command: prints the path of the library of a plant with these parts, compiled if it is not in the cache."""
+    variant, target = Variant("bristles" in sys.argv[1:], "springs" in sys.argv[1:]), native()
+    try:
+        print(kernel_code(variant).kept(target, compiler=compiler_of(target)))
+    except (BuildError, OSError) as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main()

@@ -11,10 +11,8 @@ from itertools import product
 from typing import NamedTuple
 
 from gough_stewart.model import interface
-from gough_stewart.model.compiled_kernel import PREFIX, address_of, kernel_library
-from gough_stewart.model.friction import Grip
+from gough_stewart.model.compiled_kernel import FUNCTIONS, PREFIX, address_of, kernel_library, new_block
 from gough_stewart.model.interface import N_INPUTS
-from gough_stewart.model.kernel_block import FUNCTIONS, OF_BRISTLES, new_block
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.installed import TRACER, check_installed
 from gough_stewart.model.variant import IDEAL, Variant
@@ -58,7 +56,6 @@ class Kernel:
         self._call_derivatives = self._call("derivatives")
         self._call_outputs = self._call("outputs")
         self._call_jacobians: Callable[[], object] | None = None  # may have to be traced
-        self._calls_of_state: dict[str, Callable[[], object]] = {}
 
     def derivatives(self, x: Array, u: Array, p: Array) -> FloatArray:
         """State derivatives ẋ (12,): velocity, rates of roll, pitch, yaw, acceleration, angular acceleration."""
@@ -79,34 +76,6 @@ class Kernel:
         self._x[:], self._u[:], self._p[:] = x, u, p
         self._call_jacobians()
         return self._matrices
-
-    def margins(self, x: Array, p: Array) -> tuple[Array, float, float]:
-        """L_i² (6,), det K and ρ² of `traced.margins_function`."""
-        self._evaluate("margins", x, p)
-        return self._parts["square"], float(self._parts["determinant"][0]), float(self._parts["size"][0])
-
-    def decays(self, x: Array, p: Array) -> FloatArray:
-        """Decay rates (6,) [1/s] of the bristles, for a variant that has them; see `traced.decays_function`."""
-        self._evaluate("decays", x, p)
-        return self._parts["decay"]
-
-    def grip(self, x: Array, p: Array) -> Grip:
-        """What friction does within a step, for a variant with bristles: `machine_dynamics.grip_of_legs`."""
-        self._evaluate("grip", x, p)
-        grip = Grip(*(self._parts[name] for name in Grip._fields))
-        return grip._replace(gain=grip.gain.reshape((6, 6), order="F"))
-
-    def sliding(self, x: Array, p: Array) -> FloatArray:
-        """Velocities (6,) [m/s] at which friction acts, for a variant with bristles."""
-        self._evaluate("sliding", x, p)
-        return self._parts["sliding"]
-
-    def _evaluate(self, name: str, x: Array, p: Array) -> None:
-        """Call a function of (x, p), which may have to be traced first."""
-        if name not in self._calls_of_state:
-            self._calls_of_state[name] = self._call(name)
-        self._x[:], self._p[:] = x, p
-        self._calls_of_state[name]()
 
     def _call(self, name: str) -> Callable[[], object]:
         """A function on the block: machine code if there is any, else CasADi."""
@@ -129,7 +98,7 @@ def traced_call(name: str, parts: Mapping[str, FloatArray], variant: Variant = I
     check_installed({TRACER: "to trace the equations, which are not compiled for this machine here"})
     from gough_stewart.model import traced
 
-    arguments, results = (FUNCTIONS | OF_BRISTLES)[name]
+    arguments, results = FUNCTIONS[name]
     buffer, evaluate = getattr(traced, f"{name}_function")(variant).buffer()
     for i, part in enumerate(arguments):
         buffer.set_arg(i, parts[part].data)

@@ -1,7 +1,5 @@
 """Limits of the pose: leg length 0, a pitch of ±90°, a singular leg Jacobian."""
 
-import math
-
 import numpy as np
 
 from gough_stewart.model import interface
@@ -53,29 +51,6 @@ def check_pose(platform: PlatformFields, x: Array, time: float, handedness: floa
     if passed or not number < SINGULAR_CONDITION_NUMBER:
         raise singular_pose(number, time, passed=passed)
     return sign
-
-
-def clear_of_limits(pitch: float, square: Array, determinant: float, size: float) -> float | None:
-    """The sign of det J at a pose that is surely within the limits of `check_pose`; None if only that can tell.
-
-    The scaled Jacobian A has det A = det K/(L_1 ⋯ L_6 ρ³) and ‖A‖_F² <= 6 + ∑ |c_i|²/ρ² = 12, so that its condition
-    number is at most 2 (‖A‖_F/√6)⁶/|det A| <= 16/|det A| (Guggenheimer, Edelman & Johnson, College Math. J. 26, 1995).
-
-    Parameters
-    ----------
-    pitch
-        [rad].
-    square, determinant, size
-        L_i² (6,) [m²], det K [m⁹] and ρ² [m²], of `kernel.margins_function`.
-    """
-    scale = math.sqrt(square.prod()) * size * math.sqrt(size)
-    # twice the bounds, so that rounding cannot matter; NaN fails every comparison
-    is_clear = (
-        abs(pitch) < LARGEST_PITCH
-        and square.min() > 4 * SHORTEST_LEG**2 * size
-        and abs(determinant) > 32 / SINGULAR_CONDITION_NUMBER * scale
-    )
-    return math.copysign(1.0, determinant) if is_clear else None
 
 
 def pitch_reached(pitch: float, time: float) -> StepError:

@@ -1,12 +1,14 @@
 """Steps in time: their ends, and tolerances of the integration, the same for the stepping model and the FMU."""
 
-import numpy as np
+import math
 
 from gough_stewart.model.errors import StepError
 
 DEFAULT_TOLERANCE = 1e-8
 # Below this range rounding dominates the error estimate; above it the estimate is meaningless.
 TOLERANCES = (1e-13, 1e-2)
+# In one communication step.
+MOST_INTERNAL_STEPS = 20_000
 
 
 def end_of_step(time: float, step: float, current: float) -> float:
@@ -20,7 +22,7 @@ def end_of_step(time: float, step: float, current: float) -> float:
     if not step > 0:
         raise StepError("step", step, current, "expected a communication step > 0 s")
     # the rounding error of a master's clock, but never a significant part of the step
-    rounding = max(min(1e-9 * max(1.0, current), 1e-3 * step), 4 * float(np.spacing(current)))
+    rounding = max(min(1e-9 * max(1.0, current), 1e-3 * step), 4 * math.ulp(current))
     if not abs(time - current) <= rounding:
         raise StepError("time", time, current, "expected the model's current time, since steps must be consecutive")
     end = time + step

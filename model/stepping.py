@@ -6,28 +6,28 @@ It has the same variable names, semantics and failure behaviour as the FMU.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model import interface
+from gough_stewart.model.compiled_stepper import CompiledStepper
 from gough_stewart.model.errors import InterfaceError
-from gough_stewart.model.exponential import Bristled, integrate_bristles
-from gough_stewart.model.fixed_steps import check_step, largest_step, step_of_machine
-from gough_stewart.model.integrator import integrate, integrate_fixed, number_of_steps
 from gough_stewart.model.interface import Variable
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
-from gough_stewart.model.pose_limits import LARGEST_PITCH, check_pose, clear_of_limits
+from gough_stewart.model.pose_limits import LARGEST_PITCH, SHORTEST_LEG
 from gough_stewart.model.real import real_array
+from gough_stewart.model.scipy_stepper import ScipyStepper
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
 from gough_stewart.model.variant import CHOOSING, Variant
 
+Integrator = Literal["compiled", "scipy"]
 _MOTOR = {"motor_position", "motor_velocity"}
 _ABSENT = {"bristles": "leg_friction_model is 'smooth'", "springs": "leg_stiffness is 0, which is rigid"}
 
@@ -61,16 +61,17 @@ class SteppingModel:
        inputs. It changes nothing.
     5. `do_step(time, step)` integrates from `time`, which must be the model's time, to `time + step`, with inputs and
        parameters held constant. The step can vary from call to call.
-    6. Integration is error-controlled (Dormand–Prince 8(5,3)) with `tolerance`, relative, and absolute in SI units.
-       The internal step size carries over between calls, so short communication steps cost little. With a
-       `fixed_step_size`, a step is divided into the smallest number of equal steps not above it, of classical RK4, or
-       with bristles of `fixed_steps`.
+    6. There are two integrators of the same equations. `compiled` is the unit's own stepper in this process, with the
+       bits of the FMU: Dormand–Prince 5(4), or exponential steps with bristles. `scipy` is the judge of compiled steps:
+       DOP853, with bristles LSODA, and Radau from a tolerance of 1e-12 on. Both control the error with `tolerance`,
+       relative, and absolute in SI units; the internal step size carries over between calls, so short communication
+       steps cost little. With a `fixed_step_size`, which only `compiled` takes, a step is divided into the smallest
+       number of equal steps not above it, of classical RK4, or with bristles of an exponential scheme.
     7. A step fails with `StepError` if at an internal step a leg has collapsed, |pitch| reaches 90° or the leg
-       Jacobian is singular (or was singular since the last one), if the tolerance cannot be met, or if more than
-       `integrator.MOST_INTERNAL_STEPS` would be needed, or if fixed steps cannot resolve legs that stick or give.
-       The error has quantity, value and time. Wrong arguments
-       (step ≤ 0, another time, not finite) are also errors, and so is a start pose with a leg too short to contain
-       the centre of mass of a part.
+       Jacobian is singular (or was singular since the last one), if the tolerance cannot be met, if more than 20,000
+       internal steps would be needed (1,000,000 of a fixed size), or if fixed steps cannot resolve legs that stick or
+       give. The error has quantity, value and time. Wrong arguments (step ≤ 0, another time, not finite) are also
+       errors, and so is a start pose with a leg too short to contain the centre of mass of a part.
        Poses are checked at internal steps: with a loose tolerance a motion can reach a singular pose and return
        between two of them undetected.
     8. A failed call leaves the model unchanged.
@@ -80,7 +81,7 @@ class SteppingModel:
     11. A platform whose friction sticks or whose legs give has further states (`Variant`): `leg_bristle`,
        `motor_position`, `motor_velocity`, and the output `leg_force`. Bristles start at 0, motors where they hold the
        pose at rest and move with it: setting a state of the platform moves them too, unless they are set in the same
-       call. With bristles, steps are of `exponential`. Which friction, and whether legs give, is fixed.
+       call. Which friction, and whether legs give, is fixed.
 
     Parameters
     ----------
@@ -90,6 +91,15 @@ class SteppingModel:
         Integration tolerance, from 1e-13 to 1e-2.
     fixed_step_size
         0 for error control, or the largest step [s] of equal steps without.
+    integrator
+        "compiled" or "scipy" (rule 6).
+
+    Raises
+    ------
+    InterfaceError
+        An argument that the model cannot take.
+    NotInstalledError
+        The platform's stepper did not come with the package and cannot be compiled here; or for "scipy", CasADi.
 
     Examples
     --------
@@ -99,12 +109,13 @@ class SteppingModel:
     >>> plant.get("position"), plant.get("leg_length[3]")
     """
 
-    # sign of det J at the current pose, None if it must be checked again
-    _handedness: float | None
-    # with fixed steps, None if it is not known
-    _largest_step: float | None
-
-    def __init__(self, platform: Platform, tolerance: float = DEFAULT_TOLERANCE, fixed_step_size: float = 0.0) -> None:
+    def __init__(
+        self,
+        platform: Platform,
+        tolerance: float = DEFAULT_TOLERANCE,
+        fixed_step_size: float = 0.0,
+        integrator: Integrator = "compiled",
+    ) -> None:
         if not isinstance(platform, Platform):
             raise InterfaceError("platform", f"is {platform!r}; expected a Platform, such as load_preset('liu2000')")
         self._tolerance = _number("tolerance", tolerance)
@@ -116,13 +127,27 @@ class SteppingModel:
         self._fixed = _number("fixed_step_size", fixed_step_size)
         if self._fixed < 0:
             raise InterfaceError("fixed_step_size", f"is {fixed_step_size!r} s; expected 0 for error control, or > 0")
+        if integrator not in get_args(Integrator):
+            raise InterfaceError("integrator", f"is {integrator!r}; expected 'compiled' or 'scipy'")
+        if self._fixed and integrator == "scipy":
+            raise InterfaceError(
+                "fixed_step_size",
+                f"is {fixed_step_size!r} s, but the integrator 'scipy' controls its error; expected 0, or integrator "
+                "'compiled', which is that of the plant 'model'",
+            )
+        self._integrator = integrator
+        self._time, self._started = 0.0, False
         self._initial_platform = platform
-        self._variant = Variant.of(platform)
-        self._kernel = Kernel(self._variant)
-        self._bristles = slice(0)
-        if self._variant.bristles:
-            self._bristles = _position_in(self._variant.states, interface.BY_NAME["leg_bristle"])
-        self._sizes = np.array(self._variant.scales)
+        self._variant = variant = Variant.of(platform)
+        self._stepper: CompiledStepper | ScipyStepper = (
+            CompiledStepper(variant, self._tolerance, self._fixed)
+            if integrator == "compiled"
+            else ScipyStepper(variant, self._tolerance)
+        )
+        # views, read and written in place
+        self._x, self._u = self._stepper.x, self._stepper.u
+        self._inputs = interface.unpack(interface.INPUTS, self._u)
+        self._known = {**self._inputs, **interface.unpack(variant.states, self._x)}
         self.reset()
 
     def __repr__(self) -> str:
@@ -135,12 +160,12 @@ class SteppingModel:
 
     def reset(self) -> None:
         """Return to time 0 and the home pose at rest, with the parameters from the constructor (rules 1, 9)."""
-        self._time = 0.0
-        self._started = False
-        self._internal_step: float | None = None
-        self._u = _starts(interface.INPUTS, self._initial_platform)
-        self._use(self._initial_platform)
-        self._x = _starts(self._variant.states, self._initial_platform)
+        platform = self._initial_platform
+        x, u = (
+            interface.pack(variables, interface.start_values(variables, platform)).tolist()
+            for variables in (self._variant.states, interface.INPUTS)
+        )
+        self.restore_state(Snapshot(0.0, tuple(x), tuple(u), platform, None, started=False))
 
     @property
     def variant(self) -> Variant:
@@ -174,6 +199,16 @@ class SteppingModel:
         PlatformError
             An invalid parameter.
         """
+        if isinstance(name, str) and (target := self._inputs.get(name)) is not None:
+            try:
+                numbers = np.array(value)
+            except ValueError:  # ragged
+                pass
+            else:
+                is_plain = numbers.dtype == np.float64 and numbers.shape == target.shape
+                if is_plain and all(map(math.isfinite, numbers.tolist())):
+                    target[:] = numbers
+                    return
         self.set_many({name: value})
 
     def set_many(self, values: Mapping[str, object]) -> None:
@@ -181,36 +216,35 @@ class SteppingModel:
 
         Parameters are checked together, so that elements of an inertia can be changed one by one.
         """
-        x, u, parameters = self._x.copy(), self._u.copy(), dict[str, Any]()
-        handedness, moved = self._handedness, set[str]()
+        x, u, parameters, moved = self._x.copy(), self._u.copy(), dict[str, Any](), set[str]()
+        targets = {**interface.unpack(interface.INPUTS, u), **interface.unpack(self._variant.states, x)}
         for name, value in values.items():
             variable, element = interface.find(name)
             self._refuse_unsettable(variable)
-            if variable.causality == "input":
-                target = u[_position_in(interface.INPUTS, variable)]
-            elif variable.is_state:
-                target, handedness = x[_position_in(self._variant.states, variable)], None
-                moved.add(variable.name)
+            if variable.causality == "parameter":
+                current = parameters.get(variable.name, getattr(self._platform, variable.name))
+                target = parameters[variable.name] = np.array(current)
             else:
-                target = parameters.setdefault(variable.name, np.array(getattr(self._platform, variable.name)))
+                target = targets[variable.name]
+            if variable.is_state:
+                moved.add(variable.name)
             if element is None:
                 target[...] = interface.checked_value(variable, value)
             else:
                 target.reshape(-1)[element] = interface.checked_value(variable.element(element), value)
         if not abs(x[4]) < LARGEST_PITCH:
             raise InterfaceError("orientation[2]", f"is {x[4]:g} rad; expected a pitch within ±{LARGEST_PITCH:g} rad")
-        platform = self._platform
-        if parameters:
-            platform = replace(platform, **parameters)
-            if Variant.of(platform) != self._variant:
-                name = next(n for n in CHOOSING if n in parameters)
-                raise InterfaceError(name, "would give the model other states; make a SteppingModel of that platform")
-            handedness = None
+        platform = replace(self._platform, **parameters) if parameters else self._platform
+        if Variant.of(platform) != self._variant:
+            name = next(name for name in CHOOSING if name in parameters)
+            raise InterfaceError(name, "would give the model other states; make a SteppingModel of that platform")
         if self._variant.springs and not self._started and (moved or parameters) and not moved & _MOTOR:
-            self._place_motors(platform, x)
-        if parameters:
-            self._use(platform)
-        self._x, self._u, self._handedness = x, u, handedness
+            for name, motors in motors_at(platform, State.from_vector(x[:12])).items():
+                targets[name][:] = motors
+        self._u[:] = u
+        if moved or parameters:
+            self._x[:] = x
+            self._begin(platform, self._stepper.internal_step)
 
     def set_inputs(self, inputs: NDArray[np.float64]) -> None:
         """`set` all inputs as one vector (12,), in the order of `interface.INPUTS`.
@@ -220,10 +254,9 @@ class SteppingModel:
         InterfaceError
             A value that is not finite.
         """
-        if np.isfinite(inputs).all():
-            self._u = np.array(inputs, dtype=float)
-        else:
+        if not np.isfinite(inputs).all():
             self.set_many(interface.unpack(interface.INPUTS, inputs))  # names the value
+        self._u[:] = inputs
 
     def get(self, name: str) -> NDArray[np.float64] | float:
         """Value of a variable: an array of its shape, or a float for a scalar or an element (rules 2, 4).
@@ -238,11 +271,22 @@ class SteppingModel:
         InterfaceError
             Unknown name.
         """
+        if isinstance(name, str) and (known := self._known.get(name)) is not None:
+            return known.copy()
         variable, element = interface.find(name)
-        whole = self._value(variable)
+        if variable.name in self._known:
+            whole = self._known[variable.name]
+        elif variable in self._variant.results:
+            self._stepper.find_results()
+            whole = self._stepper.results[variable.name]
+        elif variable.causality == "parameter" and hasattr(self._platform, variable.name):
+            whole = np.array(getattr(self._platform, variable.name))
+        else:
+            self._refuse_absent(variable)
+            raise InterfaceError(variable.name, f"{variable.description}; the stepping model has none")
         if element is not None:
             return float(whole.reshape(-1)[element])
-        return whole if variable.shape else float(whole)
+        return whole.copy() if variable.shape else float(whole)
 
     def results(self) -> dict[str, NDArray[np.float64]]:
         """All outputs and locals at the current time, by name, in one evaluation."""
@@ -250,11 +294,12 @@ class SteppingModel:
 
     def result_vector(self) -> NDArray[np.float64]:
         """`results` as one vector, in the order of `Variant.columns`, first `interface.RESULT_COLUMNS`."""
-        return self._kernel.outputs(self._x, self._u, self._p).copy()
+        return self._stepper.result_vector()
 
     def linearise(self) -> Linearisation:
         """Exact Jacobians of state derivatives and results with respect to states and inputs, at the current state."""
-        return Linearisation(*(block.copy() for block in self._kernel.jacobians(self._x, self._u, self._p)))
+        blocks = Kernel(self._variant).jacobians(self._x, self._u, self._stepper.p)
+        return Linearisation(*(block.copy() for block in blocks))
 
     # --- time --------------------------------------------------------------------------------------------------
 
@@ -266,94 +311,49 @@ class SteppingModel:
         StepError, InterfaceError
             Rule 7; the model is unchanged.
         """
-        time, step = _number("time", time), _number("step", step)
-        end = end_of_step(time, step, self._time)
-        # known from the step before, unless a state or parameter has been set since
-        handedness = self._handedness or check_pose(self._platform, self._x, self._time)
+        if not (type(time) is float and type(step) is float and math.isfinite(time + step)):
+            time, step = _number("time", time), _number("step", step)
+        end = time + step
+        if time != self._time or not end > time:
+            end = end_of_step(time, step, self._time)
         if not self._started:
-            legs = leg_geometry(self._platform, self._x[:3], self._x[3:6])
-            check_leg_com_offsets(self._platform, float(legs.length.min()), "start")
-
-        def derivatives(x: NDArray[np.float64]) -> NDArray[np.float64]:
-            return self._kernel.derivatives(x, self._u, self._p).copy()
-
-        def check(x: NDArray[np.float64], at: float) -> None:
-            self._check(x, at, handedness)
-
-        start, span, tolerance, internal = self._x, (self._time, end), self._tolerance, self._internal_step
-        if self._fixed:
-            if self._largest_step is None:
-                self._largest_step = largest_step(self._kernel, self._variant, start, self._p)
-            check_step(step / number_of_steps(span, self._fixed), self._largest_step, self._time)
-            one = step_of_machine(self._kernel, self._variant, self._u, self._p)
-            self._x = integrate_fixed(one, start, span, self._fixed, check)
-        elif self._variant.bristles:
-            system = Bristled(
-                derivatives, lambda x: self._kernel.decays(x, self._p).copy(), self._bristles, self._sizes
-            )
-            self._x, self._internal_step = integrate_bristles(system, start, span, tolerance, internal, check)
-        else:
-            self._x, self._internal_step = integrate(derivatives, start, span, tolerance, internal, check)
-        self._handedness = handedness
+            shortest = float(leg_geometry(self._platform, self._x[:3], self._x[3:6]).length.min())
+            # a leg that has collapsed fails the step
+            if shortest > SHORTEST_LEG * self._platform.characteristic_length:
+                check_leg_com_offsets(self._platform, shortest, "start")
+        self._stepper.step(time, step)
         self._time, self._started = end, True
 
     def save_state(self) -> Snapshot:
         """Save the complete state (rule 9)."""
-        return Snapshot(
-            self._time,
-            tuple(self._x.tolist()),
-            tuple(self._u.tolist()),
-            self._platform,
-            self._internal_step,
-            self._started,
-        )
+        x, u = tuple(self._x.tolist()), tuple(self._u.tolist())
+        return Snapshot(self._time, x, u, self._platform, self._stepper.internal_step, self._started)
 
     def restore_state(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of this model, or of another one that is stepped alike (rule 9)."""
         if not isinstance(snapshot, Snapshot):
             raise InterfaceError("snapshot", f"is {snapshot!r}; expected a snapshot from save_state()")
-        self._use(snapshot.platform)
         self._time, self._started = snapshot.time, snapshot.started
-        self._x, self._u = np.array(snapshot.x), np.array(snapshot.u)
-        self._internal_step = snapshot.internal_step
+        self._x[:], self._u[:] = snapshot.x, snapshot.u
+        self._begin(snapshot.platform, snapshot.internal_step)
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Copy and pickle everything but the kernel, which models do not share."""
-        return {name: value for name, value in self.__dict__.items() if name != "_kernel"}
+    def __getstate__(self) -> tuple[Any, ...]:
+        """The arguments and the state, for copies and pickles: models do not share memory."""
+        return (self._initial_platform, self._tolerance, self._fixed, self._integrator), self.save_state()
 
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore from `__getstate__`, with a new kernel and copied vectors."""
-        self.__dict__.update(state)
-        self._x, self._u, self._kernel = self._x.copy(), self._u.copy(), Kernel(self._variant)
+    def __setstate__(self, state: tuple[Any, ...]) -> None:
+        """A new model with these arguments in this state."""
+        arguments, snapshot = state
+        SteppingModel.__init__(self, *arguments)
+        self.restore_state(snapshot)
 
     # --- private -----------------------------------------------------------------------------------------------
 
-    def _check(self, x: NDArray[np.float64], time: float, handedness: float) -> None:
-        """As `check_pose`, which takes six times as long, and is only asked near a limit."""
-        is_finite = math.isfinite(x.sum())
-        if not is_finite or clear_of_limits(x[4], *self._kernel.margins(x, self._p)) != handedness:
-            check_pose(self._platform, x, time, handedness)
-
-    def _use(self, platform: Platform) -> None:
+    def _begin(self, platform: Platform, internal_step: float | None) -> None:
+        """Go on with a platform from the state and the time that have been written."""
         self._platform = platform
-        self._p = parameter_vector(platform, self._variant)
-        self._handedness = None
-        self._largest_step = None
-
-    def _place_motors(self, platform: Platform, x: NDArray[np.float64]) -> None:
-        """Write the motors' states into x that hold its pose at rest, and move with its twist."""
-        for name, values in motors_at(platform, State.from_vector(x[:12])).items():
-            x[_position_in(self._variant.states, interface.BY_NAME[name])] = values
-
-    def _value(self, variable: Variable) -> NDArray[np.float64]:
-        if variable in self._variant.results:
-            return self.results()[variable.name]
-        if variable.causality == "input":
-            return self._u[_position_in(interface.INPUTS, variable)].copy()
-        if variable.causality == "parameter" and hasattr(self._platform, variable.name):
-            return np.array(getattr(self._platform, variable.name))
-        self._refuse_absent(variable)
-        raise InterfaceError(variable.name, f"{variable.description}; the stepping model has none")
+        self._stepper.p[:] = parameter_vector(platform, self._variant)
+        self._stepper.begin(platform, self._time, internal_step)
 
     def _refuse_unsettable(self, variable: Variable) -> None:
         name = variable.name
@@ -383,13 +383,3 @@ def _number(name: str, value: object) -> float:
         return float(real_array(value, ()))
     except ValueError as error:
         raise InterfaceError(name, str(error)) from None
-
-
-def _starts(variables: tuple[Variable, ...], platform: Platform) -> NDArray[np.float64]:
-    return interface.pack(variables, interface.start_values(variables, platform))
-
-
-def _position_in(variables: tuple[Variable, ...], variable: Variable) -> slice:
-    """The slice of a variable in the packed vector of these variables."""
-    before = interface.size_of(variables[: variables.index(variable)])
-    return slice(before, before + variable.size)

@@ -10,12 +10,17 @@ import numpy as np
 
 from gough_stewart.fmu_build.component import Layout, Role, laid_out
 from gough_stewart.fmu_build.sources import defines, filled, places
-from gough_stewart.model import fixed_steps, integrator, interface, platform_checks, pose_limits
-from gough_stewart.model.step_times import TOLERANCES
+from gough_stewart.model import interface, platform_checks, pose_limits
+from gough_stewart.model.step_times import MOST_INTERNAL_STEPS, TOLERANCES
 from gough_stewart.model.variant import IDEAL, Variant
 
 # 1 s in steps of 1 µs; takes 4 s.
 MOST_FIXED_STEPS = 1_000_000
+# Of fixed steps with bristles: the error of a bristle in one substep, in units of its reach, 1 nm of 10 µm; that of the
+# accelerations, in units of what Coulomb friction of all legs gives; the most substeps, with those that are too long.
+STICKING = {"RESOLUTION": 1e-4, "FORCE_RESOLUTION": 1e-2, "MOST_SUBSTEPS": 200, "LARGEST_FIXED_STEP": 1e-3}
+# The largest h |λ| of the modes of legs that stick or give, within the half disc in which RK4 is stable.
+LARGEST_PRODUCT = 2.6
 # By which a leg's spring may be stretched at the start, over the leg's length: more is a pose without its motors.
 LARGEST_STRETCH = 0.01
 _RATES = {"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}
@@ -50,7 +55,7 @@ def plant_header(variant: Variant = IDEAL) -> str:
     limits: dict[str, float] = {
         "SMALLEST_TOLERANCE": TOLERANCES[0],
         "LARGEST_TOLERANCE": TOLERANCES[1],
-        "MOST_INTERNAL_STEPS": integrator.MOST_INTERNAL_STEPS,
+        "MOST_INTERNAL_STEPS": MOST_INTERNAL_STEPS,
         "MOST_FIXED_STEPS": MOST_FIXED_STEPS,
         "LARGEST_PITCH": pose_limits.LARGEST_PITCH,
         "SHORTEST_LEG": pose_limits.SHORTEST_LEG,
@@ -62,15 +67,12 @@ def plant_header(variant: Variant = IDEAL) -> str:
         limits |= {
             "LARGEST_SHARE": platform_checks.LARGEST_SHARE,
             "LONGEST_PRESLIDING": platform_checks.LONGEST_PRESLIDING,
-            "RESOLUTION": fixed_steps.RESOLUTION,
-            "FORCE_RESOLUTION": fixed_steps.FORCE_RESOLUTION,
-            "MOST_SUBSTEPS": fixed_steps.MOST_SUBSTEPS,
-            "LARGEST_FIXED_STEP": fixed_steps.LARGEST_FIXED_STEP,
+            **STICKING,
         }
     if variant.springs:
         limits |= {"SLOWEST_MODE": platform_checks.SLOWEST_MODE, "LARGEST_STRETCH": LARGEST_STRETCH}
     if variant.parts:
-        limits |= {"LARGEST_PRODUCT": fixed_steps.LARGEST_PRODUCT}
+        limits |= {"LARGEST_PRODUCT": LARGEST_PRODUCT}
     return filled(
         "plant/plant_table.h",
         n_legs=interface.BY_NAME["leg_length"].size,

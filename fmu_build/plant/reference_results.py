@@ -5,24 +5,23 @@ For each case: `_in.csv` (inputs, linear between rows), `_ref.csv` (results), `_
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from gough_stewart.model import interface
-from gough_stewart.model.errors import StepError
-from gough_stewart.model.extrapolation import extrapolated
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of
-from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.scipy_stepper import ScipyStepper
 from gough_stewart.model.state import State
 from gough_stewart.model.step_times import DEFAULT_TOLERANCE
-from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import Array, FloatArray
 
 # Ten thousand times smaller than the unit's default.
 TOLERANCE = 1e-12
-_SMOOTH, _STIFF = "extrapolated midpoint rule", "LSODA of SciPy"
 FOLDER = "extra/gough_stewart"
 
 
@@ -74,45 +73,31 @@ def _varying(case: OpenLoopCase) -> FloatArray:
 
 
 def reference_results(case: ReferenceCase) -> FloatArray:
-    """Results at the case's times, a column per scalar: the kernel, integrated by another rule than the unit's.
-
-    Bristles and springs are stiff; SciPy's LSODA changes between Adams and BDF formulas.
+    """Results at the case's times, a column per scalar: the equations, integrated by SciPy instead of the unit.
 
     Raises
     ------
     StepError
         The integration cannot be continued.
     """
-    from scipy.integrate import solve_ivp
-
-    variant = case.variant
-    kernel, p = Kernel(variant), parameter_vector(case.platform, variant)
-    x = interface.pack(variant.states, case.states)
-    rows = [kernel.outputs(x, case.inputs[0], p).copy()]
-    for k in range(len(case.time) - 1):
-        t0, t1 = case.time[k : k + 2]
-        u0, u1 = case.inputs[k : k + 2]
-
-        def derivatives(t: float, x: FloatArray) -> FloatArray:
-            share = (t - t0) / (t1 - t0)  # noqa: B023 - used only within this row
-            return kernel.derivatives(x, u0 + share * (u1 - u0), p).copy()  # noqa: B023
-
-        if variant == IDEAL:
-            x = extrapolated(derivatives, x, (t0, t1), TOLERANCE)
-        else:
-            scaled = TOLERANCE * np.array(variant.scales)
-            solution = solve_ivp(derivatives, (t0, t1), x, method="LSODA", rtol=TOLERANCE, atol=scaled)
-            if not solution.success:
-                raise StepError("span", t1 - t0, t0, solution.message)
-            x = solution.y[:, -1]
-        rows.append(kernel.outputs(x, u1, p).copy())
+    variant, judge = case.variant, ScipyStepper(case.variant, TOLERANCE)
+    judge.x[:] = interface.pack(variant.states, case.states)
+    judge.u[:] = case.inputs[0]
+    judge.p[:] = parameter_vector(case.platform, variant)
+    judge.begin(case.platform, float(case.time[0]), None)
+    rows = [judge.result_vector()]
+    for (start, end), (first, last) in zip(pairwise(case.time.tolist()), pairwise(case.inputs), strict=True):
+        judge.input_rates[:] = (last - first) / (end - start)
+        judge.step(start, end - start)
+        judge.u[:] = last
+        rows.append(judge.result_vector())
     return np.array(rows)
 
 
 def reference_files(runs: ReferenceRuns, identifier: str, fmi_version: str) -> dict[str, bytes]:
     """All reference files by their path in the archive, named after the unit."""
-    rule = _SMOOTH if all(case.variant == IDEAL for case, _ in runs) else _STIFF
-    readme = _README.format(identifier=identifier, rule=rule, tolerance=TOLERANCE)
+    rule = "LSODA" if any(case.variant.bristles for case, _ in runs) else "DOP853"
+    readme = _README.format(identifier=identifier, rule=f"SciPy's {rule}", tolerance=TOLERANCE)
     files = {f"{FOLDER}/README.txt": readme.encode()}
     for case, values in runs:
         stem = f"{FOLDER}/{case.name}/{identifier}"
@@ -160,7 +145,7 @@ open_loop        the simulation of Liu, Li & Li (2000), scaled to the size of th
 varying_inputs   varying forces and a varying external wrench, from the start values in modelDescription.xml
 
 *_in.csv    inputs, linear between the rows
-*_ref.csv   results: the equations integrated by the {rule} at tolerance {tolerance:g}
+*_ref.csv   results: the equations integrated by {rule} at tolerance {tolerance:g}
 *_ref.opt   experiment
 *_start.csv start values of the states
 """

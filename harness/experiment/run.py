@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from types import FunctionType
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import polars
@@ -68,8 +68,8 @@ def run(
     settings
         Keys of the experiment to change, as in `load_experiment`.
     plant, fmu
-        Replace the experiment's: "model", "fmu2" or "fmu3", and an FMU file, built if missing; or an object that
-        follows the rules of `Plant`, in its start state, which the caller closes.
+        Replace the experiment's: "model" (compiled), "scipy" (the judge of it), "fmu2" or "fmu3", and an FMU file,
+        built if missing; or an object that follows the rules of `Plant`, in its start state, which the caller closes.
     controller
         Replaces the experiment's, with the feedforward unchanged: a discrete python-control system, a
         `LinearController`, a function of a `Sample` that returns six forces [N], or one with memory: a class or
@@ -162,8 +162,9 @@ def run_prepared(
         if (own := choice.own_unit(plant, fmu)) is not None:
             fmu = experiment.folder / own
         opening: AbstractContextManager[Plant]
-        is_controlled = kind == "model" and fmu is None and not choice.fixed_step_size
-        if is_controlled and (kernel := prepared.kernel) is not None:
+        # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant from here
+        is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
+        if is_whole and (kernel := prepared.kernel) is not None:
             opening = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
         else:
             opening = open_plant(
@@ -204,8 +205,8 @@ def _check_plant(plant: object, fmu: object) -> None:
     missing = [name for name in ("set_inputs", "set_parameters", "results", "do_step") if not hasattr(plant, name)]
     if missing:
         raise PlantError(
-            f"plant is {plant!r}, without {', '.join(missing)}; expected 'model', 'fmu2', 'fmu3', or an object that "
-            "follows the rules of gough_stewart.harness.plants.plant.Plant"
+            f"plant is {plant!r}, without {', '.join(missing)}; expected {', '.join(map(repr, get_args(PlantKind)))}, "
+            "or an object that follows the rules of gough_stewart.harness.plants.plant.Plant"
         )
     if fmu is not None:
         raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")

@@ -1,6 +1,6 @@
 """Opens the plant of a run by its kind: in process, or as an FMU, which is built if no file is given.
 
-Each kind is imported when it is opened: the model imports CasADi and SciPy's integrators, the FMU imports FMPy.
+Each kind is imported when it is opened: the FMU imports FMPy.
 """
 
 import atexit
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.errors import PlantError
@@ -23,6 +23,7 @@ from gough_stewart.model.variant import Variant
 
 if TYPE_CHECKING:
     from gough_stewart.harness.plants.unit import UnitFile
+    from gough_stewart.model.stepping import Integrator
 
 
 @contextmanager
@@ -47,16 +48,17 @@ def open_plant(
     BuildError
         The FMU cannot be built, or what runs it is not installed.
     """
-    if kind == "model":
+    if kind in ("model", "scipy"):
         if fmu is not None:
-            raise PlantError(f"plant 'model' does not accept the file {fmu}; choose the plant fmu2 or fmu3")
+            raise PlantError(f"plant {kind!r} does not accept the file {fmu}; choose the plant fmu2 or fmu3")
         from gough_stewart.harness.plants.model import ModelPlant
 
-        with ModelPlant(platform, start, tolerance, fixed_step_size) as plant:
-            yield plant
+        integrator: Integrator = "compiled" if kind == "model" else "scipy"
+        with ModelPlant(platform, start, tolerance, fixed_step_size, integrator) as model:
+            yield model
         return
     if kind not in FMI_VERSIONS:
-        raise PlantError(f"plant is {kind!r}; expected model, fmu2 or fmu3")
+        raise PlantError(f"plant is {kind!r}; expected one of {', '.join(get_args(PlantKind))}")
     version = FMI_VERSIONS[kind]
     if fmu is None:
         from gough_stewart.harness.plants.fmu import FmuPlant
@@ -67,8 +69,8 @@ def open_plant(
             start,
             tolerance,
             fixed_step_size,
-        ) as own:
-            yield own
+        ) as built:
+            yield built
         return
     with IsolatedFmu(fmu, platform, start, tolerance, fixed_step_size) as unit:
         if unit.fmi_version != version:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.kernel_library import compiled_kernel
+from gough_stewart.fmu_build.kernel_library import kernel_code
 from gough_stewart.fmu_build.libraries import levels_of
 from gough_stewart.fmu_build.targets import TARGETS, native
 from gough_stewart.model.process.prebuilt import is_as_made, manifest_line

@@ -1,7 +1,13 @@
-"""The kernel as machine code, against CasADi's evaluation of the same traced functions."""
+"""The kernel and the stepper as machine code: CasADi's evaluation, what is refused, what is compiled and kept."""
 
 import json
+import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
+from ctypes import PyDLL
+from importlib import resources
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +15,16 @@ import pytest
 
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.harness.prebuilt import numbers, write_prebuilt
-from gough_stewart.model.compiled_kernel import PREFIX, address_of, kernel_library, processor_level
+from gough_stewart.model.compiled_kernel import (
+    FUNCTIONS,
+    PREFIX,
+    address_of,
+    kernel_library,
+    kernel_state,
+    new_block,
+    processor_level,
+)
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector, traced_call
-from gough_stewart.model.kernel_block import BLOCK, FUNCTIONS, new_block
 from gough_stewart.model.process import prebuilt
 from gough_stewart.model.process.prebuilt import MANIFEST
 from tests.support.uneven import UNEVEN
@@ -40,8 +53,8 @@ def folder(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
 
 
 @pytest.mark.usefixtures("folder")
-def test_it_has_the_bits_of_casadi() -> None:
-    """Expected: CasADi's interpreter of the same operations; the Jacobians' columns are operations of their own."""
+def test_it_evaluates_as_casadi() -> None:
+    """Expected: CasADi's interpreter of the same equations, but for reciprocals and the Jacobians' columns."""
     rng, library = np.random.default_rng(8), kernel_library()
     assert library is not None
     p = parameter_vector(UNEVEN)
@@ -56,9 +69,8 @@ def test_it_has_the_bits_of_casadi() -> None:
         for name in FUNCTIONS:
             getattr(library, PREFIX + name)(address_of(block))
             traced_call(name, theirs)()
-        for name in BLOCK:
-            tolerance = 1e-13 * np.abs(theirs[name]).max() if name in "ABCD" else 0
-            np.testing.assert_allclose(ours[name], theirs[name], rtol=0, atol=tolerance, err_msg=name)
+        for name, part in theirs.items():
+            np.testing.assert_allclose(ours[name], part, rtol=0, atol=1e-13 * np.abs(part).max(), err_msg=name)
 
 
 @pytest.mark.usefixtures("folder")
@@ -67,12 +79,9 @@ def test_a_kernel_takes_it_and_needs_no_casadi(monkeypatch: pytest.MonkeyPatch) 
     shipped = numbers()
     monkeypatch.setattr("gough_stewart.model.kernel.traced_call", None)
     kernel, (x, u, p) = Kernel(), (np.array(shipped[name]) for name in "xup")
-    assert kernel.derivatives(x, u, p).tolist() == shipped["xdot"]
-    assert kernel.outputs(x, u, p).tolist() == shipped["y"]
-    square, determinant, size = kernel.margins(x, p)
-    assert [square.tolist(), [determinant], [size]] == [shipped[name] for name in ("square", "determinant", "size")]
-    found = kernel.jacobians(x, u, p)
-    for name, matrix in zip(Linearisation._fields, found, strict=True):
+    for found, name in ((kernel.derivatives(x, u, p), "xdot"), (kernel.outputs(x, u, p), "y")):
+        np.testing.assert_allclose(found, shipped[name], rtol=0, atol=1e-13 * np.abs(shipped[name]).max())
+    for name, matrix in zip(Linearisation._fields, kernel.jacobians(x, u, p), strict=True):
         expected = np.reshape(shipped[name], matrix.shape, order="F")
         np.testing.assert_allclose(matrix, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
 
@@ -130,3 +139,36 @@ def test_an_interrupted_build_leaves_nothing_that_is_used(
     with pytest.raises(KeyboardInterrupt):
         write_prebuilt(tmp_path, [native()], only_kernel=True)
     assert not (tmp_path / MANIFEST).exists()
+
+
+def test_a_library_counts_only_for_its_sources(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Expected: none with the digest of other sources; among them are those of the stepper in C."""
+    assert kernel_library() is not None
+    manifest = json.loads((folder / MANIFEST).read_text())
+    ((name, line),) = manifest["files"].items()
+    assert line["state"] == kernel_state()
+    manifest["files"][name] = {**line, "state": "0" * 64}
+    (folder / MANIFEST).write_text(json.dumps(manifest))
+    for cached in (prebuilt._manifest, kernel_library):
+        cached.cache_clear()
+    assert kernel_library() is None
+    copy = folder / "sources"
+    shutil.copytree(str(files("gough_stewart.fmu_build")), copy / "fmu_build")
+    shutil.copytree(str(files("gough_stewart.model")), copy / "model")
+    monkeypatch.setattr(resources, "files", lambda package: copy / package.rpartition(".")[2])
+    states = set()
+    for source in ("c/stepper/stepper.c", "c/plant/plant_step.c", "c/unit/message.c", "codegen.py", "plant/tables.py"):
+        path = copy / "fmu_build" / source
+        path.write_text(f"{path.read_text()}\n")
+        kernel_state.cache_clear()
+        states.add(kernel_state())
+    kernel_state.cache_clear()
+    assert len(states - {line["state"]}) == 5
+
+
+def test_the_command_prints_one_path_that_is_kept() -> None:
+    """Expected: the same file twice, with the stepper of a variant."""
+    command = [sys.executable, "-m", "gough_stewart.fmu_build.kernel_library", "bristles"]
+    paths = {subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)}
+    (path,) = paths
+    assert hasattr(PyDLL(path), "stepper_step")

@@ -42,7 +42,7 @@ def stepped(fmu: Fmu, platform: gs.Platform, steps: int, tolerance: float, fixed
 def test_the_unit_moves_as_the_stepping_model_does(whole: dict[str, Fmu], friction: str, version: str) -> None:
     """Expected: the model at a tolerance of 1e-11; the bristles move. Fixed steps have errors of their own."""
     platform = real_platform(friction, springs=True)
-    model = gs.SteppingModel(platform, 1e-11)
+    model = gs.SteppingModel(platform, 1e-11, integrator="scipy")
     for k in range(60):
         model.set_many(inputs_at(platform, 2e-3 * k))
         model.do_step(2e-3 * k, 2e-3)
@@ -59,7 +59,7 @@ def test_calls_of_one_fixed_step_slide_as_the_stepping_model_does(
 ) -> None:
     """Expected: the model at 1e-10, pushed to 0.1 m/s. Differences of times k h are by rounding above h and below."""
     platform, h = real_platform("lugre", springs=springs), 1e-3
-    model = gs.SteppingModel(platform, 1e-10)
+    model = gs.SteppingModel(platform, 1e-10, integrator="scipy")
     force = np.asarray(platform.home_actuator_force) + 60.0
     model.set("actuator_force", force)
     with plant(whole["3.0"] if springs else sticking) as p:
@@ -156,7 +156,7 @@ def test_under_cvode_bristles_are_as_exact_as_their_nominal_says(sticking: Fmu) 
     platform = gs.load_preset("motion_base").with_parameters(friction)
     start = {"velocity": np.array([0.01, -0.02, -0.03]), "angular_velocity": np.array([0.01, 0.02, -0.01])}
     start["actuator_force"] = platform.home_actuator_force + np.array([300.0, -200, 250, 120, -60, 350])
-    model, exact = gs.SteppingModel(platform, 1e-11), list[FloatArray]()
+    model, exact = gs.SteppingModel(platform, 1e-11, integrator="scipy"), list[FloatArray]()
     model.set_many(start)
     for k in range(200):
         model.do_step(2e-3 * k, 2e-3)

@@ -241,7 +241,7 @@ BOUNDS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
 def test_bounds_hold_from_both_sides(accepted: dict[str, Any], refused: dict[str, Any], text: str) -> None:
     """Expected: a millionth of the largest distance, 1e-9 of an inertia, ten radii, π, 1e30, home legs, 1e-3 of 90°."""
     for name, value in accepted.items():
-        assert np.array_equal(getattr(changed(**accepted), name), value)  # type: ignore[arg-type]
+        assert np.array_equal(getattr(changed(**accepted), name), value)
     with pytest.raises(PlatformError, match=text):
         changed(**refused)
 

@@ -6,12 +6,11 @@ a step, the work. So what a scheme wins or loses within a step is seen, whatever
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
-from gough_stewart.model.exponential import Bristled, integrate_bristles
-from gough_stewart.model.integrator import integrate
 from gough_stewart.model.interface import size_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.machine_dynamics import law_of_bristles, leg_damping
@@ -90,14 +89,12 @@ def energy_balance(
     assert not inputs[:, 9:].any()
     sizes = np.append(machine.variant.scales, 1.0)
     stored, paths = [machine.stored(x) for x in states], [machine.paths(x) for x in states]
-    gap, worst, throughput, losses, internal = 0.0, 0.0, 0.0, 0.0, None
+    gap, worst, throughput, losses = 0.0, 0.0, 0.0, 0.0
+    method: Literal["LSODA", "DOP853"] = "LSODA" if machine.variant.bristles else "DOP853"
     for k, u in enumerate(inputs):
-        start, span, rates = np.append(states[k], 0.0), (0.0, step), machine.with_losses(u)
-        if machine.variant.bristles:
-            system = Bristled(rates, lambda x: machine.kernel.decays(x[:-1], machine.p).copy(), slice(12, 18), sizes)
-            end, internal = integrate_bristles(system, start, span, tolerance, internal, lambda _x, _t: None)
-        else:
-            end, internal = integrate(rates, start, span, tolerance, internal, lambda _x, _t: None)
+        start, rates = np.append(states[k], 0.0), machine.with_losses(u)
+        solved = solve_ivp(lambda _t, x: rates(x), (0.0, step), start, method, rtol=tolerance, atol=tolerance * sizes)  # noqa: B023 - used only within this step
+        end = solved.y[:, -1]
         works = u * (paths[k + 1] - paths[k])
         losses += float(end[-1])
         throughput += float(np.abs(works).sum())

@@ -7,10 +7,6 @@ from typing import Any
 import numpy as np
 
 from gough_stewart import Platform
-from gough_stewart.model import fixed_steps
-from gough_stewart.model.fixed_steps import Gripped
-from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN
 
@@ -54,12 +50,6 @@ def printed_law(platform: Platform, v: float, z: float, leg: int) -> tuple[float
         alpha = 0.5 + 0.5 * np.sin(np.pi * (abs(z) - (zss + zba) / 2) / (zss - zba))
     rate = v * (1 - alpha * z * np.sign(v) / zss)
     return s0 * z + s1 * rate + s2 * v, rate
-
-
-def gripped(kernel: Kernel, platform: Platform, inputs: FloatArray) -> Gripped:
-    """A platform's equations under constant inputs, for fixed steps."""
-    variant = Variant.of(platform)
-    return fixed_steps.gripped(kernel, variant, inputs, parameter_vector(platform, variant))
 
 
 def start_of(platform: Platform, variant: Any, **states: FloatArray) -> FloatArray:

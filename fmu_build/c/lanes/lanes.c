@@ -110,7 +110,7 @@ static void keep_errors(const group *g, lanes error)
 
 /* ---- limits of the pose --------------------------------------------------------------------------------------- */
 
-/* Like check_pose of c/plant, for one member: FAILURE_GOES_ON or the reason. */
+/* Like check_pose of c/plant/plant.c, for one member: FAILURE_GOES_ON or the reason. */
 static int64_t judge(const group *g, int lane, double *side)
 {
     double x[N_STATES], p[N_PARAMETERS], length[N_LEGS], rate[N_LEGS], jacobian[N_LEGS][N_LEGS], rho, determinant;

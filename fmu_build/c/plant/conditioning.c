@@ -55,16 +55,27 @@ static double norm_of_inverse(double lu[N][N])
     return sqrt(sum);
 }
 
-double condition_number(const double jacobian[N][N], double *determinant)
+static double sum_of_squares(const double a[N][N])
 {
-    double factors[N][N], squares = 0;
+    double squares = 0;
     for (int i = 0; i < N; i++)
         for (int j = 0; j < N; j++)
-            squares += jacobian[i][j] * jacobian[i][j];
+            squares += a[i][j] * a[i][j];
+    return squares;
+}
+
+double exact_condition_number(const double jacobian[N][N])
+{
+    double factors[N][N];
+    memcpy(factors, jacobian, sizeof factors);
+    return factorise(factors) == 0 ? INFINITY : sqrt(sum_of_squares(jacobian)) * norm_of_inverse(factors);
+}
+
+double condition_number(const double jacobian[N][N], double *determinant)
+{
+    double factors[N][N], mean = sum_of_squares(jacobian) / N;
     memcpy(factors, jacobian, sizeof factors);
     *determinant = factorise(factors);
-    double mean = squares / N, bound = 2 * mean * mean * mean / fabs(*determinant);
-    if (bound < SINGULAR_CONDITION_NUMBER)
-        return bound;
-    return *determinant == 0 ? INFINITY : sqrt(squares) * norm_of_inverse(factors);
+    double bound = 2 * mean * mean * mean / fabs(*determinant);
+    return bound < SINGULAR_CONDITION_NUMBER ? bound : exact_condition_number(jacobian);
 }

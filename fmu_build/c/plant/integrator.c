@@ -144,13 +144,16 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
         /* avoid a very short last step */
         int last = at->t + 1.01 * proposal >= end;
         double h = last ? end - at->t : proposal, t = last ? end : at->t + h;
-        if (!(h > 0) || !(t > at->t) || (!last && h < 16 * DBL_EPSILON * fabs(at->t)))
+        if (!(h > 0) || !(t > at->t) || (!last && h < 16 * DBL_EPSILON * fabs(at->t))) {
+            at->step = h;
             return STEP_TOO_SMALL;
+        }
         double error = attempt(problem, at, t, h, tolerance, k, x);
         if (!(error < 1)) { /* also for NaN */
             rejected = 1;
             double factor = isfinite(error) ? fmax(SMALLEST_FACTOR, SAFETY * pow(error, -1.0 / 5)) : SMALLEST_FACTOR;
             proposal = h * factor;
+            at->step = proposal;
             if (proposal < DBL_MIN)
                 return STEP_TOO_SMALL;
             continue;

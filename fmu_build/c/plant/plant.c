@@ -5,10 +5,10 @@
 #include <string.h>
 
 #include "communication.h"
+#include "conditioning.h"
 #include "kernel.h"
 #include "parameters.h"
 #include "plant_step.h"
-#include "plant_table.h"
 
 const size_t COMPONENT_SIZE = sizeof(component);
 const size_t N_SAVED = sizeof(plant_state) / sizeof(double);
@@ -89,6 +89,20 @@ void component_put_input_rate(component *c, int slot, double rate)
 
 /* ---- results -------------------------------------------------------------------------------------------------- */
 
+outcome refuse_step(component *c, const char *quantity, double value, const char *unit, const char *reason, ...)
+{
+    step_failure *failure = &c->failure;
+    va_list arguments;
+    va_start(arguments, reason);
+    write_message_of(failure->reason, reason, arguments);
+    va_end(arguments);
+    snprintf(failure->quantity, sizeof failure->quantity, "%s", quantity);
+    failure->value = value;
+    failure->time = c->s.time;
+    write_message(c->message, "at time %.12g s: %s = %.6g%s: %s", c->s.time, quantity, value, unit, failure->reason);
+    return NOT_POSSIBLE;
+}
+
 static outcome not_finite(component *c, const char *what)
 {
     write_message(c->message, "%s not finite at time %.12g s: the pose is singular or the forces are too large", what,
@@ -102,15 +116,23 @@ static outcome find_xdot(component *c)
         kernel_derivatives(c->s.x, c->s.inputs, c->s.p, c->xdot);
         c->has_xdot = 1;
     }
-    return all_finite(c->xdot, N_STATES) ? DONE : not_finite(c, "derivatives are");
+    for (int i = 0; i < N_STATES; i++)
+        if (!isfinite(c->xdot[i])) {
+            char name[NAME_SIZE];
+            write_slot_name(FIRST_DERIVATIVE + i, name);
+            return refuse_step(c, name, c->xdot[i], "", "derivatives are not finite; the pose is singular or the forces "
+                               "are too large");
+        }
+    return DONE;
 }
 
 static const leg_state *legs_of(component *c)
 {
+    leg_state *legs = &c->legs;
     if (!c->has_legs)
-        find_legs(c->s.x, c->s.p, &c->legs);
+        kernel_legs(c->s.x, c->s.p, legs->length, legs->length_rate, legs->jacobian[0], &legs->rho);
     c->has_legs = 1;
-    return &c->legs;
+    return legs;
 }
 
 _Static_assert(R_LEG_LENGTH == N_STATES && R_LEG_VELOCITY == N_STATES + N_LEGS, "legs come after the states");
@@ -204,26 +226,39 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
     return DONE;
 }
 
-static outcome check_current_pose(component *c, double *handedness)
+outcome check_pose(component *c, double *handedness)
 {
-    char reason[MESSAGE_SIZE];
+    char name[NAME_SIZE];
     for (int i = 0; i < N_STATES; i++)
         if (!isfinite(c->s.x[i])) {
-            char name[NAME_SIZE];
             write_slot_name(FIRST_STATE + i, name);
-            write_message(c->message, "at time %.12g s: %s = %g: the motion is not finite", c->s.time, name, c->s.x[i]);
-            return NOT_POSSIBLE;
+            return refuse_step(c, name, c->s.x[i], "", "the motion is not finite");
         }
-    if (check_pose(legs_of(c), c->s.x[X_PITCH], handedness, reason))
-        return DONE;
-    write_message(c->message, "at time %.12g s: %s", c->s.time, reason);
-    return NOT_POSSIBLE;
+    double pitch = c->s.x[X_PITCH];
+    if (!(fabs(pitch) < LARGEST_PITCH)) {
+        write_slot_name(FIRST_STATE + X_PITCH, name);
+        return refuse_step(c, name, pitch, " rad", "the pitch has reached 90 degrees");
+    }
+    const leg_state *legs = legs_of(c);
+    for (int i = 0; i < N_LEGS; i++)
+        if (!(legs->length[i] > SHORTEST_LEG * legs->rho)) {
+            write_slot_name(FIRST_RESULT + R_LEG_LENGTH + i, name);
+            return refuse_step(c, name, legs->length[i], " m", "the leg has collapsed");
+        }
+    double determinant, number = condition_number(legs->jacobian, &determinant), side = determinant > 0 ? 1 : -1;
+    int has_passed = *handedness != 0 && *handedness != side;
+    if (has_passed || !(number < SINGULAR_CONDITION_NUMBER))
+        return refuse_step(c, "condition number of the leg Jacobian", exact_condition_number(legs->jacobian), "",
+                           "the platform has %s; the legs cannot hold it there",
+                           has_passed ? "passed a singular pose since the last internal step" : "reached a singular pose");
+    *handedness = side;
+    return DONE;
 }
 
 outcome component_check_state(component *c)
 {
     double handedness = c->s.handedness;
-    return check_current_pose(c, &handedness);
+    return check_pose(c, &handedness);
 }
 
 outcome component_check_parameters(component *c)
@@ -239,7 +274,7 @@ outcome component_begin(component *c)
     double handedness = c->s.handedness;
     outcome checked = component_check_parameters(c);
     if (checked == DONE)
-        checked = check_current_pose(c, &handedness);
+        checked = check_pose(c, &handedness);
     if (checked == DONE && !(check_geometry(c->s.p, legs_of(c)->length, c->message) &&
                              check_motors(c->s.x, legs_of(c)->length, c->message)))
         checked = NOT_POSSIBLE;

@@ -6,7 +6,7 @@
 #include "internal.h"
 #include "message.h"
 #include "model.h"
-#include "pose_limits.h"
+#include "plant_table.h"
 
 /* The complete state. It has doubles only, since a saved state is a copy of them in this order. */
 typedef struct {
@@ -23,8 +23,26 @@ typedef struct {
     double p[N_PARAMETERS];
 } plant_state;
 
+/* The legs at one state. */
+typedef struct {
+    double length[N_LEGS];
+    double length_rate[N_LEGS];
+    double jacobian[N_LEGS][N_LEGS]; /* angles scaled to lengths by rho */
+    double rho;
+} leg_state;
+
+/* Why a step was not possible, as data; the component's message has the same in words. */
+typedef struct {
+    double time;
+    double value; /* of the quantity that is beyond its limit */
+    char quantity[NAME_SIZE];
+    char reason[MESSAGE_SIZE];
+} step_failure;
+
+/* It has plain data only, so that its memory may be of any host (stepper/stepper.c). */
 struct component {
     plant_state s;
+    step_failure failure;
     /* derived from the state, computed on demand */
     int has_xdot, has_results, has_legs;
     double xdot[N_STATES];
@@ -38,6 +56,12 @@ struct component {
 INTERNAL_BEGIN
 /* To be called after `s` has been replaced. */
 void forget_results(component *c);
+/* Writes the failure of a step at the component's time and its message, `at time T s: QUANTITY = VALUE UNIT: REASON`.
+   Returns NOT_POSSIBLE. */
+outcome refuse_step(component *c, const char *quantity, double value, const char *unit, const char *reason, ...);
+/* Whether the current pose is within the limits: a pitch of 90 degrees, a leg of no length, a singular leg Jacobian.
+   `handedness` is the sign of det J of the motion so far; if it is 0, it is set from this pose. */
+outcome check_pose(component *c, double *handedness);
 INTERNAL_END
 
 #endif

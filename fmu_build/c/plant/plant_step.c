@@ -83,27 +83,25 @@ static int accept_internal_step(void *owner, double t, const double x[N_STATES],
     return 1;
 }
 
+/* The failure of an integration that gave up at a point; one of `accept` has been explained. */
 static void explain_failure(component *c, integration how, const integration_point *at, double end)
 {
-    double time = at->t;
     const char *cause = "forces too large, leg_friction_velocity too small, or pose nearly singular";
-    int is_fixed = c->s.fixed_step_size > 0;
-    if (is_fixed && (how == TOO_MANY_STEPS || how == STEP_TOO_SMALL))
-        write_message(c->message, "at time %.12g s: fixed_step_size = %g s is too small for one step to time %.12g s; "
-                                  "expected at most %d steps, each large enough to advance the time",
-                      time, c->s.fixed_step_size, end, MOST_FIXED_STEPS);
+    double fixed = c->s.fixed_step_size;
+    if (fixed > 0 && (how == TOO_MANY_STEPS || how == STEP_TOO_SMALL))
+        refuse_step(c, "fixed_step_size", fixed, " s",
+                    "too small for one step to time %.12g s; expected at most %d steps, each large enough to advance the "
+                    "time", end, MOST_FIXED_STEPS);
     else if (how == STEP_TOO_SMALL)
-        write_message(c->message, "at time %.12g s: the tolerance %g cannot be met; %s", time, c->s.tolerance, cause);
+        refuse_step(c, "internal step size", at->step, " s", "the tolerance %g cannot be met; %s", c->s.tolerance, cause);
     else if (how == TOO_MANY_STEPS)
-        write_message(c->message, "at time %.12g s: too many internal steps for one step to time %.12g s; %s", time, end,
-                      cause);
+        refuse_step(c, "internal steps", MOST_INTERNAL_STEPS, "", "too many internal steps for one step to time %.12g s "
+                    "at tolerance %g; %s", end, c->s.tolerance, cause);
     else if (how == TOO_FAST)
-        write_message(c->message, "at time %.12g s: no division resolves legs that stick in a step of fixed_step_size "
-                                  "= %g s; expected at most %.2g s, or 0 for error control",
-                      time, c->s.fixed_step_size, at->step);
+        refuse_step(c, "fixed_step_size", fixed, " s", "no division resolves legs that stick in such a step; expected at "
+                    "most %.2g s, or 0 for error control", at->step);
     else if (how == NOT_FINITE)
-        write_message(c->message, "at time %.12g s: the motion is not finite; fixed_step_size = %g s is too large, or %s",
-                      time, c->s.fixed_step_size, cause);
+        refuse_step(c, "fixed_step_size", fixed, " s", "the motion is not finite; the step is too large, or %s", cause);
 }
 
 /* Some masters do not propagate start values and begin with zeros; if the actuator forces are connected, zeros mean
@@ -127,10 +125,8 @@ static outcome check_fixed_step(component *c, double time, double step)
     /* the difference of two rounded times may be larger than the size that was set */
     if (h <= c->largest_step * (1 + 1e-9))
         return DONE;
-    write_message(c->message, "at time %.12g s: steps of %g s are too large for legs that stick or give like these; "
-                              "expected fixed_step_size of at most %.3g s, or 0 for error control",
-                  time, h, c->largest_step);
-    return NOT_POSSIBLE;
+    return refuse_step(c, "fixed_step_size", h, " s", "steps of %g s are too large for legs that stick or give like these; "
+                       "expected at most %.3g s, or 0 for error control", h, c->largest_step);
 }
 
 outcome step_plant(component *c, double time, double step, const step_observer *observer, double *reached)
@@ -174,8 +170,8 @@ outcome step_plant(component *c, double time, double step, const step_observer *
         *reached = at.t;
         return DONE;
     }
+    explain_failure(c, how, &at, end);
     c->s = before;
     forget_results(c);
-    explain_failure(c, how, &at, end);
     return NOT_POSSIBLE;
 }

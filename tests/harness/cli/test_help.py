@@ -41,7 +41,7 @@ def test_examples_of_the_help_have_options_that_are_there(words: list[str]) -> N
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "heave_step", "--plant", "fmu4"], "'--plant': 'fmu4' is not one of 'model', 'fmu2', 'fmu3'."),
+        (["run", "heave_step", "--plant", "fmu4"], "'--plant': 'fmu4' is not one of 'model', 'scipy', 'fmu2', 'fmu3'."),
         (["ensemble", "heave_step", "--members", "x"], "'--members': expected a whole number"),
         (["ensemble", "heave_step", "--members", "0"], "'--members': expected a number greater than or equal to 1"),
         (["excite", "--duration", "long"], "'--duration': expected a number"),

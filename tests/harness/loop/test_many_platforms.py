@@ -140,7 +140,7 @@ def test_platforms_side_by_side_are_single_runs_of_theirs(space: Any) -> None:
         def law_from(wanted: FloatArray, measured: FloatArray, made: Any = controller, J: Any = jacobians) -> Any:
             return law_of(made, T, J)(wanted, measured)
 
-        single = simulate(ModelPlant(platform_of(k), start_of(k), 1e-11), law_from, loop)
+        single = simulate(ModelPlant(platform_of(k), start_of(k), 1e-11, integrator="scipy"), law_from, loop)
         assert np.abs(many.results[:, at, :6] - single.results[:, :6]).max() < 1e-8
         assert np.ptp(single.results[:, :6], axis=0).min() > 1e-3
         np.testing.assert_array_equal(many.force_limited[:, at], single.force_limited)

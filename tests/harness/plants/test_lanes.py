@@ -558,7 +558,7 @@ def test_machines_move_as_the_stepping_model_does(friction: str, springs: bool) 
     expected, inputs = [], []
     platforms, starts = zip(*(machine(friction, springs, k) for k in range(2)), strict=True)
     for platform, start in zip(platforms, starts, strict=True):
-        model = gs.SteppingModel(platform, 1e-11)
+        model = gs.SteppingModel(platform, 1e-11, integrator="scipy")
         model.set_many(start._asdict())
         inputs.append(breaking_loose(platform))
         expected.append(stepped(model, inputs[-1]))

@@ -198,7 +198,7 @@ def test_open_plant_refuses_in_whole_sentences(fmus: dict[str, Fmu]) -> None:
         ("model", {"fmu": path}, f"plant 'model' does not accept the file {path}; choose the plant fmu2 or fmu3"),
         ("fmu2", {"fmu": path}, f"{path}: is FMI 3.0; expected FMI 2.0 for the plant fmu2"),
         ("fmu3", {"fmu": fmus["2.0"].path}, f"{fmus['2.0'].path}: is FMI 2.0; expected FMI 3.0 for the plant fmu3"),
-        ("fmu", {}, "plant is 'fmu'; expected model, fmu2 or fmu3"),
+        ("fmu", {}, "plant is 'fmu'; expected one of model, scipy, fmu2, fmu3"),
     ):
         with pytest.raises(PlantError) as caught, open_plant(kind, UNEVEN, **options):  # type: ignore[arg-type]
             pass

@@ -9,8 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.cache import digest_of
-from gough_stewart.fmu_build.libraries import folds_sources, machine_code
+from gough_stewart.fmu_build.libraries import folds_sources, machine_code, state_of_c, vector_library
 from gough_stewart.harness.loop.fold_kernels import FoldKernels
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.folds import Fold, State
@@ -269,7 +268,7 @@ class Seen(Fold):
 @pytest.fixture(scope="module")
 def kernels() -> FoldKernels:
     sources = folds_sources([MadeUp(1.0).traced()])
-    return FoldKernels(machine_code("folds", lambda: sources, digest_of(str(sources).encode())).path)
+    return FoldKernels(machine_code(vector_library("folds", lambda: sources, state_of_c(sources))).path)
 
 
 def test_a_fold_that_is_described_is_the_same_in_machine_code_and_by_plain_loops(kernels: FoldKernels) -> None:
