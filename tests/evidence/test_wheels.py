@@ -57,7 +57,7 @@ def test_two_builds_have_the_same_bytes_and_code_for_every_target(tmp_path: Path
 
 def test_every_flipped_bit_of_a_library_is_seen() -> None:
     """Expected: SHA-256 of other bytes is another one."""
-    library = compiled_kernel(native())
+    library = kernel_code().compiled(native())
     digest = manifest_line("kernel.so", library, "now")["sha256"]
     assert is_as_made(library, digest)
     damaged = bytearray(library)
