@@ -24,7 +24,7 @@ def cached_build(fmi_version: str, progress: StepProgress | None = None, variant
     progress
         Called with the name of each step of a build.
     variant
-        Whether its legs' friction sticks, and whether its legs are elastic.
+        Whether its legs have stiction, and whether they are elastic.
 
     Raises
     ------

@@ -80,16 +80,16 @@ _TRUTHS = (
 
 
 class Types(NamedTuple):
-    """The C types of a function: `real` for its arithmetic, `others` of inputs and outputs that differ from it."""
+    """The C types of a function: `real` for its arithmetic, `exceptions` of inputs and outputs that differ from it."""
 
     real: str = "double"
-    others: Mapping[str, str] = {}
+    exceptions: Mapping[str, str] = {}
     # how a function of the C library is called in this arithmetic, from its name for double
     call: str = "{}"
 
     def __call__(self, name: str) -> str:
         """The type of an input or output."""
-        return self.others.get(name, self.real)
+        return self.exceptions.get(name, self.real)
 
     def cast(self, name: str, *, to_real: bool) -> str:
         """The cast before a value that is read or written."""

@@ -45,12 +45,12 @@ def kernel_sources(variant: Variant = IDEAL) -> Sources:
     from gough_stewart.fmu_build.sources import c_folder, library_sources
 
     component = plant_component(platform_of(variant))
-    whole, kernel = library_sources(component), c_folder("kernel")
-    units = {name: whole.units[name] for name in (*component.code.units, *_SHARED_UNITS)}
+    unit, kernel = library_sources(component), c_folder("kernel")
+    units = {name: unit.units[name] for name in (*component.code.units, *_SHARED_UNITS)}
     units |= c_folder("stepper").units
     if variant == IDEAL:
         units |= {**kernel.units, "functions.c": _functions()}
-    return Sources(units, {**whole.headers, **kernel.headers})
+    return Sources(units, {**unit.headers, **kernel.headers})
 
 
 def _functions() -> str:

@@ -46,9 +46,10 @@ class CompiledStepper:
         self._find_results = partial(library.stepper_results, address)
         self._forget = partial(library.stepper_forget, address)
         # a unit has its states first, then other outputs, then locals
-        others = [v for v in variant.results if v.causality == "output" and not v.is_state]
-        self.results = interface.unpack((*variant.states, *others, *interface.LOCALS), self._y)
-        order = interface.unpack((*variant.states, *others, *interface.LOCALS), np.arange(m))
+        outputs = [v for v in variant.results if v.causality == "output" and not v.is_state]
+        of_unit = (*variant.states, *outputs, *interface.LOCALS)
+        self.results = interface.unpack(of_unit, self._y)
+        order = interface.unpack(of_unit, np.arange(m))
         self._order = np.concatenate([order[v.name].ravel() for v in variant.results])
 
     @property
@@ -101,11 +102,11 @@ def stepper_library(variant: Variant) -> PyDLL:
         return library
     # in a process of its own: the model does not know what builds it
     command = [sys.executable, "-m", _COMPILER, *variant.parts]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        reason = done.stderr.strip().rpartition("\n")[2]
+    compilation = subprocess.run(command, capture_output=True, text=True, check=False)
+    if compilation.returncode != 0:
+        reason = compilation.stderr.strip().rpartition("\n")[2]
         raise NotInstalledError(
             f"no machine code steps a platform {variant.words} on this machine, and it cannot be compiled ({reason}); "
             "pip install 'gough-stewart[compile]', or choose integrator=\"scipy\""
         )
-    return PyDLL(done.stdout.strip())
+    return PyDLL(compilation.stdout.strip())

@@ -168,6 +168,7 @@ def inverse_dynamics(
     return solve(transpose(jacobian_of_legs(legs)), needed - external_wrench)
 
 
+@without_warnings
 def static_leg_forces(
     parameters: Parameters,
     position: Array,
@@ -194,9 +195,14 @@ def static_leg_forces(
     >>> platform = gs.load_preset("liu2000")
     >>> gs.static_leg_forces(platform, platform.home_position, platform.home_orientation)
     """
-    rest = 0 * np.asarray(position)
-    state = State(position, orientation, rest, rest)
-    return inverse_dynamics(parameters, state, Acceleration(rest, rest), external_wrench, solve)
+    position, orientation = np.asarray(position), np.asarray(orientation)
+    legs = leg_geometry(parameters, position, orientation)
+    com = apply(matrix_from_orientation(orientation), parameters.platform_com)
+    needed = _bias_force(parameters, legs)
+    weight = np.asarray(parameters.platform_mass)[..., None] * parameters.gravity
+    torque = cross(legs.arm, needed).sum(axis=-2) - cross(com, weight)
+    wrench = concatenate([needed.sum(axis=-2) - weight, torque])
+    return solve(transpose(jacobian_of_legs(legs)), wrench - np.asarray(external_wrench))
 
 
 @without_warnings
@@ -272,19 +278,21 @@ def _transverse_mass(parameters: Parameters, length: Array) -> Array:
     return np.asarray(I * (1 / length) * (1 / length))
 
 
-def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> Array:
-    """Force (..., 6, 3) [N] that the legs need at their platform joints when P̈ = 0 and F = 0.
+def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates | None = None) -> Array:
+    """Force (..., 6, 3) [N] that the legs need at their platform joints when P̈ = 0 and F = 0; at rest without rates.
 
     b = ((m2 d + m_a L) |u̇|² − m2 u·g + friction) u − (2 I L̇/L² − 2 m2 (L − d) L̇/L) u̇ − (h/L) g⊥.
     """
-    u, L, du, dL = legs.direction, legs.length, rates.direction_rate, rates.length_rate
-    m2, d = per_leg(parameters.leg_upper_mass), per_leg(parameters.leg_upper_com)
-    m_a = per_leg(parameters.leg_armature)
+    u, L, m2 = legs.direction, legs.length, per_leg(parameters.leg_upper_mass)
     g = parameters.gravity[..., None, :]
     h, I = _leg_moments(parameters, L)
-    ug = dot(u, g)
     per_g = h * (1 / L)
-    along_u = (m2 * d + m_a * L) * dot(du, du) + (per_g - m2) * ug + friction_force(parameters, dL)
+    along_u = (per_g - m2) * dot(u, g)
+    if rates is None:
+        return np.asarray(along_u[..., None] * u - per_g[..., None] * g)
+    du, dL = rates.direction_rate, rates.length_rate
+    d, m_a = per_leg(parameters.leg_upper_com), per_leg(parameters.leg_armature)
+    along_u = (m2 * d + m_a * L) * dot(du, du) + along_u + friction_force(parameters, dL)
     along_du = 2 * dL * (1 / L) * (m2 * (L - d) - I * (1 / L))
     return np.asarray(along_u[..., None] * u + along_du[..., None] * du - per_g[..., None] * g)
 

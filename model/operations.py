@@ -88,4 +88,4 @@ def _by_element(name: str, *arrays: Any) -> Array:
 
     function: Callable[..., Any] = getattr(casadi, name)
     elements = np.broadcast(*arrays)
-    return np.array([function(*one) for one in elements], dtype=object).reshape(elements.shape)
+    return np.array([function(*arguments) for arguments in elements], dtype=object).reshape(elements.shape)

@@ -15,7 +15,7 @@ import numpy as np
 from gough_stewart.model.vectors import Array, FloatArray, Scalars
 
 Bound = Literal["> 0", ">= 0"] | None
-# Parts of a plant that not every platform has: bristles, whose friction sticks, and springs between motor and leg.
+# Parts of a plant that not every platform has: bristles, which model stiction, and springs between motor and leg.
 Part = Literal["bristles", "springs"]
 FRICTION_MODELS = ("smooth", "elasto_plastic", "lugre")
 

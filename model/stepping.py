@@ -69,8 +69,8 @@ class SteppingModel:
        number of equal steps not above it, of classical RK4, or with bristles of an exponential scheme.
     7. A step fails with `StepError` if at an internal step a leg has collapsed, |pitch| reaches 90° or the leg
        Jacobian is singular (or was singular since the last one), if the tolerance cannot be met, if more than 20,000
-       internal steps would be needed (1,000,000 of a fixed size), or if fixed steps cannot resolve legs that stick or
-       give. The error has quantity, value and time. Wrong arguments (step ≤ 0, another time, not finite) are also
+       internal steps would be needed (1,000,000 of a fixed size), or if fixed steps cannot resolve the bristles
+       or springs of its legs. The error has quantity, value and time. Wrong arguments (step ≤ 0, another time, not finite) are also
        errors, and so is a start pose with a leg too short to contain the centre of mass of a part.
        Poses are checked at internal steps: with a loose tolerance a motion can reach a singular pose and return
        between two of them undetected.
@@ -78,10 +78,10 @@ class SteppingModel:
     9. `save_state` and `restore_state` save and restore the complete state; a restored model repeats its results bit
        by bit. `reset` returns to rule 1, with the platform from the constructor.
     10. The limits of a platform (stroke, force, joint angle) are not enforced; that is up to the caller.
-    11. A platform whose friction sticks or whose legs give has further states (`Variant`): `leg_bristle`,
+    11. A platform with stiction or elastic legs has further states (`Variant`): `leg_bristle`,
        `motor_position`, `motor_velocity`, and the output `leg_force`. Bristles start at 0, motors where they hold the
        pose at rest and move with it: setting a state of the platform moves them too, unless they are set in the same
-       call. Which friction, and whether legs give, is fixed.
+       call. The friction model, and whether legs are elastic, is fixed.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ class SteppingModel:
         # views, read and written in place
         self._x, self._u = self._stepper.x, self._stepper.u
         self._inputs = interface.unpack(interface.INPUTS, self._u)
-        self._known = {**self._inputs, **interface.unpack(variant.states, self._x)}
+        self._current = {**self._inputs, **interface.unpack(variant.states, self._x)}
         self.reset()
 
     def __repr__(self) -> str:
@@ -169,7 +169,7 @@ class SteppingModel:
 
     @property
     def variant(self) -> Variant:
-        """Whether its friction sticks and its legs give."""
+        """Whether the platform has stiction and elastic legs."""
         return self._variant
 
     @property
@@ -271,22 +271,22 @@ class SteppingModel:
         InterfaceError
             Unknown name.
         """
-        if isinstance(name, str) and (known := self._known.get(name)) is not None:
-            return known.copy()
+        if isinstance(name, str) and (current := self._current.get(name)) is not None:
+            return current.copy()
         variable, element = interface.find(name)
-        if variable.name in self._known:
-            whole = self._known[variable.name]
+        if variable.name in self._current:
+            values = self._current[variable.name]
         elif variable in self._variant.results:
             self._stepper.find_results()
-            whole = self._stepper.results[variable.name]
+            values = self._stepper.results[variable.name]
         elif variable.causality == "parameter" and hasattr(self._platform, variable.name):
-            whole = np.array(getattr(self._platform, variable.name))
+            values = np.array(getattr(self._platform, variable.name))
         else:
             self._refuse_absent(variable)
             raise InterfaceError(variable.name, f"{variable.description}; the stepping model has none")
         if element is not None:
-            return float(whole.reshape(-1)[element])
-        return whole.copy() if variable.shape else float(whole)
+            return float(values.reshape(-1)[element])
+        return values.copy() if variable.shape else float(values)
 
     def results(self) -> dict[str, NDArray[np.float64]]:
         """All outputs and locals at the current time, by name, in one evaluation."""

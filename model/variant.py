@@ -1,7 +1,7 @@
 """Which parts a plant has beyond the ideal one: they choose its states, results and parameters.
 
-The ideal plant has rigid legs and friction that is a function of velocity. Friction that sticks needs the bristles'
-deflections as states, legs that give the motors' positions and velocities. The variables of each part follow those of
+The ideal plant has rigid legs and friction that is a function of velocity. Stiction needs the bristles' deflections as
+states, elastic legs the motors' positions and velocities. The variables of each part follow those of
 the ideal plant, so the first states, results and parameters are the same in all variants.
 """
 
@@ -28,12 +28,12 @@ class Variant:
 
     @classmethod
     def of(cls, platform: Any) -> "Variant":
-        """Of a platform: bristles unless `leg_friction_model` is smooth, springs unless `leg_stiffness` is 0."""
+        """The variant of a platform: bristles unless `leg_friction_model` is smooth, springs unless `leg_stiffness` is 0."""
         return cls(platform.leg_friction_model != SMOOTH, platform.leg_stiffness > 0)
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """Their names."""
+        """Names of its parts."""
         return (*(("bristles",) if self.bristles else ()), *(("springs",) if self.springs else ()))
 
     @property

@@ -181,7 +181,7 @@ def slot_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
     """
     content = _traced_once(DEPENDENCIES, variant, lambda: json.dumps(traced_dependencies(variant)).encode())
     return {
-        int(slot): {int(known): kind for known, kind in kinds.items()} for slot, kinds in json.loads(content).items()
+        int(unknown): {int(slot): kind for slot, kind in kinds.items()} for unknown, kinds in json.loads(content).items()
     }
 
 

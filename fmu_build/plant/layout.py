@@ -17,9 +17,9 @@ from gough_stewart.model.variant import IDEAL, Variant
 # 1 s in steps of 1 µs; takes 4 s.
 MOST_FIXED_STEPS = 1_000_000
 # Of fixed steps with bristles: the error of a bristle in one substep, in units of its reach, 1 nm of 10 µm; that of the
-# accelerations, in units of what Coulomb friction of all legs gives; the most substeps, with those that are too long.
+# accelerations, in units of those under the Coulomb friction of all legs; the most substeps, with those that are too long.
 STICKING = {"RESOLUTION": 1e-4, "FORCE_RESOLUTION": 1e-2, "MOST_SUBSTEPS": 200, "LARGEST_FIXED_STEP": 1e-3}
-# The largest h |λ| of the modes of legs that stick or give, within the half disc in which RK4 is stable.
+# The largest h |λ| of the modes of sticking or elastic legs, within the half disc in which RK4 is stable.
 LARGEST_PRODUCT = 2.6
 # By which a leg's spring may be stretched at the start, over the leg's length: more is a pose without its motors.
 LARGEST_STRETCH = 0.01

@@ -25,7 +25,7 @@ from gough_stewart.harness.control.pid import (
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.state_space import matrices_at
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.variants import VARIANTS, Variant
+from gough_stewart.harness.export.variants import VARIANTS, TurnableLaw
 from gough_stewart.harness.plants.signals import N_LEGS
 
 
@@ -54,7 +54,7 @@ def design_header() -> str:
     )
 
 
-def law_function(name: str, variant: Variant) -> casadi.Function:
+def law_function(name: str, variant: TurnableLaw) -> casadi.Function:
     """`values` (kp, kd, ki, Tf, Tt) of a channel, `notch` (3), `sample_time` -> [C D; A B] of it, row by row."""
     values, notch, T = (casadi.SX.sym(key, n) for key, n in (("values", 5), ("notch", len(Notch.keys)), ("period", 1)))
     of = symbols.elements(values)

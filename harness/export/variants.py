@@ -12,7 +12,7 @@ from gough_stewart.harness.control.state_space import METHODS, Method
 _DERIVATIVES: tuple[DerivativeOn, ...] = ("error", "measurement")
 
 
-class Variant(NamedTuple):
+class TurnableLaw(NamedTuple):
     """What of a law is fixed while its gains are turned."""
 
     derivative_on: DerivativeOn
@@ -21,13 +21,13 @@ class Variant(NamedTuple):
     has_notch: bool
 
 
-VARIANTS = tuple(Variant(*each) for each in product(_DERIVATIVES, (False, True), METHODS, (False, True)))
+VARIANTS = tuple(TurnableLaw(*fixed) for fixed in product(_DERIVATIVES, (False, True), METHODS, (False, True)))
 
 
-def variant_of(controller: SixChannels, gains: Gains) -> Variant | None:
+def variant_of(controller: SixChannels, gains: Gains) -> TurnableLaw | None:
     """Of a PD or PID; None if not all of its channels have the same actions."""
     differentiates, integrates = np.asarray(gains.derivative) > 0, np.asarray(gains.integral) > 0
     if not differentiates.all() or integrates.any() != integrates.all():
         return None
     actions = bool(integrates.all())
-    return Variant(controller.derivative_on, actions, controller.discretisation, controller.notch is not None)
+    return TurnableLaw(controller.derivative_on, actions, controller.discretisation, controller.notch is not None)

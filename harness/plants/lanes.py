@@ -185,7 +185,7 @@ class LanesPlant(Plant):
     PlantError
         No platforms, another number of starts, or an invalid number of substeps or tolerance.
     PlatformError
-        Some stick or give, and others do not.
+        Some have stiction or elastic legs, and others have not.
     BuildError, OSError
         There is no machine code, and it cannot be built, as `lanes_library`.
     """
@@ -415,7 +415,7 @@ class LanesPlant(Plant):
 
 
 def _variant_of(platforms: Platforms) -> Variant:
-    """Of all members.
+    """The variant that all members have.
 
     Raises
     ------

@@ -26,7 +26,7 @@ class Plant(Protocol):
     2. `set_inputs` takes the whole input vector (12,) in the order of `interface.INPUTS`; it holds until the next call.
     3. `set_parameters` sets tunable parameters by name, all or none, at any time between two steps.
     4. `results` returns all outputs and locals (N_RESULTS,) in the order of `columns`, at the present time under the
-       present inputs, as a copy. It has no side effects. A plant with friction that sticks or with elastic legs has
+       present inputs, as a copy. It has no side effects. A plant with stiction or elastic legs has
        more of them, see `Variant.columns`.
     5. `do_step(time, step)` advances from `time`, the plant's own, to `time + step`.
     6. A failed call raises an error of this project with the plant's message and leaves the plant unchanged:

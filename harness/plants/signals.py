@@ -13,7 +13,7 @@ from gough_stewart.model import interface
 NAMES = ("position", "orientation", "velocity", "angular_velocity", "leg_length", "leg_velocity")
 VARIABLES = tuple(interface.BY_NAME[name] for name in NAMES)
 SIZE = interface.size_of(VARIABLES)
-# The legs' lengths and velocities, the last of them; of legs that give also at the motors' side, from this column on.
+# The legs' lengths and velocities, the last of them; of elastic legs also at the motors' side, from this column on.
 LEGS = slice(12, SIZE)
 MOTORS = "motor_position[1]"
 Side = Literal["leg", "motor"]

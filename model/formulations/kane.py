@@ -178,8 +178,8 @@ def constraint_jacobian(parameters: Parameters, configuration: Configuration) ->
     u = _leg_axes(configuration)
     of_leg = partial_velocity(configuration.slide[..., None] * u, u)
     arm = _platform_arms(parameters, configuration)
-    one = np.broadcast_to(np.eye(3), (*arm.shape[:-1], 3, 3))
-    of_platform = np.concatenate([-skew(arm), one], axis=-1)
+    identity = np.broadcast_to(np.eye(3), (*arm.shape[:-1], 3, 3))
+    of_platform = np.concatenate([-skew(arm), identity], axis=-1)
     return _constraint_rows(of_leg, of_platform, u)
 
 

@@ -44,7 +44,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     Position, velocity, angular velocity, external force and torque at Op (..., 3), rotation from platform to
     world (..., 3, 3), actuator forces (..., 6); SI units. `axial_inertia` [kg m²] is that of each leg part about u.
     """
-    p, n, one, omega, g = parameters, position.shape[:-1], np.eye(3), angular_velocity, parameters.gravity
+    p, n, identity, omega, g = parameters, position.shape[:-1], np.eye(3), angular_velocity, parameters.gravity
     # legs: arms between centres of mass and joints, turning of both parts, sliding, forces along u
     arm = apply(rotation[..., None, :, :], p.platform_points)
     l = position[..., None, :] + arm - p.base_points
@@ -52,7 +52,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     u = l / L[..., None]
     v_P = velocity[..., None, :] + cross(omega[..., None, :], arm)
     w, sliding = cross(u, v_P) / L[..., None], dot(u, v_P)
-    e1 = np.cross(u, one[np.argmin(np.abs(u), axis=-1)])
+    e1 = np.cross(u, identity[np.argmin(np.abs(u), axis=-1)])
     e1 = e1 / np.linalg.norm(e1, axis=-1, keepdims=True)
     across = np.stack([e1, cross(u, e1)], axis=-1)  # two unit vectors across u, as columns
     onto = transpose(across)
@@ -61,7 +61,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     G1_B, G1_G2, G2_P = -G1, G2 - G1, l - G2
     m1, m2 = per_leg(p.leg_lower_mass)[..., None], per_leg(p.leg_upper_mass)[..., None]
     J1, J2 = (
-        J[..., None] * one + (axial_inertia - J[..., None]) * outer(u, u)
+        J[..., None] * identity + (axial_inertia - J[..., None]) * outer(u, u)
         for J in (per_leg(p.leg_lower_inertia)[..., None], per_leg(p.leg_upper_inertia)[..., None])
     )
     friction = p.leg_viscous_friction_factor * per_leg(p.leg_viscous_friction) * sliding
@@ -72,35 +72,35 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     # coefficients of a leg's unknowns (24×24) and of the platform's (24×6), and the right-hand side (24)
     block, on_platform, right = np.zeros((*n, 6, 24, 24)), np.zeros((*n, 6, 24, 6)), np.zeros((*n, 6, 24))
     # lower part, forces: m1 a1 = f_B − N − push + m1 g
-    block[..., 0:3, _A1] = m1[..., None] * one
-    block[..., 0:3, _F_B] = -one
+    block[..., 0:3, _A1] = m1[..., None] * identity
+    block[..., 0:3, _F_B] = -identity
     block[..., 0:3, _N] = across
     right[..., 0:3] = m1 * g[..., None, :] - push
     # lower part, moments about G1: J1 α1 + ω×J1ω = (B − G1)×f_B + τ u − M − (G2 − G1)×N
     block[..., 3:6, _ALPHA1] = J1
     block[..., 3:6, _F_B] = -skew(G1_B)
     block[..., 3:6, _T_SPIN] = -u
-    block[..., 3:6, _M_GUIDE] = one
+    block[..., 3:6, _M_GUIDE] = identity
     block[..., 3:6, _N] = skew(G1_G2) @ across
     right[..., 3:6] = -cross(w, apply(J1, w))
     # upper part, forces: m2 a2 = N + push − f_P + m2 g
-    block[..., 6:9, _A2] = m2[..., None] * one
+    block[..., 6:9, _A2] = m2[..., None] * identity
     block[..., 6:9, _N] = -across
-    block[..., 6:9, _F_P] = one
+    block[..., 6:9, _F_P] = identity
     right[..., 6:9] = m2 * g[..., None, :] + push
     # upper part, moments about G2: J2 α2 + ω×J2ω = M − (P − G2)×f_P
     block[..., 9:12, _ALPHA2] = J2
-    block[..., 9:12, _M_GUIDE] = -one
+    block[..., 9:12, _M_GUIDE] = -identity
     block[..., 9:12, _F_P] = skew(G2_P)
     right[..., 9:12] = -cross(w, apply(J2, w))
     # universal joint: B is fixed; no spin acceleration, d/dt (u·ω) = u·α + (ω×u)·ω = u·α
-    block[..., 12:15, _A1] = one
+    block[..., 12:15, _A1] = identity
     block[..., 12:15, _ALPHA1] = -skew(G1_B)
     right[..., 12:15] = -_centripetal(w, G1_B)
     block[..., 15, _ALPHA1] = u
     # guide: the parts rotate together; across u, G2 moves with the lower part, with Coriolis term 2 ω×(L̇ u)
-    block[..., 16:19, _ALPHA2] = one
-    block[..., 16:19, _ALPHA1] = -one
+    block[..., 16:19, _ALPHA2] = identity
+    block[..., 16:19, _ALPHA1] = -identity
     block[..., 19:21, _A2] = onto
     block[..., 19:21, _A1] = -onto
     block[..., 19:21, _ALPHA1] = onto @ skew(G1_G2)
@@ -116,9 +116,9 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     # spherical joint: P of the leg moves with P of the platform
     r_G = apply(rotation, p.platform_com)
     G_P = arm - r_G[..., None, :]
-    block[..., 21:24, _A2] = one
+    block[..., 21:24, _A2] = identity
     block[..., 21:24, _ALPHA2] = -skew(G2_P)
-    on_platform[..., 21:24, 0:3] = -one
+    on_platform[..., 21:24, 0:3] = -identity
     on_platform[..., 21:24, 3:6] = skew(G_P)
     right[..., 21:24] = _centripetal(omega[..., None, :], G_P) - _centripetal(w, G2_P)
 
@@ -130,9 +130,9 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
         rows, joint = slice(24 * i, 24 * i + 24), slice(24 * i + 21, 24 * i + 24)
         K[..., rows, rows], K[..., rows, 144:150] = block[..., i, :, :], on_platform[..., i, :, :]
         k[..., rows] = right[..., i, :]
-        K[..., _A_G, joint] = -one
+        K[..., _A_G, joint] = -identity
         K[..., _ALPHA_P, joint] = -skew(G_P[..., i, :])
-    K[..., _A_G, _A_G] = m[..., None] * one
+    K[..., _A_G, _A_G] = m[..., None] * identity
     K[..., _ALPHA_P, _ALPHA_P] = J
     k[..., _A_G] = m * g + external_force
     k[..., _ALPHA_P] = external_torque - np.cross(r_G, external_force) - cross(omega, apply(J, omega))

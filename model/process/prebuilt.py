@@ -94,21 +94,21 @@ def state_of_package(package: str, endings: tuple[str, ...] = (".py",)) -> str:
 
 def digest_of_files(paths: Iterable[Path]) -> str:
     """Digest of names and contents, in the order of the names."""
-    found = sha256()
+    digest = sha256()
     for path in sorted(paths):
         content = path.read_bytes()
-        found.update(f"{path.name} {len(content)}\n".encode())
-        found.update(content)
-    return found.hexdigest()
+        digest.update(f"{path.name} {len(content)}\n".encode())
+        digest.update(content)
+    return digest.hexdigest()
 
 
 @cache
 def _manifest() -> Mapping[str, Any]:
     try:
-        found: Mapping[str, Any] = json.loads((prebuilt_folder() / MANIFEST).read_bytes())
+        manifest: Mapping[str, Any] = json.loads((prebuilt_folder() / MANIFEST).read_bytes())
     except (OSError, ValueError):
         return {}
-    return found
+    return manifest
 
 
 @cache

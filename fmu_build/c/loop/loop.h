@@ -77,7 +77,7 @@ typedef struct {
 
     /* sensors: signals with noise, and their deviations, one row; one row (24) of the
        coefficients of each signal's sensor */
-    const int64_t *senses; /* by signal: 1 if its sensor does anything; of legs that give 2 more to read at the motor */
+    const int64_t *senses; /* by signal: 1 if its sensor does anything; of elastic legs 2 more to read at the motor */
     int64_t n_noisy;
     const int64_t *noisy; /* (n_noisy, 2): the first element of each and their number */
     table deviations, sensors;
@@ -113,7 +113,7 @@ typedef struct {
 
     /* what is kept: by row since `first_row`, and by sample */
     int64_t first_row;
-    rows_of_numbers row_signals, row_results, row_forces, row_motors; /* the last of legs that give */
+    rows_of_numbers row_signals, row_results, row_forces, row_motors; /* the last of elastic legs */
     rows_of_flags row_force_limited, row_rate_limited;
     rows_of_numbers sample_measured, sample_state, sample_command;
     rows_of_flags sample_limited;

@@ -112,10 +112,10 @@ integration integrate_controlled(const ode *problem, integration_point *at, doub
    d z jumps by the slope of v times |d z/v|; the rule's error for max(0, a (t - tau)) is a h^2 (theta^2/2 - theta/6),
    theta = tau/h or 1 - tau/h below 1/2: about a h^2 theta (1 - theta)/6, at most 0.042 a h^2. A step that is off by more
    than RESOLUTION of a bristle's reach is divided. Of the accelerations dw/dt there is the same distance, in units of what
-   Coulomb friction would give: modes of legs that give, which RK4 damps, are resolved while a jump of the force lets them
+   Coulomb friction would give: modes of elastic legs, which RK4 damps, are resolved while a jump of the force lets them
    ring. */
 
-/* of the motors if legs give, else of the platform */
+/* of the motors if legs are elastic, else of the platform */
 #if HAS_SPRINGS
 enum { X_BRAKED = X_MOTOR_VELOCITY };
 #else

@@ -114,7 +114,7 @@ static int forces_are_unset(const component *c)
     return is_zero;
 }
 
-/* A step in which the modes of legs that stick or give would grow, or rest where they should not, is refused. */
+/* A step in which the modes of sticking or elastic legs would grow, or rest where they should not, is refused. */
 static outcome check_fixed_step(component *c, double time, double step)
 {
     if (!(c->s.fixed_step_size > 0))

@@ -1,4 +1,4 @@
-/* The largest fixed step in which legs that stick or give are stable. */
+/* The largest fixed step in which sticking or elastic legs are stable. */
 #ifndef STABLE_STEP_H
 #define STABLE_STEP_H
 
