@@ -70,11 +70,6 @@ class Layout:
         """Rows by the names of their variables."""
         return {row.variable.name: row for row in self.rows}
 
-    @property
-    def n_slots(self) -> int:
-        """Number of slots."""
-        return self.rows[-1].slots.stop
-
     @cached_property
     def time(self) -> LayoutRow:
         """The row of the independent variable."""

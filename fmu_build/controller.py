@@ -93,11 +93,6 @@ class SampledController:
     has_rate_limit: bool = False  # whether it carries drives, with the memory `rate_limited`
 
     @property
-    def step_time(self) -> float:
-        """Time from call to call of the plain C [s]."""
-        return float(self.sample_time / self.steps_a_sample)
-
-    @property
     def most_output_delay(self) -> int:
         """The largest value of `output_delay` for which the unit has memory [samples]."""
         return max(MOST_OUTPUT_DELAY, self.output_delay)
@@ -166,7 +161,7 @@ def controller_component(controller: SampledController, file_stem: str = "contro
         experiment={
             "startTime": "0",
             "stopTime": repr(float(controller.stop_time)),
-            "stepSize": repr(controller.step_time),
+            "stepSize": repr(float(controller.sample_time / controller.steps_a_sample)),
         },
         code=Sources(
             {**c.units, **code.units},

@@ -1,12 +1,14 @@
 """The documents of a unit: model description, build description, terminals and pages, each a filled-in template.
 
-Pages are self-contained and well-formed as XML.
+Pages are self-contained and well-formed as XML. Formulas of Markdown, also those of the site, become MathML, which
+browsers render without a script.
 """
 
+import html
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
-from importlib.metadata import Distribution, PackageMetadata, distributions
+from importlib.metadata import PackageMetadata, distributions
 from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
@@ -128,7 +130,7 @@ def model_description(component: UnitComponent, fmi_version: str, token: str, so
         component=component,
         fmi_version=fmi_version,
         token=token,
-        package=package_metadata(),
+        package=installed_package()[0],
         source_files=source_files,
         units=[unit for unit in UNITS if unit.name in units],
         display_units={unit.name: unit.display[0] for unit in UNITS if unit.display is not None},
@@ -138,18 +140,6 @@ def model_description(component: UnitComponent, fmi_version: str, token: str, so
         derivatives=unknowns(derivatives, running),
         initial_unknowns=unknowns([*computed, *derivatives], (*running, *PARAMETER_ROLES)),
     )
-
-
-def build_description(component: UnitComponent, source_files: Sequence[str]) -> bytes:
-    """sources/buildDescription.xml: everything an importer needs to compile the unit."""
-    return rendered("buildDescription.xml", identifier=component.identifier, source_files=source_files)
-
-
-def terminals_and_icons(component: UnitComponent, fmi_version: str) -> bytes:
-    """terminalsAndIcons/terminalsAndIcons.xml: the component's terminals, and the icon."""
-    # terminals of scalars are those of FMI 2.0
-    version = "2.0" if component.has_scalars_only else fmi_version
-    return rendered("terminalsAndIcons.xml", terminals=component.terminals(version))
 
 
 def rendered(template: str, **values: Any) -> bytes:
@@ -166,7 +156,6 @@ def rendered(template: str, **values: Any) -> bytes:
 
 @cache
 def _environment() -> "Environment":
-    # here, since most programs make no documents
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
 
@@ -210,21 +199,69 @@ def xml_text(text: str) -> str:
     return _REFUSED.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
-def package_metadata() -> PackageMetadata:
-    """The metadata from pyproject.toml: version, summary, license."""
-    return _installed()[0].metadata
-
-
-def package_license() -> str:
-    """The text of LICENSE."""
-    return _installed()[1]
-
-
 @cache
-def _installed() -> tuple[Distribution, str]:
-    """The installed distribution and its license; a checkout has another of the same name, without license."""
+def installed_package() -> tuple[PackageMetadata, str]:
+    """The metadata from pyproject.toml: version, summary, license; and the text of LICENSE.
+
+    Those of the installed distribution: a checkout has another of the same name, without license.
+    """
     for distribution in distributions(name=_NAME):
         text = distribution.read_text(_LICENSE)
         if text:
-            return distribution, text
+            return distribution.metadata, text
     raise BuildError(f"{_NAME} is installed without its license; reinstall it with pip")
+
+
+# The converter's output for \begin{bmatrix}.
+_MATRIX = re.compile(r"<mo>&#x0005B;</mo>(<mtable>.*?</mtable>)<mo>&#x0005D;</mo>", re.DOTALL)
+_HEADING = re.compile(r"(#+) (.*)")
+_INLINE = re.compile(r"\$(?P<formula>[^$]+)\$|`(?P<code>[^`]+)`|\*\*(?P<strong>[^*]+)\*\*")
+
+
+@cache  # the pages of both FMI versions have their formulas in common
+def mathml(latex: str, display: str) -> str:
+    """One formula, `inline` or `block`.
+
+    Raises
+    ------
+    ValueError
+        A command that the converter or browsers do not support.
+    """
+    from latex2mathml.converter import convert  # here, since most programs make no documents
+
+    element: str = convert(html.unescape(latex).strip(), display=display)
+    # browsers support upright letters, but not sans-serif ones
+    element = element.replace('mathvariant="sans-serif"', 'mathvariant="normal"')
+    unknown = re.search(r'\\\w+|mathvariant="(?!normal)[\w-]+"', html.unescape(element))
+    if unknown:
+        raise ValueError(f"no MathML for {unknown[0]} in the formula {latex.strip()}")
+    return _MATRIX.sub(r'<mrow class="matrix">\1</mrow>', element)
+
+
+def to_html(markdown: str) -> str:
+    """HTML of paragraphs, headings and formulas `$$…$$` separated by empty lines; `$…$`, code and bold text inline.
+
+    A heading with one # becomes h2, and so on.
+    """
+    elements = []
+    for text in re.split(r"\n\s*\n", html.escape(markdown, quote=False).strip()):
+        block = text.strip()
+        if heading := _HEADING.fullmatch(block):
+            level = len(heading[1]) + 1
+            elements.append(f"<h{level}>{_inline(heading[2])}</h{level}>")
+        elif block.startswith("$$") and block.endswith("$$"):
+            elements.append(f'<div class="formula">{mathml(block[2:-2], "block")}</div>')
+        elif block:
+            elements.append(f"<p>{_inline(block)}</p>")
+    return "\n".join(elements)
+
+
+def _inline(text: str) -> str:
+    """An escaped text with its formulas, code and bold parts as elements."""
+
+    def element(match: re.Match[str]) -> str:
+        if match["formula"]:
+            return mathml(match["formula"], "inline")
+        return f"<code>{match['code']}</code>" if match["code"] else f"<strong>{_inline(match['strong'])}</strong>"
+
+    return _INLINE.sub(element, text)

@@ -26,7 +26,7 @@ from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
 from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, Target, native
 from gough_stewart.fmu_build.toolchain import FLAGS, Compiler, compile_library, zig
 from gough_stewart.model import interface
-from gough_stewart.model.compiled_kernel import processor_level
+from gough_stewart.model.kernel import processor_level
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.prebuilt import prebuilt_content
 from gough_stewart.model.variant import IDEAL, Variant
@@ -157,7 +157,7 @@ def machine_code(library: Library) -> LanesLibrary:
 
 
 def levels_of(target: Target) -> tuple[int, ...]:
-    """The levels of processors of a target for which a wheel has machine code, see `compiled_kernel.processor_level`.
+    """The levels of processors of a target for which a wheel has machine code, see `kernel.processor_level`.
 
     Level 0 is for all processors of a target. Those that compute ensembles with AVX-512 run Linux; Apple's systems
     enable it late in a process, if at all.

@@ -15,8 +15,8 @@ from textwrap import fill
 
 from gough_stewart.fmu_build.component import PARAMETER_ROLES, SCALAR_REFERENCE, LayoutRow, Role, Sources, UnitComponent
 from gough_stewart.fmu_build.errors import RUNNER, BuildError
+from gough_stewart.model.interface import DEFAULT_TOLERANCE
 from gough_stewart.model.platform import LARGEST_NUMBER
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 
 GENERATED = "/* Generated from the table of variables: do not edit. */"
 # Begins the block of start values in a library.
@@ -106,12 +106,6 @@ def standard_license(fmi_version: str) -> str:
     return text[start : text.index("*/", start)].rstrip(" -\n") + "\n"
 
 
-def layout_number(component: UnitComponent) -> int:
-    """64 bits that change when the meaning of saved states changes."""
-    text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in component.layout.rows)
-    return int.from_bytes(hashlib.sha256((text + component.saved_form).encode()).digest()[:8], "little")
-
-
 def model_header(component: UnitComponent) -> str:
     """`model.h`."""
     layout = component.layout
@@ -125,7 +119,7 @@ def model_header(component: UnitComponent) -> str:
         "N_OUTPUTS": size(row for row in layout.outputs() if row in layout.in_order),
         "N_RESULTS": size(row for row in layout.of_role(Role.STATE, Role.RESULT) if row in layout.in_order),
         "N_PARAMETERS": size(_parameters(component)),
-        "N_SLOTS": layout.n_slots,
+        "N_SLOTS": layout.rows[-1].slots.stop,
         "N_VARIABLES": len(layout.rows),
         "SCALAR_REFERENCE": SCALAR_REFERENCE,
     }
@@ -167,12 +161,15 @@ def model_source(component: UnitComponent) -> str:
         rows.append(f"    {{{', '.join(map(str, words))}}},")
     references = ", ".join(str(row.reference) for row in layout.rows for _ in row.slots)
     nominal = [f"    {float(row.variable.nominal)!r}," for row in layout.of_role(Role.STATE) for _ in row.slots]
+    # 64 bits that change when the meaning of saved states changes
+    text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in layout.rows)
+    number = int.from_bytes(hashlib.sha256((text + component.saved_form).encode()).digest()[:8], "little")
     return filled(
         "unit/model.c",
         rows="\n".join(rows),
         slots=fill(references, 100, initial_indent="    ", subsequent_indent="    "),
         nominal="\n".join(nominal) or "    0",  # C has no empty arrays
-        number=f"{layout_number(component):#x}",
+        number=f"{number:#x}",
     )
 
 

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, GetCoreSchemaHandler
 from pydantic_core import CoreSchema
 from pydantic_core.core_schema import no_info_before_validator_function, no_info_plain_validator_function
 
-from gough_stewart.model.real import real_array
+from gough_stewart.model.vectors import real_array
 
 # Each unit in the SI unit that heads its row.
 UNITS: dict[str, dict[str, float]] = {

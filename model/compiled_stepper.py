@@ -8,9 +8,9 @@ from functools import cache, partial
 import numpy as np
 
 from gough_stewart.model import interface
-from gough_stewart.model.compiled_kernel import address_of, kernel_library
 from gough_stewart.model.errors import NotInstalledError, StepError
 from gough_stewart.model.interface import N_INPUTS
+from gough_stewart.model.kernel import address_of, kernel_library
 from gough_stewart.model.parameters import PlatformFields
 from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
@@ -30,15 +30,12 @@ class CompiledStepper:
         layout = (c_size_t * 12)()
         library.stepper_layout(layout)
         memory = np.zeros(-(-layout[0] // 8))
-
-        def view(place: int, size: int) -> FloatArray:
-            return memory[layout[place] // 8 : layout[place] // 8 + size]
-
         n, q, m = (interface.size_of(variables) for variables in (variant.states, variant.parameters, variant.results))
         # in the order of c/stepper/stepper.c
-        self._time, self._internal_step, self._handedness = (view(place, 1) for place in (1, 2, 3))
-        self.u, self.x, self.p, self._y = view(4, N_INPUTS), view(5, n), view(6, q), view(7, m)
-        self._failed_at, self._failed_value = view(8, 1), view(9, 1)
+        sizes = (1, 1, 1, N_INPUTS, n, q, m, 1, 1)
+        views = [memory[place // 8 : place // 8 + size] for place, size in zip(layout[1:10], sizes, strict=True)]
+        self._time, self._internal_step, self._handedness, self.u, self.x, self.p, self._y, *failure = views
+        self._failed_at, self._failed_value = failure
         self._memory, self._texts = memory, (layout[10], layout[11])
         address, self._times = address_of(memory), (c_double(), c_double())
         library.stepper_reset(address, c_double(tolerance), c_double(fixed_step_size))

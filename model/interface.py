@@ -1,5 +1,7 @@
 """The ONE table of variables: names, shapes, units, meaning. Stepping model, kernel, files and FMU share it.
 
+The ends of steps and the tolerances of the integration are also the same for the stepping model and the FMU.
+
 The module's constants are of the ideal plant, with rigid legs and smooth friction; `variant` adds those of its parts.
 
 Inputs, states, outputs and locals are declared here; a platform's parameters in `gough_stewart.model.parameters`.
@@ -20,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model import parameters
-from gough_stewart.model.errors import InterfaceError
+from gough_stewart.model.errors import InterfaceError, StepError
 from gough_stewart.model.parameters import Bound, ParameterRow, Part
-from gough_stewart.model.real import real_array
-from gough_stewart.model.vectors import Array
+from gough_stewart.model.vectors import Array, real_array
 
 Causality = Literal["input", "output", "local", "parameter"]
 Variability = Literal["continuous", "discrete", "fixed", "tunable"]
@@ -234,3 +235,30 @@ def checked_value(variable: Variable, value: object) -> Array:
         return real_array(value, variable.shape)
     except ValueError as error:
         raise InterfaceError(variable.name, f"{error} [{variable.unit}], {variable.description}") from None
+
+
+DEFAULT_TOLERANCE = 1e-8
+# Below this range rounding dominates the error estimate; above it the estimate is meaningless.
+TOLERANCES = (1e-13, 1e-2)
+# In one communication step.
+MOST_INTERNAL_STEPS = 20_000
+
+
+def end_of_step(time: float, step: float, current: float) -> float:
+    """End of a step from `time`, which must be the model's time `current` within rounding; all in s.
+
+    Raises
+    ------
+    StepError
+        Another time, or a step that is not > 0 or too small to advance the time.
+    """
+    if not step > 0:
+        raise StepError("step", step, current, "expected a communication step > 0 s")
+    # the rounding error of a master's clock, but never a significant part of the step
+    rounding = max(min(1e-9 * max(1.0, current), 1e-3 * step), 4 * math.ulp(current))
+    if not abs(time - current) <= rounding:
+        raise StepError("time", time, current, "expected the model's current time, since steps must be consecutive")
+    end = time + step
+    if not end > current:
+        raise StepError("step", step, current, "too small to advance the time in double precision")
+    return end

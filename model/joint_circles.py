@@ -6,8 +6,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.real import real_array
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, real_array
 
 Pairing = Literal["near", "far"]
 

@@ -19,8 +19,7 @@ from gough_stewart.model.machine_dynamics import holding_motor_position
 from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, TEXTS, Parameters, PlatformFields, in_words
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_hints import platform_hints
-from gough_stewart.model.real import real_array
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, real_array
 
 # Far beyond any real machine, but its square and cube do not overflow.
 LARGEST_NUMBER = 1e30
@@ -261,7 +260,7 @@ class Platforms(Sequence[Platform]):
 
     @classmethod
     def of(cls, platforms: Sequence[Platform]) -> "Platforms":
-        """These platforms."""
+        """The platforms as `Platforms`; those that are, unchanged."""
         return platforms if isinstance(platforms, Platforms) else cls(platforms)
 
     def having(self, values: Mapping[str, FloatArray]) -> "Platforms":

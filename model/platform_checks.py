@@ -14,8 +14,7 @@ from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.kinematics import LegGeometry, conditioning_of_legs, leg_geometry
 from gough_stewart.model.parameters import FACTOR_OF, TABLE, PlatformFields
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SINGULAR_CONDITION_NUMBER
-from gough_stewart.model.real import real_array
-from gough_stewart.model.vectors import Array, FloatArray, dot, transpose
+from gough_stewart.model.vectors import Array, FloatArray, dot, real_array, transpose
 
 # Relative tolerance of symmetry and of the triangle inequality, for rounded published inertias.
 INERTIA_SLACK = 1e-9

@@ -6,11 +6,10 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.interface import N_INPUTS
+from gough_stewart.model.interface import MOST_INTERNAL_STEPS, N_INPUTS
 from gough_stewart.model.kernel import Kernel
 from gough_stewart.model.parameters import PlatformFields
 from gough_stewart.model.pose_limits import check_pose
-from gough_stewart.model.step_times import MOST_INTERNAL_STEPS
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
@@ -84,8 +83,7 @@ class ScipyStepper:
 
     def result_vector(self) -> FloatArray:
         """The results in the order of `Variant.columns`, a copy."""
-        self.find_results()
-        return self._y.copy()
+        return self._kernel.outputs(self.x, self.u, self.p).copy()
 
     def _solver(self, end: float) -> Any:
         from scipy.integrate import DOP853, LSODA, Radau  # a third of a second of imports

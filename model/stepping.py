@@ -14,18 +14,17 @@ from numpy.typing import NDArray
 from gough_stewart.model import interface
 from gough_stewart.model.compiled_stepper import CompiledStepper
 from gough_stewart.model.errors import InterfaceError
-from gough_stewart.model.interface import Variable
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES, Variable, end_of_step
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SHORTEST_LEG
-from gough_stewart.model.real import real_array
 from gough_stewart.model.scipy_stepper import ScipyStepper
 from gough_stewart.model.state import State
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
 from gough_stewart.model.variant import CHOOSING, Variant
+from gough_stewart.model.vectors import real_array
 
 Integrator = Literal["compiled", "scipy"]
 _MOTOR = {"motor_position", "motor_velocity"}
@@ -69,9 +68,9 @@ class SteppingModel:
        number of equal steps not above it, of classical RK4, or with bristles of an exponential scheme.
     7. A step fails with `StepError` if at an internal step a leg has collapsed, |pitch| reaches 90° or the leg
        Jacobian is singular (or was singular since the last one), if the tolerance cannot be met, if more than 20,000
-       internal steps would be needed (1,000,000 of a fixed size), or if fixed steps cannot resolve the bristles
-       or springs of its legs. The error has quantity, value and time. Wrong arguments (step ≤ 0, another time, not finite) are also
-       errors, and so is a start pose with a leg too short to contain the centre of mass of a part.
+       internal steps would be needed (1,000,000 of a fixed size), or if fixed steps cannot resolve the bristles or
+       springs of its legs. The error has quantity, value and time. Wrong arguments (step ≤ 0, another time, not
+       finite) are also errors, and so is a start pose with a leg too short to contain the centre of mass of a part.
        Poses are checked at internal steps: with a loose tolerance a motion can reach a singular pose and return
        between two of them undetected.
     8. A failed call leaves the model unchanged.

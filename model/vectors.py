@@ -1,4 +1,4 @@
-"""Vector algebra over leading axes, for NumPy floats and for CasADi symbols in object arrays."""
+"""Vector algebra over leading axes, for NumPy floats and for CasADi symbols in object arrays; users' numbers."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -82,3 +82,26 @@ def first_of_largest(values: FloatArray) -> Any:
     with np.errstate(invalid="ignore"):  # ∞ − ∞
         near = values >= largest - 1e-9 * np.abs(largest)
     return (near | (values == largest) | np.isnan(values)).argmax(axis=0)
+
+
+def real_array(value: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """A float64 copy of real, finite numbers of this shape.
+
+    Raises
+    ------
+    ValueError
+        Texts, booleans, None, complex or ragged input, another shape, NaN or infinity; the message has the value found
+        and the expectation.
+    """
+    expected = "one number" if shape == () else f"numbers of shape {shape}"
+    try:
+        array = np.array(value)
+    except ValueError:  # ragged
+        raise ValueError(f"is {value!r}; expected {expected}") from None
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"is {value!r}; expected {expected}")
+    if array.shape != shape:
+        raise ValueError(f"has shape {array.shape}; expected {expected}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"is {array.tolist()}; expected finite numbers only")
+    return array.astype(np.float64, copy=False)  # already a copy

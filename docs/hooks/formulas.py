@@ -7,7 +7,7 @@ converts it.
 import re
 from typing import Any
 
-from gough_stewart.fmu_build.formulas import mathml
+from gough_stewart.fmu_build.documents import mathml
 
 INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 BLOCK = re.compile(r'<div class="arithmatex">\s*\\\[(.*?)\\\]\s*</div>', re.DOTALL)

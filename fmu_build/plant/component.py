@@ -19,11 +19,10 @@ from gough_stewart.fmu_build.component import (
     UnitComponent,
     terminals_of,
 )
-from gough_stewart.fmu_build.documents import package_metadata, rendered
+from gough_stewart.fmu_build.documents import installed_package, rendered, to_html
 from gough_stewart.fmu_build.errors import check_installed
-from gough_stewart.fmu_build.formulas import to_html
 from gough_stewart.fmu_build.plant.drawing import drawing_svg, icon_png, icon_svg
-from gough_stewart.fmu_build.plant.layout import MOST_FIXED_STEPS, plant_header, plant_layout, unit_order
+from gough_stewart.fmu_build.plant.layout import MOST_FIXED_STEPS, plant_header, plant_layout
 from gough_stewart.fmu_build.plant.reference_results import (
     FOLDER,
     reference_cases,
@@ -32,12 +31,12 @@ from gough_stewart.fmu_build.plant.reference_results import (
 )
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, MOST_INTERNAL_STEPS, TOLERANCES
 from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.prebuilt import prebuilt_content
 from gough_stewart.model.state import State
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE, MOST_INTERNAL_STEPS, TOLERANCES
 from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import Array
 
@@ -131,7 +130,7 @@ def plant_component(
     return UnitComponent(
         identifier=IDENTIFIER,
         name="GoughStewart",
-        description=package_metadata()["Summary"],
+        description=installed_package()[0]["Summary"],
         file_stem=file_stem,
         layout=layout,
         starts=starts,
@@ -154,7 +153,11 @@ def _code(variant: Variant) -> Sources:
         check_installed(TRACER)
         from gough_stewart.fmu_build.codegen import kernel_source
 
-        return kernel_source(variant, () if variant == IDEAL else unit_order(variant)).encode()
+        # positions in `Variant.results` of a unit's results: states, other outputs, locals
+        positions = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
+        rows = plant_layout(variant).of_role(Role.STATE, Role.RESULT)
+        order = [int(k) for row in rows for k in positions[row.variable.name].flat]
+        return kernel_source(variant, () if variant == IDEAL else order).encode()
 
     kernel = _traced_once(KERNEL_SOURCE, variant, traced).decode()
     plant = c_folder("plant")
@@ -181,7 +184,8 @@ def slot_dependencies(variant: Variant = IDEAL) -> SlotDependencies:
     """
     content = _traced_once(DEPENDENCIES, variant, lambda: json.dumps(traced_dependencies(variant)).encode())
     return {
-        int(unknown): {int(slot): kind for slot, kind in kinds.items()} for unknown, kinds in json.loads(content).items()
+        int(unknown): {int(slot): kind for slot, kind in kinds.items()}
+        for unknown, kinds in json.loads(content).items()
     }
 
 

@@ -6,18 +6,16 @@ references are those of a unit's own variant.
 
 from functools import cache
 
-import numpy as np
-
 from gough_stewart.fmu_build.component import Layout, Role, laid_out
 from gough_stewart.fmu_build.sources import defines, filled, places
 from gough_stewart.model import interface, platform_checks, pose_limits
-from gough_stewart.model.step_times import MOST_INTERNAL_STEPS, TOLERANCES
+from gough_stewart.model.interface import MOST_INTERNAL_STEPS, TOLERANCES
 from gough_stewart.model.variant import IDEAL, Variant
 
 # 1 s in steps of 1 µs; takes 4 s.
 MOST_FIXED_STEPS = 1_000_000
 # Of fixed steps with bristles: the error of a bristle in one substep, in units of its reach, 1 nm of 10 µm; that of the
-# accelerations, in units of those under the Coulomb friction of all legs; the most substeps, with those that are too long.
+# accelerations, in units of those by all Coulomb friction; the most substeps, with those that are too long.
 STICKING = {"RESOLUTION": 1e-4, "FORCE_RESOLUTION": 1e-2, "MOST_SUBSTEPS": 200, "LARGEST_FIXED_STEP": 1e-3}
 # The largest h |λ| of the modes of sticking or elastic legs, within the half disc in which RK4 is stable.
 LARGEST_PRODUCT = 2.6
@@ -36,13 +34,6 @@ def plant_layout(variant: Variant) -> Layout:
 
 
 PLANT = plant_layout(IDEAL)
-
-
-def unit_order(variant: Variant) -> list[int]:
-    """Positions in `Variant.results` of a unit's results: states, other outputs, locals."""
-    positions = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
-    rows = plant_layout(variant).of_role(Role.STATE, Role.RESULT)
-    return [int(k) for row in rows for k in positions[row.variable.name].flat]
 
 
 def plant_header(variant: Variant = IDEAL) -> str:

@@ -11,12 +11,12 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of
+from gough_stewart.model.interface import DEFAULT_TOLERANCE
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.scipy_stepper import ScipyStepper
 from gough_stewart.model.state import State
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -37,7 +37,7 @@ class ReferenceCase:
 
     @property
     def variant(self) -> Variant:
-        """That of the platform."""
+        """The variant of the platform."""
         return Variant.of(self.platform)
 
     @property
@@ -106,7 +106,15 @@ def reference_files(runs: ReferenceRuns, identifier: str, fmi_version: str) -> d
         files[f"{stem}_in.csv"] = _csv(case.time, inputs, fmi_version)
         outputs = {v.name: results[v.name] for v in case.variant.results if v.causality == "output"}
         files[f"{stem}_ref.csv"] = _csv(case.time, outputs, fmi_version)
-        files[f"{stem}_ref.opt"] = _options(case.time)
+        options = {
+            "StartTime": case.time[0],
+            "StopTime": case.time[-1],
+            "StepSize": case.time[1] - case.time[0],
+            "RelTol": DEFAULT_TOLERANCE,
+            "OutputIntervalLength": case.time[1] - case.time[0],
+        }
+        lines = (f"{name}, {float(value)!r}\n" for name, value in options.items())
+        files[f"{stem}_ref.opt"] = "".join(lines).encode()
         starts = {name: value[None] for name, value in case.states.items()}
         files[f"{stem}_start.csv"] = _csv(case.time[:1], starts, fmi_version)
     return files
@@ -125,17 +133,6 @@ def _csv(time: FloatArray, columns: dict[str, FloatArray], fmi_version: str) -> 
             texts.append([" ".join(repr(float(v)) for v in row) for row in flat])
     rows = [",".join(f'"{name}"' for name in names), *(",".join(row) for row in zip(*texts, strict=True))]
     return ("\n".join(rows) + "\n").encode()
-
-
-def _options(time: FloatArray) -> bytes:
-    options = {
-        "StartTime": time[0],
-        "StopTime": time[-1],
-        "StepSize": time[1] - time[0],
-        "RelTol": DEFAULT_TOLERANCE,
-        "OutputIntervalLength": time[1] - time[0],
-    }
-    return "".join(f"{name}, {float(value)!r}\n" for name, value in options.items()).encode()
 
 
 _README = """Reference results of the unit, in the format of the FMI cross-check.

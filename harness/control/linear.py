@@ -19,9 +19,8 @@ from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.machine_dynamics import holding_motor_position
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH
-from gough_stewart.model.real import real_array
 from gough_stewart.model.variant import SLIDING, Variant
-from gough_stewart.model.vectors import Array, FloatArray
+from gough_stewart.model.vectors import Array, FloatArray, real_array
 
 if TYPE_CHECKING:
     import control

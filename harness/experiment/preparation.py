@@ -42,11 +42,10 @@ from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform, Platforms, platforms_with
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_toml import load_platform, load_preset
-from gough_stewart.model.real import real_array
 from gough_stewart.model.rotations import nearest_angle
 from gough_stewart.model.state import State
 from gough_stewart.model.variant import CHOOSING, SMOOTH, Variant
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, real_array
 
 T = TypeVar("T")
 Injection = Callable[[float], ArrayLike]

@@ -38,9 +38,9 @@ from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.section import ByType, FileName, Section
 from gough_stewart.model import joint_circles
 from gough_stewart.model.formulations.cases import PAPER_PRESET
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.joint_circles import Pairing
 from gough_stewart.model.parameters import TABLE
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE, TOLERANCES
 
 
 def _by_parameter(value: Any) -> Any:

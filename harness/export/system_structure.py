@@ -10,7 +10,7 @@ from typing import Literal
 
 from lxml import etree
 
-from gough_stewart.fmu_build.documents import BY_NAME, package_metadata, xml_text
+from gough_stewart.fmu_build.documents import BY_NAME, installed_package, xml_text
 from gough_stewart.harness.errors import ExportError
 
 _SSD = "http://ssp-standard.org/SSP1/SystemStructureDescription"
@@ -85,7 +85,7 @@ class System:
 
 def system_structure(system: System) -> bytes:
     """SystemStructure.ssd of a system, including its parameter values."""
-    package = package_metadata()
+    package = installed_package()[0]
     root = etree.Element(_ssd("SystemStructureDescription"), nsmap=_PREFIXES, version="1.0", name=system.name)
     root.set("generationTool", f"gough-stewart {package['Version']}")
     if system.description:

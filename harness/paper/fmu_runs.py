@@ -13,7 +13,7 @@ from gough_stewart.harness.plants.unit import FmiType, FmuInstance, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import OpenLoopCase
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE
+from gough_stewart.model.interface import DEFAULT_TOLERANCE
 
 
 def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: FmiType) -> NDArray[np.float64]:

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.model.interface import DEFAULT_TOLERANCE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
-from gough_stewart.model.step_times import DEFAULT_TOLERANCE
 from gough_stewart.model.stepping import Integrator, SteppingModel
 from gough_stewart.model.vectors import FloatArray
 

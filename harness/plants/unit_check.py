@@ -23,8 +23,8 @@ from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.variant import IDEAL, NOMINAL
 from gough_stewart.model.vectors import FloatArray
 
-# Of a variable's largest value, or of 1 in its SI unit. Sound units differ by 2e-6 at most: with stiction and elastic legs,
-# accelerations are that sensitive to tolerances.
+# Of a variable's largest value, or of 1 in its SI unit. Sound units differ by 2e-6 at most: with stiction and
+# elastic legs, accelerations are that sensitive to tolerances.
 BOUND = 1e-5
 # Of the unit's integrator and of the importer's: what is left is the unit's error.
 _TOLERANCE = 1e-12

@@ -10,7 +10,7 @@ from gough_stewart.harness.sampling.correlation import CorrelatedInputs
 from gough_stewart.harness.sampling.design import Sampling
 from gough_stewart.harness.sampling.variation import Variation
 from gough_stewart.harness.section import Section, complaints
-from gough_stewart.model.step_times import TOLERANCES
+from gough_stewart.model.interface import TOLERANCES
 
 MEMBERS = 1000
 MOST_MEMBERS = 10_000_000

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from gough_stewart.harness.section import Section
-from gough_stewart.model.real import real_array
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, real_array
 
 # Relative to the largest eigenvalue; smaller values are rounding errors.
 _POSITIVE = 1e-12

@@ -15,16 +15,19 @@ import pytest
 
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.harness.prebuilt import numbers, write_prebuilt
-from gough_stewart.model.compiled_kernel import (
+from gough_stewart.model.kernel import (
     FUNCTIONS,
     PREFIX,
+    Kernel,
+    Linearisation,
     address_of,
     kernel_library,
     kernel_state,
     new_block,
+    parameter_vector,
     processor_level,
+    traced_call,
 )
-from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector, traced_call
 from gough_stewart.model.process import prebuilt
 from gough_stewart.model.process.prebuilt import MANIFEST
 from tests.support.uneven import UNEVEN
@@ -157,7 +160,7 @@ def test_a_library_counts_only_for_its_sources(folder: Path, monkeypatch: pytest
     shutil.copytree(str(files("gough_stewart.model")), copy / "model")
     monkeypatch.setattr(resources, "files", lambda package: copy / package.rpartition(".")[2])
     states = set()
-    for source in ("c/stepper/stepper.c", "c/plant/plant_step.c", "c/unit/message.c", "codegen.py", "plant/tables.py"):
+    for source in ("c/stepper/stepper.c", "c/plant/plant_step.c", "c/unit/message.c", "codegen.py", "plant/layout.py"):
         path = copy / "fmu_build" / source
         path.write_text(f"{path.read_text()}\n")
         kernel_state.cache_clear()

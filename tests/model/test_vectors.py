@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gough_stewart.model import vectors
-from gough_stewart.model.real import real_array
+from gough_stewart.model.vectors import real_array
 
 RNG = np.random.default_rng(6)
 A, B = RNG.normal(size=(2, 4, 6, 3))

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import ROUNDING, Motion, Piecewise, motion_of
-from gough_stewart.model.real import real_array
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, real_array
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
