@@ -24,7 +24,7 @@ from gough_stewart.fmu_build.documents import (
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.libraries import Library, state_of_c
 from gough_stewart.fmu_build.plant.component import PLANT_STEM, plant_component
-from gough_stewart.fmu_build.sources import library_sources, sources, standard_license, start_block
+from gough_stewart.fmu_build.sources import sources, standard_license, start_block, start_source
 from gough_stewart.fmu_build.targets import Target, chosen_targets
 from gough_stewart.fmu_build.toolchain import FLAGS, compiler_of
 from gough_stewart.model.platform import Platform
@@ -143,7 +143,7 @@ class UncompiledUnit(NamedTuple):
     """One FMU before it is compiled."""
 
     fmi_version: str
-    token: str
+    tokens: tuple[str, str]  # of FMI 2.0 and 3.0, one of them empty
     library: str  # its name without suffix
     sources: Sources
     documents: dict[str, bytes]  # by path in the archive
@@ -151,13 +151,14 @@ class UncompiledUnit(NamedTuple):
 
 def unit_of(component: UnitComponent, fmi_version: str) -> UncompiledUnit:
     """Sources and documents of a unit; its token is a digest of the sources and the description."""
-    blank = sources(component, fmi_version, "")
+    blank = sources(component, fmi_version)
     names = sorted(blank.units)
     texts = "".join(f"{name}\0{text}\0" for name, text in sorted({**blank.units, **blank.headers}.items()))
     h = digest_of(model_description(component, fmi_version, "", names) + texts.encode())
     token = f"{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}"
     token = f"{{{token}}}" if fmi_version == "2.0" else token
-    code = sources(component, fmi_version, token)
+    tokens = (token, "") if fmi_version == "2.0" else ("", token)
+    code = Sources({**blank.units, "start.c": start_source(component, tokens)}, blank.headers)
     documents = {
         "modelDescription.xml": model_description(component, fmi_version, token, names),
         "documentation/licenses/license.txt": installed_package()[1].encode(),
@@ -177,7 +178,7 @@ def unit_of(component: UnitComponent, fmi_version: str) -> UncompiledUnit:
     }
     if fmi_version == "2.0":
         documents["model.png"] = component.icon.png
-    return UncompiledUnit(fmi_version, token, component.identifier, code, documents)
+    return UncompiledUnit(fmi_version, tokens, component.identifier, code, documents)
 
 
 def contents(unit: UncompiledUnit, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
@@ -202,7 +203,7 @@ def contents(unit: UncompiledUnit, libraries: Mapping[Target, bytes]) -> dict[st
 
 def unit_library(component: UnitComponent) -> Library:
     """The description of the library of all units of a component's code, without start values and tokens."""
-    code = library_sources(component)
+    code = sources(component)
     return Library(component.identifier, lambda: code, digest_of(f"{FLAGS}{state_of_c(code)}".encode())[:24])
 
 
@@ -211,8 +212,7 @@ def libraries_of(
 ) -> dict[Target, bytes]:
     """The compiled libraries of a unit: those of its code, kept once they are compiled, with its start values."""
     code, stop = unit_library(component), Event()
-    blank = start_block(component, None)
-    block = start_block(component, (unit.token, "") if unit.fmi_version == "2.0" else ("", unit.token))
+    blank, block = start_block(component, None), start_block(component, unit.tokens)
 
     def library(target: Target) -> bytes:
         content = prebuilt_content(f"{target.name}/{code.name}", code.state)

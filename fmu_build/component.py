@@ -43,7 +43,7 @@ class LayoutRow:
 
     @property
     def slots(self) -> range:
-        """Its slots."""
+        """Slots of the elements."""
         return range(self.first, self.first + self.variable.size)
 
     @property

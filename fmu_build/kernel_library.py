@@ -42,10 +42,10 @@ def kernel_code(variant: Variant = IDEAL) -> Library:
 def kernel_sources(variant: Variant = IDEAL) -> Sources:
     """Units and headers by file name."""
     from gough_stewart.fmu_build.plant.component import plant_component
-    from gough_stewart.fmu_build.sources import c_folder, library_sources
+    from gough_stewart.fmu_build.sources import c_folder, sources
 
     component = plant_component(platform_of(variant))
-    unit, kernel = library_sources(component), c_folder("kernel")
+    unit, kernel = sources(component), c_folder("kernel")
     units = {name: unit.units[name] for name in (*component.code.units, *_SHARED_UNITS)}
     units |= c_folder("stepper").units
     if variant == IDEAL:

@@ -190,7 +190,7 @@ def _unpacked(content: bytes, name: str, target: Target) -> Path:
 
 @cache
 def _own_folder() -> tempfile.TemporaryDirectory[str]:
-    """It is removed when the process ends."""
+    """A temporary folder of this process, removed when it ends."""
     return tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True)
 
 

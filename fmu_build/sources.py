@@ -29,26 +29,20 @@ _STANDARD = {
 }
 
 
-def sources(component: UnitComponent, fmi_version: str, token: str) -> Sources:
-    """All C files of a unit for one FMI version."""
-    tokens = (token, "") if fmi_version == "2.0" else ("", token)
-    return _sources(component, (fmi_version,), start_source(component, tokens))
+def sources(component: UnitComponent, fmi_version: str | None = None) -> Sources:
+    """All C files of a unit for one FMI version, with an empty token in `start.c`.
 
-
-def library_sources(component: UnitComponent) -> Sources:
-    """All C files of the library of all units of this code, for both FMI versions, without start values and tokens."""
-    return _sources(component, tuple(_LAYERS), start_source(component, None))
-
-
-def _sources(component: UnitComponent, versions: Iterable[str], start: str) -> Sources:
-    unit = c_folder("unit")
-    unused = {layer for fmi_version, layer in _LAYERS.items() if fmi_version not in versions}
+    Without a version, those of the library of all units of this code: for both versions, also without start values.
+    """
+    versions = tuple(_LAYERS) if fmi_version is None else (fmi_version,)
+    unit, start = c_folder("unit"), start_source(component, None if fmi_version is None else ("", ""))
+    unused = {layer for layer_version, layer in _LAYERS.items() if layer_version not in versions}
     unused |= {"stateless.c"} if component.has_states else set()
     units = {name: text for name, text in unit.units.items() if name not in unused} | dict(component.code.units)
     units |= {"model.c": model_source(component), "start.c": start}
     headers = {**unit.headers, **component.code.headers, "model.h": model_header(component)}
-    for fmi_version in versions:
-        headers |= standard_headers(fmi_version)
+    for version_of_headers in versions:
+        headers |= standard_headers(version_of_headers)
     return Sources(units, headers)
 
 

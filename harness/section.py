@@ -11,7 +11,7 @@ from pydantic_core.core_schema import tagged_union_schema
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.process.progress import interrupts_held_back
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,8 @@ class CompiledStepper:
         address, self._times = address_of(memory), (c_double(), c_double())
         library.stepper_reset(address, c_double(tolerance), c_double(fixed_step_size))
         self._step = partial(library.stepper_step, address, *self._times)
-        self._find_results = partial(library.stepper_results, address)
+        # writes the `results` of the present state and inputs
+        self.find_results = partial(library.stepper_results, address)
         self._forget = partial(library.stepper_forget, address)
         # a unit has its states first, then other outputs, then locals
         outputs = [v for v in variant.results if v.causality == "output" and not v.is_state]
@@ -75,13 +76,9 @@ class CompiledStepper:
             )
             raise StepError(quantity, float(self._failed_value[0]), float(self._failed_at[0]), reason)
 
-    def find_results(self) -> None:
-        """Write the `results` of the present state and inputs."""
-        self._find_results()
-
     def result_vector(self) -> FloatArray:
         """The results in the order of `Variant.columns`, a copy."""
-        self._find_results()
+        self.find_results()
         return np.asarray(self._y[self._order])
 
 

@@ -1,7 +1,6 @@
 """A symmetric platform from two radii, two angles and a leg length: joints in pairs on two circles."""
 
-from collections.abc import Mapping
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -69,29 +68,6 @@ def joints_on_circles(
         "home_position": np.array([0.0, 0.0, level]),
         "home_orientation": np.zeros(3),
     }
-
-
-def joints_of_keys(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of a table with the keys of `joints_on_circles` replaced by the joints and the home pose.
-
-    Without any of these keys the values are unchanged.
-
-    Raises
-    ------
-    PlatformError
-        A missing key, a key beside what it determines, or impossible values.
-    """
-    circles = {key: values[key] for key in KEYS if key in values}
-    if not circles:
-        return dict(values)
-    first = next(iter(circles))
-    if missing := [key for key in KEYS if key not in circles and key != PAIRING]:
-        raise PlatformError(
-            first, f"needs {', '.join(missing)} beside it; expected all of {', '.join(LENGTHS + ANGLES)}"
-        )
-    if repeated := [name for name in REPLACED if name in values]:
-        raise PlatformError(repeated[0], f"is also determined by {first}; expected only one of the two")
-    return {name: value for name, value in values.items() if name not in KEYS} | joints_on_circles(**circles)
 
 
 def _positive(name: str, value: object) -> float:

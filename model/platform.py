@@ -124,7 +124,7 @@ class Platform(PlatformFields):
 
     @property
     def hints(self) -> tuple[str, ...]:
-        """What looks like a mistake but is possible: odd units, touching legs, their order, active friction."""
+        """Hints of possible mistakes: odd units, touching legs, their order, active friction."""
         return platform_hints(self)
 
     @classmethod
@@ -268,7 +268,7 @@ class Platforms(Sequence[Platform]):
         return Platforms(self._bases, self._base_of, {**self._values, **values})
 
     def __len__(self) -> int:
-        """N."""
+        """The number N of platforms."""
         return len(self._base_of)
 
     @overload

@@ -41,7 +41,9 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> None:
         value = getattr(platform, name) if name in changed else None
         if value is not None:
             check_bound(name, value)
-    _raise_first(_conditions(platform, changed))
+    for is_violated, field, text in _conditions(platform, changed):
+        if is_violated:
+            raise PlatformError(field, text())
 
 
 def doubtful(platforms: PlatformFields, changed: Collection[str]) -> NDArray[np.bool_]:
@@ -71,7 +73,9 @@ def check_bound(name: str, value: float | FloatArray) -> None:
 
 def check_leg_com_offsets(platform: PlatformFields, shortest: float, pose: str) -> None:
     """The centres of mass of both parts are on the leg, also on the shortest one [m] of a pose."""
-    _raise_first(_leg_com_offsets(platform, shortest, pose))
+    for is_violated, field, text in _leg_com_offsets(platform, shortest, pose):
+        if is_violated:
+            raise PlatformError(field, text())
 
 
 def by_leg(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -122,12 +126,6 @@ def _conditions(platform: PlatformFields, changed: Collection[str]) -> _Conditio
     for conditions, names in _CHECKS:
         if not names.isdisjoint(changed):
             yield from conditions(platform, home)
-
-
-def _raise_first(conditions: _Conditions) -> None:
-    for is_violated, field, text in conditions:
-        if is_violated:
-            raise PlatformError(field, text())
 
 
 def _inertia(platform: PlatformFields, _home: _Home) -> _Conditions:

@@ -1,4 +1,4 @@
-"""What looks like a mistake in a platform but is possible: odd units, legs that touch, their order, active friction."""
+"""Hints of possible mistakes in a platform: odd units, legs that touch, their order, active friction."""
 
 from itertools import combinations, permutations
 from types import SimpleNamespace

@@ -28,7 +28,7 @@ class Variant:
 
     @classmethod
     def of(cls, platform: Any) -> "Variant":
-        """That of a platform: bristles unless `leg_friction_model` is smooth, springs unless `leg_stiffness` is 0."""
+        """Variant of a platform: bristles unless `leg_friction_model` is smooth, springs if `leg_stiffness` is > 0."""
         return cls(platform.leg_friction_model != SMOOTH, platform.leg_stiffness > 0)
 
     @property

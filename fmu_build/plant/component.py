@@ -10,7 +10,6 @@ import numpy as np
 
 from gough_stewart.fmu_build.cache import cache_folder, kept, state_of_sources, state_of_texts
 from gough_stewart.fmu_build.component import (
-    Icon,
     Kind,
     LayoutRow,
     Role,
@@ -21,7 +20,7 @@ from gough_stewart.fmu_build.component import (
 )
 from gough_stewart.fmu_build.documents import installed_package, rendered, to_html
 from gough_stewart.fmu_build.errors import check_installed
-from gough_stewart.fmu_build.plant.drawing import drawing_svg, icon_png, icon_svg
+from gough_stewart.fmu_build.plant.drawing import drawing_svg, icon_of
 from gough_stewart.fmu_build.plant.layout import MOST_FIXED_STEPS, plant_header, plant_layout
 from gough_stewart.fmu_build.plant.reference_results import (
     FOLDER,
@@ -137,7 +136,7 @@ def plant_component(
         dependencies=slot_dependencies(variant),
         experiment={"startTime": "0", "stopTime": "1", "tolerance": repr(tolerance), "stepSize": "0.001"},
         code=_code(variant),
-        icon=Icon(icon_png(platform), icon_svg(platform)),
+        icon=icon_of(platform),
         terminals=lambda fmi_version: terminals_of(layout, fmi_version, _ACTUATOR, _TERMINALS),
         documents=documents,
         settings=frozenset({"fixed_step_size"}),

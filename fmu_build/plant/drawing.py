@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
+from gough_stewart.fmu_build.component import Icon
 from gough_stewart.fmu_build.documents import rendered
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
@@ -77,17 +78,15 @@ def drawing_svg(platform: Platform) -> str:
     return rendered("picture.svg", title=title, width=width, height=height, **content).decode()
 
 
-def icon_svg(platform: Platform) -> bytes:
-    """The icon as an `svg` element."""
+def icon_of(platform: Platform) -> Icon:
+    """The icon, `ICON_SIZE` pixels square, with a transparent background."""
+    B, P, _, _ = _home(platform)
+    strokes = _mechanism(B, P, _fit(np.concatenate([B, P]), _ICON_BOX), (4.0, 7.0, 4.0, 9.0))
     size, title = ICON_SIZE, "Gough–Stewart platform"
-    return rendered("picture.svg", title=title, width=size, height=size, strokes=_icon(platform), labels=())
-
-
-def icon_png(platform: Platform) -> bytes:
-    """The icon as PNG with a transparent background, `ICON_SIZE` pixels square."""
+    svg = rendered("picture.svg", title=title, width=size, height=size, strokes=strokes, labels=())
     image = Image.new("RGBA", (_OVERSAMPLING * ICON_SIZE, _OVERSAMPLING * ICON_SIZE))
     pen = ImageDraw.Draw(image)
-    for stroke in _icon(platform):
+    for stroke in strokes:
         points = np.round(_OVERSAMPLING * stroke.points)
         line = [(float(x), float(y)) for x, y in points]
         if stroke.fill:
@@ -99,12 +98,7 @@ def icon_png(platform: Platform) -> bytes:
             pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=stroke.colour)
     stream = io.BytesIO()
     image.reduce(_OVERSAMPLING).save(stream, "PNG", compress_level=9)
-    return stream.getvalue()
-
-
-def _icon(platform: Platform) -> list[PenStroke]:
-    B, P, _, _ = _home(platform)
-    return _mechanism(B, P, _fit(np.concatenate([B, P]), _ICON_BOX), (4.0, 7.0, 4.0, 9.0))
+    return Icon(stream.getvalue(), svg)
 
 
 def _home(platform: Platform) -> tuple[Points, Points, Points, Points]:

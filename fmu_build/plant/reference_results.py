@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from gough_stewart.model import interface
-from gough_stewart.model.formulations.cases import OpenLoopCase, case_of
+from gough_stewart.model.formulations.cases import case_of
 from gough_stewart.model.interface import DEFAULT_TOLERANCE
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.machine_dynamics import states_at
@@ -54,22 +54,18 @@ def reference_cases(platform: Platform) -> tuple[ReferenceCase, ...]:
     case = case_of(platform)
     constant = np.tile(case.inputs.to_vector(), (len(case.time), 1))
     home = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
-    return (
-        ReferenceCase("open_loop", platform, case.start, case.time, constant),
-        ReferenceCase("varying_inputs", platform, home, case.time, _varying(case)),
-    )
-
-
-def _varying(case: OpenLoopCase) -> FloatArray:
-    """Static leg forces ± 10 %, each leg at its own frequency, with an external wrench that rises and falls."""
-    platform = case.platform
+    # static leg forces ± 10 %, each leg at its own frequency, with an external wrench that rises and falls
     turns = case.time[:, None] / case.duration * np.arange(1, 7)
     actuators = platform.home_actuator_force * (1 + 0.1 * np.sin(2 * np.pi * turns))
     weight = platform.platform_mass * 9.81
     bump = np.sin(np.pi * case.time / case.duration)[:, None] ** 2
     force = bump * weight * np.array([0.05, -0.03, 0.1])
     torque = bump * weight * platform.characteristic_length * np.array([0.01, 0.02, -0.01])
-    return np.concatenate([actuators, force, torque], axis=1)
+    varying = np.concatenate([actuators, force, torque], axis=1)
+    return (
+        ReferenceCase("open_loop", platform, case.start, case.time, constant),
+        ReferenceCase("varying_inputs", platform, home, case.time, varying),
+    )
 
 
 def reference_results(case: ReferenceCase) -> FloatArray:

@@ -3,9 +3,9 @@
 import re
 from dataclasses import replace
 
-from gough_stewart.fmu_build.component import Icon, Sources, UnitComponent
+from gough_stewart.fmu_build.component import Sources, UnitComponent
 from gough_stewart.fmu_build.controller import ControllerParameter, SampledController, controller_component
-from gough_stewart.fmu_build.plant.drawing import icon_png, icon_svg
+from gough_stewart.fmu_build.plant.drawing import icon_of
 from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import Designed
 from gough_stewart.harness.export.settings import Setting
@@ -29,7 +29,7 @@ def component_of(
         reference=designed.reference_variables,
         parameters=tuple(_parameter(setting, designed) for setting in designed.settings),
         code=Sources(plain.units, plain.headers),
-        icon=Icon(icon_png(designed.platform), icon_svg(designed.platform)),
+        icon=icon_of(designed.platform),
         output_delay=output_delay,
         notes=designed.notes,
         steps_a_sample=designed.carried.steps_a_sample,

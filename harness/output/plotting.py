@@ -10,7 +10,7 @@ import matplotlib.style as mpl_style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.process.progress import interrupts_held_back
 
 # Distinct in print, and for colour-blind readers (Okabe & Ito, Color Universal Design, 2008).
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")

@@ -134,5 +134,5 @@ class FmuPlant(Plant):
             raise self._alarm()
 
     def _alarm(self) -> PlantError:
-        """It says that something is wrong, although the call went well."""
+        """The error for a unit that reports a problem although its call succeeded."""
         return PlantError(f"{self.path}: {self._unit.take_messages()}")

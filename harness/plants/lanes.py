@@ -367,7 +367,7 @@ class LanesPlant(Plant):
         return singular_pose(number, time, passed=failure == Failure.PASSED_SINGULAR)
 
     def _place_motors(self, members: BoolArray) -> None:
-        """Motors of these (M,) hold their pose at rest, and move with it, as `SteppingModel` rule 11."""
+        """Place the motors of these members (M,) where they hold the pose at rest, moving with it."""
         if not self._variant.springs:
             return
         states, x = self._variant.states, self.batch.states
@@ -382,7 +382,7 @@ class LanesPlant(Plant):
             x[begin : begin + N_LEGS, members] = values.T[:, members]
 
     def _motors_of(self, k: int) -> dict[str, FloatArray]:
-        """Those of one member; not stretched in a singular pose, from which `begin` does not start."""
+        """Motor states of one member; not stretched in a singular pose, from which `begin` does not start."""
         parameters, start = self.batch.parameters_of(k), State.from_vector(self.batch.states[: interface.N_STATES, k])
         try:
             return motors_at(parameters, start)

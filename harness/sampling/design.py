@@ -10,7 +10,7 @@ from zlib import crc32
 
 import numpy as np
 
-from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.vectors import FloatArray
 
 Sampling = Literal["random", "latin_hypercube", "sobol", "saltelli"]

@@ -41,7 +41,7 @@ def manifest_line(file: str, content: bytes, state: str) -> dict[str, str]:
 def prebuilt(name: str, state: str) -> Path | None:
     """The file of a name in the manifest, made of sources of this state; None if there is none.
 
-    A file that differs from what was made is named in a warning, and not given.
+    A file that differs from what was made is refused with a warning.
     """
     line: Mapping[str, str] | None = _manifest().get("files", {}).get(name)
     if line is None or line["state"] != state:
@@ -58,7 +58,7 @@ def prebuilt(name: str, state: str) -> Path | None:
 
 
 def prebuilt_content(name: str, state: str) -> bytes | None:
-    """The content of a packed file, likewise."""
+    """The content of the packed file of a name, made of sources of this state; None if there is none."""
     path = prebuilt(name, state)
     return None if path is None else unpacked(path.read_bytes())
 
@@ -70,7 +70,7 @@ def packed(content: bytes) -> bytes:
 
 @lru_cache(maxsize=8)  # the units of both FMI versions have the libraries of five targets in common
 def unpacked(content: bytes) -> bytes:
-    """What was packed."""
+    """The content of a packed file."""
     return lzma.decompress(content)
 
 

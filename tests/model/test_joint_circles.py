@@ -10,8 +10,8 @@ import tomlkit
 
 import gough_stewart as gs
 from gough_stewart.model.errors import PlatformError, PlatformFileError
-from gough_stewart.model.joint_circles import joints_of_keys, joints_on_circles
-from gough_stewart.model.platform_toml import platform_from_toml, platform_to_toml
+from gough_stewart.model.joint_circles import joints_on_circles
+from gough_stewart.model.platform_toml import joints_of_keys, platform_from_toml, platform_to_toml
 
 _JOINTS = ("base_points", "platform_points", "home_position", "home_orientation")
 

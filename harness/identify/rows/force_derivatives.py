@@ -27,7 +27,7 @@ from gough_stewart.model.kinematics import (
 )
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray
 

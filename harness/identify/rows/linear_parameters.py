@@ -22,7 +22,7 @@ from gough_stewart.model.friction import friction_force
 from gough_stewart.model.kinematics import jacobian_of_legs, leg_geometry, rates_of_legs
 from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array, FloatArray, transpose
 

@@ -22,7 +22,7 @@ from gough_stewart.model.friction import Bristles, bristle_decay
 from gough_stewart.model.machine_dynamics import law_of_bristles
 from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.variant import RIGID, SLIDING, Variant
 from gough_stewart.model.vectors import FloatArray
 

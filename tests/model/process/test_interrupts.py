@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gough_stewart.model import traced
-from gough_stewart.model.process.interrupts import interrupts_held_back
+from gough_stewart.model.process.progress import interrupts_held_back
 
 
 @pytest.fixture(autouse=True)
