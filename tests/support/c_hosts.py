@@ -51,7 +51,7 @@ def compile_host(
     linked = plant_component(load_preset("liu2000")) if component is None else component
     units, headers = dict[str, str](), dict[str, str]()
     for version in ("2.0", "3.0"):
-        unit = sources(linked, version, TOKEN)
+        unit = sources(linked, version)
         units |= unit.units
         headers |= unit.headers
     units["start.c"] = start_source(linked, (TOKEN, TOKEN))
