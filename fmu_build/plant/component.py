@@ -24,9 +24,8 @@ from gough_stewart.fmu_build.plant.drawing import drawing_svg, icon_of
 from gough_stewart.fmu_build.plant.layout import MOST_FIXED_STEPS, plant_header, plant_layout
 from gough_stewart.fmu_build.plant.reference_results import (
     FOLDER,
-    reference_cases,
     reference_files,
-    reference_results,
+    reference_runs,
 )
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface
@@ -89,7 +88,7 @@ def plant_component(
         changes["actuator_force"] = actuator_force
     checked = {name: interface.checked_value(interface.BY_NAME[name], value) for name, value in changes.items()}
     starts = home | checked
-    runs = cache(lambda: tuple((case, reference_results(case)) for case in reference_cases(platform)))
+    runs = cache(lambda: reference_runs(platform))
 
     def documents(fmi_version: str) -> dict[str, bytes]:
         page = rendered(

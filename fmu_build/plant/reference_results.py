@@ -4,12 +4,13 @@ For each case: `_in.csv` (inputs, linear between rows), `_ref.csv` (results), `_
 `_start.csv` (start values to set, if they differ from those in modelDescription.xml).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from gough_stewart.model import interface
+from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import case_of
 from gough_stewart.model.interface import DEFAULT_TOLERANCE
 from gough_stewart.model.kernel import parameter_vector
@@ -68,14 +69,18 @@ def reference_cases(platform: Platform) -> tuple[ReferenceCase, ...]:
     )
 
 
-def reference_results(case: ReferenceCase) -> FloatArray:
-    """Results at the case's times, a column per scalar: the equations, integrated by SciPy instead of the unit.
+def reference_runs(platform: Platform) -> ReferenceRuns:
+    """The cases of a platform with their results; a case ends where its motion cannot go on, at a singular pose."""
+    runs = list[tuple[ReferenceCase, FloatArray]]()
+    for case in reference_cases(platform):
+        results = _results(case)
+        n = len(results)
+        runs.append((replace(case, time=case.time[:n], inputs=case.inputs[:n]), results))
+    return tuple(runs)
 
-    Raises
-    ------
-    StepError
-        The integration cannot be continued.
-    """
+
+def _results(case: ReferenceCase) -> FloatArray:
+    """Results at the case's times, a column per scalar: the equations, integrated by SciPy instead of the unit."""
     variant, judge = case.variant, ScipyStepper(case.variant, TOLERANCE)
     judge.x[:] = interface.pack(variant.states, case.states)
     judge.u[:] = case.inputs[0]
@@ -84,7 +89,10 @@ def reference_results(case: ReferenceCase) -> FloatArray:
     rows = [judge.result_vector()]
     for (start, end), (first, last) in zip(pairwise(case.time.tolist()), pairwise(case.inputs), strict=True):
         judge.input_rates[:] = (last - first) / (end - start)
-        judge.step(start, end - start)
+        try:
+            judge.step(start, end - start)
+        except StepError:
+            break
         judge.u[:] = last
         rows.append(judge.result_vector())
     return np.array(rows)

@@ -196,7 +196,7 @@ def test_a_library_is_kept_and_a_damaged_one_is_compiled_anew(zig: FakeZig, tmp_
     first = built(tmp_path / "first").read_bytes()
     assert built(tmp_path / "first", fmi="2.0").exists()
     assert len(zig.calls()) == 1
-    (library,) = (path for path in (zig.cache / "libraries").rglob("gough_stewart.*") if path.suffix != ".sha256")
+    (library,) = (path for path in (zig.cache / "gough_stewart").rglob("gough_stewart.*") if path.suffix != ".sha256")
     for damaged in (0, -1):
         content = bytearray(library.read_bytes())
         content[damaged] ^= 1
@@ -241,7 +241,7 @@ def test_objects_that_the_compiler_stumbles_over_are_made_anew(zig: FakeZig, tmp
     built(tmp_path)
     objects = Path((zig.folder / "objects").read_text())
     assert objects.parent == zig.cache
-    shutil.rmtree(zig.cache / "libraries")
+    shutil.rmtree(zig.cache / "gough_stewart")
     place = tmp_path / "elsewhere" if damage == "link" else objects
     if damage == "file":
         objects.write_text("")
@@ -257,13 +257,13 @@ def test_objects_that_the_compiler_stumbles_over_are_made_anew(zig: FakeZig, tmp
     assert not objects.is_symlink()
     assert not (objects / "cut").exists()
     assert damage != "link" or (place / "cut").exists()
-    assert (zig.cache / "libraries").exists()
+    assert (zig.cache / "gough_stewart").exists()
 
 
 def test_objects_are_not_removed_while_a_compiler_works_with_them(zig: FakeZig, tmp_path: Path) -> None:
     """Expected: who stumbles waits; a compiler whose objects disappear never ends."""
     built(tmp_path)  # makes start values for both
-    shutil.rmtree(zig.cache / "libraries")
+    shutil.rmtree(zig.cache / "gough_stewart")
     zig.rule(
         "objects.mkdir(exist_ok=True)\n"
         "if 'aarch64' in target:\n"

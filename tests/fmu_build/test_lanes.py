@@ -76,14 +76,14 @@ def test_what_is_not_a_number_stays_so_and_limits_are_kept() -> None:
     assert cosine[4] == 1
 
 
-@pytest.mark.parametrize("what", ["FLAGS", "_processor", "state_of_sources"])
+@pytest.mark.parametrize("what", ["VECTOR_FLAGS", "_processor", "state_of_sources"])
 def test_another_processor_flag_or_source_has_a_library_of_its_own(
     what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(lanes, "compile_library", lambda *_, **__: b"machine code")
     path = lanes_library().path
-    monkeypatch.setattr(lanes, what, ("-O0",) if what == "FLAGS" else lambda: "another fma")
+    monkeypatch.setattr(lanes, what, ("-O0",) if what == "VECTOR_FLAGS" else lambda: "another fma")
     assert lanes_library().path != path
 
 

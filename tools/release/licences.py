@@ -22,7 +22,9 @@ KNOWN = frozenset(
 # Packages whose metadata say nothing, by the text of their licence.
 _BY_TEXT = {"FMPy": "BSD-2-Clause"}
 # Kinds of files that are written in this project.
-_OWN = frozenset((".py", ".pyi", ".typed", ".c", ".h", ".toml", ".md", ".csv", ".js", ".css", ".html", ""))
+_OWN = frozenset(
+    (".py", ".pyi", ".typed", ".c", ".h", ".in", ".toml", ".md", ".csv", ".js", ".css", ".html", ".xml", ".svg", "")
+)
 # A notice of somebody else's rights in a text; in quotes, it is code that looks for notices.
 _NOTICE = re.compile(
     rb"""^[^"'`\n]*(?:@license|SPDX-License-Identifier|copyright(?: \(c\)| \xc2\xa9))[^"'`\n]*$""", re.I | re.M

@@ -60,7 +60,7 @@ def size_of(folder: str) -> str:
 def test_margins(notes: Notes, is_default: bool) -> None:
     found = SimpleNamespace(report=lambda *, charts: made_report("gains") if not charts else None)
     notes.replace("harness.experiment.analysis.margins", found)
-    notes.replace("harness.experiment.analysis.margins_file", b"x" * 700)
+    notes.replace("harness.experiment.margins_report.margins_file", b"x" * 700)
     more = () if is_default else ("--set", "controller.bandwidth=3.5", "--set", "loop.delay=2", "--out", "x y")
     done = invoke("margins", "heave_step", *more)
     out = "results/margins_heave_step" if is_default else "x y"
@@ -240,7 +240,7 @@ def test_tune(notes: Notes, kind: str) -> None:
     notes.replace("harness.tuning.tune.tune", found, act)
     notes.replace("harness.tuning.files.tuning_files", {"tuned.toml": b"x" * 400})
     found.report = lambda **_: made_report("tuned")
-    notes.replace("harness.experiment.setting_file.text_with_settings", "text")
+    notes.replace("harness.experiment.file.text_with_settings", "text")
     base = ("--vary", "controller.bandwidth=1..6Hz", "--minimise", "tracking.position.norm_rms")
     name = "heave_step" if kind in ("default", "interrupted") else "heave_tolerances"
     done = invoke("tune", name, *base, *{
@@ -334,7 +334,7 @@ def test_check(notes: Notes, kind: str) -> None:
     Path("beside").mkdir()
     notes.replace("harness.experiment.checking.check", act=lambda *_: results.pop(0))
     notes.replace("harness.experiment.checking.check_files", {"check.json": b"x" * 50})
-    notes.replace("harness.experiment.setting_file.text_with_settings", "fitted text")
+    notes.replace("harness.experiment.file.text_with_settings", "fitted text")
     fit = {"within": "time", "near": "time", "time": "time", "amplitude": "amplitude", "misses": "amplitude"}.get(kind)
     more = ("--set", "loop.delay=1", "--out", "o") if kind == "time" else ()
     done = invoke("check", "circle", *more, *(("--fit", fit) if fit else ()))
