@@ -50,8 +50,11 @@ class ReferenceCase:
 ReferenceRuns = tuple[tuple[ReferenceCase, FloatArray], ...]
 
 
-def reference_cases(platform: Platform) -> tuple[ReferenceCase, ...]:
-    """The paper's open loop on this platform, and varying inputs from the start values of the description."""
+def reference_runs(platform: Platform) -> ReferenceRuns:
+    """The paper's open loop on this platform, and varying inputs from the start values of the description.
+
+    Each with its results; a case ends where its motion cannot go on, at a singular pose.
+    """
     case = case_of(platform)
     constant = np.tile(case.inputs.to_vector(), (len(case.time), 1))
     home = State(platform.home_position, platform.home_orientation, np.zeros(3), np.zeros(3))
@@ -63,20 +66,12 @@ def reference_cases(platform: Platform) -> tuple[ReferenceCase, ...]:
     force = bump * weight * np.array([0.05, -0.03, 0.1])
     torque = bump * weight * platform.characteristic_length * np.array([0.01, 0.02, -0.01])
     varying = np.concatenate([actuators, force, torque], axis=1)
-    return (
+    cases = (
         ReferenceCase("open_loop", platform, case.start, case.time, constant),
         ReferenceCase("varying_inputs", platform, home, case.time, varying),
     )
-
-
-def reference_runs(platform: Platform) -> ReferenceRuns:
-    """The cases of a platform with their results; a case ends where its motion cannot go on, at a singular pose."""
-    runs = list[tuple[ReferenceCase, FloatArray]]()
-    for case in reference_cases(platform):
-        results = _results(case)
-        n = len(results)
-        runs.append((replace(case, time=case.time[:n], inputs=case.inputs[:n]), results))
-    return tuple(runs)
+    runs = ((whole_case, _results(whole_case)) for whole_case in cases)
+    return tuple((replace(c, time=c.time[: len(y)], inputs=c.inputs[: len(y)]), y) for c, y in runs)
 
 
 def _results(case: ReferenceCase) -> FloatArray:
