@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gough_stewart import GoughStewartError
 from gough_stewart.model import interface
-from gough_stewart.model.errors import InterfaceError
 from tests.support.uneven import UNEVEN
 
 
@@ -114,14 +114,14 @@ def test_vectors_are_packed_in_the_order_of_the_variables() -> None:
     ],
 )
 def test_unknown_names_are_told_in_whole_sentences(name: str, text: str) -> None:
-    with pytest.raises(InterfaceError, match=f"^{re.escape(text)}$") as caught:
+    with pytest.raises(GoughStewartError, match=f"^{re.escape(text)}$") as caught:
         interface.find(name)
     assert caught.value.name == text.partition(":")[0]
 
 
 def test_a_name_like_no_other_gets_the_list_of_wholes() -> None:
     """Expected: every variable once, none of its elements."""
-    with pytest.raises(InterfaceError) as caught:
+    with pytest.raises(GoughStewartError) as caught:
         interface.find("qqqqq")
     assert str(caught.value).split("expected one of ")[1].split(", ") == list(interface.BY_NAME)
 
@@ -135,7 +135,7 @@ def test_a_name_like_no_other_gets_the_list_of_wholes() -> None:
     ],
 )
 def test_a_value_that_does_not_fit_is_told_with_unit_and_meaning(name: str, value: object, text: str) -> None:
-    with pytest.raises(InterfaceError, match=f"^{re.escape(text)}"):
+    with pytest.raises(GoughStewartError, match=f"^{re.escape(text)}"):
         interface.checked_value(interface.BY_NAME[name], value)
     fine = interface.checked_value(interface.BY_NAME["gravity"], [1, 2, -3])
     assert fine.tolist() == [1.0, 2.0, -3.0]

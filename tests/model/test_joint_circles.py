@@ -9,7 +9,7 @@ import pytest
 import tomlkit
 
 import gough_stewart as gs
-from gough_stewart.model.errors import PlatformError, PlatformFileError
+from gough_stewart import GoughStewartError
 from gough_stewart.model.joint_circles import joints_of_keys, joints_on_circles
 from gough_stewart.model.platform_toml import platform_from_toml, platform_to_toml
 
@@ -24,12 +24,12 @@ def test_parameters_that_radii_and_angles_leave_open_are_asked_for_by_name() -> 
     """Expected: all that have no default, in the order of the file; for an unknown name the nearest one."""
     others = _others(gs.load_preset("liu2000"))
     del others["platform_inertia"], others["leg_upper_com"]
-    with pytest.raises(PlatformError) as caught:
+    with pytest.raises(GoughStewartError) as caught:
         gs.Platform.from_radii(2.0, 1.0, 0.5, 0.5, home_leg_length=3.0, **others)
     assert str(caught.value) == (
         "platform_inertia: missing; expected platform_inertia, leg_upper_com beside the radii and angles"
     )
-    with pytest.raises(PlatformError, match="platform_mas: no such parameter; did you mean 'platform_mass'"):
+    with pytest.raises(GoughStewartError, match="platform_mas: no such parameter; did you mean 'platform_mass'"):
         gs.Platform.from_radii(2.0, 1.0, 0.5, 0.5, home_leg_length=3.0, platform_mas=10.0)
 
 
@@ -52,9 +52,9 @@ def test_a_platform_file_may_state_circles_instead_of_joints() -> None:
     expected = gs.Platform.from_radii(**circles, pairing="far", **_others(replace(preset, name="mine")))
     assert made == expected
     assert platform_from_toml(platform_to_toml(made)) == made
-    with pytest.raises(PlatformFileError, match=r"base_radius: needs platform_radius"):
+    with pytest.raises(GoughStewartError, match=r"base_radius: needs platform_radius"):
         platform_from_toml(rest + "\nbase_radius = 2.0")
-    with pytest.raises(PlatformFileError, match=r"base_points: is also determined by base_radius"):
+    with pytest.raises(GoughStewartError, match=r"base_points: is also determined by base_radius"):
         platform_from_toml(text + "\nbase_points = [[0, 0, 0]]")
 
 
@@ -105,7 +105,7 @@ def test_impossible_circles_are_told_in_whole_sentences(key: str, value: Any, te
     """Expected: name, value with its unit, and what is possible; 1.23931 m is √(4 + 1 − 4 cos 30°)."""
     angle = math.radians(30)
     values = {"base_radius": 2.0, "platform_radius": 1.0, "base_angle": angle, "platform_angle": angle}
-    with pytest.raises(PlatformError) as refused:
+    with pytest.raises(GoughStewartError) as refused:
         gs.Platform.from_radii(
             **{**_others(gs.load_preset("liu2000")), **values, "home_leg_length": 3.2459, key: value}
         )
@@ -118,12 +118,12 @@ def test_angles_up_to_120_degrees_and_legs_that_just_reach() -> None:
     for names in ((third - 1e-9, 0.4), (0.4, third - 1e-9)):
         joints_on_circles(2.0, 1.0, *names, 3.3)
     for names in ((third, 0.4), (0.4, third)):
-        with pytest.raises(PlatformError, match=r"below 2\.0944"):
+        with pytest.raises(GoughStewartError, match=r"below 2\.0944"):
             joints_on_circles(2.0, 1.0, *names, 3.3)
     across = float(np.sqrt(5 - 4 * np.cos(np.pi / 3 - 0.5)))
     joints = joints_on_circles(2.0, 1.0, 0.7, 0.3, across * (1 + 1e-9))
     assert joints["home_position"][2] == pytest.approx(across * np.sqrt(2e-9), rel=1e-3)
-    with pytest.raises(PlatformError, match="expected more than"):
+    with pytest.raises(GoughStewartError, match="expected more than"):
         joints_on_circles(2.0, 1.0, 0.7, 0.3, across * (1 - 1e-9))
 
 
@@ -158,16 +158,16 @@ def test_keys_of_circles_in_a_file_are_all_needed_but_the_pairing() -> None:
         ({"platform_radius": 1.0, "home_leg_length": 3.0}, "base_radius, base_angle, platform_angle"),
         ({"pairing": "far"}, "base_radius, platform_radius, base_angle, platform_angle, home_leg_length"),
     ):
-        with pytest.raises(PlatformError) as refused:
+        with pytest.raises(GoughStewartError) as refused:
             joints_of_keys({**values, **some})
         assert str(refused.value) == f"{next(iter(some))}: needs {text} beside it; {needed}"
     circles: dict[str, Any] = {"base_radius": 2.0, "platform_radius": 1.5, "base_angle": 0.3, "platform_angle": 0.5}
     circles["home_leg_length"] = 3.0
     for name in _JOINTS:
-        with pytest.raises(PlatformError) as refused:
+        with pytest.raises(GoughStewartError) as refused:
             joints_of_keys({**circles, name: 0})
         assert str(refused.value) == f"{name}: is also determined by base_radius; expected only one of the two"
-    with pytest.raises(PlatformError, match=r"^base_points: is also"):
+    with pytest.raises(GoughStewartError, match=r"^base_points: is also"):
         joints_of_keys({**circles, **dict.fromkeys(_JOINTS, 0)})
     found = joints_of_keys({**values, **circles})
     assert set(found) == {"gravity", "name", *_JOINTS}

@@ -8,12 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from gough_stewart import Platform, State, load_preset
 from gough_stewart.model import dynamics, interface, kinematics, traced
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
-from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.state import Inputs
 from tests.support.random_platforms import random_inputs, random_platform, random_state
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 

@@ -6,18 +6,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gough_stewart import GoughStewartError, Platform, State, leg_geometry
 from gough_stewart.model import interface
-from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.kinematics import leg_geometry, leg_rates
+from gough_stewart.model.kinematics import leg_rates
 from gough_stewart.model.machine_dynamics import MachineState, machine_derivatives, machine_rates
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.state import Inputs
 from gough_stewart.model.traced import decays_function
 from gough_stewart.model.variant import Variant
-from gough_stewart.model.vectors import FloatArray
+from tests.support.lagrangian import FloatArray
 from tests.support.random_platforms import random_inputs, random_state
 from tests.support.real_platforms import SPRINGS, VARIANTS, printed_law, real_platform
 from tests.support.uneven import UNEVEN
@@ -213,5 +212,5 @@ def test_a_bristle_forgets_as_fast_as_its_decay_says() -> None:
     ],
 )
 def test_impossible_legs_are_refused_with_the_remedy(changed: dict[str, Any], text: str) -> None:
-    with pytest.raises(PlatformError, match=text.replace("(", r"\(")):
+    with pytest.raises(GoughStewartError, match=text.replace("(", r"\(")):
         replace(UNEVEN, **changed)

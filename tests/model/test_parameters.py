@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 from lxml import etree
 
+from gough_stewart import GoughStewartError, Platform
 from gough_stewart.fmu_build.documents import model_description
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.harness.results.run_report import parameters_table
-from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_rates
-from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import platform_from_toml, platform_to_toml
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.random_platforms import random_inputs, random_platform, random_state
@@ -126,7 +125,7 @@ def test_the_bound_is_held_and_named_with_the_unit(uneven: Platform, name: str) 
         unit = "" if expected.unit == "1" else f" {expected.unit}"
         text = re.escape(f"{which}: is {value:g}{unit}; expected {expected.bound}")
         one: dict[str, Any] = {name: array if expected.shape else value}
-        with pytest.raises(PlatformError, match=text):
+        with pytest.raises(GoughStewartError, match=text):
             replace(uneven, **one)
     if expected.bound == ">= 0":
         one = {name: np.zeros(expected.shape) if expected.shape else 0.0}
@@ -206,12 +205,12 @@ def test_a_platform_file_may_have_six_values_of_friction_but_not_beside_factors(
     lines = [line for line in text.splitlines() if not line.startswith("leg_viscous_friction")]
     six = "\n".join([*lines, f"leg_viscous_friction = {SIX}"])
     assert platform_from_toml(six) == uneven.with_parameters({"leg_viscous_friction": SIX})
-    with pytest.raises(PlatformFileError, match=r"leg_viscous_friction: has six values beside leg_viscous_friction_f"):
+    with pytest.raises(GoughStewartError, match=r"leg_viscous_friction: has six values beside leg_viscous_friction_f"):
         platform_from_toml(f"{six}\nleg_viscous_friction_factor = [1, 1, 1, 1, 1, 1]")
     negative: Any = [*SIX[:2], -2, *SIX[3:]]
-    with pytest.raises(PlatformError, match=r"leg_coulomb_friction\[3\]: is -2 N; expected >= 0"):
+    with pytest.raises(GoughStewartError, match=r"leg_coulomb_friction\[3\]: is -2 N; expected >= 0"):
         uneven.with_parameters({"leg_coulomb_friction": negative})
-    with pytest.raises(PlatformError, match=r"has shape \(5,\); expected one number"):
+    with pytest.raises(GoughStewartError, match=r"has shape \(5,\); expected one number"):
         replace(uneven, leg_coulomb_friction=SIX[:5])
 
 
@@ -225,7 +224,9 @@ def test_six_values_beside_factors_are_refused_wherever_a_platform_is_made(uneve
         lambda: replace(uneven, **{name: values[name]}),
     )
     for make in made:
-        with pytest.raises(PlatformError, match=f"{name}: has six values beside {name}_factor; expected only one of "):
+        with pytest.raises(
+            GoughStewartError, match=f"{name}: has six values beside {name}_factor; expected only one of "
+        ):
             make()
     alone = Platform(**{**values, f"{name}_factor": [1] * 6})
     assert alone == uneven.with_parameters({name: SIX})

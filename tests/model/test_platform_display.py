@@ -9,7 +9,7 @@ from lxml import html
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.model.platform import Platform
+from gough_stewart import Platform
 from tests.support.uneven import UNEVEN
 
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from gough_stewart.model.errors import StepError
-from gough_stewart.model.kinematics import leg_jacobian
+from gough_stewart import StepError, leg_jacobian
 from gough_stewart.model.pose_limits import check_pose
-from gough_stewart.model.vectors import FloatArray
+from tests.support.lagrangian import FloatArray
 from tests.support.uneven import UNEVEN
 
 HOME, RHO = UNEVEN.home_position, float(np.sqrt((UNEVEN.platform_points**2).sum() / 6))

@@ -15,16 +15,14 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from gough_stewart import GoughStewartError, State, StepError, SteppingModel, leg_geometry, leg_jacobian, mass_matrix
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.model import compiled_stepper, interface
-from gough_stewart.model.dynamics import mass_matrix
-from gough_stewart.model.errors import InterfaceError, NotInstalledError, PlatformError, StepError
 from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.kinematics import leg_geometry, leg_jacobian, leg_rates
+from gough_stewart.model.kinematics import leg_rates
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import State
-from gough_stewart.model.stepping import Integrator, SteppingModel
+from gough_stewart.model.stepping import Integrator
 from tests.support.energy_balance import energy_balance
 from tests.support.printed_machine import motion_by_radau
 from tests.support.real_platforms import VARIANTS, real_platform
@@ -97,35 +95,45 @@ def test_variables_go_by_whole_and_by_element() -> None:
 
 
 REFUSED: list[tuple[Any, Any, type[Exception], str]] = [
-    ("actuator_forces", FORCES, InterfaceError, "did you mean 'actuator_force'"),
-    (3, FORCES, InterfaceError, "expected the name of a variable"),
-    ("actuator_force", FORCES[:5], InterfaceError, r"has shape \(5,\); expected numbers of shape \(6,\)"),
-    ("actuator_force", [FORCES, [1]], InterfaceError, "expected numbers"),
-    ("actuator_force", [1, 2, np.nan, 4, 5, 6], InterfaceError, r"actuator_force: is \[1.0, 2.0, nan"),
-    ("actuator_force", np.array([1, 2, np.inf, 4, 5, 6]), InterfaceError, r"actuator_force: is \[1.0, 2.0, inf"),
-    ("actuator_force[2]", np.inf, InterfaceError, r"actuator_force\[2\]: is inf"),
-    ("actuator_force", [True] * 6, InterfaceError, "expected numbers"),
-    ("actuator_force", ["1"] * 6, InterfaceError, "expected numbers"),
-    ("actuator_force", np.ones(6) * 1j, InterfaceError, "expected numbers"),
-    ("actuator_force", [10**400] * 6, InterfaceError, "expected numbers"),
-    ("platform_mass", None, InterfaceError, "is None; expected one number"),
-    ("external_force", "up", InterfaceError, "expected numbers"),
+    ("actuator_forces", FORCES, GoughStewartError, "did you mean 'actuator_force'"),
+    (3, FORCES, GoughStewartError, "expected the name of a variable"),
+    ("actuator_force", FORCES[:5], GoughStewartError, r"has shape \(5,\); expected numbers of shape \(6,\)"),
+    ("actuator_force", [FORCES, [1]], GoughStewartError, "expected numbers"),
+    ("actuator_force", [1, 2, np.nan, 4, 5, 6], GoughStewartError, r"actuator_force: is \[1.0, 2.0, nan"),
+    ("actuator_force", np.array([1, 2, np.inf, 4, 5, 6]), GoughStewartError, r"actuator_force: is \[1.0, 2.0, inf"),
+    ("actuator_force[2]", np.inf, GoughStewartError, r"actuator_force\[2\]: is inf"),
+    ("actuator_force", [True] * 6, GoughStewartError, "expected numbers"),
+    ("actuator_force", ["1"] * 6, GoughStewartError, "expected numbers"),
+    ("actuator_force", np.ones(6) * 1j, GoughStewartError, "expected numbers"),
+    ("actuator_force", [10**400] * 6, GoughStewartError, "expected numbers"),
+    ("platform_mass", None, GoughStewartError, "is None; expected one number"),
+    ("external_force", "up", GoughStewartError, "expected numbers"),
     (
         "external_force",
         1.0,
-        InterfaceError,
+        GoughStewartError,
         r"^external_force: has shape \(\); expected numbers of shape \(3,\) \[N\], ext",
     ),
-    ("leg_length", [3.0] * 6, InterfaceError, r"is computed \(output\); set inputs, parameters or states instead"),
-    ("joint_force[2,3]", 1.0, InterfaceError, r"is computed \(local\)"),
-    ("fixed_step_size", 1e-3, InterfaceError, "parameter of the FMU"),
-    ("orientation", [0, 1.6, 0], InterfaceError, r"orientation\[2\]: is 1.6 rad; expected a pitch within ±1.5698 rad"),
-    ("orientation[2]", -np.pi / 2 + 0.999e-3, InterfaceError, "expected a pitch within"),
-    ("platform_mass", -1.0, PlatformError, "is -1 kg; expected > 0"),
-    ("leg_coulomb_friction", -1.0, PlatformError, "is -1 N; expected >= 0"),
-    ("leg_bristle", np.zeros(6), InterfaceError, "is nothing that this platform has: leg_friction_model is 's"),
-    ("leg_damping", 3.0, InterfaceError, "is nothing that this platform has: leg_stiffness is 0"),
-    ("leg_stiffness", 1e7, InterfaceError, "would give the model other states; make a SteppingModel of that platform"),
+    ("leg_length", [3.0] * 6, GoughStewartError, r"is computed \(output\); set inputs, parameters or states instead"),
+    ("joint_force[2,3]", 1.0, GoughStewartError, r"is computed \(local\)"),
+    ("fixed_step_size", 1e-3, GoughStewartError, "parameter of the FMU"),
+    (
+        "orientation",
+        [0, 1.6, 0],
+        GoughStewartError,
+        r"orientation\[2\]: is 1.6 rad; expected a pitch within ±1.5698 rad",
+    ),
+    ("orientation[2]", -np.pi / 2 + 0.999e-3, GoughStewartError, "expected a pitch within"),
+    ("platform_mass", -1.0, GoughStewartError, "is -1 kg; expected > 0"),
+    ("leg_coulomb_friction", -1.0, GoughStewartError, "is -1 N; expected >= 0"),
+    ("leg_bristle", np.zeros(6), GoughStewartError, "is nothing that this platform has: leg_friction_model is 's"),
+    ("leg_damping", 3.0, GoughStewartError, "is nothing that this platform has: leg_stiffness is 0"),
+    (
+        "leg_stiffness",
+        1e7,
+        GoughStewartError,
+        "would give the model other states; make a SteppingModel of that platform",
+    ),
 ]
 
 
@@ -165,7 +173,7 @@ def test_states_and_fixed_parameters_are_set_before_the_first_step_only() -> Non
         ("velocity[3]", 1.0, f"velocity: is a state, {late}"),
         ("leg_lower_mass", 2.0, f"leg_lower_mass: is a fixed parameter, {late}"),
     ):
-        refused(model, lambda n=name, v=value: model.set(n, v), InterfaceError, f"^{re.escape(text)}$")
+        refused(model, lambda n=name, v=value: model.set(n, v), GoughStewartError, f"^{re.escape(text)}$")
     model.set("platform_mass", 12.0)
     assert model.platform.platform_mass == 12.0
 
@@ -173,8 +181,10 @@ def test_states_and_fixed_parameters_are_set_before_the_first_step_only() -> Non
 def test_several_variables_are_set_together_or_none() -> None:
     """Expected: one by one each element of an inertia would be asymmetric, which no inertia is."""
     model = started()
-    refused(model, lambda: model.set_many({"external_force": [1, 2, 3], "gravity": [0, 0]}), InterfaceError, "gravity")
-    refused(model, lambda: model.set("platform_inertia[1,2]", 0.5), PlatformError, "not symmetric")
+    refused(
+        model, lambda: model.set_many({"external_force": [1, 2, 3], "gravity": [0, 0]}), GoughStewartError, "gravity"
+    )
+    refused(model, lambda: model.set("platform_inertia[1,2]", 0.5), GoughStewartError, "not symmetric")
     model.set_many({"platform_inertia[1,2]": 0.5, "platform_inertia[2,1]": 0.5})
     assert model.platform.platform_inertia[0, 1] == model.platform.platform_inertia[1, 0] == 0.5
 
@@ -190,7 +200,7 @@ def test_all_inputs_are_set_as_one_vector() -> None:
     ):
         assert np.array_equal(model.get(name), part)
     inputs[3] = np.inf
-    refused(model, lambda: model.set_inputs(inputs), InterfaceError, r"actuator_force.*inf")
+    refused(model, lambda: model.set_inputs(inputs), GoughStewartError, r"actuator_force.*inf")
 
 
 @by_both
@@ -342,8 +352,14 @@ def test_fixed_steps_resolve_legs_that_ring_after_a_jump_of_the_force() -> None:
         (0.5, -0.1, StepError, "expected a communication step > 0"),
         (0.6, 0.1, StepError, "expected the model's current time"),
         (0.5, 1e-18, StepError, "too small to advance the time"),
-        *((0.5, value, InterfaceError, "step: is|step: has") for value in (np.nan, np.inf, "1", None, True, 1j, [1])),
-        *((value, 0.1, InterfaceError, "time: is|time: has") for value in (np.nan, np.inf, "1", None, True, 10**400)),
+        *(
+            (0.5, value, GoughStewartError, "step: is|step: has")
+            for value in (np.nan, np.inf, "1", None, True, 1j, [1])
+        ),
+        *(
+            (value, 0.1, GoughStewartError, "time: is|time: has")
+            for value in (np.nan, np.inf, "1", None, True, 10**400)
+        ),
     ],
 )
 def test_wrong_times_are_refused(time: Any, step: Any, error: type[Exception], message: str) -> None:
@@ -386,7 +402,7 @@ ARGUMENTS: list[tuple[dict[str, Any], str]] = [
 def test_arguments_that_make_no_sense_are_refused(arguments: dict[str, Any], message: str) -> None:
     for tolerance in (1e-13, 1e-2):
         SteppingModel(UNEVEN, tolerance)
-    with pytest.raises(InterfaceError, match=message):
+    with pytest.raises(GoughStewartError, match=message):
         SteppingModel(**{"platform": UNEVEN, **arguments})
 
 
@@ -588,7 +604,7 @@ def test_reset_is_a_new_model(integrator: Integrator) -> None:
     snapshot = SteppingModel(UNEVEN).save_state()
     assert model.save_state() == snapshot
     assert (snapshot.time, snapshot.internal_step, snapshot.started) == (0.0, None, False)
-    refused(model, lambda: model.restore_state(None), InterfaceError, "expected a snapshot from save_state")  # type: ignore[arg-type]
+    refused(model, lambda: model.restore_state(None), GoughStewartError, "expected a snapshot from save_state")  # type: ignore[arg-type]
 
 
 # --- rules 10 and 11, and what is beneath --------------------------------------------------------------------------
@@ -720,7 +736,7 @@ def test_without_library_and_compiler_the_error_names_what_to_do(monkeypatch: py
     monkeypatch.setattr(compiled_stepper, "kernel_library", lambda: None)
     monkeypatch.setattr(compiled_stepper, "_COMPILER", "gough_stewart.no_such_module")
     for platform in (UNEVEN, PLATFORMS["both"]):
-        with pytest.raises(NotInstalledError, match=r"gough-stewart\[compile\]', or choose integrator=\"scipy\"$"):
+        with pytest.raises(GoughStewartError, match=r"gough-stewart\[compile\]', or choose integrator=\"scipy\"$"):
             SteppingModel(platform)
         stepped(SteppingModel(platform, integrator="scipy"), 1)
     compiled_stepper.stepper_library.cache_clear()

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gough_stewart as gs
-from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart import Platform, leg_geometry
 from gough_stewart.model.parameters import PHYSICAL, TABLE
-from gough_stewart.model.platform import Platform, platforms_with
+from gough_stewart.model.platform import platforms_with
 from tests.support.uneven import UNEVEN
 
 BAD: list[dict[str, Any]] = [

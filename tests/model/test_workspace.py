@@ -14,15 +14,21 @@ from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
+from gough_stewart import (
+    GoughStewartError,
+    Platform,
+    compliance,
+    evaluate_poses,
+    leg_geometry,
+    leg_jacobian,
+    load_preset,
+    mass_matrix,
+    static_leg_forces,
+)
 from gough_stewart.harness.control.linear import linear_matrices
 from gough_stewart.model import workspace as module
-from gough_stewart.model.dynamics import mass_matrix, static_leg_forces
-from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import Limit, compliance, evaluate_poses, held_frequencies, limits_at, pose_stiffness
+from gough_stewart.model.workspace import Limit, held_frequencies, limits_at, pose_stiffness
+from tests.support.lagrangian import FloatArray
 from tests.support.random_platforms import random_platform
 from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN
@@ -369,5 +375,5 @@ def test_at_a_singular_pose_there_is_no_stiffness() -> None:
 
 
 def test_rigid_legs_have_no_compliance() -> None:
-    with pytest.raises(PlatformError, match="leg_stiffness: is 0, rigid legs, which have no stiffness"):
+    with pytest.raises(GoughStewartError, match="leg_stiffness: is 0, rigid legs, which have no stiffness"):
         compliance(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation)

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.model.errors import WorkspaceError
+from gough_stewart import GoughStewartError, Platform, load_preset, sweep
 from gough_stewart.model.kinematics import conditioning
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.workspace import COORDINATES, POINTS, Limit, default_ranges, limits_at, sweep
+from gough_stewart.model.workspace import COORDINATES, POINTS, Limit, default_ranges, limits_at
 from tests.support.uneven import UNEVEN
 
 MOTION_BASE, DESKTOP, PAPER = (load_preset(name) for name in ("motion_base", "desktop_hexapod", "liu2000"))
@@ -179,12 +177,12 @@ def test_errors_of_a_grid_are_whole_sentences() -> None:
         ({"points": 501}, "501 points per coordinate, in all 251,001 poses, for 2 swept coordinates; expected"),
         ({"over": dict.fromkeys("xyz"), "points": 1}, "1 points per coordinate for 3 swept coordinates; expected"),
     ):
-        with pytest.raises(WorkspaceError, match=f"^{re.escape(text)}"):
+        with pytest.raises(GoughStewartError, match=f"^{re.escape(text)}"):
             sweep(UNEVEN, **asked)
     for name, largest in (("roll", np.pi), ("pitch", np.pi / 2), ("yaw", np.pi)):
         for sign in (1, -1):
             sweep(UNEVEN, {"x": (0.0, 0.1), "y": (0.0, 0.1)}, {name: sign * largest}, points=2)
-            with pytest.raises(WorkspaceError, match=f"^{name} is "):
+            with pytest.raises(GoughStewartError, match=f"^{name} is "):
                 sweep(UNEVEN, {"x": (0.0, 0.1), "y": (0.0, 0.1)}, {name: sign * (largest + 1e-9)}, points=2)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.harness.errors import PlantError
+from gough_stewart import GoughStewartError
 from gough_stewart.harness.plants.unit import UnitFile
 from tests.support.commands import invoke
 from tests.support.fmu_plants import Fmu
@@ -43,7 +43,7 @@ def copy_of(fmu: Fmu, path: Path, old: bytes = b"", new: bytes = b"", **more: by
 def test_an_entry_that_leads_out_is_refused_by_name(name: str, tmp_path: Path) -> None:
     path = archive(tmp_path / "unit.fmu", **{"modelDescription.xml": b"<fmiModelDescription/>", name: b"x"})
     reason = re.escape(f"the entry {name!r} points outside the archive; expected relative paths with slashes")
-    with pytest.raises(PlantError, match=rf"unit\.fmu: {reason}.*nothing was unpacked"):
+    with pytest.raises(GoughStewartError, match=rf"unit\.fmu: {reason}.*nothing was unpacked"):
         UnitFile(path)
     assert [file.name for file in tmp_path.iterdir()] == ["unit.fmu"]
 
@@ -60,7 +60,9 @@ def test_the_name_of_the_library_is_an_identifier(identifier: str, fmus: dict[st
     named, other = b'modelIdentifier="gough_stewart"', f'modelIdentifier="{identifier}"'.encode()
     for version, fmu in fmus.items():
         path = copy_of(fmu, tmp_path / f"{version}.fmu", named, other)
-        with pytest.raises(PlantError, match=f"modelIdentifier '{re.escape(identifier)}'; expected a C identifier"):
+        with pytest.raises(
+            GoughStewartError, match=f"modelIdentifier '{re.escape(identifier)}'; expected a C identifier"
+        ):
             UnitFile(path)
 
 
@@ -71,7 +73,7 @@ def test_what_is_too_large_is_refused_by_name_and_size(
     unit = tmp_path / "unit.fmu"
 
     def reason() -> str:
-        with pytest.raises(PlantError) as caught:
+        with pytest.raises(GoughStewartError) as caught:
             UnitFile(unit)
         return str(caught.value)
 

@@ -15,8 +15,8 @@ import pytest
 from scipy.optimize import brentq
 
 import gough_stewart as gs
+from gough_stewart import GoughStewartError
 from gough_stewart.harness.plants.lanes import LanesPlant
-from gough_stewart.model.errors import MembersError
 from tests.support.lagrangian import FloatArray
 from tests.support.plain_motion import trajectory
 from tests.support.random_platforms import random_inputs, random_platform
@@ -101,7 +101,7 @@ def exact_end(platform: gs.Platform, start: gs.State, u: FloatArray, size: float
 
 
 def failures_of(plant: LanesPlant, time: float, step: float) -> dict[int, gs.StepError]:
-    with pytest.raises(MembersError) as caught:
+    with pytest.raises(GoughStewartError) as caught:
         plant.do_step(time, step)
     return caught.value.failures
 
@@ -384,12 +384,12 @@ def test_motions_that_overflow_or_pass_a_singular_pose_within_a_step_say_so() ->
     for kind, force, text in (("singular", None, "passed since the last internal step"), ("nan", 1e300, "not finite")):
         start, u = bad(kind)
         u[4] = u[4] if force is None else force
-        with pytest.raises(MembersError, match=text):
+        with pytest.raises(GoughStewartError, match=text):
             one_step(UNEVEN, start, u, STEP, substeps=1 if force is None else 2)
     # the first internal step tries all of 0.1 s, in which angles are far beyond those whose sine is known
     for torque in (1e6, 1e12):
         u = HELD + torque * np.array([*[0.0] * 9, 0.3, 1.0, 0.2])
-        with pytest.raises(MembersError, match="condition number of the leg Jacobian"):
+        with pytest.raises(GoughStewartError, match="condition number of the leg Jacobian"):
             one_step(UNEVEN, at_rest(UNEVEN), u, 0.1, tolerance=1e-9)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import PlantError
+from gough_stewart import GoughStewartError, Platform, State, StepError, load_preset
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.model import ModelPlant
@@ -22,12 +22,8 @@ from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.plants.unit import FmuInstance, UnitFile
 from gough_stewart.model import interface
-from gough_stewart.model.errors import InterfaceError, PlatformError, StepError
 from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import State
 from tests.support.fmu_plants import Fmu
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 from tests.support.uneven_loops import experiment_of
@@ -89,9 +85,9 @@ def test_parameters_change_together_or_not_at_all(open_one: Open, paper: Platfor
         plant.do_step(0.0, 0.01)
         plant.set_parameters({"gravity": np.zeros(3), "platform_mass": 20.0})
         floating = interface.unpack(interface.RESULTS, plant.results())["acceleration"]
-        with pytest.raises(InterfaceError, match="base_points"):
+        with pytest.raises(GoughStewartError, match="base_points"):
             plant.set_parameters({"platform_mass": 30.0, "base_points": np.zeros((6, 3))})
-        with pytest.raises(InterfaceError, match="platform_com"):
+        with pytest.raises(GoughStewartError, match="platform_com"):
             plant.set_parameters({"platform_mass": 30.0, "platform_com": [1.0, 2.0]})
         assert (interface.unpack(interface.RESULTS, plant.results())["acceleration"] == floating).all()
     assert at_rest[2] < -5
@@ -101,7 +97,7 @@ def test_parameters_change_together_or_not_at_all(open_one: Open, paper: Platfor
 def test_an_inertia_that_no_body_has_is_refused_at_once_and_changes_nothing(open_one: Open) -> None:
     """Expected: rule 3, and rule 6 of a step under the old payload; no parameters at all are none."""
     with open_one(UNEVEN, None) as plant, open_one(UNEVEN, None) as other:
-        with pytest.raises(PlatformError, match="triangle"):
+        with pytest.raises(GoughStewartError, match="triangle"):
             plant.set_parameters({"platform_mass": 30.0, "platform_inertia": np.diag([1.0, 1.0, 3.0])})
         plant.set_parameters({})
         for each in (plant, other):
@@ -109,7 +105,7 @@ def test_an_inertia_that_no_body_has_is_refused_at_once_and_changes_nothing(open
             each.do_step(0.0, 0.01)
         assert (plant.results() == other.results()).all()
         plant.set_parameters({"platform_inertia": np.diag([1.0, 1.0, 1.5])})
-        with pytest.raises(PlatformError, match="triangle"):
+        with pytest.raises(GoughStewartError, match="triangle"):
             plant.set_parameters({"platform_inertia": np.diag([1.0, 2.0, 3.1])})
         plant.do_step(0.01, 0.01)
 
@@ -128,7 +124,7 @@ def test_a_closed_file_keeps_no_library_also_after_a_failed_instance(
             new.writestr(name, content)
     with UnitFile(fmus[version].path) as file, FmuInstance(file):
         assert str(file.folder) in Path("/proc/self/maps").read_text()
-    with UnitFile(tmp_path / "other.fmu") as other, pytest.raises(PlantError, match="wrong token"):
+    with UnitFile(tmp_path / "other.fmu") as other, pytest.raises(GoughStewartError, match="wrong token"):
         FmuInstance(other)
     for closed in (file, other):
         assert str(closed.folder) not in Path("/proc/self/maps").read_text()
@@ -152,7 +148,7 @@ def test_a_refused_start_leaves_nothing(
     """Expected: an error with the unit's words (a pitch beyond 90°), and no folder."""
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     start = State(paper.home_position, np.array([0.0, 2.0, 0.0]), np.zeros(3), np.zeros(3))
-    with pytest.raises(PlantError, match=r"\.fmu: start values refused: .*orientation"):
+    with pytest.raises(GoughStewartError, match=r"\.fmu: start values refused: .*orientation"):
         FmuPlant(fmus["2.0"].path, paper, start)
     assert list(tmp_path.iterdir()) == []
 
@@ -200,7 +196,7 @@ def test_open_plant_refuses_in_whole_sentences(fmus: dict[str, Fmu]) -> None:
         ("fmu3", {"fmu": fmus["2.0"].path}, f"{fmus['2.0'].path}: is FMI 2.0; expected FMI 3.0 for the plant fmu3"),
         ("fmu", {}, "plant is 'fmu'; expected one of model, scipy, fmu2, fmu3"),
     ):
-        with pytest.raises(PlantError) as caught, open_plant(kind, UNEVEN, **options):  # type: ignore[arg-type]
+        with pytest.raises(GoughStewartError) as caught, open_plant(kind, UNEVEN, **options):  # type: ignore[arg-type]
             pass
         assert str(caught.value).startswith(text)
 
@@ -238,9 +234,9 @@ def test_a_plant_of_one_platform_has_no_members(open_one: Open) -> None:
         assert plant.signals().tolist() == plant.results()[:24].tolist()
         name = type(plant).__name__
         text = f"^{name} is a plant of one platform; expected a plant of many platforms for member actions$"
-        with pytest.raises(PlantError, match=text):
+        with pytest.raises(GoughStewartError, match=text):
             plant.freeze(np.array([True]))
-        with pytest.raises(PlantError, match=text):
+        with pytest.raises(GoughStewartError, match=text):
             plant.set_parameters_of(np.array([True]), {"platform_mass": 3.0})
 
 
@@ -250,7 +246,7 @@ def test_a_plant_that_is_closed_refuses_calls(version: str, fmus: dict[str, Fmu]
     plant = FmuPlant(fmus[version].path, UNEVEN)
     plant.close()
     for call in (plant.results, plant.signals, lambda: plant.set_inputs(np.zeros(12))):
-        with pytest.raises(PlantError, match="has been freed"):
+        with pytest.raises(GoughStewartError, match="has been freed"):
             call()
 
 

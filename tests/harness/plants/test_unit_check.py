@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.fmu_build.build import build, to_zip
+from gough_stewart import build, load_preset
+from gough_stewart.fmu_build.build import to_zip
 from gough_stewart.harness.plants.unit_check import BOUND, UnitCheck, check_units
-from gough_stewart.model.platform_toml import load_preset
 from tests.support.commands import invoke
 from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN

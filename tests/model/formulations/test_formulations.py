@@ -9,14 +9,13 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from gough_stewart import Platform, State, load_preset
 from gough_stewart.model import dynamics, interface, kinematics
 from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.formulations.cases import case_of, paper_case, with_pairs_swapped
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.state import Inputs
 from gough_stewart.model.vectors import skew
 from tests.support.random_platforms import Sample, random_platform, random_state, relative_difference
 from tests.support.uneven import INPUTS, STATE, UNEVEN

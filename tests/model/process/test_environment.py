@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from gough_stewart.model.errors import EnvironmentVariableError
+from gough_stewart import GoughStewartError
 from gough_stewart.model.process.installed import check_environment
 
 _NAMES = ("POLARS_MAX_THREADS", "SOURCE_DATE_EPOCH", "MPLBACKEND")
@@ -35,7 +35,7 @@ def test_a_value_that_a_library_cannot_read_is_refused(
     """Expected: the whole sentence; ² and the Arabic three are digits for Python, and not for the libraries."""
     monkeypatch.setenv(name, value)
     text = f"the environment variable {name} is '{value}'; expected {expected}; unset it"
-    with pytest.raises(EnvironmentVariableError, match=f"^{re.escape(text)}$"):
+    with pytest.raises(GoughStewartError, match=f"^{re.escape(text)}$"):
         check_environment()
 
 

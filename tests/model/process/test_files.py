@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.model.errors import OutputError
+from gough_stewart import GoughStewartError
 from gough_stewart.model.process.files import (
     check_output_folder,
     file_set,
@@ -118,19 +118,19 @@ def test_a_place_that_cannot_take_the_files_is_refused_before_the_run(
     check_output_folder(tmp_path, ["figure", "file"])
     check_output_folder(tmp_path / "new" / "folder", ["table"])
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(OutputError, match="file is a file; expected a folder"):
+        with pytest.raises(GoughStewartError, match="file is a file; expected a folder"):
             check_output_folder(folder, [])
-    with pytest.raises(OutputError, match="table is a folder there; expected a file or nothing"):
+    with pytest.raises(GoughStewartError, match="table is a folder there; expected a file or nothing"):
         check_output_folder(tmp_path, ["figure", "table"])
     monkeypatch.setattr("os.access", lambda place, mode: not (place == tmp_path and mode & (os.W_OK | os.X_OK)))
-    with pytest.raises(OutputError, match="no permission to write in"):
+    with pytest.raises(GoughStewartError, match="no permission to write in"):
         check_output_folder(tmp_path / "new", [])
 
 
 def test_a_link_that_leads_nowhere_is_refused_before_the_run(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     for folder in (tmp_path / "link", tmp_path / "link" / "below"):
-        with pytest.raises(OutputError, match="link is a broken link; expected a folder"):
+        with pytest.raises(GoughStewartError, match="link is a broken link; expected a folder"):
             check_output_folder(folder, [])
 
 
@@ -162,7 +162,7 @@ def test_a_refused_place_is_told_in_whole_sentences(tmp_path: Path) -> None:
     for name in ("file", "to_file"):
         folder = tmp_path / name / "a" / "b"
         text = f"output folder {folder}: {tmp_path / name} is a file; expected a folder, existing or new"
-        with pytest.raises(OutputError, match=f"^{re.escape(text)}$"):
+        with pytest.raises(GoughStewartError, match=f"^{re.escape(text)}$"):
             check_output_folder(folder, [])
     check_output_folder(tmp_path / "to_folder" / "new", [])
 
@@ -175,7 +175,7 @@ def test_a_reserved_folder_is_of_one_thread_at_a_time(tmp_path: Path) -> None:
         try:
             with reserved(folder):
                 refused.append("")
-        except OutputError as error:
+        except GoughStewartError as error:
             refused.append(str(error))
 
     def other_thread(folder: Path) -> str:
@@ -209,7 +209,7 @@ def test_a_reserved_folder_that_was_made_for_nothing_goes_and_others_stay(tmp_pa
         raise ZeroDivisionError
     assert (tmp_path / "old").is_dir()
     with (
-        pytest.raises(OutputError, match="record is a file; expected a folder"),
+        pytest.raises(GoughStewartError, match="record is a file; expected a folder"),
         reserved(tmp_path / "full" / "record"),
     ):
         pass
