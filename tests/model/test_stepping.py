@@ -13,23 +13,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from gough_stewart import GoughStewartError, State, StepError, SteppingModel, leg_geometry, leg_jacobian, mass_matrix
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.model import compiled_stepper, interface
-from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.kinematics import leg_rates
-from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.stepping import Integrator
+from gough_stewart.model import compiled_stepper
+from tests.support.documented_loop import accelerations, twist_of_rates
 from tests.support.energy_balance import energy_balance
+from tests.support.plain_motion import trajectory
 from tests.support.printed_machine import motion_by_radau
 from tests.support.real_platforms import VARIANTS, real_platform
-from tests.support.steppers import BOTH, INTEGRATORS, MOTION, PLATFORMS, forces, moving, stepped
-from tests.support.uneven import INPUTS, STATE, UNEVEN
+from tests.support.steppers import BOTH, INTEGRATORS, MOTION, PLATFORMS, Integrator, forces, moving, stepped
+from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
 
-FORCES = INPUTS.actuator_force.tolist()
+FORCES = INPUT_VALUES["actuator_force"].tolist()
+INPUTS = np.concatenate([*INPUT_VALUES.values()])
 PAPER = gs.load_preset("liu2000")
 of_both = pytest.mark.parametrize(("name", "integrator"), BOTH)
 by_both = pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -38,14 +39,14 @@ by_both = pytest.mark.parametrize("integrator", INTEGRATORS)
 def started(tolerance: float = 1e-8, integrator: Integrator = "compiled") -> SteppingModel:
     """The uneven platform in motion under all inputs, ready for its first step; regular for 0.9 s."""
     model = SteppingModel(UNEVEN, tolerance, integrator=integrator)
-    model.set_many({**STATE._asdict(), **INPUTS._asdict()})
+    model.set_many(MOVING)
     return model
 
 
-def refused(model: SteppingModel, call: Any, error: type[Exception], message: str) -> Any:
+def refused(model: SteppingModel, call: Any, message: str) -> Any:
     """The call fails with this message and leaves the model as it was (rule 8)."""
     before = model.save_state()
-    with pytest.raises(error, match=message) as caught:
+    with pytest.raises(GoughStewartError, match=message) as caught:
         call()
     assert model.save_state() == before
     return caught.value
@@ -81,9 +82,8 @@ def test_variables_go_by_whole_and_by_element() -> None:
     model.set("position[3]", 3.1)
     assert model.get("position[3]") == 3.1
     before = model.save_state()
-    for variable in {
-        v.name: v for v in (*interface.INPUTS, *model.variant.results, *model.variant.parameters)
-    }.values():
+    inputs = [v for v in gs.VARIABLES if v.causality == "input"]
+    for variable in {v.name: v for v in (*inputs, *model.variant.results, *model.variant.parameters)}.values():
         whole = np.asarray(model.get(variable.name))
         assert whole.shape == variable.shape
         for index in np.ndindex(whole.shape):
@@ -94,73 +94,72 @@ def test_variables_go_by_whole_and_by_element() -> None:
     assert model.save_state() == before
 
 
-REFUSED: list[tuple[Any, Any, type[Exception], str]] = [
-    ("actuator_forces", FORCES, GoughStewartError, "did you mean 'actuator_force'"),
-    (3, FORCES, GoughStewartError, "expected the name of a variable"),
-    ("actuator_force", FORCES[:5], GoughStewartError, r"has shape \(5,\); expected numbers of shape \(6,\)"),
-    ("actuator_force", [FORCES, [1]], GoughStewartError, "expected numbers"),
-    ("actuator_force", [1, 2, np.nan, 4, 5, 6], GoughStewartError, r"actuator_force: is \[1.0, 2.0, nan"),
-    ("actuator_force", np.array([1, 2, np.inf, 4, 5, 6]), GoughStewartError, r"actuator_force: is \[1.0, 2.0, inf"),
-    ("actuator_force[2]", np.inf, GoughStewartError, r"actuator_force\[2\]: is inf"),
-    ("actuator_force", [True] * 6, GoughStewartError, "expected numbers"),
-    ("actuator_force", ["1"] * 6, GoughStewartError, "expected numbers"),
-    ("actuator_force", np.ones(6) * 1j, GoughStewartError, "expected numbers"),
-    ("actuator_force", [10**400] * 6, GoughStewartError, "expected numbers"),
-    ("platform_mass", None, GoughStewartError, "is None; expected one number"),
-    ("external_force", "up", GoughStewartError, "expected numbers"),
+REFUSED: list[tuple[Any, Any, str]] = [
+    ("actuator_forces", FORCES, "did you mean 'actuator_force'"),
+    (3, FORCES, "expected the name of a variable"),
+    ("actuator_force", FORCES[:5], r"has shape \(5,\); expected numbers of shape \(6,\)"),
+    ("actuator_force", [FORCES, [1]], "expected numbers"),
+    ("actuator_force", [1, 2, np.nan, 4, 5, 6], r"actuator_force: is \[1.0, 2.0, nan"),
+    ("actuator_force", np.array([1, 2, np.inf, 4, 5, 6]), r"actuator_force: is \[1.0, 2.0, inf"),
+    ("actuator_force[2]", np.inf, r"actuator_force\[2\]: is inf"),
+    ("actuator_force", [True] * 6, "expected numbers"),
+    ("actuator_force", ["1"] * 6, "expected numbers"),
+    ("actuator_force", np.ones(6) * 1j, "expected numbers"),
+    ("actuator_force", [10**400] * 6, "expected numbers"),
+    ("platform_mass", None, "is None; expected one number"),
+    ("external_force", "up", "expected numbers"),
     (
         "external_force",
         1.0,
-        GoughStewartError,
         r"^external_force: has shape \(\); expected numbers of shape \(3,\) \[N\], ext",
     ),
-    ("leg_length", [3.0] * 6, GoughStewartError, r"is computed \(output\); set inputs, parameters or states instead"),
-    ("joint_force[2,3]", 1.0, GoughStewartError, r"is computed \(local\)"),
-    ("fixed_step_size", 1e-3, GoughStewartError, "parameter of the FMU"),
+    ("leg_length", [3.0] * 6, r"is computed \(output\); set inputs, parameters or states instead"),
+    ("joint_force[2,3]", 1.0, r"is computed \(local\)"),
+    ("fixed_step_size", 1e-3, "parameter of the FMU"),
     (
         "orientation",
         [0, 1.6, 0],
-        GoughStewartError,
         r"orientation\[2\]: is 1.6 rad; expected a pitch within ±1.5698 rad",
     ),
-    ("orientation[2]", -np.pi / 2 + 0.999e-3, GoughStewartError, "expected a pitch within"),
-    ("platform_mass", -1.0, GoughStewartError, "is -1 kg; expected > 0"),
-    ("leg_coulomb_friction", -1.0, GoughStewartError, "is -1 N; expected >= 0"),
-    ("leg_bristle", np.zeros(6), GoughStewartError, "is nothing that this platform has: leg_friction_model is 's"),
-    ("leg_damping", 3.0, GoughStewartError, "is nothing that this platform has: leg_stiffness is 0"),
+    ("orientation[2]", -np.pi / 2 + 0.999e-3, "expected a pitch within"),
+    ("platform_mass", -1.0, "is -1 kg; expected > 0"),
+    ("leg_coulomb_friction", -1.0, "is -1 N; expected >= 0"),
+    ("leg_bristle", np.zeros(6), "is nothing that this platform has: leg_friction_model is 's"),
+    ("leg_damping", 3.0, "is nothing that this platform has: leg_stiffness is 0"),
     (
         "leg_stiffness",
         1e7,
-        GoughStewartError,
         "would give the model other states; make a SteppingModel of that platform",
     ),
 ]
 
 
-@pytest.mark.parametrize(("name", "value", "error", "message"), REFUSED)
-def test_what_cannot_be_set_is_refused(name: Any, value: Any, error: type[Exception], message: str) -> None:
+@pytest.mark.parametrize(("name", "value", "message"), REFUSED)
+def test_what_cannot_be_set_is_refused(name: Any, value: Any, message: str) -> None:
     model = started()
-    refused(model, lambda: model.set(name, value), error, message)
+    refused(model, lambda: model.set(name, value), message)
 
 
 def test_what_is_set_is_what_is_had_and_nothing_else_changes() -> None:
     """Expected: every input, state and parameter one after the other, whole and its last element; also large forces."""
-    settable = (*interface.INPUTS, *interface.STATES, *interface.PLATFORM_PARAMETERS)
+    settable = [v for v in gs.VARIABLES if v.causality in ("input", "parameter") or v.is_state]
+    settable = [v for v in settable if v.name != "fixed_step_size"]
     for variable in (v for v in settable if v.name != "platform_inertia"):
         model = started()
         before = {v.name: np.array(model.get(v.name)) for v in settable}
         value = np.array(before[variable.name] * 1.01 + (0.01 if variable.lower_bound is None else 0.0))
-        for name in (variable.name, variable.scalar_names[-1]):
-            value = value if name == variable.name else np.append(value.reshape(-1)[:-1], 1.01 * value.reshape(-1)[-1])
-            value = value.reshape(variable.shape)
-            model.set(name, value if name == variable.name else float(value.reshape(-1)[-1]))
-            for other in settable:
-                expected = value if other is variable else before[other.name]
-                assert np.array_equal(model.get(other.name), expected), (variable.name, other.name)
+        model.set(variable.name, value)
+        last = variable.scalar_names[-1]
+        value[(-1,) * value.ndim] *= 1.01
+        model.set(last, float(np.ravel(value)[-1]))
+        for other in settable:
+            expected = value if other is variable else before[other.name]
+            assert np.array_equal(model.get(other.name), expected), (variable.name, other.name)
         model.reset()
         assert model.save_state() == SteppingModel(UNEVEN).save_state()
     model.set("external_force", [1e200, 0.0, 0.0])  # whose square is not finite
     assert model.get("external_force[1]") == 1e200
+    refused(model, lambda: model.set_inputs(np.append(INPUTS[:11], np.inf)), r"external_torque.*inf")
 
 
 def test_states_and_fixed_parameters_are_set_before_the_first_step_only() -> None:
@@ -173,7 +172,7 @@ def test_states_and_fixed_parameters_are_set_before_the_first_step_only() -> Non
         ("velocity[3]", 1.0, f"velocity: is a state, {late}"),
         ("leg_lower_mass", 2.0, f"leg_lower_mass: is a fixed parameter, {late}"),
     ):
-        refused(model, lambda n=name, v=value: model.set(n, v), GoughStewartError, f"^{re.escape(text)}$")
+        refused(model, lambda n=name, v=value: model.set(n, v), f"^{re.escape(text)}$")
     model.set("platform_mass", 12.0)
     assert model.platform.platform_mass == 12.0
 
@@ -181,44 +180,35 @@ def test_states_and_fixed_parameters_are_set_before_the_first_step_only() -> Non
 def test_several_variables_are_set_together_or_none() -> None:
     """Expected: one by one each element of an inertia would be asymmetric, which no inertia is."""
     model = started()
-    refused(
-        model, lambda: model.set_many({"external_force": [1, 2, 3], "gravity": [0, 0]}), GoughStewartError, "gravity"
-    )
-    refused(model, lambda: model.set("platform_inertia[1,2]", 0.5), GoughStewartError, "not symmetric")
+    refused(model, lambda: model.set_many({"external_force": [1, 2, 3], "gravity": [0, 0]}), "gravity")
+    refused(model, lambda: model.set("platform_inertia[1,2]", 0.5), "not symmetric")
     model.set_many({"platform_inertia[1,2]": 0.5, "platform_inertia[2,1]": 0.5})
     assert model.platform.platform_inertia[0, 1] == model.platform.platform_inertia[1, 0] == 0.5
 
 
-def test_all_inputs_are_set_as_one_vector() -> None:
-    """Expected: what `get` gives of each; a value that is not finite is refused by name, and nothing changes."""
-    model, inputs = SteppingModel(UNEVEN), np.arange(12.0) + 0.5
-    model.set_inputs(inputs)
-    for name, part in (
-        ("actuator_force", inputs[:6]),
-        ("external_force", inputs[6:9]),
-        ("external_torque", inputs[9:]),
-    ):
-        assert np.array_equal(model.get(name), part)
-    inputs[3] = np.inf
-    refused(model, lambda: model.set_inputs(inputs), GoughStewartError, r"actuator_force.*inf")
-
-
 @by_both
 def test_results_are_those_of_independent_equations_under_the_present_inputs(integrator: Integrator) -> None:
-    """Expected: Newton and Euler's accelerations and joint forces; NumPy's lengths; M δa = δF before any step."""
+    """Expected: a Lagrangian's linear acceleration; Newton and Euler of the platform alone, pushed by its joints."""
     model = started(integrator=integrator)
     found, vector = model.results(), model.result_vector()
-    R = matrix_from_orientation(STATE.orientation)
-    expected = newton_euler.solve(UNEVEN, STATE.position, R, STATE.velocity, STATE.angular_velocity, *INPUTS)
-    assert found["acceleration"] == pytest.approx(expected.linear, rel=1e-9)
-    assert found["angular_acceleration"] == pytest.approx(expected.angular, rel=1e-9)
-    assert found["joint_force"] == pytest.approx(expected.joint_force, rel=1e-8, abs=1e-8)
-    lengths = np.linalg.norm(STATE.position + UNEVEN.platform_points @ R.T - UNEVEN.base_points, axis=1)
+    turn = Rotation.from_euler("xyz", STATE.orientation)
+    R, omega, (force, torque) = turn.as_matrix(), STATE.angular_velocity, (INPUTS[6:9], INPUTS[9:])
+    rates = np.linalg.solve(twist_of_rates(model.state[:6]), model.state[6:])
+    expected = accelerations(UNEVEN, model.state[:6], rates, INPUTS[:6], INPUTS[6:])
+    assert found["acceleration"] == pytest.approx(expected[:3], rel=1e-9)
+    arm, com, J = UNEVEN.platform_points @ R.T, R @ UNEVEN.platform_com, R @ UNEVEN.platform_inertia @ R.T
+    alpha = found["angular_acceleration"]
+    of_com = found["acceleration"] + np.cross(alpha, com) + np.cross(omega, np.cross(omega, com))
+    weight = 11.5 * (of_com - UNEVEN.gravity)
+    assert found["joint_force"].sum(axis=0) + force == pytest.approx(weight, rel=1e-9)
+    moment = np.cross(arm, found["joint_force"]).sum(axis=0) + torque
+    assert moment == pytest.approx(np.cross(com, weight) + J @ alpha + np.cross(omega, J @ omega), rel=1e-8)
+    lengths = np.linalg.norm(STATE.position + arm - UNEVEN.base_points, axis=1)
     assert found["leg_length"] == pytest.approx(lengths, rel=1e-12)
-    assert np.array_equal(interface.pack(interface.RESULTS, found), vector)
-    assert [model.get(name) for name in interface.RESULT_COLUMNS] == vector.tolist()
+    assert np.concatenate([np.ravel(value) for value in found.values()]).tolist() == vector.tolist()
+    assert [model.get(name) for name in model.variant.columns] == vector.tolist()
     change = np.array([20.0, -30.0, 100.0])
-    model.set("external_force", INPUTS.external_force + change)
+    model.set("external_force", force + change)
     names = ("acceleration", "angular_acceleration")
     moved = np.concatenate([np.asarray(model.get(name)) - found[name] for name in names])
     M = mass_matrix(UNEVEN, STATE.position, STATE.orientation)
@@ -252,8 +242,8 @@ def test_the_linearisation_predicts_a_small_step(integrator: Integrator) -> None
     assert model.result_vector() - y == pytest.approx(C @ (model.state - x), abs=1e-5 * np.abs(y).max())
     change = np.linspace(-1.0, 2.0, 12)
     model.reset()
-    model.set_many({**STATE._asdict(), **INPUTS._asdict()})
-    model.set_inputs(INPUTS.to_vector() + change)
+    model.set_many(MOVING)
+    model.set_inputs(INPUTS + change)
     assert model.result_vector() - y == pytest.approx(D @ change, abs=1e-9)
     model.linearise()
     assert all(np.array_equal(block, before) for block, before in zip(blocks, copies, strict=True))
@@ -296,16 +286,15 @@ def test_the_error_is_of_the_order_of_the_tolerance(name: str, integrator: Integ
 
 
 @by_both
-def test_the_motion_does_not_depend_on_how_time_is_cut(integrator: Integrator) -> None:
-    """Expected: one long step over the same time, within the tolerance of SciPy at 1e-13; inputs are held."""
-    exact = started(1e-13, "scipy")
-    exact.do_step(0.0, 0.6)
+def test_the_motion_is_that_of_a_lagrangian_however_time_is_cut(integrator: Integrator) -> None:
+    """Expected: the tests' Lagrangian under DOP853 at 1e-12, within the tolerance; inputs are held."""
+    exact = trajectory(UNEVEN, np.concatenate(STATE), lambda _t: INPUTS, np.array([0.0, 0.6]), 1e-12)[-1]
     for steps in ((0.6,), (0.14, 0.001, 0.259, 0.2), (0.1,) * 6):
         for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
             model = started(tolerance, integrator)
             for step in steps:
                 model.do_step(model.time, step)
-            assert np.abs(model.state - exact.state).max() < 10 * tolerance
+            assert np.abs(model.state - exact).max() < 10 * tolerance
 
 
 @pytest.mark.parametrize("name", ["ideal", "elastic"])
@@ -331,42 +320,22 @@ def test_fixed_steps_of_1_ms_resolve_legs_that_break_loose_and_reverse(springs: 
     assert np.abs(ours - theirs)[12:18].max() < (5e-3 if springs else 5e-4) * reach
 
 
-def test_fixed_steps_resolve_legs_that_ring_after_a_jump_of_the_force() -> None:
-    """Modes with a period of 2.8 steps, which RK4 damps within some. Expected: the motors of SciPy at 1e-9."""
-    platform = real_platform("elasto_plastic", True, leg_armature=0.8)
-    models = SteppingModel(platform, fixed_step_size=9e-4), SteppingModel(platform, 1e-9, integrator="scipy")
-    for model in models:
-        jump = 300 * np.array([1, -0.5, 0.7, 1.2, -0.8, 0.9])
-        model.set("actuator_force", platform.home_actuator_force + jump)
-    for k in range(8):
-        for model in models:
-            model.do_step(k * 9e-4, 9e-4)
-        assert models[0].state[24:] == pytest.approx(models[1].state[24:], abs=1e-3)
-    assert np.abs(models[1].state[24:]).max() > 0.3
+TIMES: list[tuple[Any, Any, str]] = [
+    (0.5, 0.0, "step = 0 .*expected a communication step > 0"),
+    (0.5, -0.1, "expected a communication step > 0"),
+    (0.6, 0.1, "expected the model's current time"),
+    (0.5, 1e-18, "too small to advance the time"),
+    *((0.5, value, "step: is|step: has") for value in (np.nan, np.inf, "1", None, True, 1j, [1])),
+    *((value, 0.1, "time: is|time: has") for value in (np.nan, np.inf, "1", None, True, 10**400)),
+]
 
 
-@pytest.mark.parametrize(
-    ("time", "step", "error", "message"),
-    [
-        (0.5, 0.0, StepError, "step = 0 .*expected a communication step > 0"),
-        (0.5, -0.1, StepError, "expected a communication step > 0"),
-        (0.6, 0.1, StepError, "expected the model's current time"),
-        (0.5, 1e-18, StepError, "too small to advance the time"),
-        *(
-            (0.5, value, GoughStewartError, "step: is|step: has")
-            for value in (np.nan, np.inf, "1", None, True, 1j, [1])
-        ),
-        *(
-            (value, 0.1, GoughStewartError, "time: is|time: has")
-            for value in (np.nan, np.inf, "1", None, True, 10**400)
-        ),
-    ],
-)
-def test_wrong_times_are_refused(time: Any, step: Any, error: type[Exception], message: str) -> None:
+@pytest.mark.parametrize(("time", "step", "message"), TIMES, ids=lambda value: str(value)[:12])
+def test_wrong_times_are_refused(time: Any, step: Any, message: str) -> None:
     model = started()
     model.do_step(0, np.float32(0.5))  # type: ignore[arg-type]
     assert type(model.time) is float
-    refused(model, lambda: model.do_step(time, step), error, message)
+    refused(model, lambda: model.do_step(time, step), message)
 
 
 # Present time, step, and the largest accepted difference: 1e-9 of the time or of 1 s, but no more than a thousandth of
@@ -384,7 +353,7 @@ CLOCKS = [
 def test_a_clock_may_round_a_little(now: float, step: float, inside: float, outside: float, side: int) -> None:
     model = SteppingModel(replace(UNEVEN, gravity=np.zeros(3)))
     model.do_step(0.0, now)
-    refused(model, lambda: model.do_step(now + side * outside, step), StepError, "current time")
+    refused(model, lambda: model.do_step(now + side * outside, step), "current time")
     model.do_step(now + side * inside, step)
 
 
@@ -431,7 +400,7 @@ def test_a_step_that_fails_says_what_and_leaves_the_model(case: str, integrator:
     start, pull, span, quantity, words = FAILURES[case]
     model = SteppingModel(PAPER, integrator=integrator)
     model.set_many({**start, "actuator_force": pull})
-    error = refused(model, lambda: model.do_step(0.0, span), StepError, words)
+    error = refused(model, lambda: model.do_step(0.0, span), words)
     assert error.quantity == quantity
     assert 0 <= error.time <= span
     assert str(error).startswith(f"{quantity} = {error.value:.6g} at time {error.time:.9g} s: ")
@@ -446,11 +415,52 @@ def test_a_step_that_fails_says_what_and_leaves_the_model(case: str, integrator:
         model.do_step(0.0, 1e-4)
 
 
+@by_both
+def test_poses_are_refused_from_their_limits_on(integrator: Integrator) -> None:
+    """Expected: 1e-3 rad below 90° of pitch of either sign, a thousandth of ρ, NumPy's condition number of 1e8."""
+    model = SteppingModel(UNEVEN, integrator=integrator)
+    rho, home = np.sqrt((UNEVEN.platform_points**2).sum() / 6), UNEVEN.home_position
+
+    def error_at(position: Any, orientation: Any) -> StepError | None:
+        """Of a step of 1 ns from rest in this pose."""
+        pose = (*position, *orientation, *[0.0] * 6)
+        model.restore_state(replace(model.save_state(), time=7.3, x=pose, started=True))
+        try:
+            model.do_step(7.3, 1e-9)
+        except StepError as error:
+            return error
+        return None
+
+    far = np.pi / 2 - 1e-3
+    for sign in (1, -1):
+        assert error_at(home, [1.2, sign * (far - 1e-9), -1.9]) is None
+        error = error_at(home, [0.1, sign * (far + 1e-9), 0.2])
+        assert error is not None
+        assert (error.quantity, error.value, error.time) == ("orientation[2]", sign * (far + 1e-9), 7.3)
+    for leg, joint in enumerate(UNEVEN.base_points - UNEVEN.platform_points):
+        assert error_at(joint + 1.1e-3 * rho * np.array([0.6, 0.0, 0.8]), np.zeros(3)) is None
+        error = error_at(joint + 0.9e-3 * rho * np.array([0.6, 0.0, 0.8]), np.zeros(3))
+        assert error is not None
+        assert (error.quantity, error.value) == (f"leg_length[{leg + 1}]", pytest.approx(0.9e-3 * rho, rel=1e-6))
+
+    def scaled(yaw: float) -> Any:
+        return leg_jacobian(UNEVEN, home, np.array([0.0, 0.0, yaw])) / np.repeat([1.0, rho], 3)
+
+    singular, seen = brentq(lambda yaw: np.linalg.det(scaled(yaw)), 1.0, 2.5, xtol=1e-15), set()
+    for away in np.geomspace(1e-9, 1e-6, 12):
+        for yaw in (singular - away, singular + away):
+            number, frobenius = (float(np.linalg.cond(scaled(yaw), norm)) for norm in (2, "fro"))
+            if number > 1.05e8 or frobenius < 0.95e8:
+                assert (error_at(home, [0.0, 0.0, yaw]) is not None) == (number > 1e8)
+                seen.add(number > 1e8)
+    assert seen == {True, False}
+
+
 def test_accelerations_that_overflow_are_named() -> None:
     """Expected: the first derivative that is not a number, at once."""
     model = SteppingModel(PAPER)
     model.set("actuator_force", [1.7e308] * 6)
-    error = refused(model, lambda: model.do_step(0.0, 1e-3), StepError, "derivatives are not finite")
+    error = refused(model, lambda: model.do_step(0.0, 1e-3), "derivatives are not finite")
     assert error.quantity.startswith("der(")
     assert not np.isfinite(error.value)
 
@@ -460,7 +470,7 @@ def test_a_motion_that_passes_a_singular_pose_between_two_steps_fails(integrator
     """Expected: at a tolerance of 1e-2 a step is long enough; value and side by NumPy's condition number."""
     model = SteppingModel(replace(UNEVEN, gravity=np.zeros(3)), 1e-2, integrator=integrator)
     model.set_many({"actuator_force": np.zeros(6), "angular_velocity": [0, 0, 9.0]})
-    error = refused(model, lambda: model.do_step(0.0, 0.5), StepError, "passed|reached")
+    error = refused(model, lambda: model.do_step(0.0, 0.5), "passed|reached")
     assert error.quantity == CONDITION
     assert error.value > 1
 
@@ -468,21 +478,9 @@ def test_a_motion_that_passes_a_singular_pose_between_two_steps_fails(integrator
 @pytest.mark.parametrize(
     ("name", "options", "span", "quantity", "words"),
     [
-        (
-            "ideal",
-            {"fixed_step_size": 1e-9},
-            0.1,
-            "fixed_step_size",
-            "too small for one step to time 0.1 s; expected at m",
-        ),
+        ("ideal", {"fixed_step_size": 1e-9}, 0.1, "fixed_step_size", "too small for one step to time 0.1 s; expected"),
         ("elastic", {"tolerance": 1e-13}, 20.0, "internal steps", "too many internal steps for one step to time 20 s"),
-        (
-            "elastic",
-            {"fixed_step_size": 0.01},
-            0.02,
-            "fixed_step_size",
-            "steps of 0.01 s are too large for legs that sti",
-        ),
+        ("elastic", {"fixed_step_size": 0.01}, 0.02, "fixed_step_size", "steps of 0.01 s are too large for legs that"),
     ],
 )
 def test_steps_without_end_or_too_large_fail(
@@ -490,7 +488,7 @@ def test_steps_without_end_or_too_large_fail(
 ) -> None:
     """Expected: the limits of the docstring; the same motion passes in shorter steps."""
     model = moving(name, **options)
-    error = refused(model, lambda: model.do_step(0.0, span), StepError, words)
+    error = refused(model, lambda: model.do_step(0.0, span), words)
     assert error.quantity == quantity
     model.do_step(0.0, 1e-4 if "fixed_step_size" not in options else 1e-5)
 
@@ -499,16 +497,14 @@ def test_fixed_steps_go_up_to_the_largest_that_resolves_the_modes_of_legs() -> N
     """Expected: h |λ| = 2.6 for the motors on their springs, √(k/m_a + …) above √(k/m_a); what is larger is refused."""
     platform = real_platform("elasto_plastic", True, leg_armature=0.5)
     model = SteppingModel(platform, fixed_step_size=1e-3)
-    error = refused(
-        model, lambda: model.do_step(0.0, 2e-3), StepError, "^fixed_step_size = 0.001 at time 0 s: steps of"
-    )
+    error = refused(model, lambda: model.do_step(0.0, 2e-3), "^fixed_step_size = 0.001 at time 0 s: steps of")
     largest = float(str(error).split("at most ")[1].split()[0])
     fast = np.sqrt((platform.leg_stiffness + platform.leg_bristle_stiffness) / platform.leg_armature)
     assert 0.7 * 2.6 / fast < largest < 2.6 / fast
     # that of legs that stand, also for legs that slide, whose bristles forget within 10 µs
     sliding = SteppingModel(platform, fixed_step_size=1e-3)
     sliding.set_many({**MOTION, "leg_bristle": np.full(6, 5e-6)})
-    also = refused(sliding, lambda: sliding.do_step(0.0, 2e-3), StepError, "are too large")
+    also = refused(sliding, lambda: sliding.do_step(0.0, 2e-3), "are too large")
     assert float(str(also).split("at most ")[1].split()[0]) == pytest.approx(largest, rel=1e-3)
     model = SteppingModel(platform, fixed_step_size=0.99 * largest)
     model.do_step(0.0, 2e-3)
@@ -525,7 +521,7 @@ def test_a_start_with_a_leg_too_short_for_its_parts_fails_the_first_step_only(in
     text = (
         f"is 2.6 m from the platform joint; expected between 0 and the shortest leg of the start pose, {shortest:g} m"
     )
-    refused(model, lambda: model.do_step(0.0, 1e-3), ValueError, re.escape(text))
+    refused(model, lambda: model.do_step(0.0, 1e-3), re.escape(text))
     model.reset()
     model.do_step(0.0, 1e-3)
     model.restore_state(replace(model.save_state(), x=(*low.tolist(), *[0.0] * 9)))
@@ -548,7 +544,7 @@ def test_the_side_of_singular_poses_is_forgotten_with_what_is_set_or_restored(in
     model.do_step(1e-3, 1e-3)
     joint = UNEVEN.base_points[3] - UNEVEN.platform_points[3] + np.array([0.0, 0.0, 2e-4])
     model.restore_state(replace(before, time=7.3, x=(*joint.tolist(), *[0.0] * 9), started=True))
-    error = refused(model, lambda: model.do_step(7.3, 1e-3), StepError, r"^leg_length\[4\] = 0.0002 at time 7.3 s")
+    error = refused(model, lambda: model.do_step(7.3, 1e-3), r"^leg_length\[4\] = 0.0002 at time 7.3 s")
     assert error.time == 7.3
     model.restore_state(replace(before, time=7.3))
     model.do_step(7.3, 1e-3)
@@ -584,17 +580,6 @@ def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str
     assert future(model) == once
 
 
-def test_many_models_do_not_disturb_each_other() -> None:
-    """Expected: each alone."""
-    alone = [stepped(moving(name), 6) for name in PLATFORMS]
-    models = [moving(name) for name in PLATFORMS for _ in range(3)]
-    for _ in range(6):
-        for model in models:
-            stepped(model, 1)
-    for k, model in enumerate(models):
-        assert np.array_equal(model.state, alone[k // 3])
-
-
 @by_both
 def test_reset_is_a_new_model(integrator: Integrator) -> None:
     model = started(integrator=integrator)
@@ -604,17 +589,10 @@ def test_reset_is_a_new_model(integrator: Integrator) -> None:
     snapshot = SteppingModel(UNEVEN).save_state()
     assert model.save_state() == snapshot
     assert (snapshot.time, snapshot.internal_step, snapshot.started) == (0.0, None, False)
-    refused(model, lambda: model.restore_state(None), GoughStewartError, "expected a snapshot from save_state")  # type: ignore[arg-type]
+    refused(model, lambda: model.restore_state(None), "expected a snapshot from save_state")  # type: ignore[arg-type]
 
 
 # --- rules 10 and 11, and what is beneath --------------------------------------------------------------------------
-
-
-def test_limits_are_not_enforced() -> None:
-    model = SteppingModel(replace(UNEVEN, leg_length_max=3.35, actuator_force_max=1.0))
-    model.set_many({**STATE._asdict(), **INPUTS._asdict()})
-    model.do_step(0.0, 0.5)
-    assert model.results()["leg_length"].max() > 3.4
 
 
 def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:
@@ -627,9 +605,9 @@ def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:
     aside = platform.home_position + np.array([0.02, 0.01, -0.03])
     state = State(aside, platform.home_orientation, np.array([0.1, 0, 0.2]), np.zeros(3))
     model.set_many(state._asdict())
-    legs, rates = leg_geometry(platform, *state[:2]).length, leg_rates(platform, state).length_rate
+    legs, J = leg_geometry(platform, *state[:2]).length, leg_jacobian(platform, *state[:2])
     assert np.abs(np.asarray(model.get("motor_position")) - legs).max() < 1e-3
-    assert model.get("motor_velocity") == pytest.approx(rates, rel=1e-14)
+    assert model.get("motor_velocity") == pytest.approx(J @ np.concatenate(state[2:]), rel=1e-12)
     # set in the same call, they stay
     model.set_many({"position": platform.home_position, "motor_position": legs})
     assert model.get("motor_position") == pytest.approx(legs, rel=1e-15)
@@ -710,24 +688,6 @@ def test_lugre_creeps_below_breakaway_and_elasto_plastic_does_not(friction: str,
     assert 3e-6 < heights[0] < 2e-5
     drift = heights[-1] - heights[-2]
     assert drift > 1e-8 if friction == "lugre" else abs(drift) < 1e-9
-
-
-def test_stiff_legs_are_the_rigid_plant_to_first_order() -> None:
-    """Expected: the rigid plant without friction; legs stretch by F/k, so poses differ by ∝ 1/k under smooth forces."""
-    frictionless = {"leg_viscous_friction": 0.0, "leg_coulomb_friction": 0.0, "leg_static_friction": 0.0}
-    stiffness, ends = [0.0, 1e7, 1e8, 1e9], []
-    for k in stiffness:
-        platform = real_platform("smooth", True, **frictionless, leg_stiffness=k, leg_damping=0.0)
-        model = SteppingModel(platform, tolerance=1e-11)
-        model.set_many(MOTION)
-        for n in range(20):
-            model.set("actuator_force", platform.home_actuator_force + 40 * np.sin(0.2 * n + np.arange(6)))
-            model.do_step(1e-3 * n, 1e-3)
-        ends.append(model.state[:6])
-    errors = np.abs(np.array(ends[1:]) - ends[0]).max(axis=1)
-    order = -np.polyfit(np.log(stiffness[1:]), np.log(errors), 1)[0]
-    assert errors[-1] > 1e-9  # not of the tolerance
-    assert order == pytest.approx(1.0, abs=0.1)
 
 
 def test_without_library_and_compiler_the_error_names_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
