@@ -1,11 +1,7 @@
 """Task space, Kane, Newton–Euler and kernel: one set of accelerations and joint forces; the paper's relations."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -15,13 +11,8 @@ from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.formulations.cases import case_of, paper_case, with_pairs_swapped
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import Inputs
-from gough_stewart.model.vectors import skew
-from tests.support.random_platforms import Sample, random_platform, random_state, relative_difference
+from tests.support.random_platforms import Sample, relative_difference
 from tests.support.uneven import INPUTS, STATE, UNEVEN
-
-PAPER_START = State(np.array([0, 0, 3.0]), np.array([0, 0, -0.1]), np.array([0, 0.2, 0]), np.array([0, 0.1, 0]))
-PAPER_INPUTS = Inputs.from_actuators(np.array([55.0, 49.5] * 3))
 
 
 def by_kane(sample: Sample, axial_inertia: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -88,87 +79,6 @@ def test_the_kernel_gives_derivatives_and_outputs_of_the_numpy_functions(thousan
 def start_of(platform: Platform, state: State) -> tuple[kane.Configuration, np.ndarray]:
     R = matrix_from_orientation(state.orientation)
     return kane.consistent_start(platform, state.position, R, state.velocity, state.angular_velocity)
-
-
-def moved(configuration: kane.Configuration, y: np.ndarray, h: float) -> kane.Configuration:
-    """The configuration after h seconds at speeds y, to first order; d(R)/dt = ω~ R, eq. (3)."""
-    omega, slide_rate = kane.leg_speeds(y)
-    omega_p, v = kane.platform_speeds(y)
-    return kane.Configuration(
-        configuration.leg_rotation + h * skew(omega) @ configuration.leg_rotation,
-        configuration.slide + h * slide_rate,
-        configuration.position + h * v,
-        configuration.rotation + h * skew(omega_p) @ configuration.rotation,
-    )
-
-
-def test_consistent_start_satisfies_all_constraints(thousand: Sample) -> None:
-    """Expected: Φ = 0 and Φ_q y = 0, eq. (27)."""
-    configuration, y = start_of(thousand.parameters, thousand.state)  # type: ignore[arg-type]
-    assert np.abs(kane.constraint_residual(thousand.parameters, configuration)).max() < 1e-14
-    slip = (kane.constraint_jacobian(thousand.parameters, configuration) @ y[..., None])[..., 0]
-    assert np.abs(slip).max() < 1e-12
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_partial_velocities_give_the_velocities_of_the_mass_centres(seed: int) -> None:
-    """Expected: central differences of R r1 and R (s + r2); eqs. (9) to (12)."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    configuration, y = start_of(platform, random_state(platform, rng))
-    h, y_legs = 1e-6, y[:24].reshape(6, 4)
-
-    def centres(c: kane.Configuration) -> tuple[np.ndarray, np.ndarray]:
-        u = c.leg_rotation[..., :, 0]
-        return platform.leg_lower_com * u, (c.slide - platform.leg_upper_com)[..., None] * u
-
-    u = configuration.leg_rotation[..., :, 0]
-    G1, G2 = centres(configuration)
-    ahead, behind = centres(moved(configuration, y, h)), centres(moved(configuration, y, -h))
-    for G, direction, a, b in zip((G1, G2), (None, u), ahead, behind, strict=True):
-        v = kane.partial_velocity(G, direction)
-        assert np.allclose((v @ y_legs[..., None])[..., 0], (a - b) / (2 * h), atol=1e-8)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_jacobian_is_the_rate_of_the_closure_gaps(seed: int) -> None:
-    """Expected: central differences of Φ along any speeds, also inconsistent ones; eqs. (24), (28)."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    configuration, _ = start_of(platform, random_state(platform, rng))
-    y, h = rng.normal(size=30), 1e-6
-    ahead, behind = (kane.constraint_residual(platform, moved(configuration, y, step)) for step in (h, -h))
-    rate = kane.constraint_jacobian(platform, configuration) @ y
-    assert np.allclose(rate[:18], ((ahead - behind) / (2 * h))[:18], atol=1e-8)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_jacobian_rate_is_the_derivative_of_the_jacobian(seed: int) -> None:
-    """Expected: central differences of Φ_q; eqs. (20), (23), (26), (29)."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    configuration, y = start_of(platform, random_state(platform, rng))
-    h = 1e-6
-    ahead, behind = (kane.constraint_jacobian(platform, moved(configuration, y, step)) for step in (h, -h))
-    rate = kane.constraint_jacobian_rate(platform, configuration, y)
-    assert np.allclose(rate, (ahead - behind) / (2 * h), atol=1e-7 * (1 + np.abs(rate).max()))
-
-
-def test_baumgarte_lets_a_gap_decay_as_the_damped_oscillator_does(paper: Platform) -> None:
-    """Expected: Φ¨ + 2αΦ˙ + β²Φ = 0 with α = β and Φ˙(0) = 0 has Φ(t) = Φ(0) (1 + αt) exp(−αt)."""
-    alpha, gap = 8.0, 1e-4
-    configuration, y = start_of(paper, PAPER_START)
-    # legs too long by the gap; speeds that satisfy the constraints of this configuration
-    stretched = configuration._replace(slide=configuration.slide + gap)
-    Phi_q = kane.constraint_jacobian(paper, stretched)
-    y = y - np.linalg.pinv(Phi_q) @ (Phi_q @ y)
-
-    times = np.array([0.0, 0.1, 0.3])
-    run = kane.integrate(paper, stretched, y, PAPER_INPUTS, times, (alpha, alpha))
-    left = kane.constraint_residual(paper, run.configuration)
-    assert np.linalg.norm(left[0, :18].reshape(6, 3), axis=1) == pytest.approx(np.full(6, gap), rel=1e-9)
-    expected = left[0] * ((1 + alpha * times) * np.exp(-alpha * times))[:, None]
-    assert np.allclose(left, expected, atol=1e-9)
 
 
 def test_the_dae_takes_an_uneven_platform_where_the_kernel_does() -> None:
@@ -281,11 +191,3 @@ def test_on_another_platform_the_case_is_scaled_by_froude() -> None:
         dynamics.static_leg_forces(UNEVEN, *home) * [10 / 9, 1, 10 / 9, 1, 10 / 9, 1]
     )
     assert not case.is_published
-
-
-def test_the_papers_platform_under_another_name_has_the_papers_case() -> None:
-    renamed = replace(load_preset("liu2000"), name="mine", source="")
-    case = case_of(renamed)
-    assert case.platform == renamed
-    assert case.is_published
-    assert case.actuator_force.tolist() == paper_case().actuator_force.tolist()
