@@ -11,8 +11,6 @@ from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from gough_stewart import GoughStewartError, leg_geometry
-from gough_stewart.model import platform_hints
-from gough_stewart.model.kinematics import conditioning
 from tests.support.lagrangian import FloatArray
 from tests.support.nano import HEAVY, NANO
 from tests.support.real_platforms import real_platform
@@ -165,7 +163,7 @@ def test_a_better_order_is_named_only_if_its_legs_fit_and_keep_their_distance() 
                 return float(numbers[k]), ", ".join(str(j + 1) for j in orders[k])
         raise AssertionError("no order fits")
 
-    now = conditioning(exchanged, home, exchanged.home_orientation).condition_number
+    now = gs.evaluate_poses(exchanged, home, exchanged.home_orientation).condition_number
     own = leg_geometry(exchanged, home, exchanged.home_orientation).length
     seen = set()
     for low, high in ((None, None), (None, float(own.max()) * 1.001), (float(own.min()) * 0.999, None)):
@@ -178,17 +176,3 @@ def test_a_better_order_is_named_only_if_its_legs_fit_and_keep_their_distance() 
             "to joint i of the other"
         ]
     assert len(seen) == 3
-
-
-def test_an_order_is_named_from_a_third_of_the_condition_number_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: the ratio of the two numbers of the hint, just met and just missed."""
-    exchanged = replace(UNEVEN, platform_points=UNEVEN.platform_points[[1, 0, 3, 4, 5, 2]], leg_length_max=None)
-    assert platform_hints._BETTER == 3
-    home = exchanged.home_position, exchanged.home_orientation
-    (hint,) = (each for each in exchanged.hints if "in the order" in each)
-    order = [int(k) - 1 for k in hint.split("in the order ")[1].split(";")[0].split(", ")]
-    better = replace(exchanged, platform_points=exchanged.platform_points[order])
-    ratio = conditioning(exchanged, *home).condition_number / conditioning(better, *home).condition_number
-    for factor, is_named in ((ratio * (1 - 1e-9), True), (ratio * (1 + 1e-9), False)):
-        monkeypatch.setattr(platform_hints, "_BETTER", factor)
-        assert any("in the order" in each for each in exchanged.hints) == is_named
