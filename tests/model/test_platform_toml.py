@@ -4,7 +4,6 @@ import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -12,26 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gough_stewart as gs
+from tests.support.platform_files import loaded, written
 from tests.support.random_platforms import random_platform
 from tests.support.uneven import UNEVEN
 
 PRESETS = ("desktop_hexapod", "liu2000", "motion_base", "motion_base_screws")
-
-
-def written(platform: gs.Platform) -> str:
-    """The text of its file."""
-    with TemporaryDirectory() as folder:
-        gs.save_platform(platform, Path(folder, "mine.toml"))
-        assert [path.name for path in Path(folder).iterdir()] == ["mine.toml"]
-        return Path(folder, "mine.toml").read_text(encoding="utf-8")
-
-
-def loaded(text: str | bytes) -> gs.Platform:
-    """The platform of a file of this text."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "mine.toml")
-        path.write_bytes(text.encode() if isinstance(text, str) else text)
-        return gs.load_platform(path)
 
 
 PAPER = written(gs.load_preset("liu2000"))
