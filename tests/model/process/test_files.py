@@ -117,54 +117,16 @@ def test_a_place_that_cannot_take_the_files_is_refused_before_the_run(
     (tmp_path / "table").mkdir()
     check_output_folder(tmp_path, ["figure", "file"])
     check_output_folder(tmp_path / "new" / "folder", ["table"])
-    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(GoughStewartError, match="file is a file; expected a folder"):
-            check_output_folder(folder, [])
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    for name, text in (("file", "is a file"), ("link", "is a broken link")):
+        for folder in (tmp_path / name, tmp_path / name / "below"):
+            with pytest.raises(GoughStewartError, match=f"{name} {text}; expected a folder"):
+                check_output_folder(folder, [])
     with pytest.raises(GoughStewartError, match="table is a folder there; expected a file or nothing"):
         check_output_folder(tmp_path, ["figure", "table"])
     monkeypatch.setattr("os.access", lambda place, mode: not (place == tmp_path and mode & (os.W_OK | os.X_OK)))
     with pytest.raises(GoughStewartError, match="no permission to write in"):
         check_output_folder(tmp_path / "new", [])
-
-
-def test_a_link_that_leads_nowhere_is_refused_before_the_run(tmp_path: Path) -> None:
-    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    for folder in (tmp_path / "link", tmp_path / "link" / "below"):
-        with pytest.raises(GoughStewartError, match="link is a broken link; expected a folder"):
-            check_output_folder(folder, [])
-
-
-def test_an_empty_set_and_one_that_fails_when_it_is_complete_have_no_note(older: Path) -> None:
-    """Expected: nothing is missing where nothing was begun, or where all is there; an error stays as it is."""
-    before = contents(older)
-    with file_set(older, ["table", "figure"], ["page"]):
-        pass
-    assert contents(older) == before
-
-    def fail(names: list[str]) -> None:
-        with file_set(older, names, ["page"]) as new:
-            for name in names[:1]:
-                new.add(name, b"new")
-            raise ZeroDivisionError
-
-    for names in ([], ["table"]):
-        with pytest.raises(ZeroDivisionError) as caught:
-            fail(names)
-        assert not hasattr(caught.value, "__notes__")
-    assert contents(older) == {"table": b"new", "figure": b"old", "notes": b"mine"}
-
-
-def test_a_refused_place_is_told_in_whole_sentences(tmp_path: Path) -> None:
-    """Expected: the folder that was asked for, and what is in the way; a link to a file is a file."""
-    (tmp_path / "file").write_bytes(b"mine")
-    (tmp_path / "to_file").symlink_to(tmp_path / "file")
-    (tmp_path / "to_folder").symlink_to(tmp_path)
-    for name in ("file", "to_file"):
-        folder = tmp_path / name / "a" / "b"
-        text = f"output folder {folder}: {tmp_path / name} is a file; expected a folder, existing or new"
-        with pytest.raises(GoughStewartError, match=f"^{re.escape(text)}$"):
-            check_output_folder(folder, [])
-    check_output_folder(tmp_path / "to_folder" / "new", [])
 
 
 def test_a_reserved_folder_is_of_one_thread_at_a_time(tmp_path: Path) -> None:
@@ -360,56 +322,3 @@ def test_without_locks_nothing_is_removed_and_files_are_written(
     write_files(tmp_path, {"b": b"2"})
     remove_leftovers(tmp_path)
     assert names(tmp_path) == {"a", "b", ".c.12345678.part"}
-
-
-@posix
-def test_a_place_that_another_process_takes_before_it_is_locked_is_left_for_another(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: what is removed, exchanged or locked by somebody else in the moment between is not used."""
-    real_open, real_lock, happened = os.open, lock, list[str]()
-
-    def removed(path: Path, flags: int, mode: int = 0o777) -> int:
-        descriptor = real_open(path, flags, mode)
-        if flags & os.O_CREAT:
-            return descriptor
-        if len(happened) < 1:
-            happened.append("removed")
-            Path(path).unlink()
-        elif len(happened) < 2:
-            happened.append("exchanged")
-            Path(path).unlink()
-            Path(path).write_bytes(b"another's")
-        return descriptor
-
-    def refused(descriptor: int) -> bool | None:
-        if len(happened) == 2:
-            happened.append("locked")
-            return False
-        return real_lock(descriptor)
-
-    with monkeypatch.context() as patched:
-        patched.setattr("os.open", removed)
-        patched.setattr("gough_stewart.model.process.files.lock", refused)
-        with temporary_file(tmp_path / "table") as path:
-            assert happened == ["removed", "exchanged", "locked"]
-            assert path.read_bytes() == b""
-            assert path.is_file()
-    assert not path.exists()
-
-
-@posix
-def test_a_leftover_that_was_exchanged_for_a_new_one_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: between finding and locking, another process has removed it and made a new one of the same name."""
-    (tmp_path / ".a.12345678.part").write_bytes(b"old")
-    real_open = os.open
-
-    def exchanged(path: Path, flags: int) -> int:
-        descriptor = real_open(path, flags)
-        Path(path).rename(tmp_path / "aside")
-        Path(path).write_bytes(b"new")
-        return descriptor
-
-    monkeypatch.setattr("os.open", exchanged)
-    remove_leftovers(tmp_path)
-    assert (tmp_path / ".a.12345678.part").read_bytes() == b"new"
