@@ -83,25 +83,3 @@ def test_rounding_is_that_of_numpy_for_any_number(values: list[float]) -> None:
     """Expected: NumPy's rint, which rounds in the processor; symbols round by a remainder."""
     x = np.array(values)
     np.testing.assert_array_equal(np.asarray(_function(operations.rounded, [len(x)])(x)).ravel(), np.rint(x))
-
-
-def test_numbers_stay_numpys_bit_by_bit() -> None:
-    """Expected: the NumPy function of the name, signed zeros and NaN too; members last, bounds of one number."""
-    rng = np.random.default_rng(2)
-    a, b = rng.normal(size=(2, 6, 5))
-    a[0], b[1] = -0.0, np.nan
-    for name in ("minimum", "maximum", "less", "greater", "not_equal", "arctan2"):
-        assert getattr(operations, name)(a, b).tobytes() == getattr(np, name)(a, b).tobytes()
-    assert operations.rounded(a).tobytes() == np.rint(a).tobytes()
-    assert operations.sign(a).tobytes() == np.sign(a).tobytes()
-    assert operations.clip(a, -0.5, 0.25).tobytes() == np.clip(a, -0.5, 0.25).tobytes()
-
-
-def test_broadcasting_is_numpys_for_symbols() -> None:
-    """Expected: (3, 1) and (4,) make (3, 4), each element of its own two."""
-    x = np.array([[casadi.SX.sym(f"x{k}")] for k in range(3)], dtype=object)
-    found = operations.minimum(x, np.arange(4.0))
-    assert found.shape == (3, 4)
-    f = casadi.Function("f", [casadi.vertcat(*x.ravel())], [casadi.vertcat(*found.ravel())])
-    values = np.array([0.5, 2.5, -1.0])
-    np.testing.assert_array_equal(np.asarray(f(values)).reshape(3, 4), np.minimum(values[:, None], np.arange(4.0)))

@@ -110,43 +110,18 @@ def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
     different = "m; expected six different points (an idealised double joint needs a small offset)"
     says(f"base_points: joints 3 and 5 coincide at (1.47, -1.32, 0.07) {different}", base_points=base)
     says(f"platform_points: joints 2 and 6 coincide at (-0.69, 0.75, 0.03) {different}", platform_points=top)
-    J = UNEVEN.platform_inertia.copy()
-    J[2, 1] = 0.5
-    says(
-        "platform_inertia: is not symmetric: [2,3] = 0.41 but [3,2] = 0.5 kg m²; set both to the same value (minus the "
-        "product of inertia)",
-        platform_inertia=J,
-    )
     says(
         "platform_inertia: is not positive definite: principal moments (-1, 2, 2.5) kg m²; expected all > 0",
         platform_inertia=np.diag([2.0, -1.0, 2.5]),
     )
-    says(
-        "platform_inertia: is unphysical: principal moments (1, 2, 3.5) kg m², the largest exceeds the sum of the "
-        "others (triangle inequality); check the units and that they are about the centre of mass",
-        platform_inertia=np.diag([2.0, 3.5, 1.0]),
-    )
-    lengths = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
-    shortest, longest = lengths.min(), lengths.max()
     for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
+        length = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length.min()
         says(
             f"{name}: is 3.1 m from the {end} joint; expected between 0 and the shortest leg of the home pose, "
-            f"{shortest:g} m",
+            f"{length:g} m",
             **{name: 3.1},
         )
-    reach = (
-        np.sqrt(0.93**2 + 0.29**2 + 0.07**2),
-        np.sqrt(1.02**2 + 0.24**2 + 0.02**2),
-        np.sqrt(0.22**2 + 1.04**2 + 0.0016),
-    )
-    says(
-        f"platform_com: is 13 m from Op, more than ten times the farthest platform joint ({max(reach):g} m); check "
-        "units",
-        platform_com=[3.0, -12.0, 4.0],
-    )
     says("leg_length_min: is 3.95 m; expected below leg_length_max = 3.9 m", leg_length_min=3.95)
-    says(f"leg_length_min: is 3.05 m, but a home leg is {shortest:g} m long", leg_length_min=3.05)
-    says(f"leg_length_max: is 3.06 m, but a home leg is {longest:g} m long", leg_length_max=3.06)
     says("joint_angle_max: is 40 rad; expected at most π (radians, not degrees)", joint_angle_max=40.0)
     says("home_orientation: has pitch -1.58 rad; expected less than ±90°", home_orientation=[0.1, -1.58, 0.3])
     says(

@@ -77,15 +77,3 @@ def test_a_stepping_model_says_where_it_is(uneven: Platform) -> None:
     plant.do_step(0.0, 0.125)
     x = ", ".join(f"{value:.6g}" for value in plant.state[:3])
     assert repr(plant).startswith(f"<SteppingModel of crooked at 0.125 s: position ({x}) m")
-
-
-def test_a_workspace_says_how_much_can_be_reached() -> None:
-    """Expected: of 3 × 3 poses the middle one and those that single checks find."""
-    platform = gs.load_preset("motion_base")
-    space = gs.sweep(platform, {"x": (-2.0, 2.0), "pitch": (-0.1, 0.1)}, {"z": 2.2}, points=3)
-    poses = [(x, pitch) for x in (-2.0, 0.0, 2.0) for pitch in (-0.1, 0.0, 0.1)]
-    reached = [
-        bool(gs.evaluate_poses(platform, np.array([x, 0, 2.2]), np.array([0, p, 0])).reachable) for x, p in poses
-    ]
-    share = f"{100 * sum(reached) / 9:.3g} % of 9 poses can be reached"
-    assert repr(space) == f"<Workspace of motion_base over x -2 to 2 m, pitch -0.1 to 0.1 rad: {share}>"

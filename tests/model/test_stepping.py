@@ -215,15 +215,6 @@ def test_results_are_those_of_independent_equations_under_the_present_inputs(int
     assert M @ moved == pytest.approx(np.concatenate([change, np.zeros(3)]), abs=1e-10)
 
 
-@pytest.mark.parametrize("name", PLATFORMS)
-def test_results_have_the_same_names_and_values_by_both_integrators(name: str) -> None:
-    """Expected: CasADi's evaluation of each column, of a variant's added outputs too."""
-    ours, theirs = moving(name), moving(name, integrator="scipy")
-    for model in (ours, theirs):
-        model.set_inputs(forces(model.platform, 3))
-    np.testing.assert_allclose(ours.result_vector(), theirs.result_vector(), rtol=1e-11, atol=1e-11)
-    for column, value in zip(ours.variant.columns, ours.result_vector(), strict=True):
-        assert ours.get(column) == value
 
 
 @by_both
@@ -306,18 +297,6 @@ def test_fixed_steps_have_order_4(name: str) -> None:
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] > 3.8
 
 
-@pytest.mark.parametrize(("springs", "friction"), [*product((False, True), ("elasto_plastic", "lugre"))])
-def test_fixed_steps_of_1_ms_resolve_legs_that_break_loose_and_reverse(springs: bool, friction: str) -> None:
-    """Expected: SciPy at 1e-10; bristles start straight at 0.1 m/s, and 1e-4 of their reach is allowed in a step."""
-    platform = real_platform(friction, springs)
-    models = SteppingModel(platform, fixed_step_size=1e-3), SteppingModel(platform, 1e-10, integrator="scipy")
-    for model in models:
-        model.set_many(MOTION)
-    ours, theirs = (stepped(model, 40) for model in models)
-    assert np.abs(ours - theirs)[:6].max() < 2e-7
-    assert np.abs(ours - theirs)[6:12].max() < (8e-5 if springs else 2e-6)
-    reach = np.max(platform.leg_static_friction) / platform.leg_bristle_stiffness
-    assert np.abs(ours - theirs)[12:18].max() < (5e-3 if springs else 5e-4) * reach
 
 
 TIMES: list[tuple[Any, Any, str]] = [
@@ -456,13 +435,6 @@ def test_poses_are_refused_from_their_limits_on(integrator: Integrator) -> None:
     assert seen == {True, False}
 
 
-def test_accelerations_that_overflow_are_named() -> None:
-    """Expected: the first derivative that is not a number, at once."""
-    model = SteppingModel(PAPER)
-    model.set("actuator_force", [1.7e308] * 6)
-    error = refused(model, lambda: model.do_step(0.0, 1e-3), "derivatives are not finite")
-    assert error.quantity.startswith("der(")
-    assert not np.isfinite(error.value)
 
 
 @by_both
@@ -669,25 +641,6 @@ def test_a_platform_moves_as_a_lagrangian_with_printed_laws_under_radau(
     assert np.ptp(np.sign(model.state[12:18])) == 2
 
 
-@pytest.mark.parametrize(("friction", "fixed"), [*product(("elasto_plastic", "lugre"), (0.0, 1e-3))])
-def test_lugre_creeps_below_breakaway_and_elasto_plastic_does_not(friction: str, fixed: float) -> None:
-    """40 N ± 20 N on each leg more than its weight, 100 N of friction. Expected: stands within 1 nm; creeps further."""
-    platform = gs.load_preset("motion_base").with_parameters(
-        {"leg_friction_model": friction, "leg_coulomb_friction": 100.0}
-    )
-    model = SteppingModel(platform, fixed_step_size=fixed)
-    # bristles that are not exactly alike: standing must not be a balance on a needle's point
-    model.set("leg_bristle", 1e-17 * np.arange(6))
-    heights = []
-    for k in range(600):
-        model.set("actuator_force", platform.home_actuator_force + 40.0 + 20.0 * np.sin(np.pi * k / 50))
-        model.do_step(model.time, 1e-3)
-        if k % 100 == 99:
-            heights.append(model.state[2] - platform.home_position[2])
-    # 40 N over 1e7 N/m and the legs' slope
-    assert 3e-6 < heights[0] < 2e-5
-    drift = heights[-1] - heights[-2]
-    assert drift > 1e-8 if friction == "lugre" else abs(drift) < 1e-9
 
 
 def test_without_library_and_compiler_the_error_names_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 import re
 import sys
+import tempfile
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -55,6 +56,9 @@ def test_parameters_change_together_or_not_at_all(open_one: Open, paper: Platfor
             plant.set_parameters({"platform_mass": 30.0, "base_points": np.zeros((6, 3))})
         with pytest.raises(GoughStewartError, match="platform_com"):
             plant.set_parameters({"platform_mass": 30.0, "platform_com": [1.0, 2.0]})
+        with pytest.raises(GoughStewartError, match="triangle"):
+            plant.set_parameters({"platform_mass": 30.0, "platform_inertia": np.diag([1.0, 1.0, 3.0])})
+        plant.set_parameters({})
         assert (interface.unpack(interface.RESULTS, plant.results())["acceleration"] == floating).all()
     assert at_rest[2] < -5
     assert abs(floating[2]) < 0.1
@@ -78,6 +82,37 @@ def test_a_closed_file_keeps_no_library_also_after_a_failed_instance(
         FmuInstance(other)
     for closed in (file, other):
         assert str(closed.folder) not in Path("/proc/self/maps").read_text()
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_a_closed_or_refused_plant_leaves_nothing_and_refuses_calls(
+    version: str, fmus: dict[str, Fmu], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: rule 8; an error, not a crash of the process; the temporary folder is as empty as before."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    plant = FmuPlant(fmus[version].path, UNEVEN)
+    assert len(list(tmp_path.iterdir())) == 1
+    plant.close()
+    plant.close()
+    for call in (plant.results, plant.signals, lambda: plant.set_inputs(np.zeros(12))):
+        with pytest.raises(GoughStewartError, match="has been freed"):
+            call()
+    start = STATE._replace(orientation=np.array([0.0, 2.0, 0.0]))
+    with pytest.raises(GoughStewartError, match=r"\.fmu: start values refused: .*orientation"):
+        FmuPlant(fmus[version].path, UNEVEN, start)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_kinds_and_files_that_do_not_fit_are_refused(fmus: dict[str, Fmu]) -> None:
+    """Expected: what does not fit to what, with a number or a file."""
+    two, three = (fmus[version].path for version in ("2.0", "3.0"))
+    for kind, file, text in (
+        ("model", three, f"plant 'model' does not accept the file {three}; choose the plant fmu2 or fmu3"),
+        ("fmu2", three, f"{three}: is FMI 3.0; expected FMI 2.0 for the plant fmu2"),
+        ("fmu3", two, f"{two}: is FMI 2.0; expected FMI 3.0 for the plant fmu3"),
+    ):
+        with pytest.raises(GoughStewartError, match=re.escape(text)):
+            gs.run("heave_step", {"loop.duration": 0.01}, plant=kind, fmu=file)
 
 
 def test_open_plant_builds_what_is_not_given_and_keeps_it(

@@ -130,28 +130,6 @@ def test_both_terms_of_baumgarte_have_their_own_number() -> None:
     assert run.velocity_violation == pytest.approx(np.abs(slip).max(axis=1), rel=1e-9)
 
 
-def test_a_simulation_has_the_asked_times_or_its_own_steps() -> None:
-    """Expected: the paper's default of α = β = 10; between asked times no longer steps than these."""
-    times = np.array([0.0, 0.004, 0.01])
-    asked = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6)
-    own = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6, own_steps=True)
-    assert asked.time.tolist() == times.tolist()
-    assert (own.time[0], own.time[-1]) == (0.0, 0.01)
-    assert own.time.tolist() != times.tolist()
-    # own steps are as long as the tolerance allows, whatever times are named
-    many = kane.simulate(UNEVEN, STATE, INPUTS, np.linspace(0, 0.04, 41), rtol=1e-3, own_steps=True)
-    assert len(many.time) < 20
-    same = kane.simulate(UNEVEN, STATE, INPUTS, times, (10.0, 10.0), 1e-6)
-    assert np.array_equal(same.speeds, asked.speeds)
-    first, last = asked.platform, own.platform
-    assert first.to_vector()[0] == pytest.approx(STATE.to_vector(), abs=1e-12)
-    assert first.to_vector()[-1] == pytest.approx(last.to_vector()[-1], abs=1e-6)
-    assert asked.joint_force.shape == (3, 6, 3)
-    # to first order in 4 ms, and what is half of the second
-    moved = STATE.position + 0.004 * STATE.velocity
-    assert first.position[1] == pytest.approx(moved, abs=2e-4)
-
-
 def test_the_case_is_that_of_section_iv() -> None:
     """Expected: the numbers of the paper."""
     case = paper_case()

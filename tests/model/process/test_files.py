@@ -3,7 +3,6 @@
 import json
 import logging
 import os
-import re
 import subprocess
 import sys
 import threading
@@ -15,11 +14,8 @@ from gough_stewart import GoughStewartError
 from gough_stewart.model.process.files import (
     check_output_folder,
     file_set,
-    lock,
     remove_leftovers,
     reserved,
-    temporary_file,
-    temporary_folder,
     write_files,
 )
 
@@ -94,21 +90,6 @@ def test_an_interrupt_while_files_are_moved_leaves_a_whole_set(older: Path, monk
     assert contents(older) == {"table": b"new", "figure": b"new", "notes": b"mine"}
 
 
-def test_files_that_cannot_be_moved_stay_where_the_note_says(older: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: as on Windows while another program has the old table open: nothing old or new is lost."""
-    before = contents(older)
-
-    def refused(self: Path, missing_ok: bool = False) -> None:
-        raise PermissionError(13, "in use", str(self), missing_ok)
-
-    monkeypatch.setattr(Path, "unlink", refused)
-    with pytest.raises(PermissionError) as caught:
-        write_files(older, {"table": b"new"})
-    place = Path(caught.value.__notes__[0].removeprefix("the new files are in "))
-    assert contents(place) == {"table": b"new"}
-    assert {name: (older / name).read_bytes() for name in before} == before
-
-
 def test_a_place_that_cannot_take_the_files_is_refused_before_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -156,25 +137,6 @@ def test_a_reserved_folder_is_of_one_thread_at_a_time(tmp_path: Path) -> None:
         assert other_thread(tmp_path / "link") == f"output folder {tmp_path / 'link'}: {sentence}"
         assert other_thread(tmp_path / "another") == ""
     assert other_thread(folder) == ""
-
-
-def test_a_reserved_folder_that_was_made_for_nothing_goes_and_others_stay(tmp_path: Path) -> None:
-    """Expected: a new one goes if it is empty; one that was there, or has a file, stays."""
-    with reserved(tmp_path / "a" / "empty"):
-        assert (tmp_path / "a" / "empty").is_dir()
-    assert not (tmp_path / "a" / "empty").exists()
-    with reserved(tmp_path / "full"):
-        (tmp_path / "full" / "record").write_bytes(b"1")
-    assert contents(tmp_path / "full") == {"record": b"1"}
-    (tmp_path / "old").mkdir()
-    with pytest.raises(ZeroDivisionError), reserved(tmp_path / "old"):
-        raise ZeroDivisionError
-    assert (tmp_path / "old").is_dir()
-    with (
-        pytest.raises(GoughStewartError, match="record is a file; expected a folder"),
-        reserved(tmp_path / "full" / "record"),
-    ):
-        pass
 
 
 # Holds a set with one file, and another file that is half written, until it is killed.
@@ -238,25 +200,6 @@ def test_a_command_says_what_it_removed(tmp_path: Path) -> None:
 
 
 @posix
-def test_links_and_pipes_with_the_name_of_a_leftover_stay(tmp_path: Path) -> None:
-    """Expected: no command waits for a pipe, or follows a link to remove what it did not write; no log either."""
-    (tmp_path / "mine").write_bytes(b"mine")
-    (tmp_path / ".a.12345678.part").symlink_to(tmp_path / "mine")
-    os.mkfifo(tmp_path / ".b.12345678.part")
-    (tmp_path / ".c.12345678.part").write_bytes(b"old")
-    # nobody else writes to the pipe: it would be waited for
-    done = subprocess.run([sys.executable, "-c", _REMOVER], cwd=tmp_path, timeout=20, check=False)
-    assert done.returncode == 0
-    assert ".c.12345678.part" not in names(tmp_path)
-    assert {"mine", ".a.12345678.part"} <= names(tmp_path)
-    remove_leftovers(tmp_path / "not_there")
-    remove_leftovers(tmp_path / "mine")
-
-
-_REMOVER = "from pathlib import Path; from gough_stewart.model.process.files import *; remove_leftovers(Path('.'))"
-
-
-@posix
 def test_a_folder_of_a_killed_process_goes_with_what_is_in_it_and_other_names_stay(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -282,26 +225,6 @@ def test_a_folder_of_a_killed_process_goes_with_what_is_in_it_and_other_names_st
     assert caplog.messages == [
         f"removed from {tmp_path} what a command left that was killed: .12345678.part, .b.c.0a_b1c2d.part"
     ]
-
-
-@posix
-def test_a_temporary_place_is_locked_new_and_gone_afterwards(tmp_path: Path) -> None:
-    """Expected: beside its target, under its name, empty; renamed it stays."""
-    with temporary_file(tmp_path / "table") as first, temporary_file(tmp_path / "table") as second:
-        assert first != second
-        assert {first.parent, second.parent} == {tmp_path}
-        assert all(re.fullmatch(r"\.table\.[0-9a-f]{8}\.part", each.name) for each in (first, second))
-        assert first.read_bytes() == b""
-        descriptor = os.open(first, os.O_RDONLY)
-        assert lock(descriptor) is False
-        os.close(descriptor)
-        second.write_bytes(b"2")
-        second.replace(tmp_path / "table")
-    assert names(tmp_path) == {"table"}
-    with temporary_folder(tmp_path) as folder:
-        (folder / "inside").write_bytes(b"1")
-        assert re.fullmatch(r"\.[0-9a-f]{8}\.part", folder.name)
-    assert names(tmp_path) == {"table"}
 
 
 @posix
