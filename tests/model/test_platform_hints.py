@@ -87,17 +87,6 @@ def test_lugre_friction_that_is_not_passive_is_said() -> None:
     assert not any("passive" in each for each in real_platform("elasto_plastic", **one).hints)
 
 
-def test_nearly_all_exchanged_joints_that_assemble_are_hinted_at() -> None:
-    """All orders of a preset's platform joints that assemble, its own aside: most cross, the others condition worse."""
-    preset = gs.load_preset("motion_base")
-    hinted = 0
-    for order in list(permutations(range(6)))[1:]:
-        try:
-            exchanged = replace(preset, platform_points=preset.platform_points[list(order)])
-        except GoughStewartError:
-            continue
-        hinted += bool(exchanged.hints)
-    assert hinted >= 70
 
 
 def _crossing(share: float, **limits: Any) -> gs.Platform:

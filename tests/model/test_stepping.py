@@ -643,6 +643,61 @@ def test_a_platform_moves_as_a_lagrangian_with_printed_laws_under_radau(
 
 
 
+@pytest.mark.parametrize(("springs", "friction"), [*product((False, True), ("elasto_plastic", "lugre"))])
+def test_fixed_steps_of_1_ms_resolve_legs_that_break_loose_and_reverse(springs: bool, friction: str) -> None:
+    """Expected: SciPy at 1e-10; bristles start straight at 0.1 m/s, and 1e-4 of their reach is allowed in a step."""
+    platform = real_platform(friction, springs)
+    models = SteppingModel(platform, fixed_step_size=1e-3), SteppingModel(platform, 1e-10, integrator="scipy")
+    for model in models:
+        model.set_many(MOTION)
+    ours, theirs = (stepped(model, 40) for model in models)
+    assert np.abs(ours - theirs)[:6].max() < 2e-7
+    assert np.abs(ours - theirs)[6:12].max() < (8e-5 if springs else 2e-6)
+    reach = np.max(platform.leg_static_friction) / platform.leg_bristle_stiffness
+    assert np.abs(ours - theirs)[12:18].max() < (5e-3 if springs else 5e-4) * reach
+
+
+
+@pytest.mark.parametrize(("friction", "fixed"), [*product(("elasto_plastic", "lugre"), (0.0, 1e-3))])
+def test_lugre_creeps_below_breakaway_and_elasto_plastic_does_not(friction: str, fixed: float) -> None:
+    """40 N ± 20 N on each leg more than its weight, 100 N of friction. Expected: stands within 1 nm; creeps further."""
+    platform = gs.load_preset("motion_base").with_parameters(
+        {"leg_friction_model": friction, "leg_coulomb_friction": 100.0}
+    )
+    model = SteppingModel(platform, fixed_step_size=fixed)
+    # bristles that are not exactly alike: standing must not be a balance on a needle's point
+    model.set("leg_bristle", 1e-17 * np.arange(6))
+    heights = []
+    for k in range(600):
+        model.set("actuator_force", platform.home_actuator_force + 40.0 + 20.0 * np.sin(np.pi * k / 50))
+        model.do_step(model.time, 1e-3)
+        if k % 100 == 99:
+            heights.append(model.state[2] - platform.home_position[2])
+    # 40 N over 1e7 N/m and the legs' slope
+    assert 3e-6 < heights[0] < 2e-5
+    drift = heights[-1] - heights[-2]
+    assert drift > 1e-8 if friction == "lugre" else abs(drift) < 1e-9
+
+
+
+def test_stiff_legs_are_the_rigid_plant_to_first_order() -> None:
+    """Expected: the rigid plant without friction; legs stretch by F/k, so poses differ by ∝ 1/k under smooth forces."""
+    frictionless = {"leg_viscous_friction": 0.0, "leg_coulomb_friction": 0.0, "leg_static_friction": 0.0}
+    stiffness, ends = [0.0, 1e7, 1e8, 1e9], []
+    for k in stiffness:
+        platform = real_platform("smooth", True, **frictionless, leg_stiffness=k, leg_damping=0.0)
+        model = SteppingModel(platform, tolerance=1e-11)
+        model.set_many(MOTION)
+        for n in range(20):
+            model.set("actuator_force", platform.home_actuator_force + 40 * np.sin(0.2 * n + np.arange(6)))
+            model.do_step(1e-3 * n, 1e-3)
+        ends.append(model.state[:6])
+    errors = np.abs(np.array(ends[1:]) - ends[0]).max(axis=1)
+    order = -np.polyfit(np.log(stiffness[1:]), np.log(errors), 1)[0]
+    assert errors[-1] > 1e-9  # not of the tolerance
+    assert order == pytest.approx(1.0, abs=0.1)
+
+
 def test_without_library_and_compiler_the_error_names_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: the extra that brings a compiler, and the other integrator, which steps."""
     compiled_stepper.stepper_library.cache_clear()

@@ -167,8 +167,6 @@ for k in range(20):
 GIVEN = "tests.support.isolated_object:Given"
 UNIT = Path("other.fmu")
 NAME = "SOME_NAME_OF_THIS_TEST"
-# Five thousand characters, of which no two hundred come twice.
-LONG = "".join(f"{k:05}" for k in range(1000))
 
 
 def test_an_object_in_another_process_has_its_arguments_answers_and_errors(tmp_path: Path) -> None:
@@ -191,28 +189,3 @@ def test_an_object_in_another_process_has_its_arguments_answers_and_errors(tmp_p
         other.call("both")
     with pytest.raises(StepError, match=r"^first = 1.5 at time 7.3 s: is refused$"):
         Isolated(UNIT, GIVEN, ("refuse", 2))
-
-
-@pytest.mark.parametrize(
-    ("lines", "said"),
-    [((), ""), (("first", "second"), ": second"), ((LONG,), f": {LONG[-1999:-1799]}"), (("last", "  ", ""), ": last")],
-)
-def test_a_process_that_ends_is_told_by_code_call_and_last_line(lines: tuple[str, ...], said: str) -> None:
-    """Expected: the error class that was asked for; two hundred characters of the end of a long line."""
-    other = Isolated(UNIT, GIVEN, (1, 2), GoughStewartError)
-    with pytest.raises(GoughStewartError) as caught:
-        other.call("leave", 5, *lines)
-    assert str(caught.value) == f"other.fmu: the FMU ended its process with exit code 5 in leave{said}"
-    with pytest.raises(GoughStewartError, match=r"ended its process with exit code 5 in both"):
-        other.call("both")
-    other.close()
-
-
-def test_a_process_that_is_killed_leaves_nothing_and_says_so() -> None:
-    other = Isolated(UNIT, GIVEN, (1, 2))
-    folder = Path(other.call("variable", "TMPDIR"))
-    other.kill()
-    assert not folder.exists()
-    with pytest.raises(GoughStewartError, match=r"^other.fmu: the FMU crashed \(SIGKILL\) in both"):
-        other.call("both")
-    other.close()

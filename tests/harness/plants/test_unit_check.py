@@ -194,9 +194,3 @@ def test_the_command_says_a_line_for_each_check_and_fails_with_one(
     assert invoke("build", "--fmi", "3.0", "--out", "other").exit_code == 0
 
 
-def test_units_for_other_machines_are_not_checked_here(tmp_path: Path) -> None:
-    """Expected: refused before anything is built, with the remedy."""
-    done = invoke("build", "--check", "--target", "x86_64-windows", "--out", str(tmp_path / "out"))
-    assert done.exit_code == 2
-    assert "the targets are x86_64-windows; add `--target native`" in done.stderr
-    assert not (tmp_path / "out").exists()

@@ -47,20 +47,6 @@ def test_ctrl_c_while_the_equations_are_traced_is_not_swallowed(name: str, times
     assert all(interrupting(trace, 0.006 * (k + 1)) for k in range(times))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signals_of_a_block_are_handled_at_its_end_once(number: signal.Signals) -> None:
-    handled, inside = list[int](), list[int]()
-    signal.signal(number, lambda number, _frame: handled.append(number))
-    with interrupts_held_back():
-        signal.raise_signal(number)
-        signal.raise_signal(number)
-        inside += handled
-    assert inside == []
-    assert handled == [number]
-    signal.raise_signal(number)
-    assert handled == [number] * 2
-
-
 def test_of_several_signals_of_a_block_the_first_is_handled_and_handlers_are_back_after_an_error() -> None:
     """Expected: SIGTERM, which came first; an error of the block comes out, with the handlers as they were."""
     handled = list[int]()

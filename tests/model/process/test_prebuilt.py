@@ -80,19 +80,3 @@ def test_without_a_whole_manifest_there_is_nothing(folder: Path, text: str) -> N
     assert prebuilt("code", "now") is None
 
 
-def test_the_state_of_a_package_is_that_of_its_own_files(tmp_path: Path) -> None:
-    """Expected: another state for another name, content or division into files; subfolders do not count."""
-    (tmp_path / "a.py").write_text("one")
-    (tmp_path / "b.py").write_text("two")
-    states = [digest_of_files(tmp_path.iterdir())]
-    (tmp_path / "b.py").rename(tmp_path / "c.py")
-    states.append(digest_of_files(tmp_path.iterdir()))
-    (tmp_path / "c.py").write_text("tow")
-    states.append(digest_of_files(tmp_path.iterdir()))
-    (tmp_path / "a.py").write_text("onet")
-    (tmp_path / "c.py").write_text("ow")
-    states.append(digest_of_files(tmp_path.iterdir()))
-    assert len(set(states)) == 4
-    assert state_of_package("gough_stewart.model") == digest_of_files(
-        path for path in (Path(__file__).parents[3] / "model").iterdir() if path.suffix == ".py"
-    )
