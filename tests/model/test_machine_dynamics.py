@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from gough_stewart import GoughStewartError, Platform, State, leg_geometry
-from gough_stewart.model import interface
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_rates
@@ -149,29 +148,6 @@ def test_what_is_0_is_derived_as_documented() -> None:
     x, u, kernel = vector_of(variant, state, parts), inputs.to_vector(), Kernel(variant)
     derived = kernel.derivatives(x, u, parameter_vector(soft, variant)).copy()
     assert derived == pytest.approx(kernel.derivatives(x, u, parameter_vector(stated, variant)), rel=1e-12)
-
-
-def test_outputs_have_forces_and_energies_of_motors_and_springs() -> None:
-    """Expected: k (s − L) + c (ṡ − L̇); ½ m_a ṡ² and ½ k (s − L)² in addition to the plant without armature."""
-    soft = real_platform(springs=True)
-    bare = replace(soft, leg_armature=0.0, leg_stiffness=0.0, leg_damping=0.0)
-    state, inputs, parts = lively(soft, 8)
-    _, s, ds = parts
-
-    def results(platform: Platform) -> dict[str, FloatArray]:
-        variant = Variant.of(platform)
-        x, p = vector_of(variant, state, parts), parameter_vector(platform, variant)
-        return interface.unpack(variant.results, Kernel(variant).outputs(x, inputs.to_vector(), p).copy())
-
-    y, of_bare = results(soft), results(bare)
-    stretch = s - leg_geometry(soft, *state[:2]).length
-    rate = ds - leg_rates(soft, state).length_rate
-    assert y["leg_force"] == pytest.approx(soft.leg_stiffness * stretch + soft.leg_damping * rate, rel=1e-9)
-    assert (y["motor_position"].tolist(), y["motor_velocity"].tolist()) == (s.tolist(), ds.tolist())
-    motors = 0.5 * soft.leg_armature * (ds**2).sum()
-    assert y["kinetic_energy"] == pytest.approx(of_bare["kinetic_energy"] + motors, rel=1e-12)
-    springs = 0.5 * soft.leg_stiffness * (stretch**2).sum()
-    assert y["potential_energy"] - of_bare["potential_energy"] == pytest.approx(springs, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,6 @@
 """Operations on numbers and on symbols: the values worked out by hand, and the same from CasADi's evaluation and C."""
 
-import ctypes
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import casadi
@@ -12,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gough_stewart.model import operations
-from tests.support.exported import COMPILER, compiled
 
 INF = np.inf
 A = np.array([-2.5, -1.0, 0.0, 1e-12, 0.7, 3.0, -0.0, INF, -INF, 2.5])
@@ -52,24 +49,6 @@ def test_numbers_and_symbols_give_the_values_worked_out_by_hand(name: str) -> No
     _assert_equal(name, np.asarray(of(*arrays), dtype=float), expected)
     function = _function(of, [len(each) for each in arrays])
     _assert_equal(name, np.asarray(function(*arrays)).ravel(), expected)
-
-
-def test_c_gives_the_same(tmp_path: Path) -> None:
-    """Expected: the typed-in values, from the code that CasADi writes; C has its own fmin, remainder and conditions."""
-    generator = casadi.CodeGenerator("code.c", {"with_header": False})
-    for k, (of, arrays, _) in enumerate(CASES.values()):
-        f = _function(of, [len(each) for each in arrays])
-        generator.add(casadi.Function(f"f{k}", f.sx_in(), f.call(f.sx_in())))
-    generator.generate(f"{tmp_path}/")
-    compiled([*COMPILER, "-O1", "-shared", "-fPIC", "code.c", "-o", "code.so", "-lm"], tmp_path)
-    code = ctypes.CDLL(str(tmp_path / "code.so"))
-    for k, (name, (_, arrays, expected)) in enumerate(CASES.items()):
-        given_, found = [np.ascontiguousarray(each) for each in arrays], np.zeros(len(expected))
-        arg = (ctypes.c_void_p * len(given_))(*(each.ctypes.data for each in given_))
-        res = (ctypes.c_void_p * 1)(found.ctypes.data)
-        work = np.zeros(200)
-        assert getattr(code, f"f{k}")(arg, res, None, ctypes.c_void_p(work.ctypes.data), 0) == 0
-        _assert_equal(name, found, expected)
 
 
 def _assert_equal(name: str, found: Any, expected: list[float]) -> None:

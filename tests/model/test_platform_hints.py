@@ -10,7 +10,7 @@ from scipy.optimize import brentq, lsq_linear
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart import GoughStewartError, leg_geometry
+from gough_stewart import leg_geometry
 from tests.support.lagrangian import FloatArray
 from tests.support.nano import HEAVY, NANO
 from tests.support.real_platforms import real_platform
@@ -85,8 +85,6 @@ def test_lugre_friction_that_is_not_passive_is_said() -> None:
     assert "damping is 16.1 N s/m, and passive is below sigma2 F_c/(F_s - F_c) = 16 N s/m" in said
     assert not any("passive" in each for each in real_platform("lugre", **one, leg_bristle_damping=15.9).hints)
     assert not any("passive" in each for each in real_platform("elasto_plastic", **one).hints)
-
-
 
 
 def _crossing(share: float, **limits: Any) -> gs.Platform:

@@ -82,23 +82,6 @@ def test_a_file_is_written_line_by_line_as_a_user_reads_it() -> None:
     assert loaded(alike).leg_coulomb_friction_factor.tolist() == [1] * 6
 
 
-def test_what_has_a_default_may_be_missing_and_nothing_else() -> None:
-    """Expected: every required key by name, in the order of a file; defaults of numbers and of arrays alike."""
-    with pytest.raises(gs.GoughStewartError) as caught:
-        loaded("name = 'a'\nhome_position = [0, 0, 1]")
-    assert str(caught.value).endswith(
-        "mine.toml: missing base_points, platform_points, platform_mass, platform_inertia, leg_lower_mass, "
-        "leg_upper_mass, leg_lower_com, leg_upper_com, leg_lower_inertia, leg_upper_inertia; see a preset for a "
-        "complete file"
-    )
-    optional = ("name", "source", "platform_com", "gravity", "home_orientation", "leg_armature", "joint_angle_max")
-    optional += ("leg_viscous_friction", "leg_coulomb_friction", "leg_friction_velocity", "actuator_force_max")
-    optional += ("leg_length_min", "leg_length_max")
-    bare = "\n".join(line for line in written(UNEVEN).splitlines() if not line.startswith(optional))
-    assert loaded(bare).gravity.tolist() == [0, 0, -9.81]
-    assert loaded(bare).name == "unnamed"
-
-
 # A line before the file of the paper's platform, and what is said.
 WRONG_LINES = [
     ("paring = 'far'", "unknown key 'paring'; did you mean 'pairing'?"),

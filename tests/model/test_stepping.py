@@ -108,29 +108,17 @@ REFUSED: list[tuple[Any, Any, str]] = [
     ("actuator_force", [10**400] * 6, "expected numbers"),
     ("platform_mass", None, "is None; expected one number"),
     ("external_force", "up", "expected numbers"),
-    (
-        "external_force",
-        1.0,
-        r"^external_force: has shape \(\); expected numbers of shape \(3,\) \[N\], ext",
-    ),
+    ("external_force", 1.0, r"^external_force: has shape \(\); expected numbers of shape \(3,\) \[N\], ext"),
     ("leg_length", [3.0] * 6, r"is computed \(output\); set inputs, parameters or states instead"),
     ("joint_force[2,3]", 1.0, r"is computed \(local\)"),
     ("fixed_step_size", 1e-3, "parameter of the FMU"),
-    (
-        "orientation",
-        [0, 1.6, 0],
-        r"orientation\[2\]: is 1.6 rad; expected a pitch within ±1.5698 rad",
-    ),
+    ("orientation", [0, 1.6, 0], r"orientation\[2\]: is 1.6 rad; expected a pitch within ±1.5698 rad"),
     ("orientation[2]", -np.pi / 2 + 0.999e-3, "expected a pitch within"),
     ("platform_mass", -1.0, "is -1 kg; expected > 0"),
     ("leg_coulomb_friction", -1.0, "is -1 N; expected >= 0"),
     ("leg_bristle", np.zeros(6), "is nothing that this platform has: leg_friction_model is 's"),
     ("leg_damping", 3.0, "is nothing that this platform has: leg_stiffness is 0"),
-    (
-        "leg_stiffness",
-        1e7,
-        "would give the model other states; make a SteppingModel of that platform",
-    ),
+    ("leg_stiffness", 1e7, "would give the model other states; make a SteppingModel of that platform"),
 ]
 
 
@@ -215,8 +203,6 @@ def test_results_are_those_of_independent_equations_under_the_present_inputs(int
     assert M @ moved == pytest.approx(np.concatenate([change, np.zeros(3)]), abs=1e-10)
 
 
-
-
 @by_both
 def test_the_linearisation_predicts_a_small_step(integrator: Integrator) -> None:
     """Expected: x(h) = x + h (ẋ + A h ẋ/2) and y(h) − y = C (x(h) − x), ẋ by differences; copies."""
@@ -295,8 +281,6 @@ def test_fixed_steps_have_order_4(name: str) -> None:
     steps = (2.5e-4, 1.25e-4, 6.25e-5) if name == "elastic" else (1e-3, 5e-4, 2.5e-4)
     errors = [np.abs(stepped(moving(name, fixed_step_size=h), 20) - exact)[:12].max() for h in steps]
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] > 3.8
-
-
 
 
 TIMES: list[tuple[Any, Any, str]] = [
@@ -433,8 +417,6 @@ def test_poses_are_refused_from_their_limits_on(integrator: Integrator) -> None:
                 assert (error_at(home, [0.0, 0.0, yaw]) is not None) == (number > 1e8)
                 seen.add(number > 1e8)
     assert seen == {True, False}
-
-
 
 
 @by_both
@@ -641,8 +623,6 @@ def test_a_platform_moves_as_a_lagrangian_with_printed_laws_under_radau(
     assert np.ptp(np.sign(model.state[12:18])) == 2
 
 
-
-
 @pytest.mark.parametrize(("springs", "friction"), [*product((False, True), ("elasto_plastic", "lugre"))])
 def test_fixed_steps_of_1_ms_resolve_legs_that_break_loose_and_reverse(springs: bool, friction: str) -> None:
     """Expected: SciPy at 1e-10; bristles start straight at 0.1 m/s, and 1e-4 of their reach is allowed in a step."""
@@ -655,7 +635,6 @@ def test_fixed_steps_of_1_ms_resolve_legs_that_break_loose_and_reverse(springs: 
     assert np.abs(ours - theirs)[6:12].max() < (8e-5 if springs else 2e-6)
     reach = np.max(platform.leg_static_friction) / platform.leg_bristle_stiffness
     assert np.abs(ours - theirs)[12:18].max() < (5e-3 if springs else 5e-4) * reach
-
 
 
 @pytest.mark.parametrize(("friction", "fixed"), [*product(("elasto_plastic", "lugre"), (0.0, 1e-3))])
@@ -677,7 +656,6 @@ def test_lugre_creeps_below_breakaway_and_elasto_plastic_does_not(friction: str,
     assert 3e-6 < heights[0] < 2e-5
     drift = heights[-1] - heights[-2]
     assert drift > 1e-8 if friction == "lugre" else abs(drift) < 1e-9
-
 
 
 def test_stiff_legs_are_the_rigid_plant_to_first_order() -> None:

@@ -161,6 +161,16 @@ def test_every_quality_of_a_pose_is_that_of_an_independent_calculation() -> None
     assert 0 < np.count_nonzero(found.payload) < 6
 
 
+def test_the_payload_is_what_brings_the_first_leg_to_its_limit() -> None:
+    """Expected: of a platform whose load far aside pulls at some legs: the largest force with the payload added."""
+    position, orientation = POSES[5, :3], POSES[5, 3:]
+    platform = replace(UNEVEN, platform_com=np.array([2.5, 2.0, 1.0]), actuator_force_max=300.0)
+    payload = evaluate_poses(platform, position, orientation).payload
+    wrench = -float(np.asarray(payload)) * np.append(UNEVEN.gravity, np.zeros(3))
+    added = np.linalg.solve(gs.leg_jacobian(platform, position, orientation).T, wrench)
+    assert np.abs(static_leg_forces(platform, position, orientation) + added).max() == pytest.approx(300, rel=1e-9)
+
+
 def _static_forces(position: FloatArray, R: Rotation) -> FloatArray:
     """Leg forces at rest: weight of platform, of upper parts along the legs, of all leg parts by moments about B."""
     g = UNEVEN.gravity

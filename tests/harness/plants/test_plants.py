@@ -1,9 +1,7 @@
 """Plants by their contract: model, FMI 2.0 and FMI 3.0 give the same, and clean up after themselves."""
 
 import re
-import sys
 import tempfile
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,7 +16,6 @@ from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.model import ModelPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.harness.plants.unit import FmuInstance, UnitFile
 from gough_stewart.model import interface
 from tests.support.fmu_plants import Fmu
 from tests.support.uneven import INPUTS, STATE, UNEVEN
@@ -64,26 +61,6 @@ def test_parameters_change_together_or_not_at_all(open_one: Open, paper: Platfor
     assert abs(floating[2]) < 0.1
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="mapped files are read from /proc")
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_a_closed_file_keeps_no_library_also_after_a_failed_instance(
-    version: str, fmus: dict[str, Fmu], tmp_path: Path
-) -> None:
-    """Expected: no file of the unit's folder is mapped into this process afterwards."""
-    with zipfile.ZipFile(fmus[version].path) as old, zipfile.ZipFile(tmp_path / "other.fmu", "w") as new:
-        for name in old.namelist():
-            content = old.read(name)
-            if name == "modelDescription.xml":
-                content = re.sub(rb'((?:guid|instantiationToken)="\{?)', rb"\1x", content)
-            new.writestr(name, content)
-    with UnitFile(fmus[version].path) as file, FmuInstance(file):
-        assert str(file.folder) in Path("/proc/self/maps").read_text()
-    with UnitFile(tmp_path / "other.fmu") as other, pytest.raises(GoughStewartError, match="wrong token"):
-        FmuInstance(other)
-    for closed in (file, other):
-        assert str(closed.folder) not in Path("/proc/self/maps").read_text()
-
-
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_a_closed_or_refused_plant_leaves_nothing_and_refuses_calls(
     version: str, fmus: dict[str, Fmu], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -113,20 +90,6 @@ def test_kinds_and_files_that_do_not_fit_are_refused(fmus: dict[str, Fmu]) -> No
     ):
         with pytest.raises(GoughStewartError, match=re.escape(text)):
             gs.run("heave_step", {"loop.duration": 0.01}, plant=kind, fmu=file)
-
-
-def test_open_plant_builds_what_is_not_given_and_keeps_it(
-    paper: Platform, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: the first time progress is told and the cache has a file, the second time neither more."""
-    monkeypatch.setattr("gough_stewart.fmu_build.cached.cache_folder", lambda: tmp_path)
-    for count in (1, 0):
-        told: list[str] = []
-        with open_plant("fmu3", paper, progress=told.append) as plant:
-            plant.do_step(0.0, 0.01)
-        assert sum("FMI 3.0: sources" in text for text in told) == count
-    names = ["gough_stewart_fmi3.fmu", "gough_stewart_fmi3.fmu.sha256"]
-    assert sorted(file.name for file in tmp_path.rglob("*") if file.is_file()) == names
 
 
 @pytest.mark.usefixtures("units_in_process")

@@ -192,5 +192,3 @@ def test_the_command_says_a_line_for_each_check_and_fails_with_one(
     assert re.search(r"Model Exchange +│ FAILED +│ +2.0e-03 \(open_loop\)", done.stdout)
     assert {p.name for p in Path("other").iterdir()} == {"gough_stewart_fmi3.fmu", "report.json"}
     assert invoke("build", "--fmi", "3.0", "--out", "other").exit_code == 0
-
-

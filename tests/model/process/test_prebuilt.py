@@ -11,12 +11,10 @@ import pytest
 from gough_stewart.model.process import prebuilt as module
 from gough_stewart.model.process.prebuilt import (
     MANIFEST,
-    digest_of_files,
     manifest_line,
     packed,
     prebuilt,
     prebuilt_content,
-    state_of_package,
 )
 
 CONTENT = bytes(range(256)) * 40
@@ -78,5 +76,3 @@ def test_without_a_whole_manifest_there_is_nothing(folder: Path, text: str) -> N
     (folder / MANIFEST).unlink()
     module._manifest.cache_clear()
     assert prebuilt("code", "now") is None
-
-
