@@ -6,8 +6,6 @@ from typing import Any
 import casadi
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gough_stewart.model import operations
 
@@ -54,11 +52,3 @@ def test_numbers_and_symbols_give_the_values_worked_out_by_hand(name: str) -> No
 def _assert_equal(name: str, found: Any, expected: list[float]) -> None:
     """Exactly; but for the last bit of an angle, which libraries round differently."""
     np.testing.assert_allclose(found, expected, rtol=3e-16 if name == "arctan2" else 0, atol=0, err_msg=name)
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.lists(st.floats(-1e16, 1e16), min_size=1, max_size=6))
-def test_rounding_is_that_of_numpy_for_any_number(values: list[float]) -> None:
-    """Expected: NumPy's rint, which rounds in the processor; symbols round by a remainder."""
-    x = np.array(values)
-    np.testing.assert_array_equal(np.asarray(_function(operations.rounded, [len(x)])(x)).ravel(), np.rint(x))

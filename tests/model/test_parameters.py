@@ -13,7 +13,6 @@ from lxml import etree
 
 import gough_stewart as gs
 from gough_stewart import GoughStewartError, Platform
-from gough_stewart.harness.results.run_report import parameters_table
 from tests.support.documented_loop import accelerations, twist_of_rates
 from tests.support.platform_files import loaded, written
 from tests.support.random_platforms import random_platform, random_state
@@ -170,21 +169,10 @@ def test_six_values_become_their_mean_and_factors(uneven: Platform, name: str) -
     assert np.array_equal(getattr(alike, f"{name}_factor"), np.ones(6))
     nothing: dict[str, Any] = {name: np.zeros(6)}
     free = changed.with_parameters(nothing)
+    negative: dict[str, Any] = {name: [*SIX[:2], -2, *SIX[3:]]}
+    with pytest.raises(GoughStewartError, match=rf"{name}\[3\]: is -2 .*; expected >= 0"):
+        uneven.with_parameters(negative)
     assert (getattr(free, name), getattr(free, f"{name}_factor").tolist()) == (0.0, [1.0] * 6)
-
-
-def test_a_platform_file_may_have_six_values_of_friction_but_not_beside_factors(uneven: Platform) -> None:
-    text = written(replace(uneven, leg_viscous_friction_factor=np.ones(6)))
-    lines = [line for line in text.splitlines() if not line.startswith("leg_viscous_friction")]
-    six = "\n".join([*lines, f"leg_viscous_friction = {SIX}"])
-    assert loaded(six) == uneven.with_parameters({"leg_viscous_friction": SIX})
-    with pytest.raises(GoughStewartError, match=r"leg_viscous_friction: has six values beside leg_viscous_friction_f"):
-        loaded(f"{six}\nleg_viscous_friction_factor = [1, 1, 1, 1, 1, 1]")
-    negative: Any = [*SIX[:2], -2, *SIX[3:]]
-    with pytest.raises(GoughStewartError, match=r"leg_coulomb_friction\[3\]: is -2 N; expected >= 0"):
-        uneven.with_parameters({"leg_coulomb_friction": negative})
-    with pytest.raises(GoughStewartError, match=r"has shape \(5,\); expected one number"):
-        replace(uneven, leg_coulomb_friction=SIX[:5])
 
 
 @pytest.mark.parametrize("name", ["leg_viscous_friction", "leg_coulomb_friction"])
@@ -255,13 +243,6 @@ def test_both_units_declare_every_parameter_and_name_it_in_their_page(
     for name, references in older.items():
         first = next(n for n in two if n.startswith(f"{name}["))
         assert (int(two[first].get("valueReference")), int(three[name].get("valueReference"))) == references
-
-
-def test_the_page_of_records_shows_every_parameter_with_its_unit(uneven: Platform) -> None:
-    heads = [str(first).removesuffix("]").partition(" [") for first, *_ in parameters_table(uneven, uneven).rows]
-    rows = {name: unit for name, _, unit in heads}
-    written = {"kg.m2": "kg·m²", "m/s2": "m/s²", "N.s/m": "N·s/m"}
-    assert {name: rows[name] for name in ALL} == {n: written.get(each.unit, each.unit) for n, each in ALL.items()}
 
 
 def test_the_guide_of_the_fmu_names_what_is_tunable() -> None:

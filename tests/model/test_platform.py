@@ -40,16 +40,6 @@ def test_an_impossible_parameter_is_refused_by_name(paper: Platform, field: str,
     assert isinstance(caught.value, GoughStewartError)
 
 
-@pytest.mark.parametrize("leg", range(6))
-def test_a_leg_of_no_length_is_told_by_its_share_of_the_base(leg: int) -> None:
-    """Expected: a millionth of the largest coordinate of a base joint, 2.04 m."""
-    joint = UNEVEN.base_points[leg] - leg_geometry(UNEVEN, np.zeros(3), UNEVEN.home_orientation).arm[leg]
-    for share, message in ((0.9, f"joint {leg + 1} coincide in the home pose"), (1.1, "leg_lower_com")):
-        above = joint + share * 2.04e-6 * np.array([0.6, 0.0, 0.8])
-        with pytest.raises(GoughStewartError, match=message):
-            replace(UNEVEN, home_position=above)
-
-
 @pytest.mark.parametrize("name", preset_names())
 def test_presets_are_well_conditioned_and_cite_a_source(name: str) -> None:
     platform = load_preset(name)
@@ -237,19 +227,6 @@ def test_equal_platforms_are_equal_in_every_field(name: str) -> None:
     if name == "leg_friction_model":
         other = "elasto_plastic"
     assert replace(REAL, **{name: other}) != REAL
-
-
-def test_a_platform_lists_its_fields_in_the_order_of_its_file() -> None:
-    """Expected: texts, physical parameters, home pose, limits; those that are stated, as they are."""
-    names = list(UNEVEN.as_dict())
-    assert names[:4] == ["name", "source", "base_points", "platform_points"]
-    assert names[-6:] == [
-        *("home_position", "home_orientation", "leg_length_min", "leg_length_max", "actuator_force_max"),
-        "joint_angle_max",
-    ]
-    for name, value in UNEVEN.as_dict().items():
-        assert value == "smooth" if name == "leg_friction_model" else value is getattr(UNEVEN, name)
-    assert Platform(**UNEVEN.as_dict()) == UNEVEN
 
 
 def test_the_friction_of_screws_is_that_of_their_preload() -> None:

@@ -71,29 +71,6 @@ def test_it_starts_at_home_at_rest_at_time_zero_and_stands_still(name: str, inte
     assert np.abs(model.state - home).max() < (1e-7 if model.variant.springs else 1e-10)
 
 
-def test_variables_go_by_whole_and_by_element() -> None:
-    """Expected: every element of every variable is that of the whole at the indices of its name, one-based."""
-    model = moving("both")
-    model.set("actuator_force", [1, 2, 3, 4, 5, 6])
-    model.set("actuator_force[3]", 7.0)
-    assert np.array_equal(model.get("actuator_force"), [1, 2, 7, 4, 5, 6])
-    model.set("base_points[2,3]", 0.01)
-    assert model.get("base_points[2,3]") == 0.01
-    model.set("position[3]", 3.1)
-    assert model.get("position[3]") == 3.1
-    before = model.save_state()
-    inputs = [v for v in gs.VARIABLES if v.causality == "input"]
-    for variable in {v.name: v for v in (*inputs, *model.variant.results, *model.variant.parameters)}.values():
-        whole = np.asarray(model.get(variable.name))
-        assert whole.shape == variable.shape
-        for index in np.ndindex(whole.shape):
-            if variable.shape:
-                assert model.get(f"{variable.name}[{','.join(str(k + 1) for k in index)}]") == whole[index]
-        whole[...] = 99.0
-    assert isinstance(model.get("kinetic_energy"), float)
-    assert model.save_state() == before
-
-
 REFUSED: list[tuple[Any, Any, str]] = [
     ("actuator_forces", FORCES, "did you mean 'actuator_force'"),
     (3, FORCES, "expected the name of a variable"),
@@ -419,16 +396,6 @@ def test_poses_are_refused_from_their_limits_on(integrator: Integrator) -> None:
     assert seen == {True, False}
 
 
-@by_both
-def test_a_motion_that_passes_a_singular_pose_between_two_steps_fails(integrator: Integrator) -> None:
-    """Expected: at a tolerance of 1e-2 a step is long enough; value and side by NumPy's condition number."""
-    model = SteppingModel(replace(UNEVEN, gravity=np.zeros(3)), 1e-2, integrator=integrator)
-    model.set_many({"actuator_force": np.zeros(6), "angular_velocity": [0, 0, 9.0]})
-    error = refused(model, lambda: model.do_step(0.0, 0.5), "passed|reached")
-    assert error.quantity == CONDITION
-    assert error.value > 1
-
-
 @pytest.mark.parametrize(
     ("name", "options", "span", "quantity", "words"),
     [
@@ -532,18 +499,6 @@ def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str
     assert model.platform == PLATFORMS[name]
     assert model.save_state() == snapshot
     assert future(model) == once
-
-
-@by_both
-def test_reset_is_a_new_model(integrator: Integrator) -> None:
-    model = started(integrator=integrator)
-    model.set("platform_mass", 12.0)
-    model.do_step(0.0, 0.3)
-    model.reset()
-    snapshot = SteppingModel(UNEVEN).save_state()
-    assert model.save_state() == snapshot
-    assert (snapshot.time, snapshot.internal_step, snapshot.started) == (0.0, None, False)
-    refused(model, lambda: model.restore_state(None), "expected a snapshot from save_state")  # type: ignore[arg-type]
 
 
 # --- rules 10 and 11, and what is beneath --------------------------------------------------------------------------

@@ -47,18 +47,6 @@ def test_an_entry_that_leads_out_is_refused_by_name(name: str, tmp_path: Path) -
     assert [file.name for file in tmp_path.iterdir()] == ["unit.fmu"]
 
 
-@pytest.mark.parametrize("identifier", ["../../../real", "/tmp/real", "a b", "C:real", "", "1st", "ré"])
-def test_the_name_of_the_library_is_an_identifier(identifier: str, fmus: dict[str, Fmu], tmp_path: Path) -> None:
-    """Expected: by the standard, a C identifier; a path would name a library outside of the archive."""
-    named, other = b'modelIdentifier="gough_stewart"', f'modelIdentifier="{identifier}"'.encode()
-    for version, fmu in fmus.items():
-        path = copy_of(fmu, tmp_path / f"{version}.fmu", named, other)
-        with pytest.raises(
-            GoughStewartError, match=f"modelIdentifier '{re.escape(identifier)}'; expected a C identifier"
-        ):
-            UnitFile(path)
-
-
 def test_what_is_too_large_is_refused_by_name_and_size(
     fmus: dict[str, Fmu], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -200,34 +200,6 @@ def test_a_command_says_what_it_removed(tmp_path: Path) -> None:
 
 
 @posix
-def test_a_folder_of_a_killed_process_goes_with_what_is_in_it_and_other_names_stay(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    """Expected: names of eight of a to z, 0 to 9 and _, nothing else; said in order of their names."""
-    gone = [".12345678.part", ".b.c.0a_b1c2d.part"]
-    stay = [
-        ".1234567.part",
-        ".123456789.part",
-        ".ABCDEFGH.part",
-        ".x.1.2",
-        "12345678.part",
-        "..140.part",
-        ".a.12.b.part",
-    ]
-    for name in gone:
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "table").write_bytes(b"1")
-    for name in stay:
-        (tmp_path / name).write_bytes(b"1")
-    with caplog.at_level(logging.INFO):
-        remove_leftovers(tmp_path)
-    assert names(tmp_path) == set(stay)
-    assert caplog.messages == [
-        f"removed from {tmp_path} what a command left that was killed: .12345678.part, .b.c.0a_b1c2d.part"
-    ]
-
-
-@posix
 def test_without_locks_nothing_is_removed_and_files_are_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
