@@ -158,7 +158,7 @@ def test_results_are_those_of_independent_equations_under_the_present_inputs(int
     found, vector = model.results(), model.result_vector()
     turn = Rotation.from_euler("xyz", STATE.orientation)
     R, omega, (force, torque) = turn.as_matrix(), STATE.angular_velocity, (INPUTS[6:9], INPUTS[9:])
-    rates = np.linalg.solve(twist_of_rates(model.state[:6]), model.state[6:])
+    rates = np.asarray(np.linalg.solve(twist_of_rates(model.state[:6]), model.state[6:]), dtype=np.float64)
     expected = accelerations(UNEVEN, model.state[:6], rates, INPUTS[:6], INPUTS[6:])
     assert found["acceleration"] == pytest.approx(expected[:3], rel=1e-9)
     arm, com, J = UNEVEN.platform_points @ R.T, R @ UNEVEN.platform_com, R @ UNEVEN.platform_inertia @ R.T
@@ -381,7 +381,8 @@ def test_poses_are_refused_from_their_limits_on(integrator: Integrator) -> None:
         assert error_at(joint + 1.1e-3 * rho * np.array([0.6, 0.0, 0.8]), np.zeros(3)) is None
         error = error_at(joint + 0.9e-3 * rho * np.array([0.6, 0.0, 0.8]), np.zeros(3))
         assert error is not None
-        assert (error.quantity, error.value) == (f"leg_length[{leg + 1}]", pytest.approx(0.9e-3 * rho, rel=1e-6))
+        assert error.quantity == f"leg_length[{leg + 1}]"
+        assert error.value == pytest.approx(0.9e-3 * rho, rel=1e-6)
 
     def scaled(yaw: float) -> Any:
         return leg_jacobian(UNEVEN, home, np.array([0.0, 0.0, yaw])) / np.repeat([1.0, rho], 3)

@@ -103,7 +103,7 @@ def test_a_range_is_that_of_what_can_be_reached_rounded_outward(
     wide = np.array([1.6 * low - 0.6 * high, 1.6 * high - 0.6 * low])
     wide[:, is_given] = np.array([low, high])[:, is_given]
     poses = np.repeat([list(home.values())], 3000, axis=0)
-    poses[:, axes] = rng.uniform(*wide, (3000, len(axes)))
+    poses[:, axes] = rng.uniform(wide[0], wide[1], (3000, len(axes)))
     poses = reached(platform, np.concatenate([poses, [list(home.values())]]))
     for size in (0.5, 0.3, 0.2, 0.1, 0.1, 0.05, 0.05, 0.03, 0.02, 0.02, 0.01, 0.01):
         # the outermost so far, and some others, are moved on

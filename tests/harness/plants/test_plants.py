@@ -89,7 +89,7 @@ def test_kinds_and_files_that_do_not_fit_are_refused(fmus: dict[str, Fmu]) -> No
         ("fmu3", two, f"{two}: is FMI 2.0; expected FMI 3.0 for the plant fmu3"),
     ):
         with pytest.raises(GoughStewartError, match=re.escape(text)):
-            gs.run("heave_step", {"loop.duration": 0.01}, plant=kind, fmu=file)
+            gs.run("heave_step", {"loop.duration": 0.01}, plant=kind, fmu=file)  # type: ignore[arg-type]
 
 
 @pytest.mark.usefixtures("units_in_process")
