@@ -4,6 +4,7 @@ import resource
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import gough_stewart as gs
 from gough_stewart.model import dynamics
@@ -12,7 +13,6 @@ from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
 from tests.model.formulations.test_formulations import by_kane, by_newton_euler
-from tests.model.test_dynamics import spring_energy_error
 from tests.support.fmu_plants import Fmu
 from tests.support.random_platforms import random_sample, relative_difference
 
@@ -43,6 +43,28 @@ def test_formulations_agree_on_20_000_random_platforms() -> None:
             worst[name] = max(worst[name], relative_difference(value, expected))
     print("\n" + ", ".join(f"{name} {value:.2e}" for name, value in worst.items()))
     assert max(worst.values()) <= 1e-10
+
+
+def spring_energy_error(platform: gs.Platform, start: State, stiffness: float, duration: float) -> tuple[float, float]:
+    """Largest relative change of the total energy with legs as springs F = F0 + k (L0 − L), and the largest travel.
+
+    The springs store V = Σ ½ k (L0 − L)² − F0 L; relative to the largest kinetic energy. rtol 1e-12.
+    """
+    home = platform.home_position, platform.home_orientation
+    F0, L0 = dynamics.static_leg_forces(platform, *home), gs.leg_geometry(platform, *home).length
+    kernel, p, u = Kernel(), parameter_vector(platform), np.zeros(12)
+
+    def derivative(_t: float, x: np.ndarray) -> np.ndarray:
+        u[:6] = F0 + stiffness * (L0 - gs.leg_geometry(platform, x[:3], x[3:6]).length)
+        return kernel.derivatives(x, u, p).copy()
+
+    run = solve_ivp(derivative, (0, duration), start.to_vector(), method="DOP853", rtol=1e-12, atol=1e-12)
+    state = State.from_vector(run.y.T)
+    L = gs.leg_geometry(platform, *state[:2]).length
+    kinetic = dynamics.kinetic_energy(platform, state)
+    springs = (0.5 * stiffness * (L0 - L) ** 2 - F0 * L).sum(axis=1)
+    E = kinetic + dynamics.potential_energy(platform, *state[:2]) + springs
+    return float(np.abs(E - E[0]).max() / kinetic.max()), float(np.abs(L - L0).max())
 
 
 @pytest.mark.parametrize(("preset", "stiffness"), [("liu2000", 1e3), ("desktop_hexapod", 2e4), ("motion_base", 1e6)])

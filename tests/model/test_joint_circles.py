@@ -1,61 +1,63 @@
 """Joints on two circles, against the published platforms and elementary geometry."""
 
 import math
-from dataclasses import replace
+import re
 from typing import Any
 
 import numpy as np
 import pytest
-import tomlkit
 
 import gough_stewart as gs
-from gough_stewart.model.errors import PlatformError, PlatformFileError
-from gough_stewart.model.joint_circles import joints_on_circles
-from gough_stewart.model.platform_toml import joints_of_keys, platform_from_toml, platform_to_toml
+from tests.support.platform_files import loaded, written
 
 _JOINTS = ("base_points", "platform_points", "home_position", "home_orientation")
+CIRCLES = {"base_radius": 2.0, "platform_radius": 1.5, "base_angle": 0.3, "platform_angle": 0.5, "home_leg_length": 3.0}
 
 
-def _others(platform: gs.Platform) -> dict[str, Any]:
-    return {name: value for name, value in platform.as_dict().items() if name not in _JOINTS}
+def others() -> dict[str, Any]:
+    """What circles leave open."""
+    return {name: value for name, value in gs.load_preset("liu2000").as_dict().items() if name not in _JOINTS}
+
+
+def on_circles(base: float, platform: float, *angles: float, length: float, pairing: Any = "near") -> gs.Platform:
+    return gs.Platform.from_radii(base, platform, *angles, home_leg_length=length, pairing=pairing, **others())
 
 
 def test_parameters_that_radii_and_angles_leave_open_are_asked_for_by_name() -> None:
     """Expected: all that have no default, in the order of the file; for an unknown name the nearest one."""
-    others = _others(gs.load_preset("liu2000"))
-    del others["platform_inertia"], others["leg_upper_com"]
-    with pytest.raises(PlatformError) as caught:
-        gs.Platform.from_radii(2.0, 1.0, 0.5, 0.5, home_leg_length=3.0, **others)
+    left = others()
+    del left["platform_inertia"], left["leg_upper_com"]
+    with pytest.raises(gs.GoughStewartError) as caught:
+        gs.Platform.from_radii(2.0, 1.0, 0.5, 0.5, home_leg_length=3.0, **left)
     assert str(caught.value) == (
         "platform_inertia: missing; expected platform_inertia, leg_upper_com beside the radii and angles"
     )
-    with pytest.raises(PlatformError, match="platform_mas: no such parameter; did you mean 'platform_mass'"):
+    with pytest.raises(gs.GoughStewartError, match="platform_mas: no such parameter; did you mean 'platform_mass'"):
         gs.Platform.from_radii(2.0, 1.0, 0.5, 0.5, home_leg_length=3.0, platform_mas=10.0)
 
 
 def test_a_platform_file_may_state_circles_instead_of_joints() -> None:
-    """The same platform as from Python; written out it has its joints."""
-    preset = gs.load_preset("liu2000")
-    circles = {
-        "base_radius": 2.0,
-        "platform_radius": 1.0,
-        "base_angle": 0.5,
-        "platform_angle": 0.4,
-        "home_leg_length": 3.3,
-    }
-    document = tomlkit.parse(platform_to_toml(replace(preset, name="mine")))
+    """Expected: the same platform as from Python, written out with its joints; all keys are needed but the pairing."""
+    rest = "\n".join(line for line in written(gs.load_preset("liu2000")).splitlines() if not line.startswith("source"))
     for name in _JOINTS:
-        del document[name]
-    rest = tomlkit.dumps(document)
-    text = rest + "\npairing = 'far'\n" + "\n".join(f"{key} = {value}" for key, value in circles.items())
-    made = platform_from_toml(text)
-    expected = gs.Platform.from_radii(**circles, pairing="far", **_others(replace(preset, name="mine")))
-    assert made == expected
-    assert platform_from_toml(platform_to_toml(made)) == made
-    with pytest.raises(PlatformFileError, match=r"base_radius: needs platform_radius"):
-        platform_from_toml(rest + "\nbase_radius = 2.0")
-    with pytest.raises(PlatformFileError, match=r"base_points: is also determined by base_radius"):
-        platform_from_toml(text + "\nbase_points = [[0, 0, 0]]")
+        rest = re.sub(rf"^{name} = \[.*?\] #[^\n]*(\n|$)", "", rest, flags=re.S | re.M)
+    text = "\n".join([rest, "pairing = 'far'", *(f"{key} = {value}" for key, value in CIRCLES.items())])
+    made = loaded(text)
+    assert made == gs.Platform.from_radii(**CIRCLES, pairing="far", **{**others(), "source": ""})
+    assert loaded(written(made)) == made
+    needed = "expected all of base_radius, platform_radius, home_leg_length, base_angle, platform_angle"
+    for lines, says in (
+        (
+            "platform_radius = 1\nhome_leg_length = 3",
+            "platform_radius: needs base_radius, base_angle, platform_angle b",
+        ),
+        ("pairing = 'far'", f"pairing: needs {', '.join(CIRCLES)} beside it; {needed}"),
+    ):
+        with pytest.raises(gs.GoughStewartError, match=re.escape(says)):
+            loaded(f"{rest}\n{lines}")
+    for name in _JOINTS:
+        with pytest.raises(gs.GoughStewartError, match=f"{name}: is also determined by base_radius; expected only one"):
+            loaded(f"{text}\n{name} = [0, 0, 0]")
 
 
 def test_an_experiment_may_state_circles_with_units() -> None:
@@ -105,70 +107,41 @@ def test_impossible_circles_are_told_in_whole_sentences(key: str, value: Any, te
     """Expected: name, value with its unit, and what is possible; 1.23931 m is √(4 + 1 − 4 cos 30°)."""
     angle = math.radians(30)
     values = {"base_radius": 2.0, "platform_radius": 1.0, "base_angle": angle, "platform_angle": angle}
-    with pytest.raises(PlatformError) as refused:
-        gs.Platform.from_radii(
-            **{**_others(gs.load_preset("liu2000")), **values, "home_leg_length": 3.2459, key: value}
-        )
+    with pytest.raises(gs.GoughStewartError) as refused:
+        gs.Platform.from_radii(**{**others(), **values, "home_leg_length": 3.2459, key: value})
     assert str(refused.value) == f"{key}: {text}"
 
 
 def test_angles_up_to_120_degrees_and_legs_that_just_reach() -> None:
     """Expected: the bounds from both sides; a leg of nearly no height stands nearly level."""
     third = 2 * np.pi / 3
-    for names in ((third - 1e-9, 0.4), (0.4, third - 1e-9)):
-        joints_on_circles(2.0, 1.0, *names, 3.3)
-    for names in ((third, 0.4), (0.4, third)):
-        with pytest.raises(PlatformError, match=r"below 2\.0944"):
-            joints_on_circles(2.0, 1.0, *names, 3.3)
+    for angles in ((third, 0.4), (0.4, third)):
+        on_circles(2.0, 1.0, *(angle - 1e-5 * (angle > 1) for angle in angles), length=3.3)
+        with pytest.raises(gs.GoughStewartError, match=r"below 2\.0944"):
+            on_circles(2.0, 1.0, *angles, length=3.3)
     across = float(np.sqrt(5 - 4 * np.cos(np.pi / 3 - 0.5)))
-    joints = joints_on_circles(2.0, 1.0, 0.7, 0.3, across * (1 + 1e-9))
-    assert joints["home_position"][2] == pytest.approx(across * np.sqrt(2e-9), rel=1e-3)
-    with pytest.raises(PlatformError, match="expected more than"):
-        joints_on_circles(2.0, 1.0, 0.7, 0.3, across * (1 - 1e-9))
+    flat = on_circles(2.0, 1.0, 0.7, 0.3, length=across * (1 + 1e-6))
+    assert flat.home_position[2] == pytest.approx(across * np.sqrt(2e-6), rel=1e-3)
+    with pytest.raises(gs.GoughStewartError, match="expected more than"):
+        on_circles(2.0, 1.0, 0.7, 0.3, length=across * (1 - 1e-9))
 
 
-def test_each_joint_of_circles_is_where_the_documentation_puts_it() -> None:
-    """Expected: azimuths by hand, in degrees: base a = 20°, platform b = 50°; legs in order of their base joints."""
-    near = joints_on_circles(2.0, 1.5, math.radians(20), math.radians(50), 3.0)
-    far = joints_on_circles(2.0, 1.5, math.radians(20), math.radians(50), 3.0, "far")
-    base = np.radians([10, 110, 130, 230, 250, 350])
-    # platform pairs at 60° ± 25°, 180° ± 25°, 300° ± 25°
-    expected = {"near": np.radians([35, 85, 155, 205, 275, 325]), "far": np.radians([85, 35, 205, 155, 325, 275])}
-    for joints, pairing in ((near, "near"), (far, "far")):
-        assert list(joints) == list(_JOINTS)
-        for points, radius, azimuth in (
-            (joints["base_points"], 2.0, base),
-            (joints["platform_points"], 1.5, expected[pairing]),
-        ):
-            on_circle = radius * np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], axis=1)
-            np.testing.assert_allclose(points, on_circle, atol=1e-12)
-        turn = math.radians(25 if pairing == "near" else 75)
-        z = math.sqrt(9 - 4 - 2.25 + 6 * math.cos(turn))
-        np.testing.assert_allclose(joints["home_position"], [0, 0, z], rtol=1e-12)
-        assert joints["home_orientation"].tolist() == [0, 0, 0]
-
-
-def test_keys_of_circles_in_a_file_are_all_needed_but_the_pairing() -> None:
-    """Expected: what is missing in the order of the keys; a key that comes twice, each by its own name."""
-    values: dict[str, Any] = {"gravity": [0, 0, -9], "name": "a"}
-    assert joints_of_keys(values) == values
-    assert joints_of_keys(values) is not values
-    needed = "expected all of base_radius, platform_radius, home_leg_length, base_angle, platform_angle"
-    for some, text in (
-        ({"platform_radius": 1.0, "home_leg_length": 3.0}, "base_radius, base_angle, platform_angle"),
-        ({"pairing": "far"}, "base_radius, platform_radius, base_angle, platform_angle, home_leg_length"),
+@pytest.mark.parametrize(
+    ("pairing", "azimuths", "turn"),
+    [("near", [35, 85, 155, 205, 275, 325], 25), ("far", [85, 35, 205, 155, 325, 275], 75)],
+)
+def test_each_joint_of_circles_is_where_the_documentation_puts_it(
+    pairing: str, azimuths: list[float], turn: float
+) -> None:
+    """Expected: by hand, in degrees: base a = 20°, platform b = 50°, pairs at 60° ± 25°; legs in order of the base."""
+    platform = on_circles(2.0, 1.5, math.radians(20), math.radians(50), length=3.0, pairing=pairing)
+    for points, radius, degrees in (
+        (platform.base_points, 2.0, [10, 110, 130, 230, 250, 350]),
+        (platform.platform_points, 1.5, azimuths),
     ):
-        with pytest.raises(PlatformError) as refused:
-            joints_of_keys({**values, **some})
-        assert str(refused.value) == f"{next(iter(some))}: needs {text} beside it; {needed}"
-    circles: dict[str, Any] = {"base_radius": 2.0, "platform_radius": 1.5, "base_angle": 0.3, "platform_angle": 0.5}
-    circles["home_leg_length"] = 3.0
-    for name in _JOINTS:
-        with pytest.raises(PlatformError) as refused:
-            joints_of_keys({**circles, name: 0})
-        assert str(refused.value) == f"{name}: is also determined by base_radius; expected only one of the two"
-    with pytest.raises(PlatformError, match=r"^base_points: is also"):
-        joints_of_keys({**circles, **dict.fromkeys(_JOINTS, 0)})
-    found = joints_of_keys({**values, **circles})
-    assert set(found) == {"gravity", "name", *_JOINTS}
-    np.testing.assert_array_equal(found["base_points"], joints_on_circles(**circles)["base_points"])
+        azimuth = np.radians(degrees)
+        on_circle = radius * np.stack([np.cos(azimuth), np.sin(azimuth), 0 * azimuth], axis=1)
+        np.testing.assert_allclose(points, on_circle, atol=1e-12)
+    z = math.sqrt(9 - 4 - 2.25 + 6 * math.cos(math.radians(turn)))
+    np.testing.assert_allclose(platform.home_position, [0, 0, z], rtol=1e-12)
+    assert platform.home_orientation.tolist() == [0, 0, 0]

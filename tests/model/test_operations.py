@@ -1,18 +1,13 @@
 """Operations on numbers and on symbols: the values worked out by hand, and the same from CasADi's evaluation and C."""
 
-import ctypes
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import casadi
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from gough_stewart.model import operations
-from tests.support.exported import COMPILER, compiled
 
 INF = np.inf
 A = np.array([-2.5, -1.0, 0.0, 1e-12, 0.7, 3.0, -0.0, INF, -INF, 2.5])
@@ -54,54 +49,6 @@ def test_numbers_and_symbols_give_the_values_worked_out_by_hand(name: str) -> No
     _assert_equal(name, np.asarray(function(*arrays)).ravel(), expected)
 
 
-def test_c_gives_the_same(tmp_path: Path) -> None:
-    """Expected: the typed-in values, from the code that CasADi writes; C has its own fmin, remainder and conditions."""
-    generator = casadi.CodeGenerator("code.c", {"with_header": False})
-    for k, (of, arrays, _) in enumerate(CASES.values()):
-        f = _function(of, [len(each) for each in arrays])
-        generator.add(casadi.Function(f"f{k}", f.sx_in(), f.call(f.sx_in())))
-    generator.generate(f"{tmp_path}/")
-    compiled([*COMPILER, "-O1", "-shared", "-fPIC", "code.c", "-o", "code.so", "-lm"], tmp_path)
-    code = ctypes.CDLL(str(tmp_path / "code.so"))
-    for k, (name, (_, arrays, expected)) in enumerate(CASES.items()):
-        given_, found = [np.ascontiguousarray(each) for each in arrays], np.zeros(len(expected))
-        arg = (ctypes.c_void_p * len(given_))(*(each.ctypes.data for each in given_))
-        res = (ctypes.c_void_p * 1)(found.ctypes.data)
-        work = np.zeros(200)
-        assert getattr(code, f"f{k}")(arg, res, None, ctypes.c_void_p(work.ctypes.data), 0) == 0
-        _assert_equal(name, found, expected)
-
-
 def _assert_equal(name: str, found: Any, expected: list[float]) -> None:
     """Exactly; but for the last bit of an angle, which libraries round differently."""
     np.testing.assert_allclose(found, expected, rtol=3e-16 if name == "arctan2" else 0, atol=0, err_msg=name)
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.lists(st.floats(-1e16, 1e16), min_size=1, max_size=6))
-def test_rounding_is_that_of_numpy_for_any_number(values: list[float]) -> None:
-    """Expected: NumPy's rint, which rounds in the processor; symbols round by a remainder."""
-    x = np.array(values)
-    np.testing.assert_array_equal(np.asarray(_function(operations.rounded, [len(x)])(x)).ravel(), np.rint(x))
-
-
-def test_numbers_stay_numpys_bit_by_bit() -> None:
-    """Expected: the NumPy function of the name, signed zeros and NaN too; members last, bounds of one number."""
-    rng = np.random.default_rng(2)
-    a, b = rng.normal(size=(2, 6, 5))
-    a[0], b[1] = -0.0, np.nan
-    for name in ("minimum", "maximum", "less", "greater", "not_equal", "arctan2"):
-        assert getattr(operations, name)(a, b).tobytes() == getattr(np, name)(a, b).tobytes()
-    assert operations.rounded(a).tobytes() == np.rint(a).tobytes()
-    assert operations.sign(a).tobytes() == np.sign(a).tobytes()
-    assert operations.clip(a, -0.5, 0.25).tobytes() == np.clip(a, -0.5, 0.25).tobytes()
-
-
-def test_broadcasting_is_numpys_for_symbols() -> None:
-    """Expected: (3, 1) and (4,) make (3, 4), each element of its own two."""
-    x = np.array([[casadi.SX.sym(f"x{k}")] for k in range(3)], dtype=object)
-    found = operations.minimum(x, np.arange(4.0))
-    assert found.shape == (3, 4)
-    f = casadi.Function("f", [casadi.vertcat(*x.ravel())], [casadi.vertcat(*found.ravel())])
-    values = np.array([0.5, 2.5, -1.0])
-    np.testing.assert_array_equal(np.asarray(f(values)).reshape(3, 4), np.minimum(values[:, None], np.arange(4.0)))

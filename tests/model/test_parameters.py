@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Callable
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,17 +11,11 @@ import numpy as np
 import pytest
 from lxml import etree
 
-from gough_stewart.fmu_build.documents import model_description
-from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.harness.results.run_report import parameters_table
-from gough_stewart.model.errors import PlatformError, PlatformFileError
-from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.kinematics import leg_rates
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import platform_from_toml, platform_to_toml
-from gough_stewart.model.rotations import matrix_from_orientation
-from tests.support.random_platforms import random_inputs, random_platform, random_state
+import gough_stewart as gs
+from gough_stewart import GoughStewartError, Platform
+from tests.support.documented_loop import accelerations, twist_of_rates
+from tests.support.platform_files import loaded, written
+from tests.support.random_platforms import random_platform, random_state
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -79,14 +73,6 @@ LIMITS: dict[str, Any] = {
 }
 
 
-def declared(platform: Platform) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Elements by name of the model descriptions of FMI 2.0 and 3.0."""
-    component = plant_component(platform)
-    two = etree.fromstring(model_description(component, "2.0", "token", ("all.c",))).iter("ScalarVariable")
-    three = etree.fromstring(model_description(component, "3.0", "token", ("all.c",))).iter("Float64")
-    return {str(e.get("name")): e for e in two}, {str(e.get("name")): e for e in three}
-
-
 @pytest.fixture(scope="module")
 def uneven() -> Platform:
     """Every parameter differs from its default, and from every other."""
@@ -96,7 +82,7 @@ def uneven() -> Platform:
 def test_a_platform_has_these_parameters_and_no_others(uneven: Platform) -> None:
     assert len(ALL) == 35
     assert set(uneven.as_dict()) == {"name", "source", *ALL}
-    assert not set(tomllib.loads(platform_to_toml(uneven))) & set(OF_PARTS)
+    assert not set(tomllib.loads(written(uneven))) & set(OF_PARTS)
     homes = {name: row.in_fmu for name, row in ALL.items() if row.in_fmu.startswith("start")}
     assert homes == {f"home_{name}": f"start of `{name}`" for name in ("position", "orientation")}
     for name, expected in ALL.items():
@@ -126,7 +112,7 @@ def test_the_bound_is_held_and_named_with_the_unit(uneven: Platform, name: str) 
         unit = "" if expected.unit == "1" else f" {expected.unit}"
         text = re.escape(f"{which}: is {value:g}{unit}; expected {expected.bound}")
         one: dict[str, Any] = {name: array if expected.shape else value}
-        with pytest.raises(PlatformError, match=text):
+        with pytest.raises(GoughStewartError, match=text):
             replace(uneven, **one)
     if expected.bound == ">= 0":
         one = {name: np.zeros(expected.shape) if expected.shape else 0.0}
@@ -135,56 +121,41 @@ def test_the_bound_is_held_and_named_with_the_unit(uneven: Platform, name: str) 
 
 def test_a_platform_file_holds_every_parameter_with_its_unit(uneven: Platform) -> None:
     own = replace(uneven, **OF_PARTS)
-    written = platform_to_toml(own)
-    assert platform_from_toml(written) == own
-    values = tomllib.loads(written)
+    file = written(own)
+    assert loaded(file) == own
+    values = tomllib.loads(file)
     assert values.pop("leg_friction_model") == "lugre"
     values["leg_friction_model"] = OF_PARTS["leg_friction_model"]
     for name, expected in ALL.items():
         assert np.array_equal(values[name], getattr(own, name)), name
-        entry = written[re.search(rf"^{name} = ", written, re.M).start() :]  # type: ignore[union-attr]
+        entry = file[re.search(rf"^{name} = ", file, re.M).start() :]  # type: ignore[union-attr]
         found = re.search(r"# \[(.*?)\] \S", entry)
         assert found, name
         assert found[1] == expected.unit, name
 
 
 @pytest.mark.parametrize("name", PHYSICAL)
-def test_the_kernel_takes_every_parameter_for_what_it_is(uneven: Platform, name: str) -> None:
-    """Expected: the accelerations of Newton and Euler on thirteen free bodies, which take the parameter by its name."""
+def test_the_plant_takes_every_parameter_for_what_it_is(uneven: Platform, name: str) -> None:
+    """Expected: the acceleration of a Lagrangian of thirteen bodies with friction as documented."""
     rng = np.random.default_rng(5)
-    state, inputs = random_state(uneven, rng), random_inputs(uneven, rng)
+    state = random_state(uneven, rng)
+    inputs = 10 * uneven.platform_mass * rng.uniform(-1, 1, 12)
+    q, twist = np.concatenate(state[:2]), np.concatenate(state[2:])
     changed = replace(uneven, **{name: 1.02 * getattr(uneven, name)})
-
-    def by_kernel(platform: Platform) -> np.ndarray:
-        return Kernel().derivatives(state.to_vector(), inputs.to_vector(), parameter_vector(platform))[6:].copy()
-
-    R = matrix_from_orientation(state.orientation)
-    expected = newton_euler.solve(changed, state.position, R, state.velocity, state.angular_velocity, *inputs)
-    scale = max(np.abs(expected.linear).max(), np.abs(expected.angular).max())
-    found = by_kernel(changed)
-    assert np.allclose(found, [*expected.linear, *expected.angular], rtol=0, atol=1e-9 * scale)
-    assert np.abs(found - by_kernel(uneven)).max() > 1e-6 * scale
+    expected = accelerations(changed, q, np.linalg.solve(twist_of_rates(q), twist), inputs[:6], inputs[6:])[:3]
+    found = []
+    for platform in (changed, uneven):
+        model = gs.SteppingModel(platform)
+        model.set_many(state._asdict())
+        model.set_inputs(inputs)
+        found.append(np.asarray(model.get("acceleration")))
+    scale = np.abs(expected).max()
+    assert found[0] == pytest.approx(expected, rel=0, abs=1e-9 * scale)
+    assert np.abs(found[0] - found[1]).max() > 1e-7 * scale
 
 
 # a type checker sees one float
 SIX: Any = [4.0, 0.0, 6.5, 11.0, 2.0, 7.5]
-
-
-@pytest.mark.parametrize("name", ["leg_viscous_friction", "leg_coulomb_friction"])
-def test_six_values_of_friction_act_leg_by_leg(uneven: Platform, name: str) -> None:
-    """Expected: Newton and Euler, pushed in each leg by what friction of six values takes of the actuator's force."""
-    rng = np.random.default_rng(8)
-    state, inputs = random_state(uneven, rng), random_inputs(uneven, rng)
-    none = replace(uneven, leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
-    six = none.with_parameters({name: SIX})
-    rate = leg_rates(uneven, state).length_rate
-    speed = rate if name == "leg_viscous_friction" else np.tanh(rate / uneven.leg_friction_velocity)
-    R = matrix_from_orientation(state.orientation)
-    pushed = inputs._replace(actuator_force=inputs.actuator_force - SIX * speed)
-    expected = newton_euler.solve(none, state.position, R, state.velocity, state.angular_velocity, *pushed)
-    found = Kernel().derivatives(state.to_vector(), inputs.to_vector(), parameter_vector(six))[6:]
-    expected_all = np.array([*expected.linear, *expected.angular])
-    assert np.allclose(found, expected_all, rtol=0, atol=1e-9 * np.abs(expected_all).max())
 
 
 @pytest.mark.parametrize("name", ["leg_viscous_friction", "leg_coulomb_friction"])
@@ -198,42 +169,54 @@ def test_six_values_become_their_mean_and_factors(uneven: Platform, name: str) -
     assert np.array_equal(getattr(alike, f"{name}_factor"), np.ones(6))
     nothing: dict[str, Any] = {name: np.zeros(6)}
     free = changed.with_parameters(nothing)
+    negative: dict[str, Any] = {name: [*SIX[:2], -2, *SIX[3:]]}
+    with pytest.raises(GoughStewartError, match=rf"{name}\[3\]: is -2 .*; expected >= 0"):
+        uneven.with_parameters(negative)
     assert (getattr(free, name), getattr(free, f"{name}_factor").tolist()) == (0.0, [1.0] * 6)
-
-
-def test_a_platform_file_may_have_six_values_of_friction_but_not_beside_factors(uneven: Platform) -> None:
-    text = platform_to_toml(replace(uneven, leg_viscous_friction_factor=np.ones(6)))
-    lines = [line for line in text.splitlines() if not line.startswith("leg_viscous_friction")]
-    six = "\n".join([*lines, f"leg_viscous_friction = {SIX}"])
-    assert platform_from_toml(six) == uneven.with_parameters({"leg_viscous_friction": SIX})
-    with pytest.raises(PlatformFileError, match=r"leg_viscous_friction: has six values beside leg_viscous_friction_f"):
-        platform_from_toml(f"{six}\nleg_viscous_friction_factor = [1, 1, 1, 1, 1, 1]")
-    negative: Any = [*SIX[:2], -2, *SIX[3:]]
-    with pytest.raises(PlatformError, match=r"leg_coulomb_friction\[3\]: is -2 N; expected >= 0"):
-        uneven.with_parameters({"leg_coulomb_friction": negative})
-    with pytest.raises(PlatformError, match=r"has shape \(5,\); expected one number"):
-        replace(uneven, leg_coulomb_friction=SIX[:5])
 
 
 @pytest.mark.parametrize("name", ["leg_viscous_friction", "leg_coulomb_friction"])
 def test_six_values_beside_factors_are_refused_wherever_a_platform_is_made(uneven: Platform, name: str) -> None:
     """Expected: as in a file; factors of 1, which contradict nothing, are not, nor are six instead of factors."""
-    values: dict[str, Any] = {**uneven.as_dict(), name: SIX, f"{name}_factor": [0.5, 1.5, 0.8, 1.2, 0.9, 1.1]}
-    made: tuple[Callable[[], Platform], ...] = (
-        lambda: Platform(**values),
-        lambda: uneven.with_parameters({key: values[key] for key in (name, f"{name}_factor")}),
-        lambda: replace(uneven, **{name: values[name]}),
-    )
-    for make in made:
-        with pytest.raises(PlatformError, match=f"{name}: has six values beside {name}_factor; expected only one of "):
-            make()
-    alone = Platform(**{**values, f"{name}_factor": [1] * 6})
+    both: dict[str, Any] = {name: SIX, f"{name}_factor": [0.5, 1.5, 0.8, 1.2, 0.9, 1.1]}
+    text = f"{name}: has six values beside {name}_factor; expected only one of "
+    with pytest.raises(GoughStewartError, match=text):
+        Platform(**{**uneven.as_dict(), **both})
+    with pytest.raises(GoughStewartError, match=text):
+        uneven.with_parameters(both)
+    with pytest.raises(GoughStewartError, match=text):
+        replace(uneven, **{name: both[name]})
+    alone = Platform(**{**uneven.as_dict(), name: SIX, f"{name}_factor": [1] * 6})
     assert alone == uneven.with_parameters({name: SIX})
 
 
-def test_both_descriptions_of_the_fmu_declare_every_parameter(uneven: Platform) -> None:
+class Unit(NamedTuple):
+    """Elements of a unit's description by name, and its page."""
+
+    declared: dict[str, Any]
+    page: str
+
+
+@pytest.fixture(scope="module")
+def units(uneven: Platform, tmp_path_factory: pytest.TempPathFactory) -> tuple[Unit, Unit]:
+    """Of FMI 2.0 and 3.0."""
+    read = []
+    for path, tag in zip(gs.build(tmp_path_factory.mktemp("units"), platform=uneven), TAGS, strict=True):
+        with zipfile.ZipFile(path) as archive:
+            elements = etree.fromstring(archive.read("modelDescription.xml")).iter(tag)
+            page = archive.read("documentation/index.html").decode()
+        read.append(Unit({str(e.get("name")): e for e in elements}, page))
+    return read[0], read[1]
+
+
+TAGS = ("ScalarVariable", "Float64")
+
+
+def test_both_units_declare_every_parameter_and_name_it_in_their_page(
+    uneven: Platform, units: tuple[Unit, Unit]
+) -> None:
     """Expected: unit, variability, range and start values; FMI 2.0 by element, row by row."""
-    two, three = declared(uneven)
+    two, three = (unit.declared for unit in units)
     for name, expected in PHYSICAL.items():
         array, own = three[name], np.ravel(getattr(uneven, name)).tolist()
         assert [int(d.get("start")) for d in array.iter("Dimension")] == list(expected.shape)
@@ -248,34 +231,18 @@ def test_both_descriptions_of_the_fmu_declare_every_parameter(uneven: Platform) 
             assert number.get("unit") == expected.unit
             # the standard has no open bound: the least that can be set is just above 0
             assert (number.get("min") is not None) == (expected.bound is not None)
+        assert all(f"<code>{name}</code>" in unit.page for unit in units)
     parameters = {name.split("[")[0] for name, e in two.items() if e.get("causality") == "parameter"}
     assert parameters == {*PHYSICAL, "fixed_step_size"}
-
-
-def test_new_parameters_leave_the_value_references_of_old_ones(uneven: Platform) -> None:
-    """Expected: those of version 0.1, by FMI version: inputs, results and the first fifteen parameters."""
-    two, three = declared(uneven)
+    for unit in units:
+        tunable = re.search(r"During the run\s.*?</li>", unit.page, re.S)
+        assert tunable
+        assert re.findall(r"<code>(\w+)</code>", tunable[0]) == [n for n, e in PHYSICAL.items() if e.is_tunable]
+    # value references are those of version 0.1: inputs, results and the first fifteen parameters
     older = {"position": (12, 3), "leg_length": (24, 7), "base_points": (62, 14), "gravity": (120, 28)}
     for name, references in older.items():
-        first = name if name in two else next(n for n in two if n.startswith(f"{name}["))
+        first = next(n for n in two if n.startswith(f"{name}["))
         assert (int(two[first].get("valueReference")), int(three[name].get("valueReference"))) == references
-
-
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
-def test_the_units_page_names_every_parameter_and_which_are_tunable(uneven: Platform, version: str) -> None:
-    page = plant_component(uneven, is_in_a_system=True).documents(version)["documentation/index.html"].decode()
-    for name in PHYSICAL:
-        assert f"<code>{name}</code>" in page
-    tunable = re.search(r"During the run\s.*?</li>", page, re.S)
-    assert tunable
-    assert re.findall(r"<code>(\w+)</code>", tunable[0]) == [n for n, e in PHYSICAL.items() if e.is_tunable]
-
-
-def test_the_page_of_records_shows_every_parameter_with_its_unit(uneven: Platform) -> None:
-    heads = [str(first).removesuffix("]").partition(" [") for first, *_ in parameters_table(uneven, uneven).rows]
-    rows = {name: unit for name, _, unit in heads}
-    written = {"kg.m2": "kg·m²", "m/s2": "m/s²", "N.s/m": "N·s/m"}
-    assert {name: rows[name] for name in ALL} == {n: written.get(each.unit, each.unit) for n, each in ALL.items()}
 
 
 def test_the_guide_of_the_fmu_names_what_is_tunable() -> None:

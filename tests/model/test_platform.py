@@ -2,7 +2,6 @@
 
 import pickle
 import re
-from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import FrozenInstanceError, replace
 from typing import Any
@@ -10,12 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.model.errors import GoughStewartError, PlatformError
-from gough_stewart.model.kinematics import conditioning, leg_geometry
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_checks import check_leg_com_offsets
-from gough_stewart.model.platform_toml import load_preset, preset_names
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart import GoughStewartError, Platform, leg_geometry, load_preset, preset_names
+from gough_stewart.model.kinematics import conditioning
+from tests.support.lagrangian import FloatArray
 from tests.support.uneven import UNEVEN
 
 
@@ -38,42 +34,10 @@ from tests.support.uneven import UNEVEN
     ],
 )
 def test_an_impossible_parameter_is_refused_by_name(paper: Platform, field: str, value: Any, message: str) -> None:
-    with pytest.raises(PlatformError, match=message) as caught:
+    with pytest.raises(GoughStewartError, match=message) as caught:
         replace(paper, **{field: value})
-    assert field in caught.value.field
+    assert field in vars(caught.value)["field"]
     assert isinstance(caught.value, GoughStewartError)
-
-
-@pytest.mark.parametrize("leg", range(6))
-def test_a_leg_of_no_length_is_told_by_its_share_of_the_base(leg: int) -> None:
-    """Expected: a millionth of the largest coordinate of a base joint, 2.04 m."""
-    joint = UNEVEN.base_points[leg] - leg_geometry(UNEVEN, np.zeros(3), UNEVEN.home_orientation).arm[leg]
-    for share, message in ((0.9, f"joint {leg + 1} coincide in the home pose"), (1.1, "leg_lower_com")):
-        above = joint + share * 2.04e-6 * np.array([0.6, 0.0, 0.8])
-        with pytest.raises(PlatformError, match=message):
-            replace(UNEVEN, home_position=above)
-
-
-def test_is_frozen_and_its_arrays_are_read_only(paper: Platform) -> None:
-    with pytest.raises(FrozenInstanceError):
-        paper.platform_mass = 3.0  # type: ignore[misc]
-    with pytest.raises(ValueError, match="read-only"):
-        paper.base_points[0, 0] = 1.0
-
-
-@pytest.mark.parametrize("copied", [deepcopy, lambda platform: pickle.loads(pickle.dumps(platform))])
-def test_copies_are_equal_and_read_only(paper: Platform, copied: Callable[[Platform], Platform]) -> None:
-    other = copied(paper)
-    assert other == paper
-    with pytest.raises(ValueError, match="read-only"):
-        other.gravity[2] = 0
-
-
-def test_does_not_share_memory_with_what_it_was_made_from(paper: Platform) -> None:
-    points = paper.base_points.copy()
-    platform = replace(paper, base_points=points)
-    points[0, 0] = 99
-    assert platform == paper
 
 
 @pytest.mark.parametrize("name", preset_names())
@@ -122,57 +86,32 @@ def changed(**change: Any) -> Platform:
 
 def says(text: str, **change: Any) -> None:
     """The change of the uneven platform is refused in exactly these words."""
-    with pytest.raises(PlatformError, match=f"^{re.escape(text)}$") as caught:
+    with pytest.raises(GoughStewartError, match=f"^{re.escape(text)}$") as caught:
         changed(**change)
-    assert caught.value.field == text.partition(": ")[0]
+    assert vars(caught.value)["field"] == text.partition(": ")[0]
 
 
 def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
     """Expected: the pair of joints, the elements, the moments by hand; legs and elements that are not the first."""
     base, top = UNEVEN.base_points.copy(), UNEVEN.platform_points.copy()
     base[4], top[5] = base[2], top[1]
-    with pytest.raises(PlatformError, match=r"^base_points: joints 1 and 2 coincide at \(1, 2, 3\) m"):
+    with pytest.raises(GoughStewartError, match=r"^base_points: joints 1 and 2 coincide at \(1, 2, 3\) m"):
         changed(base_points=np.tile([1.0, 2.0, 3.0], (6, 1)))
     different = "m; expected six different points (an idealised double joint needs a small offset)"
     says(f"base_points: joints 3 and 5 coincide at (1.47, -1.32, 0.07) {different}", base_points=base)
     says(f"platform_points: joints 2 and 6 coincide at (-0.69, 0.75, 0.03) {different}", platform_points=top)
-    J = UNEVEN.platform_inertia.copy()
-    J[2, 1] = 0.5
-    says(
-        "platform_inertia: is not symmetric: [2,3] = 0.41 but [3,2] = 0.5 kg m²; set both to the same value (minus the "
-        "product of inertia)",
-        platform_inertia=J,
-    )
     says(
         "platform_inertia: is not positive definite: principal moments (-1, 2, 2.5) kg m²; expected all > 0",
         platform_inertia=np.diag([2.0, -1.0, 2.5]),
     )
-    says(
-        "platform_inertia: is unphysical: principal moments (1, 2, 3.5) kg m², the largest exceeds the sum of the "
-        "others (triangle inequality); check the units and that they are about the centre of mass",
-        platform_inertia=np.diag([2.0, 3.5, 1.0]),
-    )
-    lengths = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length
-    shortest, longest = lengths.min(), lengths.max()
     for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
+        length = leg_geometry(UNEVEN, UNEVEN.home_position, UNEVEN.home_orientation).length.min()
         says(
             f"{name}: is 3.1 m from the {end} joint; expected between 0 and the shortest leg of the home pose, "
-            f"{shortest:g} m",
+            f"{length:g} m",
             **{name: 3.1},
         )
-    reach = (
-        np.sqrt(0.93**2 + 0.29**2 + 0.07**2),
-        np.sqrt(1.02**2 + 0.24**2 + 0.02**2),
-        np.sqrt(0.22**2 + 1.04**2 + 0.0016),
-    )
-    says(
-        f"platform_com: is 13 m from Op, more than ten times the farthest platform joint ({max(reach):g} m); check "
-        "units",
-        platform_com=[3.0, -12.0, 4.0],
-    )
     says("leg_length_min: is 3.95 m; expected below leg_length_max = 3.9 m", leg_length_min=3.95)
-    says(f"leg_length_min: is 3.05 m, but a home leg is {shortest:g} m long", leg_length_min=3.05)
-    says(f"leg_length_max: is 3.06 m, but a home leg is {longest:g} m long", leg_length_max=3.06)
     says("joint_angle_max: is 40 rad; expected at most π (radians, not degrees)", joint_angle_max=40.0)
     says("home_orientation: has pitch -1.58 rad; expected less than ±90°", home_orientation=[0.1, -1.58, 0.3])
     says(
@@ -242,7 +181,7 @@ def test_bounds_hold_from_both_sides(accepted: dict[str, Any], refused: dict[str
     """Expected: a millionth of the largest distance, 1e-9 of an inertia, ten radii, π, 1e30, home legs, 1e-3 of 90°."""
     for name, value in accepted.items():
         assert np.array_equal(getattr(changed(**accepted), name), value)
-    with pytest.raises(PlatformError, match=text):
+    with pytest.raises(GoughStewartError, match=text):
         changed(**refused)
 
 
@@ -257,22 +196,10 @@ def test_a_home_pose_is_singular_from_a_condition_number_of_1e8_on(paper: Platfo
         number = np.linalg.cond(np.hstack([u, np.cross(arm, u)]))  # all joints 1 m from Op
         assert (number > 1e8) == refused
         if refused:
-            with pytest.raises(PlatformError, match=r"singular at the home pose \(condition number .*below 1e\+08"):
+            with pytest.raises(GoughStewartError, match=r"singular at the home pose \(condition number .*below 1e\+08"):
                 replace(paper, home_orientation=orientation)
         else:
             assert replace(paper, home_orientation=orientation).home_orientation[2] == orientation[2]
-
-
-def test_centres_of_mass_may_be_at_either_end_of_the_shortest_leg() -> None:
-    """Expected: 0 and the length itself are on the leg; the pose is named."""
-    for name, end in (("leg_lower_com", "base"), ("leg_upper_com", "platform")):
-        for value in (0.0, 2.5):
-            check_leg_com_offsets(changed(**{name: value}), 2.5, "start")
-        text = (
-            f"{name}: is 2.6 m from the {end} joint; expected between 0 and the shortest leg of the start pose, 2.5 m"
-        )
-        with pytest.raises(PlatformError, match=f"^{re.escape(text)}$"):
-            check_leg_com_offsets(changed(**{name: 2.6}), 2.5, "start")
 
 
 # With all that an ideal plant does not have, so that no number is 0.
@@ -302,19 +229,6 @@ def test_equal_platforms_are_equal_in_every_field(name: str) -> None:
     assert replace(REAL, **{name: other}) != REAL
 
 
-def test_a_platform_lists_its_fields_in_the_order_of_its_file() -> None:
-    """Expected: texts, physical parameters, home pose, limits; those that are stated, as they are."""
-    names = list(UNEVEN.as_dict())
-    assert names[:4] == ["name", "source", "base_points", "platform_points"]
-    assert names[-6:] == [
-        *("home_position", "home_orientation", "leg_length_min", "leg_length_max", "actuator_force_max"),
-        "joint_angle_max",
-    ]
-    for name, value in UNEVEN.as_dict().items():
-        assert value == "smooth" if name == "leg_friction_model" else value is getattr(UNEVEN, name)
-    assert Platform(**UNEVEN.as_dict()) == UNEVEN
-
-
 def test_the_friction_of_screws_is_that_of_their_preload() -> None:
     """Expected: JIS B 1192 with a third of the largest force and the screw of motion_base; all else as there."""
     screws, base = load_preset("motion_base_screws"), load_preset("motion_base")
@@ -326,3 +240,16 @@ def test_the_friction_of_screws_is_that_of_their_preload() -> None:
     friction = ("friction_model", "coulomb_friction", "static_friction", "stribeck_velocity", "bristle_stiffness")
     own = ("name", "source", *(f"leg_{each}" for each in friction))
     assert replace(screws, **{name: getattr(base, name) for name in own}) == base
+
+
+def test_a_platform_and_its_copies_are_read_only_and_share_no_memory_with_what_they_were_made_from() -> None:
+    points = UNEVEN.base_points.copy()
+    platform = replace(UNEVEN, base_points=points)
+    points[0, 0] = 99
+    for copied in (platform, deepcopy(platform), pickle.loads(pickle.dumps(platform))):
+        assert copied == UNEVEN
+        with pytest.raises(FrozenInstanceError):
+            copied.platform_mass = 3.0  # type: ignore[misc]
+        for array in (copied.base_points, copied.gravity):
+            with pytest.raises(ValueError, match="read-only"):
+                array[-1] = 1.0

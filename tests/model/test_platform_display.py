@@ -4,29 +4,12 @@ import inspect
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from lxml import html
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.model.platform import Platform
+from gough_stewart import Platform
 from tests.support.uneven import UNEVEN
-
-
-@pytest.fixture(scope="module")
-def uneven() -> Platform:
-    """Six different arms; off the origin, with a limit, turned at home."""
-    return replace(
-        gs.load_preset("liu2000"),
-        name="crooked",
-        base_points=np.array(
-            [[3.0, 4.0, 0.0], [-3.0, -4.0, 0.0], [2.0, 0.0, 0.0], [-2.0, 0.0, 0.0], [0.0, 2.5, 0.3], [0.0, -2.5, -0.3]]
-        )
-        + np.array([10.0, 20.0, 0.0]),
-        home_position=np.array([10.0, 20.0, 3.0]),
-        home_orientation=np.array([0.0, 0.05, -0.1]),
-        leg_length_max=7.5,
-    )
 
 
 def test_a_platform_is_told_in_exactly_these_lines() -> None:
@@ -62,30 +45,18 @@ def test_a_notebook_shows_each_number_with_unit_and_meaning() -> None:
     assert html.fragment_fromstring(replace(UNEVEN, source="")._repr_html_()).findtext("caption") == "Platform uneven"
 
 
-def test_help_lists_the_parameters_of_a_platform(uneven: Platform) -> None:
+def test_help_lists_the_parameters_of_a_platform() -> None:
     """Expected: every number of a platform with its unit, as the file of a platform has them."""
     text = inspect.getdoc(Platform) or ""
-    assert [name for name in uneven.as_dict() if f"\n{name} : " not in text] == ["name", "source"]
+    assert [name for name in UNEVEN.as_dict() if f"\n{name} : " not in text] == ["name", "source"]
     assert "\nplatform_inertia : (3, 3) [kg.m2]\n" in text
 
 
-def test_a_stepping_model_says_where_it_is(uneven: Platform) -> None:
+def test_a_stepping_model_says_where_it_is() -> None:
     """Expected: home at 0 s; later the state's own numbers."""
-    plant = gs.SteppingModel(uneven)
-    at_home = "<SteppingModel of crooked at 0 s: position (10, 20, 3) m, orientation (0, 0.05, -0.1) rad>"
+    plant = gs.SteppingModel(UNEVEN)
+    at_home = "<SteppingModel of uneven at 0 s: position (0.08, -0.05, 2.9) m, orientation (0.04, -0.07, 0.11) rad>"
     assert repr(plant) == at_home
     plant.do_step(0.0, 0.125)
     x = ", ".join(f"{value:.6g}" for value in plant.state[:3])
-    assert repr(plant).startswith(f"<SteppingModel of crooked at 0.125 s: position ({x}) m")
-
-
-def test_a_workspace_says_how_much_can_be_reached() -> None:
-    """Expected: of 3 × 3 poses the middle one and those that single checks find."""
-    platform = gs.load_preset("motion_base")
-    space = gs.sweep(platform, {"x": (-2.0, 2.0), "pitch": (-0.1, 0.1)}, {"z": 2.2}, points=3)
-    poses = [(x, pitch) for x in (-2.0, 0.0, 2.0) for pitch in (-0.1, 0.0, 0.1)]
-    reached = [
-        bool(gs.evaluate_poses(platform, np.array([x, 0, 2.2]), np.array([0, p, 0])).reachable) for x, p in poses
-    ]
-    share = f"{100 * sum(reached) / 9:.3g} % of 9 poses can be reached"
-    assert repr(space) == f"<Workspace of motion_base over x -2 to 2 m, pitch -0.1 to 0.1 rad: {share}>"
+    assert repr(plant).startswith(f"<SteppingModel of uneven at 0.125 s: position ({x}) m")

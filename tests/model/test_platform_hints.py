@@ -10,10 +10,8 @@ from scipy.optimize import brentq, lsq_linear
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.model import platform_hints
-from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.kinematics import conditioning, leg_geometry
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart import leg_geometry
+from tests.support.lagrangian import FloatArray
 from tests.support.nano import HEAVY, NANO
 from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN
@@ -89,19 +87,6 @@ def test_lugre_friction_that_is_not_passive_is_said() -> None:
     assert not any("passive" in each for each in real_platform("elasto_plastic", **one).hints)
 
 
-def test_nearly_all_exchanged_joints_that_assemble_are_hinted_at() -> None:
-    """All orders of a preset's platform joints that assemble, its own aside: most cross, the others condition worse."""
-    preset = gs.load_preset("motion_base")
-    hinted = 0
-    for order in list(permutations(range(6)))[1:]:
-        try:
-            exchanged = replace(preset, platform_points=preset.platform_points[list(order)])
-        except PlatformError:
-            continue
-        hinted += bool(exchanged.hints)
-    assert hinted >= 70
-
-
 def _crossing(share: float, **limits: Any) -> gs.Platform:
     """The uneven platform with the tip of leg 4 moved until that leg passes leg 5 at a share of the shorter one."""
     base, home = UNEVEN.base_points, UNEVEN.home_position
@@ -165,7 +150,7 @@ def test_a_better_order_is_named_only_if_its_legs_fit_and_keep_their_distance() 
                 return float(numbers[k]), ", ".join(str(j + 1) for j in orders[k])
         raise AssertionError("no order fits")
 
-    now = conditioning(exchanged, home, exchanged.home_orientation).condition_number
+    now = gs.evaluate_poses(exchanged, home, exchanged.home_orientation).condition_number
     own = leg_geometry(exchanged, home, exchanged.home_orientation).length
     seen = set()
     for low, high in ((None, None), (None, float(own.max()) * 1.001), (float(own.min()) * 0.999, None)):
@@ -178,17 +163,3 @@ def test_a_better_order_is_named_only_if_its_legs_fit_and_keep_their_distance() 
             "to joint i of the other"
         ]
     assert len(seen) == 3
-
-
-def test_an_order_is_named_from_a_third_of_the_condition_number_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: the ratio of the two numbers of the hint, just met and just missed."""
-    exchanged = replace(UNEVEN, platform_points=UNEVEN.platform_points[[1, 0, 3, 4, 5, 2]], leg_length_max=None)
-    assert platform_hints._BETTER == 3
-    home = exchanged.home_position, exchanged.home_orientation
-    (hint,) = (each for each in exchanged.hints if "in the order" in each)
-    order = [int(k) - 1 for k in hint.split("in the order ")[1].split(";")[0].split(", ")]
-    better = replace(exchanged, platform_points=exchanged.platform_points[order])
-    ratio = conditioning(exchanged, *home).condition_number / conditioning(better, *home).condition_number
-    for factor, is_named in ((ratio * (1 - 1e-9), True), (ratio * (1 + 1e-9), False)):
-        monkeypatch.setattr(platform_hints, "_BETTER", factor)
-        assert any("in the order" in each for each in exchanged.hints) == is_named

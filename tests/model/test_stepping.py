@@ -13,25 +13,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
+from gough_stewart import GoughStewartError, State, StepError, SteppingModel, leg_geometry, leg_jacobian, mass_matrix
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.model import compiled_stepper, interface
-from gough_stewart.model.dynamics import mass_matrix
-from gough_stewart.model.errors import InterfaceError, NotInstalledError, PlatformError, StepError
-from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.kinematics import leg_geometry, leg_jacobian, leg_rates
-from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import State
-from gough_stewart.model.stepping import Integrator, SteppingModel
+from gough_stewart.model import compiled_stepper
+from tests.support.documented_loop import accelerations, twist_of_rates
 from tests.support.energy_balance import energy_balance
+from tests.support.plain_motion import trajectory
 from tests.support.printed_machine import motion_by_radau
 from tests.support.real_platforms import VARIANTS, real_platform
-from tests.support.steppers import BOTH, INTEGRATORS, MOTION, PLATFORMS, forces, moving, stepped
-from tests.support.uneven import INPUTS, STATE, UNEVEN
+from tests.support.steppers import BOTH, INTEGRATORS, MOTION, PLATFORMS, Integrator, forces, moving, stepped
+from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
 
-FORCES = INPUTS.actuator_force.tolist()
+FORCES = INPUT_VALUES["actuator_force"].tolist()
+INPUTS = np.concatenate([*INPUT_VALUES.values()])
 PAPER = gs.load_preset("liu2000")
 of_both = pytest.mark.parametrize(("name", "integrator"), BOTH)
 by_both = pytest.mark.parametrize("integrator", INTEGRATORS)
@@ -40,14 +39,14 @@ by_both = pytest.mark.parametrize("integrator", INTEGRATORS)
 def started(tolerance: float = 1e-8, integrator: Integrator = "compiled") -> SteppingModel:
     """The uneven platform in motion under all inputs, ready for its first step; regular for 0.9 s."""
     model = SteppingModel(UNEVEN, tolerance, integrator=integrator)
-    model.set_many({**STATE._asdict(), **INPUTS._asdict()})
+    model.set_many(MOVING)
     return model
 
 
-def refused(model: SteppingModel, call: Any, error: type[Exception], message: str) -> Any:
+def refused(model: SteppingModel, call: Any, message: str) -> Any:
     """The call fails with this message and leaves the model as it was (rule 8)."""
     before = model.save_state()
-    with pytest.raises(error, match=message) as caught:
+    with pytest.raises(GoughStewartError, match=message) as caught:
         call()
     assert model.save_state() == before
     return caught.value
@@ -72,87 +71,60 @@ def test_it_starts_at_home_at_rest_at_time_zero_and_stands_still(name: str, inte
     assert np.abs(model.state - home).max() < (1e-7 if model.variant.springs else 1e-10)
 
 
-def test_variables_go_by_whole_and_by_element() -> None:
-    """Expected: every element of every variable is that of the whole at the indices of its name, one-based."""
-    model = moving("both")
-    model.set("actuator_force", [1, 2, 3, 4, 5, 6])
-    model.set("actuator_force[3]", 7.0)
-    assert np.array_equal(model.get("actuator_force"), [1, 2, 7, 4, 5, 6])
-    model.set("base_points[2,3]", 0.01)
-    assert model.get("base_points[2,3]") == 0.01
-    model.set("position[3]", 3.1)
-    assert model.get("position[3]") == 3.1
-    before = model.save_state()
-    for variable in {
-        v.name: v for v in (*interface.INPUTS, *model.variant.results, *model.variant.parameters)
-    }.values():
-        whole = np.asarray(model.get(variable.name))
-        assert whole.shape == variable.shape
-        for index in np.ndindex(whole.shape):
-            if variable.shape:
-                assert model.get(f"{variable.name}[{','.join(str(k + 1) for k in index)}]") == whole[index]
-        whole[...] = 99.0
-    assert isinstance(model.get("kinetic_energy"), float)
-    assert model.save_state() == before
-
-
-REFUSED: list[tuple[Any, Any, type[Exception], str]] = [
-    ("actuator_forces", FORCES, InterfaceError, "did you mean 'actuator_force'"),
-    (3, FORCES, InterfaceError, "expected the name of a variable"),
-    ("actuator_force", FORCES[:5], InterfaceError, r"has shape \(5,\); expected numbers of shape \(6,\)"),
-    ("actuator_force", [FORCES, [1]], InterfaceError, "expected numbers"),
-    ("actuator_force", [1, 2, np.nan, 4, 5, 6], InterfaceError, r"actuator_force: is \[1.0, 2.0, nan"),
-    ("actuator_force", np.array([1, 2, np.inf, 4, 5, 6]), InterfaceError, r"actuator_force: is \[1.0, 2.0, inf"),
-    ("actuator_force[2]", np.inf, InterfaceError, r"actuator_force\[2\]: is inf"),
-    ("actuator_force", [True] * 6, InterfaceError, "expected numbers"),
-    ("actuator_force", ["1"] * 6, InterfaceError, "expected numbers"),
-    ("actuator_force", np.ones(6) * 1j, InterfaceError, "expected numbers"),
-    ("actuator_force", [10**400] * 6, InterfaceError, "expected numbers"),
-    ("platform_mass", None, InterfaceError, "is None; expected one number"),
-    ("external_force", "up", InterfaceError, "expected numbers"),
-    (
-        "external_force",
-        1.0,
-        InterfaceError,
-        r"^external_force: has shape \(\); expected numbers of shape \(3,\) \[N\], ext",
-    ),
-    ("leg_length", [3.0] * 6, InterfaceError, r"is computed \(output\); set inputs, parameters or states instead"),
-    ("joint_force[2,3]", 1.0, InterfaceError, r"is computed \(local\)"),
-    ("fixed_step_size", 1e-3, InterfaceError, "parameter of the FMU"),
-    ("orientation", [0, 1.6, 0], InterfaceError, r"orientation\[2\]: is 1.6 rad; expected a pitch within ±1.5698 rad"),
-    ("orientation[2]", -np.pi / 2 + 0.999e-3, InterfaceError, "expected a pitch within"),
-    ("platform_mass", -1.0, PlatformError, "is -1 kg; expected > 0"),
-    ("leg_coulomb_friction", -1.0, PlatformError, "is -1 N; expected >= 0"),
-    ("leg_bristle", np.zeros(6), InterfaceError, "is nothing that this platform has: leg_friction_model is 's"),
-    ("leg_damping", 3.0, InterfaceError, "is nothing that this platform has: leg_stiffness is 0"),
-    ("leg_stiffness", 1e7, InterfaceError, "would give the model other states; make a SteppingModel of that platform"),
+REFUSED: list[tuple[Any, Any, str]] = [
+    ("actuator_forces", FORCES, "did you mean 'actuator_force'"),
+    (3, FORCES, "expected the name of a variable"),
+    ("actuator_force", FORCES[:5], r"has shape \(5,\); expected numbers of shape \(6,\)"),
+    ("actuator_force", [FORCES, [1]], "expected numbers"),
+    ("actuator_force", [1, 2, np.nan, 4, 5, 6], r"actuator_force: is \[1.0, 2.0, nan"),
+    ("actuator_force", np.array([1, 2, np.inf, 4, 5, 6]), r"actuator_force: is \[1.0, 2.0, inf"),
+    ("actuator_force[2]", np.inf, r"actuator_force\[2\]: is inf"),
+    ("actuator_force", [True] * 6, "expected numbers"),
+    ("actuator_force", ["1"] * 6, "expected numbers"),
+    ("actuator_force", np.ones(6) * 1j, "expected numbers"),
+    ("actuator_force", [10**400] * 6, "expected numbers"),
+    ("platform_mass", None, "is None; expected one number"),
+    ("external_force", "up", "expected numbers"),
+    ("external_force", 1.0, r"^external_force: has shape \(\); expected numbers of shape \(3,\) \[N\], ext"),
+    ("leg_length", [3.0] * 6, r"is computed \(output\); set inputs, parameters or states instead"),
+    ("joint_force[2,3]", 1.0, r"is computed \(local\)"),
+    ("fixed_step_size", 1e-3, "parameter of the FMU"),
+    ("orientation", [0, 1.6, 0], r"orientation\[2\]: is 1.6 rad; expected a pitch within ±1.5698 rad"),
+    ("orientation[2]", -np.pi / 2 + 0.999e-3, "expected a pitch within"),
+    ("platform_mass", -1.0, "is -1 kg; expected > 0"),
+    ("leg_coulomb_friction", -1.0, "is -1 N; expected >= 0"),
+    ("leg_bristle", np.zeros(6), "is nothing that this platform has: leg_friction_model is 's"),
+    ("leg_damping", 3.0, "is nothing that this platform has: leg_stiffness is 0"),
+    ("leg_stiffness", 1e7, "would give the model other states; make a SteppingModel of that platform"),
 ]
 
 
-@pytest.mark.parametrize(("name", "value", "error", "message"), REFUSED)
-def test_what_cannot_be_set_is_refused(name: Any, value: Any, error: type[Exception], message: str) -> None:
+@pytest.mark.parametrize(("name", "value", "message"), REFUSED)
+def test_what_cannot_be_set_is_refused(name: Any, value: Any, message: str) -> None:
     model = started()
-    refused(model, lambda: model.set(name, value), error, message)
+    refused(model, lambda: model.set(name, value), message)
 
 
 def test_what_is_set_is_what_is_had_and_nothing_else_changes() -> None:
     """Expected: every input, state and parameter one after the other, whole and its last element; also large forces."""
-    settable = (*interface.INPUTS, *interface.STATES, *interface.PLATFORM_PARAMETERS)
+    settable = [v for v in gs.VARIABLES if v.causality in ("input", "parameter") or v.is_state]
+    settable = [v for v in settable if v.name != "fixed_step_size"]
     for variable in (v for v in settable if v.name != "platform_inertia"):
         model = started()
         before = {v.name: np.array(model.get(v.name)) for v in settable}
         value = np.array(before[variable.name] * 1.01 + (0.01 if variable.lower_bound is None else 0.0))
-        for name in (variable.name, variable.scalar_names[-1]):
-            value = value if name == variable.name else np.append(value.reshape(-1)[:-1], 1.01 * value.reshape(-1)[-1])
-            value = value.reshape(variable.shape)
-            model.set(name, value if name == variable.name else float(value.reshape(-1)[-1]))
-            for other in settable:
-                expected = value if other is variable else before[other.name]
-                assert np.array_equal(model.get(other.name), expected), (variable.name, other.name)
+        model.set(variable.name, value)
+        last = variable.scalar_names[-1]
+        value[(-1,) * value.ndim] *= 1.01
+        model.set(last, float(np.ravel(value)[-1]))
+        for other in settable:
+            expected = value if other is variable else before[other.name]
+            assert np.array_equal(model.get(other.name), expected), (variable.name, other.name)
         model.reset()
         assert model.save_state() == SteppingModel(UNEVEN).save_state()
     model.set("external_force", [1e200, 0.0, 0.0])  # whose square is not finite
     assert model.get("external_force[1]") == 1e200
+    refused(model, lambda: model.set_inputs(np.append(INPUTS[:11], np.inf)), r"external_torque.*inf")
 
 
 def test_states_and_fixed_parameters_are_set_before_the_first_step_only() -> None:
@@ -165,7 +137,7 @@ def test_states_and_fixed_parameters_are_set_before_the_first_step_only() -> Non
         ("velocity[3]", 1.0, f"velocity: is a state, {late}"),
         ("leg_lower_mass", 2.0, f"leg_lower_mass: is a fixed parameter, {late}"),
     ):
-        refused(model, lambda n=name, v=value: model.set(n, v), InterfaceError, f"^{re.escape(text)}$")
+        refused(model, lambda n=name, v=value: model.set(n, v), f"^{re.escape(text)}$")
     model.set("platform_mass", 12.0)
     assert model.platform.platform_mass == 12.0
 
@@ -173,57 +145,39 @@ def test_states_and_fixed_parameters_are_set_before_the_first_step_only() -> Non
 def test_several_variables_are_set_together_or_none() -> None:
     """Expected: one by one each element of an inertia would be asymmetric, which no inertia is."""
     model = started()
-    refused(model, lambda: model.set_many({"external_force": [1, 2, 3], "gravity": [0, 0]}), InterfaceError, "gravity")
-    refused(model, lambda: model.set("platform_inertia[1,2]", 0.5), PlatformError, "not symmetric")
+    refused(model, lambda: model.set_many({"external_force": [1, 2, 3], "gravity": [0, 0]}), "gravity")
+    refused(model, lambda: model.set("platform_inertia[1,2]", 0.5), "not symmetric")
     model.set_many({"platform_inertia[1,2]": 0.5, "platform_inertia[2,1]": 0.5})
     assert model.platform.platform_inertia[0, 1] == model.platform.platform_inertia[1, 0] == 0.5
 
 
-def test_all_inputs_are_set_as_one_vector() -> None:
-    """Expected: what `get` gives of each; a value that is not finite is refused by name, and nothing changes."""
-    model, inputs = SteppingModel(UNEVEN), np.arange(12.0) + 0.5
-    model.set_inputs(inputs)
-    for name, part in (
-        ("actuator_force", inputs[:6]),
-        ("external_force", inputs[6:9]),
-        ("external_torque", inputs[9:]),
-    ):
-        assert np.array_equal(model.get(name), part)
-    inputs[3] = np.inf
-    refused(model, lambda: model.set_inputs(inputs), InterfaceError, r"actuator_force.*inf")
-
-
 @by_both
 def test_results_are_those_of_independent_equations_under_the_present_inputs(integrator: Integrator) -> None:
-    """Expected: Newton and Euler's accelerations and joint forces; NumPy's lengths; M δa = δF before any step."""
+    """Expected: a Lagrangian's linear acceleration; Newton and Euler of the platform alone, pushed by its joints."""
     model = started(integrator=integrator)
     found, vector = model.results(), model.result_vector()
-    R = matrix_from_orientation(STATE.orientation)
-    expected = newton_euler.solve(UNEVEN, STATE.position, R, STATE.velocity, STATE.angular_velocity, *INPUTS)
-    assert found["acceleration"] == pytest.approx(expected.linear, rel=1e-9)
-    assert found["angular_acceleration"] == pytest.approx(expected.angular, rel=1e-9)
-    assert found["joint_force"] == pytest.approx(expected.joint_force, rel=1e-8, abs=1e-8)
-    lengths = np.linalg.norm(STATE.position + UNEVEN.platform_points @ R.T - UNEVEN.base_points, axis=1)
+    turn = Rotation.from_euler("xyz", STATE.orientation)
+    R, omega, (force, torque) = turn.as_matrix(), STATE.angular_velocity, (INPUTS[6:9], INPUTS[9:])
+    rates = np.asarray(np.linalg.solve(twist_of_rates(model.state[:6]), model.state[6:]), dtype=np.float64)
+    expected = accelerations(UNEVEN, model.state[:6], rates, INPUTS[:6], INPUTS[6:])
+    assert found["acceleration"] == pytest.approx(expected[:3], rel=1e-9)
+    arm, com, J = UNEVEN.platform_points @ R.T, R @ UNEVEN.platform_com, R @ UNEVEN.platform_inertia @ R.T
+    alpha = found["angular_acceleration"]
+    of_com = found["acceleration"] + np.cross(alpha, com) + np.cross(omega, np.cross(omega, com))
+    weight = 11.5 * (of_com - UNEVEN.gravity)
+    assert found["joint_force"].sum(axis=0) + force == pytest.approx(weight, rel=1e-9)
+    moment = np.cross(arm, found["joint_force"]).sum(axis=0) + torque
+    assert moment == pytest.approx(np.cross(com, weight) + J @ alpha + np.cross(omega, J @ omega), rel=1e-8)
+    lengths = np.linalg.norm(STATE.position + arm - UNEVEN.base_points, axis=1)
     assert found["leg_length"] == pytest.approx(lengths, rel=1e-12)
-    assert np.array_equal(interface.pack(interface.RESULTS, found), vector)
-    assert [model.get(name) for name in interface.RESULT_COLUMNS] == vector.tolist()
+    assert np.concatenate([np.ravel(value) for value in found.values()]).tolist() == vector.tolist()
+    assert [model.get(name) for name in model.variant.columns] == vector.tolist()
     change = np.array([20.0, -30.0, 100.0])
-    model.set("external_force", INPUTS.external_force + change)
+    model.set("external_force", force + change)
     names = ("acceleration", "angular_acceleration")
     moved = np.concatenate([np.asarray(model.get(name)) - found[name] for name in names])
     M = mass_matrix(UNEVEN, STATE.position, STATE.orientation)
     assert M @ moved == pytest.approx(np.concatenate([change, np.zeros(3)]), abs=1e-10)
-
-
-@pytest.mark.parametrize("name", PLATFORMS)
-def test_results_have_the_same_names_and_values_by_both_integrators(name: str) -> None:
-    """Expected: CasADi's evaluation of each column, of a variant's added outputs too."""
-    ours, theirs = moving(name), moving(name, integrator="scipy")
-    for model in (ours, theirs):
-        model.set_inputs(forces(model.platform, 3))
-    np.testing.assert_allclose(ours.result_vector(), theirs.result_vector(), rtol=1e-11, atol=1e-11)
-    for column, value in zip(ours.variant.columns, ours.result_vector(), strict=True):
-        assert ours.get(column) == value
 
 
 @by_both
@@ -242,8 +196,8 @@ def test_the_linearisation_predicts_a_small_step(integrator: Integrator) -> None
     assert model.result_vector() - y == pytest.approx(C @ (model.state - x), abs=1e-5 * np.abs(y).max())
     change = np.linspace(-1.0, 2.0, 12)
     model.reset()
-    model.set_many({**STATE._asdict(), **INPUTS._asdict()})
-    model.set_inputs(INPUTS.to_vector() + change)
+    model.set_many(MOVING)
+    model.set_inputs(INPUTS + change)
     assert model.result_vector() - y == pytest.approx(D @ change, abs=1e-9)
     model.linearise()
     assert all(np.array_equal(block, before) for block, before in zip(blocks, copies, strict=True))
@@ -286,16 +240,15 @@ def test_the_error_is_of_the_order_of_the_tolerance(name: str, integrator: Integ
 
 
 @by_both
-def test_the_motion_does_not_depend_on_how_time_is_cut(integrator: Integrator) -> None:
-    """Expected: one long step over the same time, within the tolerance of SciPy at 1e-13; inputs are held."""
-    exact = started(1e-13, "scipy")
-    exact.do_step(0.0, 0.6)
+def test_the_motion_is_that_of_a_lagrangian_however_time_is_cut(integrator: Integrator) -> None:
+    """Expected: the tests' Lagrangian under DOP853 at 1e-12, within the tolerance; inputs are held."""
+    exact = trajectory(UNEVEN, np.concatenate(STATE), lambda _t: INPUTS, np.array([0.0, 0.6]), 1e-12)[-1]
     for steps in ((0.6,), (0.14, 0.001, 0.259, 0.2), (0.1,) * 6):
         for tolerance in (1e-4, 1e-6, 1e-8, 1e-10):
             model = started(tolerance, integrator)
             for step in steps:
                 model.do_step(model.time, step)
-            assert np.abs(model.state - exact.state).max() < 10 * tolerance
+            assert np.abs(model.state - exact).max() < 10 * tolerance
 
 
 @pytest.mark.parametrize("name", ["ideal", "elastic"])
@@ -307,50 +260,22 @@ def test_fixed_steps_have_order_4(name: str) -> None:
     assert np.polyfit(np.log(steps), np.log(errors), 1)[0] > 3.8
 
 
-@pytest.mark.parametrize(("springs", "friction"), [*product((False, True), ("elasto_plastic", "lugre"))])
-def test_fixed_steps_of_1_ms_resolve_legs_that_break_loose_and_reverse(springs: bool, friction: str) -> None:
-    """Expected: SciPy at 1e-10; bristles start straight at 0.1 m/s, and 1e-4 of their reach is allowed in a step."""
-    platform = real_platform(friction, springs)
-    models = SteppingModel(platform, fixed_step_size=1e-3), SteppingModel(platform, 1e-10, integrator="scipy")
-    for model in models:
-        model.set_many(MOTION)
-    ours, theirs = (stepped(model, 40) for model in models)
-    assert np.abs(ours - theirs)[:6].max() < 2e-7
-    assert np.abs(ours - theirs)[6:12].max() < (8e-5 if springs else 2e-6)
-    reach = np.max(platform.leg_static_friction) / platform.leg_bristle_stiffness
-    assert np.abs(ours - theirs)[12:18].max() < (5e-3 if springs else 5e-4) * reach
+TIMES: list[tuple[Any, Any, str]] = [
+    (0.5, 0.0, "step = 0 .*expected a communication step > 0"),
+    (0.5, -0.1, "expected a communication step > 0"),
+    (0.6, 0.1, "expected the model's current time"),
+    (0.5, 1e-18, "too small to advance the time"),
+    *((0.5, value, "step: is|step: has") for value in (np.nan, np.inf, "1", None, True, 1j, [1])),
+    *((value, 0.1, "time: is|time: has") for value in (np.nan, np.inf, "1", None, True, 10**400)),
+]
 
 
-def test_fixed_steps_resolve_legs_that_ring_after_a_jump_of_the_force() -> None:
-    """Modes with a period of 2.8 steps, which RK4 damps within some. Expected: the motors of SciPy at 1e-9."""
-    platform = real_platform("elasto_plastic", True, leg_armature=0.8)
-    models = SteppingModel(platform, fixed_step_size=9e-4), SteppingModel(platform, 1e-9, integrator="scipy")
-    for model in models:
-        jump = 300 * np.array([1, -0.5, 0.7, 1.2, -0.8, 0.9])
-        model.set("actuator_force", platform.home_actuator_force + jump)
-    for k in range(8):
-        for model in models:
-            model.do_step(k * 9e-4, 9e-4)
-        assert models[0].state[24:] == pytest.approx(models[1].state[24:], abs=1e-3)
-    assert np.abs(models[1].state[24:]).max() > 0.3
-
-
-@pytest.mark.parametrize(
-    ("time", "step", "error", "message"),
-    [
-        (0.5, 0.0, StepError, "step = 0 .*expected a communication step > 0"),
-        (0.5, -0.1, StepError, "expected a communication step > 0"),
-        (0.6, 0.1, StepError, "expected the model's current time"),
-        (0.5, 1e-18, StepError, "too small to advance the time"),
-        *((0.5, value, InterfaceError, "step: is|step: has") for value in (np.nan, np.inf, "1", None, True, 1j, [1])),
-        *((value, 0.1, InterfaceError, "time: is|time: has") for value in (np.nan, np.inf, "1", None, True, 10**400)),
-    ],
-)
-def test_wrong_times_are_refused(time: Any, step: Any, error: type[Exception], message: str) -> None:
+@pytest.mark.parametrize(("time", "step", "message"), TIMES, ids=lambda value: str(value)[:12])
+def test_wrong_times_are_refused(time: Any, step: Any, message: str) -> None:
     model = started()
     model.do_step(0, np.float32(0.5))  # type: ignore[arg-type]
     assert type(model.time) is float
-    refused(model, lambda: model.do_step(time, step), error, message)
+    refused(model, lambda: model.do_step(time, step), message)
 
 
 # Present time, step, and the largest accepted difference: 1e-9 of the time or of 1 s, but no more than a thousandth of
@@ -368,7 +293,7 @@ CLOCKS = [
 def test_a_clock_may_round_a_little(now: float, step: float, inside: float, outside: float, side: int) -> None:
     model = SteppingModel(replace(UNEVEN, gravity=np.zeros(3)))
     model.do_step(0.0, now)
-    refused(model, lambda: model.do_step(now + side * outside, step), StepError, "current time")
+    refused(model, lambda: model.do_step(now + side * outside, step), "current time")
     model.do_step(now + side * inside, step)
 
 
@@ -386,7 +311,7 @@ ARGUMENTS: list[tuple[dict[str, Any], str]] = [
 def test_arguments_that_make_no_sense_are_refused(arguments: dict[str, Any], message: str) -> None:
     for tolerance in (1e-13, 1e-2):
         SteppingModel(UNEVEN, tolerance)
-    with pytest.raises(InterfaceError, match=message):
+    with pytest.raises(GoughStewartError, match=message):
         SteppingModel(**{"platform": UNEVEN, **arguments})
 
 
@@ -415,7 +340,7 @@ def test_a_step_that_fails_says_what_and_leaves_the_model(case: str, integrator:
     start, pull, span, quantity, words = FAILURES[case]
     model = SteppingModel(PAPER, integrator=integrator)
     model.set_many({**start, "actuator_force": pull})
-    error = refused(model, lambda: model.do_step(0.0, span), StepError, words)
+    error = refused(model, lambda: model.do_step(0.0, span), words)
     assert error.quantity == quantity
     assert 0 <= error.time <= span
     assert str(error).startswith(f"{quantity} = {error.value:.6g} at time {error.time:.9g} s: ")
@@ -430,43 +355,54 @@ def test_a_step_that_fails_says_what_and_leaves_the_model(case: str, integrator:
         model.do_step(0.0, 1e-4)
 
 
-def test_accelerations_that_overflow_are_named() -> None:
-    """Expected: the first derivative that is not a number, at once."""
-    model = SteppingModel(PAPER)
-    model.set("actuator_force", [1.7e308] * 6)
-    error = refused(model, lambda: model.do_step(0.0, 1e-3), StepError, "derivatives are not finite")
-    assert error.quantity.startswith("der(")
-    assert not np.isfinite(error.value)
-
-
 @by_both
-def test_a_motion_that_passes_a_singular_pose_between_two_steps_fails(integrator: Integrator) -> None:
-    """Expected: at a tolerance of 1e-2 a step is long enough; value and side by NumPy's condition number."""
-    model = SteppingModel(replace(UNEVEN, gravity=np.zeros(3)), 1e-2, integrator=integrator)
-    model.set_many({"actuator_force": np.zeros(6), "angular_velocity": [0, 0, 9.0]})
-    error = refused(model, lambda: model.do_step(0.0, 0.5), StepError, "passed|reached")
-    assert error.quantity == CONDITION
-    assert error.value > 1
+def test_poses_are_refused_from_their_limits_on(integrator: Integrator) -> None:
+    """Expected: 1e-3 rad below 90° of pitch of either sign, a thousandth of ρ, NumPy's condition number of 1e8."""
+    model = SteppingModel(UNEVEN, integrator=integrator)
+    rho, home = np.sqrt((UNEVEN.platform_points**2).sum() / 6), UNEVEN.home_position
+
+    def error_at(position: Any, orientation: Any) -> StepError | None:
+        """Of a step of 1 ns from rest in this pose."""
+        pose = (*position, *orientation, *[0.0] * 6)
+        model.restore_state(replace(model.save_state(), time=7.3, x=pose, started=True))
+        try:
+            model.do_step(7.3, 1e-9)
+        except StepError as error:
+            return error
+        return None
+
+    far = np.pi / 2 - 1e-3
+    for sign in (1, -1):
+        assert error_at(home, [1.2, sign * (far - 1e-9), -1.9]) is None
+        error = error_at(home, [0.1, sign * (far + 1e-9), 0.2])
+        assert error is not None
+        assert (error.quantity, error.value, error.time) == ("orientation[2]", sign * (far + 1e-9), 7.3)
+    for leg, joint in enumerate(UNEVEN.base_points - UNEVEN.platform_points):
+        assert error_at(joint + 1.1e-3 * rho * np.array([0.6, 0.0, 0.8]), np.zeros(3)) is None
+        error = error_at(joint + 0.9e-3 * rho * np.array([0.6, 0.0, 0.8]), np.zeros(3))
+        assert error is not None
+        assert error.quantity == f"leg_length[{leg + 1}]"
+        assert error.value == pytest.approx(0.9e-3 * rho, rel=1e-6)
+
+    def scaled(yaw: float) -> Any:
+        return leg_jacobian(UNEVEN, home, np.array([0.0, 0.0, yaw])) / np.repeat([1.0, rho], 3)
+
+    singular, seen = brentq(lambda yaw: np.linalg.det(scaled(yaw)), 1.0, 2.5, xtol=1e-15), set()
+    for away in np.geomspace(1e-9, 1e-6, 12):
+        for yaw in (singular - away, singular + away):
+            number, frobenius = (float(np.linalg.cond(scaled(yaw), norm)) for norm in (2, "fro"))
+            if number > 1.05e8 or frobenius < 0.95e8:
+                assert (error_at(home, [0.0, 0.0, yaw]) is not None) == (number > 1e8)
+                seen.add(number > 1e8)
+    assert seen == {True, False}
 
 
 @pytest.mark.parametrize(
     ("name", "options", "span", "quantity", "words"),
     [
-        (
-            "ideal",
-            {"fixed_step_size": 1e-9},
-            0.1,
-            "fixed_step_size",
-            "too small for one step to time 0.1 s; expected at m",
-        ),
+        ("ideal", {"fixed_step_size": 1e-9}, 0.1, "fixed_step_size", "too small for one step to time 0.1 s; expected"),
         ("elastic", {"tolerance": 1e-13}, 20.0, "internal steps", "too many internal steps for one step to time 20 s"),
-        (
-            "elastic",
-            {"fixed_step_size": 0.01},
-            0.02,
-            "fixed_step_size",
-            "steps of 0.01 s are too large for legs that sti",
-        ),
+        ("elastic", {"fixed_step_size": 0.01}, 0.02, "fixed_step_size", "steps of 0.01 s are too large for legs that"),
     ],
 )
 def test_steps_without_end_or_too_large_fail(
@@ -474,7 +410,7 @@ def test_steps_without_end_or_too_large_fail(
 ) -> None:
     """Expected: the limits of the docstring; the same motion passes in shorter steps."""
     model = moving(name, **options)
-    error = refused(model, lambda: model.do_step(0.0, span), StepError, words)
+    error = refused(model, lambda: model.do_step(0.0, span), words)
     assert error.quantity == quantity
     model.do_step(0.0, 1e-4 if "fixed_step_size" not in options else 1e-5)
 
@@ -483,16 +419,14 @@ def test_fixed_steps_go_up_to_the_largest_that_resolves_the_modes_of_legs() -> N
     """Expected: h |λ| = 2.6 for the motors on their springs, √(k/m_a + …) above √(k/m_a); what is larger is refused."""
     platform = real_platform("elasto_plastic", True, leg_armature=0.5)
     model = SteppingModel(platform, fixed_step_size=1e-3)
-    error = refused(
-        model, lambda: model.do_step(0.0, 2e-3), StepError, "^fixed_step_size = 0.001 at time 0 s: steps of"
-    )
+    error = refused(model, lambda: model.do_step(0.0, 2e-3), "^fixed_step_size = 0.001 at time 0 s: steps of")
     largest = float(str(error).split("at most ")[1].split()[0])
     fast = np.sqrt((platform.leg_stiffness + platform.leg_bristle_stiffness) / platform.leg_armature)
     assert 0.7 * 2.6 / fast < largest < 2.6 / fast
     # that of legs that stand, also for legs that slide, whose bristles forget within 10 µs
     sliding = SteppingModel(platform, fixed_step_size=1e-3)
     sliding.set_many({**MOTION, "leg_bristle": np.full(6, 5e-6)})
-    also = refused(sliding, lambda: sliding.do_step(0.0, 2e-3), StepError, "are too large")
+    also = refused(sliding, lambda: sliding.do_step(0.0, 2e-3), "are too large")
     assert float(str(also).split("at most ")[1].split()[0]) == pytest.approx(largest, rel=1e-3)
     model = SteppingModel(platform, fixed_step_size=0.99 * largest)
     model.do_step(0.0, 2e-3)
@@ -509,7 +443,7 @@ def test_a_start_with_a_leg_too_short_for_its_parts_fails_the_first_step_only(in
     text = (
         f"is 2.6 m from the platform joint; expected between 0 and the shortest leg of the start pose, {shortest:g} m"
     )
-    refused(model, lambda: model.do_step(0.0, 1e-3), ValueError, re.escape(text))
+    refused(model, lambda: model.do_step(0.0, 1e-3), re.escape(text))
     model.reset()
     model.do_step(0.0, 1e-3)
     model.restore_state(replace(model.save_state(), x=(*low.tolist(), *[0.0] * 9)))
@@ -532,7 +466,7 @@ def test_the_side_of_singular_poses_is_forgotten_with_what_is_set_or_restored(in
     model.do_step(1e-3, 1e-3)
     joint = UNEVEN.base_points[3] - UNEVEN.platform_points[3] + np.array([0.0, 0.0, 2e-4])
     model.restore_state(replace(before, time=7.3, x=(*joint.tolist(), *[0.0] * 9), started=True))
-    error = refused(model, lambda: model.do_step(7.3, 1e-3), StepError, r"^leg_length\[4\] = 0.0002 at time 7.3 s")
+    error = refused(model, lambda: model.do_step(7.3, 1e-3), r"^leg_length\[4\] = 0.0002 at time 7.3 s")
     assert error.time == 7.3
     model.restore_state(replace(before, time=7.3))
     model.do_step(7.3, 1e-3)
@@ -568,37 +502,7 @@ def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str
     assert future(model) == once
 
 
-def test_many_models_do_not_disturb_each_other() -> None:
-    """Expected: each alone."""
-    alone = [stepped(moving(name), 6) for name in PLATFORMS]
-    models = [moving(name) for name in PLATFORMS for _ in range(3)]
-    for _ in range(6):
-        for model in models:
-            stepped(model, 1)
-    for k, model in enumerate(models):
-        assert np.array_equal(model.state, alone[k // 3])
-
-
-@by_both
-def test_reset_is_a_new_model(integrator: Integrator) -> None:
-    model = started(integrator=integrator)
-    model.set("platform_mass", 12.0)
-    model.do_step(0.0, 0.3)
-    model.reset()
-    snapshot = SteppingModel(UNEVEN).save_state()
-    assert model.save_state() == snapshot
-    assert (snapshot.time, snapshot.internal_step, snapshot.started) == (0.0, None, False)
-    refused(model, lambda: model.restore_state(None), InterfaceError, "expected a snapshot from save_state")  # type: ignore[arg-type]
-
-
 # --- rules 10 and 11, and what is beneath --------------------------------------------------------------------------
-
-
-def test_limits_are_not_enforced() -> None:
-    model = SteppingModel(replace(UNEVEN, leg_length_max=3.35, actuator_force_max=1.0))
-    model.set_many({**STATE._asdict(), **INPUTS._asdict()})
-    model.do_step(0.0, 0.5)
-    assert model.results()["leg_length"].max() > 3.4
 
 
 def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:
@@ -611,9 +515,9 @@ def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:
     aside = platform.home_position + np.array([0.02, 0.01, -0.03])
     state = State(aside, platform.home_orientation, np.array([0.1, 0, 0.2]), np.zeros(3))
     model.set_many(state._asdict())
-    legs, rates = leg_geometry(platform, *state[:2]).length, leg_rates(platform, state).length_rate
+    legs, J = leg_geometry(platform, *state[:2]).length, leg_jacobian(platform, *state[:2])
     assert np.abs(np.asarray(model.get("motor_position")) - legs).max() < 1e-3
-    assert model.get("motor_velocity") == pytest.approx(rates, rel=1e-14)
+    assert model.get("motor_velocity") == pytest.approx(J @ np.concatenate(state[2:]), rel=1e-12)
     # set in the same call, they stay
     model.set_many({"position": platform.home_position, "motor_position": legs})
     assert model.get("motor_position") == pytest.approx(legs, rel=1e-15)
@@ -675,6 +579,20 @@ def test_a_platform_moves_as_a_lagrangian_with_printed_laws_under_radau(
     assert np.ptp(np.sign(model.state[12:18])) == 2
 
 
+@pytest.mark.parametrize(("springs", "friction"), [*product((False, True), ("elasto_plastic", "lugre"))])
+def test_fixed_steps_of_1_ms_resolve_legs_that_break_loose_and_reverse(springs: bool, friction: str) -> None:
+    """Expected: SciPy at 1e-10; bristles start straight at 0.1 m/s, and 1e-4 of their reach is allowed in a step."""
+    platform = real_platform(friction, springs)
+    models = SteppingModel(platform, fixed_step_size=1e-3), SteppingModel(platform, 1e-10, integrator="scipy")
+    for model in models:
+        model.set_many(MOTION)
+    ours, theirs = (stepped(model, 40) for model in models)
+    assert np.abs(ours - theirs)[:6].max() < 2e-7
+    assert np.abs(ours - theirs)[6:12].max() < (8e-5 if springs else 2e-6)
+    reach = np.max(platform.leg_static_friction) / platform.leg_bristle_stiffness
+    assert np.abs(ours - theirs)[12:18].max() < (5e-3 if springs else 5e-4) * reach
+
+
 @pytest.mark.parametrize(("friction", "fixed"), [*product(("elasto_plastic", "lugre"), (0.0, 1e-3))])
 def test_lugre_creeps_below_breakaway_and_elasto_plastic_does_not(friction: str, fixed: float) -> None:
     """40 N ± 20 N on each leg more than its weight, 100 N of friction. Expected: stands within 1 nm; creeps further."""
@@ -720,7 +638,7 @@ def test_without_library_and_compiler_the_error_names_what_to_do(monkeypatch: py
     monkeypatch.setattr(compiled_stepper, "kernel_library", lambda: None)
     monkeypatch.setattr(compiled_stepper, "_COMPILER", "gough_stewart.no_such_module")
     for platform in (UNEVEN, PLATFORMS["both"]):
-        with pytest.raises(NotInstalledError, match=r"gough-stewart\[compile\]', or choose integrator=\"scipy\"$"):
+        with pytest.raises(GoughStewartError, match=r"gough-stewart\[compile\]', or choose integrator=\"scipy\"$"):
             SteppingModel(platform)
         stepped(SteppingModel(platform, integrator="scipy"), 1)
     compiled_stepper.stepper_library.cache_clear()

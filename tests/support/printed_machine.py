@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
-from tests.support.lagrangian import Pose, forces_along, legs_along
+from gough_stewart import Platform
+from tests.support.lagrangian import FloatArray, Pose, forces_along, legs_along
 from tests.support.real_platforms import printed_law
 from tests.support.uneven import UNEVEN
 

@@ -1,15 +1,12 @@
 """Random platforms, states and inputs: all dissimilar legs, inertias and axes that a Platform admits."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.kinematics import conditioning
-from gough_stewart.model.parameters import Parameters, stack
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import Inputs, State
+from gough_stewart import GoughStewartError, Platform, State, leg_jacobian, stack
+from gough_stewart.model.state import Inputs
 
 # Agreement is asked for at regular poses: rounding grows with the condition number.
 REGULAR = 100.0
@@ -19,7 +16,7 @@ class Sample(NamedTuple):
     """A batch of n platforms, each in a state of its own."""
 
     platforms: list[Platform]
-    parameters: Parameters
+    parameters: Any  # as `stack` gives them
     state: State
     inputs: Inputs
 
@@ -62,9 +59,9 @@ def random_platform(rng: np.random.Generator) -> Platform:
                 leg_viscous_friction_factor=legs.uniform(0.3, 1.7, 6),
                 leg_coulomb_friction_factor=legs.uniform(0.3, 1.7, 6),
             )
-        except PlatformError:
+        except GoughStewartError:
             continue
-        if conditioning(platform, platform.home_position, platform.home_orientation).condition_number < REGULAR:
+        if _condition_number(platform, platform.home_position, platform.home_orientation) < REGULAR:
             return platform
 
 
@@ -74,7 +71,7 @@ def random_state(platform: Platform, rng: np.random.Generator) -> State:
     while True:
         position = platform.home_position + size * rng.uniform(-0.3, 0.3, 3)
         orientation = platform.home_orientation + rng.uniform(-0.3, 0.3, 3)
-        if conditioning(platform, position, orientation).condition_number < REGULAR:
+        if _condition_number(platform, position, orientation) < REGULAR:
             return State(position, orientation, size * rng.normal(size=3), rng.normal(size=3))
 
 
@@ -102,6 +99,11 @@ def relative_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> float
     """Largest over the leading axis of |a − b| / |b|."""
     a, b = a.reshape(len(a), -1), b.reshape(len(b), -1)
     return float((np.linalg.norm(a - b, axis=1) / np.linalg.norm(b, axis=1)).max())
+
+
+def _condition_number(platform: Platform, position: NDArray[np.float64], orientation: NDArray[np.float64]) -> float:
+    lever = np.repeat([1.0, platform.characteristic_length], 3)
+    return float(np.linalg.cond(leg_jacobian(platform, position, orientation) / lever))
 
 
 def _circle(

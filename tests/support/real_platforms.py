@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gough_stewart import Platform
-from gough_stewart.model.vectors import FloatArray
+from tests.support.lagrangian import FloatArray
 from tests.support.uneven import UNEVEN
 
 # About the weight that a leg of UNEVEN carries.

@@ -1,15 +1,15 @@
 """Uneven platforms of each variant in motion, and stepping models of them by each integrator."""
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.stepping import Integrator, SteppingModel
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart import Platform, SteppingModel
+from tests.support.lagrangian import FloatArray
 from tests.support.real_platforms import real_platform
 from tests.support.uneven import UNEVEN
 
+Integrator = Literal["compiled", "scipy"]
 PLATFORMS: dict[str, Platform] = {
     "ideal": UNEVEN,
     "sticking": real_platform("lugre"),

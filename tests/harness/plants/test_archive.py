@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.harness.errors import PlantError
+from gough_stewart import GoughStewartError
 from gough_stewart.harness.plants.unit import UnitFile
-from tests.support.commands import invoke
 from tests.support.fmu_plants import Fmu
 
 
@@ -43,25 +42,9 @@ def copy_of(fmu: Fmu, path: Path, old: bytes = b"", new: bytes = b"", **more: by
 def test_an_entry_that_leads_out_is_refused_by_name(name: str, tmp_path: Path) -> None:
     path = archive(tmp_path / "unit.fmu", **{"modelDescription.xml": b"<fmiModelDescription/>", name: b"x"})
     reason = re.escape(f"the entry {name!r} points outside the archive; expected relative paths with slashes")
-    with pytest.raises(PlantError, match=rf"unit\.fmu: {reason}.*nothing was unpacked"):
+    with pytest.raises(GoughStewartError, match=rf"unit\.fmu: {reason}.*nothing was unpacked"):
         UnitFile(path)
     assert [file.name for file in tmp_path.iterdir()] == ["unit.fmu"]
-
-
-def test_other_names_are_no_reason(fmus: dict[str, Fmu], tmp_path: Path) -> None:
-    names = ["resources/a..b", "resources/..hidden", "documentation/d:e.html"]
-    with UnitFile(copy_of(fmus["3.0"], tmp_path / "unit.fmu", **dict.fromkeys(names, b"x"))) as file:
-        assert [(file.folder / name).read_bytes() for name in names] == [b"x"] * 3
-
-
-@pytest.mark.parametrize("identifier", ["../../../real", "/tmp/real", "a b", "C:real", "", "1st", "ré"])
-def test_the_name_of_the_library_is_an_identifier(identifier: str, fmus: dict[str, Fmu], tmp_path: Path) -> None:
-    """Expected: by the standard, a C identifier; a path would name a library outside of the archive."""
-    named, other = b'modelIdentifier="gough_stewart"', f'modelIdentifier="{identifier}"'.encode()
-    for version, fmu in fmus.items():
-        path = copy_of(fmu, tmp_path / f"{version}.fmu", named, other)
-        with pytest.raises(PlantError, match=f"modelIdentifier '{re.escape(identifier)}'; expected a C identifier"):
-            UnitFile(path)
 
 
 def test_what_is_too_large_is_refused_by_name_and_size(
@@ -71,7 +54,7 @@ def test_what_is_too_large_is_refused_by_name_and_size(
     unit = tmp_path / "unit.fmu"
 
     def reason() -> str:
-        with pytest.raises(PlantError) as caught:
+        with pytest.raises(GoughStewartError) as caught:
             UnitFile(unit)
         return str(caught.value)
 
@@ -94,10 +77,3 @@ def test_what_is_too_large_is_refused_by_name_and_size(
     assert re.search(r"its modelDescription\.xml has 20\.\d MB; expected at most 20 MB; nothing was parsed$", reason())
     (tmp_path / "unit.fmu").write_text("hello")
     assert reason().endswith("unit.fmu: is not an FMU (File is not a zip file)")
-
-
-def test_a_run_with_such_a_file_says_so(tmp_path: Path) -> None:
-    archive(tmp_path / "unit.fmu", **{"../outside": b"x"})
-    done = invoke("run", "heave_step", "--plant", "fmu3", "--fmu", str(tmp_path / "unit.fmu"), "--out", str(tmp_path))
-    assert done.exit_code != 0
-    assert "points outside the archive" in " ".join(done.stderr.split())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gough_stewart.harness.errors import ControllerError
+from gough_stewart import GoughStewartError
 from gough_stewart.harness.plants import signals
 
 
@@ -18,7 +18,7 @@ def test_signals_lie_as_the_notation_says_and_others_are_refused() -> None:
     ):
         assert signals.positions(names).tolist() == list(wanted)
     assert signals.column_names(["velocity", "leg_length"])[2:4] == ["velocity[3]", "leg_length[1]"]
-    with pytest.raises(ControllerError, match=r"^no signals; expected one or more of position, orientation, "):
+    with pytest.raises(GoughStewartError, match=r"^no signals; expected one or more of position, orientation, "):
         signals.positions([])
-    with pytest.raises(ControllerError, match=r"^no signal 'velocty'.*did you mean 'velocity'"):
+    with pytest.raises(GoughStewartError, match=r"^no signal 'velocty'.*did you mean 'velocity'"):
         signals.positions(["position", "velocty"])

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import PlantError
+from gough_stewart import GoughStewartError, StepError
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.model import interface
-from gough_stewart.model.errors import InterfaceError, StepError
-from gough_stewart.model.vectors import FloatArray
 from tests.support.fmu_plants import Fmu
+from tests.support.lagrangian import FloatArray
 from tests.support.uneven import STATE, UNEVEN
 
 Change = Callable[[str, bytes], bytes | None]
@@ -54,7 +53,7 @@ def test_a_file_that_is_no_unit_of_the_plant_is_refused(case: str, fmus: dict[st
         for name in old.namelist():
             if (content := change(name, old.read(name))) is not None:
                 new.writestr(name, content)
-    with pytest.raises(PlantError, match=reason):
+    with pytest.raises(GoughStewartError, match=reason):
         gs.run("heave_step", {"loop.duration": 0.01}, plant="fmu3", fmu=tmp_path / "unit.fmu")
 
 
@@ -74,7 +73,7 @@ def test_a_damaged_file_is_refused_and_leaves_nothing(
         (path, r"damaged.fmu: cannot be unpacked .*; make one with `gough-stewart build`"),
         ("nowhere.fmu", r"nowhere.fmu: no such file.*gough-stewart build"),
     ):
-        with pytest.raises(PlantError, match=reason):
+        with pytest.raises(GoughStewartError, match=reason):
             FmuPlant(refused, UNEVEN)
     assert list((tmp_path / "temporary").iterdir()) == []
 
@@ -89,7 +88,7 @@ def test_an_error_that_the_unit_logs_is_one_also_where_the_call_went_well(fmus: 
             lambda: plant.do_step(0.0, 0.001),
         ):
             plant._unit._hear(None, 3, b"logStatusError", b"the oil is cold")
-            with pytest.raises(PlantError, match=r"\.fmu: the oil is cold$"):
+            with pytest.raises(GoughStewartError, match=r"\.fmu: the oil is cold$"):
                 call()
         plant.results()
 
@@ -105,7 +104,7 @@ def test_a_failed_step_of_a_unit_has_its_version_step_and_time(version: str, fmu
         error = caught.value
         assert (error.quantity, error.value, error.time) == (f"FMU, FMI {version}: step", 0.7, 0.003)
         assert len(str(error).partition(" s: ")[2]) > 20
-        with pytest.raises(PlantError, match=rf"^{re.escape(str(plant.path))}: .*time"):
+        with pytest.raises(GoughStewartError, match=rf"^{re.escape(str(plant.path))}: .*time"):
             plant.do_step(0.5, 0.001)
         plant.set_inputs(np.zeros(12))
         plant.do_step(0.003, 0.001)
@@ -137,6 +136,6 @@ def test_parameters_of_a_unit_are_all_and_each_in_its_place(version: str, fmus: 
         tunable = ", ".join(v.name for v in interface.VARIABLES if v.variability == "tunable")
         for name in ("leg_armature", "gravity[3]"):
             reason = re.escape(f"{name}: cannot be set during a run; expected one of {tunable}")
-            with pytest.raises(InterfaceError, match=f"^{reason}$"):
+            with pytest.raises(GoughStewartError, match=f"^{reason}$"):
                 plant.set_parameters({"platform_mass": 1.0, name: 1.0})
         assert is_as_expected()

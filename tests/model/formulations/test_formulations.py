@@ -1,28 +1,18 @@
 """Task space, Kane, Newton–Euler and kernel: one set of accelerations and joint forces; the paper's relations."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from gough_stewart import Platform, State, load_preset
 from gough_stewart.model import dynamics, interface, kinematics
 from gough_stewart.model.formulations import kane, newton_euler
-from gough_stewart.model.formulations.cases import case_of, paper_case, with_pairs_swapped
+from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.vectors import skew
-from tests.support.random_platforms import Sample, random_platform, random_state, relative_difference
+from tests.support.random_platforms import Sample, relative_difference
 from tests.support.uneven import INPUTS, STATE, UNEVEN
-
-PAPER_START = State(np.array([0, 0, 3.0]), np.array([0, 0, -0.1]), np.array([0, 0.2, 0]), np.array([0, 0.1, 0]))
-PAPER_INPUTS = Inputs.from_actuators(np.array([55.0, 49.5] * 3))
 
 
 def by_kane(sample: Sample, axial_inertia: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -91,87 +81,6 @@ def start_of(platform: Platform, state: State) -> tuple[kane.Configuration, np.n
     return kane.consistent_start(platform, state.position, R, state.velocity, state.angular_velocity)
 
 
-def moved(configuration: kane.Configuration, y: np.ndarray, h: float) -> kane.Configuration:
-    """The configuration after h seconds at speeds y, to first order; d(R)/dt = ω~ R, eq. (3)."""
-    omega, slide_rate = kane.leg_speeds(y)
-    omega_p, v = kane.platform_speeds(y)
-    return kane.Configuration(
-        configuration.leg_rotation + h * skew(omega) @ configuration.leg_rotation,
-        configuration.slide + h * slide_rate,
-        configuration.position + h * v,
-        configuration.rotation + h * skew(omega_p) @ configuration.rotation,
-    )
-
-
-def test_consistent_start_satisfies_all_constraints(thousand: Sample) -> None:
-    """Expected: Φ = 0 and Φ_q y = 0, eq. (27)."""
-    configuration, y = start_of(thousand.parameters, thousand.state)  # type: ignore[arg-type]
-    assert np.abs(kane.constraint_residual(thousand.parameters, configuration)).max() < 1e-14
-    slip = (kane.constraint_jacobian(thousand.parameters, configuration) @ y[..., None])[..., 0]
-    assert np.abs(slip).max() < 1e-12
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_partial_velocities_give_the_velocities_of_the_mass_centres(seed: int) -> None:
-    """Expected: central differences of R r1 and R (s + r2); eqs. (9) to (12)."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    configuration, y = start_of(platform, random_state(platform, rng))
-    h, y_legs = 1e-6, y[:24].reshape(6, 4)
-
-    def centres(c: kane.Configuration) -> tuple[np.ndarray, np.ndarray]:
-        u = c.leg_rotation[..., :, 0]
-        return platform.leg_lower_com * u, (c.slide - platform.leg_upper_com)[..., None] * u
-
-    u = configuration.leg_rotation[..., :, 0]
-    G1, G2 = centres(configuration)
-    ahead, behind = centres(moved(configuration, y, h)), centres(moved(configuration, y, -h))
-    for G, direction, a, b in zip((G1, G2), (None, u), ahead, behind, strict=True):
-        v = kane.partial_velocity(G, direction)
-        assert np.allclose((v @ y_legs[..., None])[..., 0], (a - b) / (2 * h), atol=1e-8)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_jacobian_is_the_rate_of_the_closure_gaps(seed: int) -> None:
-    """Expected: central differences of Φ along any speeds, also inconsistent ones; eqs. (24), (28)."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    configuration, _ = start_of(platform, random_state(platform, rng))
-    y, h = rng.normal(size=30), 1e-6
-    ahead, behind = (kane.constraint_residual(platform, moved(configuration, y, step)) for step in (h, -h))
-    rate = kane.constraint_jacobian(platform, configuration) @ y
-    assert np.allclose(rate[:18], ((ahead - behind) / (2 * h))[:18], atol=1e-8)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_jacobian_rate_is_the_derivative_of_the_jacobian(seed: int) -> None:
-    """Expected: central differences of Φ_q; eqs. (20), (23), (26), (29)."""
-    rng = np.random.default_rng(seed)
-    platform = random_platform(rng)
-    configuration, y = start_of(platform, random_state(platform, rng))
-    h = 1e-6
-    ahead, behind = (kane.constraint_jacobian(platform, moved(configuration, y, step)) for step in (h, -h))
-    rate = kane.constraint_jacobian_rate(platform, configuration, y)
-    assert np.allclose(rate, (ahead - behind) / (2 * h), atol=1e-7 * (1 + np.abs(rate).max()))
-
-
-def test_baumgarte_lets_a_gap_decay_as_the_damped_oscillator_does(paper: Platform) -> None:
-    """Expected: Φ¨ + 2αΦ˙ + β²Φ = 0 with α = β and Φ˙(0) = 0 has Φ(t) = Φ(0) (1 + αt) exp(−αt)."""
-    alpha, gap = 8.0, 1e-4
-    configuration, y = start_of(paper, PAPER_START)
-    # legs too long by the gap; speeds that satisfy the constraints of this configuration
-    stretched = configuration._replace(slide=configuration.slide + gap)
-    Phi_q = kane.constraint_jacobian(paper, stretched)
-    y = y - np.linalg.pinv(Phi_q) @ (Phi_q @ y)
-
-    times = np.array([0.0, 0.1, 0.3])
-    run = kane.integrate(paper, stretched, y, PAPER_INPUTS, times, (alpha, alpha))
-    left = kane.constraint_residual(paper, run.configuration)
-    assert np.linalg.norm(left[0, :18].reshape(6, 3), axis=1) == pytest.approx(np.full(6, gap), rel=1e-9)
-    expected = left[0] * ((1 + alpha * times) * np.exp(-alpha * times))[:, None]
-    assert np.allclose(left, expected, atol=1e-9)
-
-
 def test_the_dae_takes_an_uneven_platform_where_the_kernel_does() -> None:
     """Expected: the task-space kernel under DOP853; joint forces by its outputs; no drift to speak of."""
     reached: list[float] = []
@@ -221,28 +130,6 @@ def test_both_terms_of_baumgarte_have_their_own_number() -> None:
     assert run.velocity_violation == pytest.approx(np.abs(slip).max(axis=1), rel=1e-9)
 
 
-def test_a_simulation_has_the_asked_times_or_its_own_steps() -> None:
-    """Expected: the paper's default of α = β = 10; between asked times no longer steps than these."""
-    times = np.array([0.0, 0.004, 0.01])
-    asked = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6)
-    own = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-6, own_steps=True)
-    assert asked.time.tolist() == times.tolist()
-    assert (own.time[0], own.time[-1]) == (0.0, 0.01)
-    assert own.time.tolist() != times.tolist()
-    # own steps are as long as the tolerance allows, whatever times are named
-    many = kane.simulate(UNEVEN, STATE, INPUTS, np.linspace(0, 0.04, 41), rtol=1e-3, own_steps=True)
-    assert len(many.time) < 20
-    same = kane.simulate(UNEVEN, STATE, INPUTS, times, (10.0, 10.0), 1e-6)
-    assert np.array_equal(same.speeds, asked.speeds)
-    first, last = asked.platform, own.platform
-    assert first.to_vector()[0] == pytest.approx(STATE.to_vector(), abs=1e-12)
-    assert first.to_vector()[-1] == pytest.approx(last.to_vector()[-1], abs=1e-6)
-    assert asked.joint_force.shape == (3, 6, 3)
-    # to first order in 4 ms, and what is half of the second
-    moved = STATE.position + 0.004 * STATE.velocity
-    assert first.position[1] == pytest.approx(moved, abs=2e-4)
-
-
 def test_the_case_is_that_of_section_iv() -> None:
     """Expected: the numbers of the paper."""
     case = paper_case()
@@ -253,40 +140,3 @@ def test_the_case_is_that_of_section_iv() -> None:
     assert case.is_published
     assert not case.minus_first
     assert case.platform == load_preset("liu2000")
-
-
-def test_minus_first_swaps_the_legs_of_each_pair_under_the_same_forces() -> None:
-    """Expected: the appendix with − before +, azimuths 2(i−1)π/3 ∓ π/12."""
-    case = paper_case(minus_first=True)
-    azimuth = np.radians([-15, 15, 105, 135, 225, 255])
-    base = 2 * np.stack([np.sin(azimuth), np.cos(azimuth), 0 * azimuth], axis=1)
-    assert case.platform.base_points == pytest.approx(base, abs=1e-12)
-    assert case.actuator_force.tolist() == paper_case().actuator_force.tolist()
-    assert case.minus_first
-    swapped = with_pairs_swapped(UNEVEN)
-    for k, old in enumerate([1, 0, 3, 2, 5, 4]):
-        assert swapped.base_points[k].tolist() == UNEVEN.base_points[old].tolist()
-        assert swapped.platform_points[k].tolist() == UNEVEN.platform_points[old].tolist()
-
-
-def test_on_another_platform_the_case_is_scaled_by_froude() -> None:
-    """Expected: λ of the mean home legs; velocities × √λ, angular velocities / √λ, time × √λ; forces by statics."""
-    case, home = case_of(UNEVEN), (UNEVEN.home_position, UNEVEN.home_orientation)
-    root = np.sqrt(kinematics.leg_geometry(UNEVEN, *home).length.mean() / np.sqrt(14 - 2 * np.sqrt(3)))
-    assert case.start.position.tolist() == UNEVEN.home_position.tolist()
-    assert case.start.orientation == pytest.approx(UNEVEN.home_orientation + np.array([0, 0, -0.1]))
-    assert case.start.velocity == pytest.approx([0, 0.2 * root, 0])
-    assert case.start.angular_velocity == pytest.approx([0, 0.1 / root, 0])
-    assert case.duration == pytest.approx(root)
-    assert case.actuator_force == pytest.approx(
-        dynamics.static_leg_forces(UNEVEN, *home) * [10 / 9, 1, 10 / 9, 1, 10 / 9, 1]
-    )
-    assert not case.is_published
-
-
-def test_the_papers_platform_under_another_name_has_the_papers_case() -> None:
-    renamed = replace(load_preset("liu2000"), name="mine", source="")
-    case = case_of(renamed)
-    assert case.platform == renamed
-    assert case.is_published
-    assert case.actuator_force.tolist() == paper_case().actuator_force.tolist()

@@ -3,7 +3,6 @@
 import json
 import logging
 import os
-import re
 import subprocess
 import sys
 import threading
@@ -11,15 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.model.errors import OutputError
+from gough_stewart import GoughStewartError
 from gough_stewart.model.process.files import (
     check_output_folder,
     file_set,
-    lock,
     remove_leftovers,
     reserved,
-    temporary_file,
-    temporary_folder,
     write_files,
 )
 
@@ -94,21 +90,6 @@ def test_an_interrupt_while_files_are_moved_leaves_a_whole_set(older: Path, monk
     assert contents(older) == {"table": b"new", "figure": b"new", "notes": b"mine"}
 
 
-def test_files_that_cannot_be_moved_stay_where_the_note_says(older: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: as on Windows while another program has the old table open: nothing old or new is lost."""
-    before = contents(older)
-
-    def refused(self: Path, missing_ok: bool = False) -> None:
-        raise PermissionError(13, "in use", str(self), missing_ok)
-
-    monkeypatch.setattr(Path, "unlink", refused)
-    with pytest.raises(PermissionError) as caught:
-        write_files(older, {"table": b"new"})
-    place = Path(caught.value.__notes__[0].removeprefix("the new files are in "))
-    assert contents(place) == {"table": b"new"}
-    assert {name: (older / name).read_bytes() for name in before} == before
-
-
 def test_a_place_that_cannot_take_the_files_is_refused_before_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -117,54 +98,16 @@ def test_a_place_that_cannot_take_the_files_is_refused_before_the_run(
     (tmp_path / "table").mkdir()
     check_output_folder(tmp_path, ["figure", "file"])
     check_output_folder(tmp_path / "new" / "folder", ["table"])
-    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(OutputError, match="file is a file; expected a folder"):
-            check_output_folder(folder, [])
-    with pytest.raises(OutputError, match="table is a folder there; expected a file or nothing"):
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    for name, text in (("file", "is a file"), ("link", "is a broken link")):
+        for folder in (tmp_path / name, tmp_path / name / "below"):
+            with pytest.raises(GoughStewartError, match=f"{name} {text}; expected a folder"):
+                check_output_folder(folder, [])
+    with pytest.raises(GoughStewartError, match="table is a folder there; expected a file or nothing"):
         check_output_folder(tmp_path, ["figure", "table"])
     monkeypatch.setattr("os.access", lambda place, mode: not (place == tmp_path and mode & (os.W_OK | os.X_OK)))
-    with pytest.raises(OutputError, match="no permission to write in"):
+    with pytest.raises(GoughStewartError, match="no permission to write in"):
         check_output_folder(tmp_path / "new", [])
-
-
-def test_a_link_that_leads_nowhere_is_refused_before_the_run(tmp_path: Path) -> None:
-    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
-    for folder in (tmp_path / "link", tmp_path / "link" / "below"):
-        with pytest.raises(OutputError, match="link is a broken link; expected a folder"):
-            check_output_folder(folder, [])
-
-
-def test_an_empty_set_and_one_that_fails_when_it_is_complete_have_no_note(older: Path) -> None:
-    """Expected: nothing is missing where nothing was begun, or where all is there; an error stays as it is."""
-    before = contents(older)
-    with file_set(older, ["table", "figure"], ["page"]):
-        pass
-    assert contents(older) == before
-
-    def fail(names: list[str]) -> None:
-        with file_set(older, names, ["page"]) as new:
-            for name in names[:1]:
-                new.add(name, b"new")
-            raise ZeroDivisionError
-
-    for names in ([], ["table"]):
-        with pytest.raises(ZeroDivisionError) as caught:
-            fail(names)
-        assert not hasattr(caught.value, "__notes__")
-    assert contents(older) == {"table": b"new", "figure": b"old", "notes": b"mine"}
-
-
-def test_a_refused_place_is_told_in_whole_sentences(tmp_path: Path) -> None:
-    """Expected: the folder that was asked for, and what is in the way; a link to a file is a file."""
-    (tmp_path / "file").write_bytes(b"mine")
-    (tmp_path / "to_file").symlink_to(tmp_path / "file")
-    (tmp_path / "to_folder").symlink_to(tmp_path)
-    for name in ("file", "to_file"):
-        folder = tmp_path / name / "a" / "b"
-        text = f"output folder {folder}: {tmp_path / name} is a file; expected a folder, existing or new"
-        with pytest.raises(OutputError, match=f"^{re.escape(text)}$"):
-            check_output_folder(folder, [])
-    check_output_folder(tmp_path / "to_folder" / "new", [])
 
 
 def test_a_reserved_folder_is_of_one_thread_at_a_time(tmp_path: Path) -> None:
@@ -175,7 +118,7 @@ def test_a_reserved_folder_is_of_one_thread_at_a_time(tmp_path: Path) -> None:
         try:
             with reserved(folder):
                 refused.append("")
-        except OutputError as error:
+        except GoughStewartError as error:
             refused.append(str(error))
 
     def other_thread(folder: Path) -> str:
@@ -194,25 +137,6 @@ def test_a_reserved_folder_is_of_one_thread_at_a_time(tmp_path: Path) -> None:
         assert other_thread(tmp_path / "link") == f"output folder {tmp_path / 'link'}: {sentence}"
         assert other_thread(tmp_path / "another") == ""
     assert other_thread(folder) == ""
-
-
-def test_a_reserved_folder_that_was_made_for_nothing_goes_and_others_stay(tmp_path: Path) -> None:
-    """Expected: a new one goes if it is empty; one that was there, or has a file, stays."""
-    with reserved(tmp_path / "a" / "empty"):
-        assert (tmp_path / "a" / "empty").is_dir()
-    assert not (tmp_path / "a" / "empty").exists()
-    with reserved(tmp_path / "full"):
-        (tmp_path / "full" / "record").write_bytes(b"1")
-    assert contents(tmp_path / "full") == {"record": b"1"}
-    (tmp_path / "old").mkdir()
-    with pytest.raises(ZeroDivisionError), reserved(tmp_path / "old"):
-        raise ZeroDivisionError
-    assert (tmp_path / "old").is_dir()
-    with (
-        pytest.raises(OutputError, match="record is a file; expected a folder"),
-        reserved(tmp_path / "full" / "record"),
-    ):
-        pass
 
 
 # Holds a set with one file, and another file that is half written, until it is killed.
@@ -276,73 +200,6 @@ def test_a_command_says_what_it_removed(tmp_path: Path) -> None:
 
 
 @posix
-def test_links_and_pipes_with_the_name_of_a_leftover_stay(tmp_path: Path) -> None:
-    """Expected: no command waits for a pipe, or follows a link to remove what it did not write; no log either."""
-    (tmp_path / "mine").write_bytes(b"mine")
-    (tmp_path / ".a.12345678.part").symlink_to(tmp_path / "mine")
-    os.mkfifo(tmp_path / ".b.12345678.part")
-    (tmp_path / ".c.12345678.part").write_bytes(b"old")
-    # nobody else writes to the pipe: it would be waited for
-    done = subprocess.run([sys.executable, "-c", _REMOVER], cwd=tmp_path, timeout=20, check=False)
-    assert done.returncode == 0
-    assert ".c.12345678.part" not in names(tmp_path)
-    assert {"mine", ".a.12345678.part"} <= names(tmp_path)
-    remove_leftovers(tmp_path / "not_there")
-    remove_leftovers(tmp_path / "mine")
-
-
-_REMOVER = "from pathlib import Path; from gough_stewart.model.process.files import *; remove_leftovers(Path('.'))"
-
-
-@posix
-def test_a_folder_of_a_killed_process_goes_with_what_is_in_it_and_other_names_stay(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    """Expected: names of eight of a to z, 0 to 9 and _, nothing else; said in order of their names."""
-    gone = [".12345678.part", ".b.c.0a_b1c2d.part"]
-    stay = [
-        ".1234567.part",
-        ".123456789.part",
-        ".ABCDEFGH.part",
-        ".x.1.2",
-        "12345678.part",
-        "..140.part",
-        ".a.12.b.part",
-    ]
-    for name in gone:
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "table").write_bytes(b"1")
-    for name in stay:
-        (tmp_path / name).write_bytes(b"1")
-    with caplog.at_level(logging.INFO):
-        remove_leftovers(tmp_path)
-    assert names(tmp_path) == set(stay)
-    assert caplog.messages == [
-        f"removed from {tmp_path} what a command left that was killed: .12345678.part, .b.c.0a_b1c2d.part"
-    ]
-
-
-@posix
-def test_a_temporary_place_is_locked_new_and_gone_afterwards(tmp_path: Path) -> None:
-    """Expected: beside its target, under its name, empty; renamed it stays."""
-    with temporary_file(tmp_path / "table") as first, temporary_file(tmp_path / "table") as second:
-        assert first != second
-        assert {first.parent, second.parent} == {tmp_path}
-        assert all(re.fullmatch(r"\.table\.[0-9a-f]{8}\.part", each.name) for each in (first, second))
-        assert first.read_bytes() == b""
-        descriptor = os.open(first, os.O_RDONLY)
-        assert lock(descriptor) is False
-        os.close(descriptor)
-        second.write_bytes(b"2")
-        second.replace(tmp_path / "table")
-    assert names(tmp_path) == {"table"}
-    with temporary_folder(tmp_path) as folder:
-        (folder / "inside").write_bytes(b"1")
-        assert re.fullmatch(r"\.[0-9a-f]{8}\.part", folder.name)
-    assert names(tmp_path) == {"table"}
-
-
-@posix
 def test_without_locks_nothing_is_removed_and_files_are_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -360,56 +217,3 @@ def test_without_locks_nothing_is_removed_and_files_are_written(
     write_files(tmp_path, {"b": b"2"})
     remove_leftovers(tmp_path)
     assert names(tmp_path) == {"a", "b", ".c.12345678.part"}
-
-
-@posix
-def test_a_place_that_another_process_takes_before_it_is_locked_is_left_for_another(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: what is removed, exchanged or locked by somebody else in the moment between is not used."""
-    real_open, real_lock, happened = os.open, lock, list[str]()
-
-    def removed(path: Path, flags: int, mode: int = 0o777) -> int:
-        descriptor = real_open(path, flags, mode)
-        if flags & os.O_CREAT:
-            return descriptor
-        if len(happened) < 1:
-            happened.append("removed")
-            Path(path).unlink()
-        elif len(happened) < 2:
-            happened.append("exchanged")
-            Path(path).unlink()
-            Path(path).write_bytes(b"another's")
-        return descriptor
-
-    def refused(descriptor: int) -> bool | None:
-        if len(happened) == 2:
-            happened.append("locked")
-            return False
-        return real_lock(descriptor)
-
-    with monkeypatch.context() as patched:
-        patched.setattr("os.open", removed)
-        patched.setattr("gough_stewart.model.process.files.lock", refused)
-        with temporary_file(tmp_path / "table") as path:
-            assert happened == ["removed", "exchanged", "locked"]
-            assert path.read_bytes() == b""
-            assert path.is_file()
-    assert not path.exists()
-
-
-@posix
-def test_a_leftover_that_was_exchanged_for_a_new_one_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: between finding and locking, another process has removed it and made a new one of the same name."""
-    (tmp_path / ".a.12345678.part").write_bytes(b"old")
-    real_open = os.open
-
-    def exchanged(path: Path, flags: int) -> int:
-        descriptor = real_open(path, flags)
-        Path(path).rename(tmp_path / "aside")
-        Path(path).write_bytes(b"new")
-        return descriptor
-
-    monkeypatch.setattr("os.open", exchanged)
-    remove_leftovers(tmp_path)
-    assert (tmp_path / ".a.12345678.part").read_bytes() == b"new"

@@ -1,7 +1,6 @@
 """Ctrl-C while CasADi traces the equations."""
 
 import signal
-import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -48,46 +47,12 @@ def test_ctrl_c_while_the_equations_are_traced_is_not_swallowed(name: str, times
     assert all(interrupting(trace, 0.006 * (k + 1)) for k in range(times))
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signals_of_a_block_are_handled_at_its_end_once(number: signal.Signals) -> None:
-    handled, inside = list[int](), list[int]()
-    signal.signal(number, lambda number, _frame: handled.append(number))
-    with interrupts_held_back():
-        signal.raise_signal(number)
-        signal.raise_signal(number)
-        inside += handled
-    assert inside == []
-    assert handled == [number]
-    signal.raise_signal(number)
-    assert handled == [number] * 2
-
-
-def test_signals_that_nobody_handles_in_python_stay_as_they_are() -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    with interrupts_held_back():
-        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
-
-
-def test_other_threads_do_without() -> None:
-    """Expected: Python lets only the main thread set handlers."""
-    failed: list[BaseException] = []
-
-    def block() -> None:
-        try:
-            with interrupts_held_back():
-                pass
-        except ValueError as error:
-            failed.append(error)
-
-    thread = threading.Thread(target=block)
-    thread.start()
-    thread.join()
-    assert not failed
-
-
 def test_of_several_signals_of_a_block_the_first_is_handled_and_handlers_are_back_after_an_error() -> None:
     """Expected: SIGTERM, which came first; an error of the block comes out, with the handlers as they were."""
     handled = list[int]()
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    with interrupts_held_back():  # what nobody handles in Python stays as it is
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _frame: handled.append(number))
     handler = signal.getsignal(signal.SIGHUP)

@@ -6,20 +6,15 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gough_stewart.model.process import prebuilt as module
 from gough_stewart.model.process.prebuilt import (
     MANIFEST,
-    digest_of_files,
-    is_as_made,
     manifest_line,
     packed,
     prebuilt,
     prebuilt_content,
-    prebuilt_folder,
-    state_of_package,
 )
 
 CONTENT = bytes(range(256)) * 40
@@ -81,35 +76,3 @@ def test_without_a_whole_manifest_there_is_nothing(folder: Path, text: str) -> N
     (folder / MANIFEST).unlink()
     module._manifest.cache_clear()
     assert prebuilt("code", "now") is None
-
-
-def test_every_flipped_bit_is_seen() -> None:
-    """More of them, of a library, are in tests/evidence/test_wheels.py."""
-    digest, rng = manifest_line("code.so", CONTENT, "now")["sha256"], np.random.default_rng(5)
-    assert is_as_made(CONTENT, digest)
-    for bit in rng.integers(0, 8 * len(CONTENT), 200):
-        damaged = bytearray(CONTENT)
-        damaged[bit // 8] ^= 1 << (bit % 8)
-        assert not is_as_made(bytes(damaged), digest)
-
-
-def test_the_state_of_a_package_is_that_of_its_own_files(tmp_path: Path) -> None:
-    """Expected: another state for another name, content or division into files; subfolders do not count."""
-    (tmp_path / "a.py").write_text("one")
-    (tmp_path / "b.py").write_text("two")
-    states = [digest_of_files(tmp_path.iterdir())]
-    (tmp_path / "b.py").rename(tmp_path / "c.py")
-    states.append(digest_of_files(tmp_path.iterdir()))
-    (tmp_path / "c.py").write_text("tow")
-    states.append(digest_of_files(tmp_path.iterdir()))
-    (tmp_path / "a.py").write_text("onet")
-    (tmp_path / "c.py").write_text("ow")
-    states.append(digest_of_files(tmp_path.iterdir()))
-    assert len(set(states)) == 4
-    assert state_of_package("gough_stewart.model") == digest_of_files(
-        path for path in (Path(__file__).parents[3] / "model").iterdir() if path.suffix == ".py"
-    )
-
-
-def test_files_are_in_the_package() -> None:
-    assert prebuilt_folder().parent.resolve() == Path(__file__).parents[3] / "gough_stewart"
