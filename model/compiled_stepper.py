@@ -27,16 +27,26 @@ class CompiledStepper:
 
     def __init__(self, variant: Variant, tolerance: float, fixed_step_size: float) -> None:
         library = stepper_library(variant)
-        layout = (c_size_t * 12)()
+        layout = (c_size_t * 13)()
         library.stepper_layout(layout)
         memory = np.zeros(-(-layout[0] // 8))
         n, q, m = (interface.size_of(variables) for variables in (variant.states, variant.parameters, variant.results))
         # in the order of c/stepper/stepper.c
-        sizes = (1, 1, 1, N_INPUTS, n, q, m, 1, 1)
-        views = [memory[place // 8 : place // 8 + size] for place, size in zip(layout[1:10], sizes, strict=True)]
-        self._time, self._internal_step, self._handedness, self.u, self.x, self.p, self._y, *failure = views
+        sizes = (1, 1, 1, 1, N_INPUTS, n, q, m, 1, 1)
+        views = [memory[place // 8 : place // 8 + size] for place, size in zip(layout[1:11], sizes, strict=True)]
+        (
+            self._time,
+            self._internal_step,
+            self._handedness,
+            self._largest_step,
+            self.u,
+            self.x,
+            self.p,
+            self._y,
+            *failure,
+        ) = views
         self._failed_at, self._failed_value = failure
-        self._memory, self._texts = memory, (layout[10], layout[11])
+        self._memory, self._texts = memory, (layout[11], layout[12])
         address, self._times = address_of(memory), (c_double(), c_double())
         library.stepper_reset(address, c_double(tolerance), c_double(fixed_step_size))
         self._step = partial(library.stepper_step, address, *self._times)
@@ -55,9 +65,16 @@ class CompiledStepper:
         """Size of the next internal step [s]; None before the first."""
         return float(self._internal_step[0]) or None
 
-    def begin(self, _platform: PlatformFields, time: float, internal_step: float | None) -> None:
+    @property
+    def largest_step(self) -> float:
+        """The largest fixed step that is stable, found in the first one under the present parameters [s]; 0 before."""
+        return float(self._largest_step[0])
+
+    def begin(
+        self, _platform: PlatformFields, time: float, internal_step: float | None, largest_step: float = 0.0
+    ) -> None:
         """Go on from the state and the parameters in x and p."""
-        self._time[0], self._internal_step[0] = time, internal_step or 0.0
+        self._time[0], self._internal_step[0], self._largest_step[0] = time, internal_step or 0.0, largest_step
         self._forget()
 
     def step(self, time: float, step: float) -> None:

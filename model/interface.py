@@ -121,7 +121,7 @@ VARIABLES: tuple[Variable, ...] = (
         "s",
         "parameter",
         "fixed",
-        "of the FMU: 0 for error-controlled steps, > 0 for classical RK4 with this step size",
+        "of the FMU: 0 for error-controlled steps, > 0 for equal steps of at most this size",
         start=0.0,
         lower_bound=">= 0",
     ),

@@ -60,7 +60,7 @@ def kernel_state() -> str:
     build, model = (Path(str(resources.files(f"gough_stewart.{name}"))) for name in ("fmu_build", "model"))
     folders = [*(build / folder for folder in _SOURCES), model]
     files = (path for folder in folders for path in folder.iterdir())
-    return digest_of_files(path for path in files if path.suffix in (".py", ".c", ".h"))
+    return digest_of_files(path for path in files if path.suffix in (".py", ".c", ".h", ".in"))
 
 
 @cache

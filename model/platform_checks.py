@@ -24,6 +24,8 @@ COINCIDENCE = 1e-6
 LONGEST_PRESLIDING = 1e-3
 # Below 1, since the bristle needs a range over which it begins to slide.
 LARGEST_SHARE = 0.99
+# By which a leg's spring may be stretched at the start, over the leg's length: more is a pose without its motors.
+LARGEST_STRETCH = 0.01
 # Slower than the mode of a platform on its legs can be [Hz].
 SLOWEST_MODE = 1.0
 _GEOMETRY = {"base_points", "platform_points", "home_position", "home_orientation"}

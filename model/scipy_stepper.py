@@ -21,8 +21,11 @@ class ScipyStepper:
     """A plant's state and its steps: DOP853, or LSODA for bristles, which are stiff, and Radau if it is tight.
 
     The vectors x, u, p are read and written in place; after x, p or the time have been written, `begin` is called.
-    Inputs are u at the begin of a step and change at `input_rates` within it, 0 unless they are written.
+    Inputs are u at the begin of a step and change at `input_rates` within it, 0 unless they are written. It takes no
+    fixed steps, so `largest_step` stays 0.
     """
+
+    largest_step = 0.0
 
     def __init__(self, variant: Variant, tolerance: float) -> None:
         n, q = interface.size_of(variant.states), interface.size_of(variant.parameters)
@@ -33,7 +36,9 @@ class ScipyStepper:
         self._y = self._kernel.outputs(self.x, self.u, self.p)
         self.results = interface.unpack(variant.results, self._y)
 
-    def begin(self, platform: PlatformFields, time: float, internal_step: float | None) -> None:
+    def begin(
+        self, platform: PlatformFields, time: float, internal_step: float | None, _largest_step: float = 0.0
+    ) -> None:
         """Go on from the state and the parameters in x and p."""
         self._platform, self._time, self.internal_step = platform, time, internal_step
         self._handedness: float | None = None

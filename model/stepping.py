@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from gough_stewart.model import interface
 from gough_stewart.model.compiled_stepper import CompiledStepper
 from gough_stewart.model.errors import InterfaceError
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES, Variable, end_of_step
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, N_INPUTS, TOLERANCES, Variable, end_of_step
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.machine_dynamics import motors_at
+from gough_stewart.model.machine_dynamics import MachineState, motors_at
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_checks import check_leg_com_offsets
+from gough_stewart.model.platform_checks import LARGEST_STRETCH, check_leg_com_offsets
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SHORTEST_LEG
 from gough_stewart.model.scipy_stepper import ScipyStepper
 from gough_stewart.model.state import State
@@ -41,6 +41,7 @@ class Snapshot:
     platform: Platform
     internal_step: float | None
     started: bool
+    largest_step: float = 0.0  # of fixed steps, see `CompiledStepper.largest_step`
 
 
 class SteppingModel:
@@ -62,7 +63,7 @@ class SteppingModel:
        parameters held constant. The step can vary from call to call.
     6. There are two integrators of the same equations. `compiled` is the unit's own stepper in this process, with the
        bits of the FMU: Dormand–Prince 5(4), or exponential steps with bristles. `scipy` is the judge of compiled steps:
-       DOP853, with bristles LSODA, and Radau from a tolerance of 1e-12 on. Both control the error with `tolerance`,
+       DOP853, with bristles LSODA, and Radau below a tolerance of 1e-12. Both control the error with `tolerance`,
        relative, and absolute in SI units; the internal step size carries over between calls, so short communication
        steps cost little. With a `fixed_step_size`, which only `compiled` takes, a step is divided into the smallest
        number of equal steps not above it, of classical RK4, or with bristles of an exponential scheme.
@@ -251,8 +252,10 @@ class SteppingModel:
         Raises
         ------
         InterfaceError
-            A value that is not finite.
+            Another shape, or a value that is not finite.
         """
+        if np.shape(inputs) != (N_INPUTS,):
+            raise InterfaceError("inputs", f"have the shape {np.shape(inputs)}; expected ({N_INPUTS},)")
         if not np.isfinite(inputs).all():
             self.set_many(interface.unpack(interface.INPUTS, inputs))  # names the value
         self._u[:] = inputs
@@ -307,7 +310,7 @@ class SteppingModel:
 
         Raises
         ------
-        StepError, InterfaceError
+        StepError, InterfaceError, PlatformError
             Rule 7; the model is unchanged.
         """
         if not (type(time) is float and type(step) is float and math.isfinite(time + step)):
@@ -316,25 +319,34 @@ class SteppingModel:
         if time != self._time or not end > time:
             end = end_of_step(time, step, self._time)
         if not self._started:
-            shortest = float(leg_geometry(self._platform, self._x[:3], self._x[3:6]).length.min())
+            lengths = leg_geometry(self._platform, self._x[:3], self._x[3:6]).length
             # a leg that has collapsed fails the step
-            if shortest > SHORTEST_LEG * self._platform.characteristic_length:
-                check_leg_com_offsets(self._platform, shortest, "start")
+            if lengths.min() > SHORTEST_LEG * self._platform.characteristic_length:
+                check_leg_com_offsets(self._platform, float(lengths.min()), "start")
+                if self._variant.springs:
+                    self._refuse_stretched(lengths)
         self._stepper.step(time, step)
         self._time, self._started = end, True
 
     def save_state(self) -> Snapshot:
         """Save the complete state (rule 9)."""
         x, u = tuple(self._x.tolist()), tuple(self._u.tolist())
-        return Snapshot(self._time, x, u, self._platform, self._stepper.internal_step, self._started)
+        stepper = self._stepper
+        return Snapshot(self._time, x, u, self._platform, stepper.internal_step, self._started, stepper.largest_step)
 
     def restore_state(self, snapshot: Snapshot) -> None:
         """Restore a snapshot of this model, or of another one that is stepped alike (rule 9)."""
         if not isinstance(snapshot, Snapshot):
             raise InterfaceError("snapshot", f"is {snapshot!r}; expected a snapshot from save_state()")
+        if Variant.of(snapshot.platform) != self._variant:
+            raise InterfaceError(
+                "snapshot",
+                f"is of a platform {Variant.of(snapshot.platform).words}; expected one {self._variant.words}, as this "
+                "model's",
+            )
         self._time, self._started = snapshot.time, snapshot.started
         self._x[:], self._u[:] = snapshot.x, snapshot.u
-        self._begin(snapshot.platform, snapshot.internal_step)
+        self._begin(snapshot.platform, snapshot.internal_step, snapshot.largest_step)
 
     def __getstate__(self) -> tuple[Any, ...]:
         """The arguments and the state, for copies and pickles: models do not share memory."""
@@ -348,11 +360,23 @@ class SteppingModel:
 
     # --- private -----------------------------------------------------------------------------------------------
 
-    def _begin(self, platform: Platform, internal_step: float | None) -> None:
+    def _begin(self, platform: Platform, internal_step: float | None, largest_step: float = 0.0) -> None:
         """Go on with a platform from the state and the time that have been written."""
         self._platform = platform
         self._stepper.p[:] = parameter_vector(platform, self._variant)
-        self._stepper.begin(platform, self._time, internal_step)
+        self._stepper.begin(platform, self._time, internal_step, largest_step)
+
+    def _refuse_stretched(self, lengths: NDArray[np.float64]) -> None:
+        """Motors far from their legs at the start belong to another pose."""
+        motors = MachineState.from_vector(self._variant, self._x).motor_position
+        leg = int(np.argmax(np.abs(motors - lengths) / lengths))
+        if not abs(motors[leg] - lengths[leg]) <= LARGEST_STRETCH * lengths[leg]:
+            raise InterfaceError(
+                f"motor_position[{leg + 1}]",
+                f"is {motors[leg]:g} m, but leg_length[{leg + 1}] {lengths[leg]:g} m at the start; expected a stretch "
+                f"of at most {100 * LARGEST_STRETCH:g} %: set motor_position with the pose, to leg length + "
+                "force/stiffness",
+            )
 
     def _refuse_unsettable(self, variable: Variable) -> None:
         name = variable.name

@@ -19,8 +19,6 @@ MOST_FIXED_STEPS = 1_000_000
 STICKING = {"RESOLUTION": 1e-4, "FORCE_RESOLUTION": 1e-2, "MOST_SUBSTEPS": 200, "LARGEST_FIXED_STEP": 1e-3}
 # The largest h |λ| of the modes of sticking or elastic legs, within the half disc in which RK4 is stable.
 LARGEST_PRODUCT = 2.6
-# By which a leg's spring may be stretched at the start, over the leg's length: more is a pose without its motors.
-LARGEST_STRETCH = 0.01
 _RATES = {"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}
 
 
@@ -61,7 +59,7 @@ def plant_header(variant: Variant = IDEAL) -> str:
             **STICKING,
         }
     if variant.springs:
-        limits |= {"SLOWEST_MODE": platform_checks.SLOWEST_MODE, "LARGEST_STRETCH": LARGEST_STRETCH}
+        limits |= {"SLOWEST_MODE": platform_checks.SLOWEST_MODE, "LARGEST_STRETCH": platform_checks.LARGEST_STRETCH}
     if variant.parts:
         limits |= {"LARGEST_PRODUCT": LARGEST_PRODUCT}
     return filled(

@@ -71,7 +71,7 @@ def reference_runs(platform: Platform) -> ReferenceRuns:
         ReferenceCase("varying_inputs", platform, home, case.time, varying),
     )
     runs = ((whole_case, _results(whole_case)) for whole_case in cases)
-    return tuple((replace(c, time=c.time[: len(y)], inputs=c.inputs[: len(y)]), y) for c, y in runs)
+    return tuple((replace(c, time=c.time[: len(y)], inputs=c.inputs[: len(y)]), y) for c, y in runs if len(y) > 1)
 
 
 def _results(case: ReferenceCase) -> FloatArray:

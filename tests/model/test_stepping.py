@@ -502,6 +502,28 @@ def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str
     assert future(model) == once
 
 
+def test_a_copy_takes_the_fixed_steps_that_its_model_takes() -> None:
+    """Expected: what was stable in the first step stays so, also in poses whose own limit is below it."""
+    step = 0.000673707  # 0.1 % below the largest at home, above that of poses further down
+    platform = replace(gs.load_preset("motion_base"), leg_stiffness=1e8, leg_armature=20.0)
+    model = SteppingModel(platform, 1e-8, step)
+    model.set("velocity[3]", -1.0)
+    for _ in range(200):
+        model.do_step(model.time, step)
+    other = SteppingModel(model.platform, 1e-8, step)
+    other.set_many({"position": model.get("position"), "velocity": [0, 0, -1.0]})
+    refused(other, lambda: other.do_step(0.0, step), "steps of 0.000673707 s are too large")
+    for twin in (deepcopy(model), model):
+        twin.do_step(twin.time, step)
+
+
+def test_a_snapshot_of_another_kind_of_platform_is_refused() -> None:
+    model, other = SteppingModel(PLATFORMS["both"]), SteppingModel(UNEVEN)
+    with pytest.raises(GoughStewartError, match="is of a platform with smooth friction and rigid legs; expected one"):
+        model.restore_state(other.save_state())
+    assert model.save_state() == SteppingModel(PLATFORMS["both"]).save_state()
+
+
 # --- rules 10 and 11, and what is beneath --------------------------------------------------------------------------
 
 
@@ -515,6 +537,9 @@ def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:
     aside = platform.home_position + np.array([0.02, 0.01, -0.03])
     state = State(aside, platform.home_orientation, np.array([0.1, 0, 0.2]), np.zeros(3))
     model.set_many(state._asdict())
+    stretched = SteppingModel(platform)
+    stretched.set("motor_position", 1.02 * np.asarray(stretched.get("leg_length")))
+    refused(stretched, lambda: stretched.do_step(0.0, 1e-3), r"^motor_position\[\d\]: is .* a stretch of at most 1 %")
     legs, J = leg_geometry(platform, *state[:2]).length, leg_jacobian(platform, *state[:2])
     assert np.abs(np.asarray(model.get("motor_position")) - legs).max() < 1e-3
     assert model.get("motor_velocity") == pytest.approx(J @ np.concatenate(state[2:]), rel=1e-12)

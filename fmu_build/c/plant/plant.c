@@ -31,7 +31,6 @@ void forget_results(component *c)
 {
     c->has_xdot = c->has_results = c->has_legs = 0;
     c->inertia_is_unchecked = 1;
-    c->largest_step = 0;
 }
 
 void component_reset(component *c)
@@ -78,7 +77,7 @@ void component_put(component *c, int slot, double value)
         c->has_legs = 0;
     if (slot >= FIRST_PARAMETER) {
         c->inertia_is_unchecked = 1;
-        c->largest_step = 0;
+        c->s.largest_step = 0;
     }
 }
 

@@ -120,13 +120,14 @@ static outcome check_fixed_step(component *c, double time, double step)
     if (!(c->s.fixed_step_size > 0))
         return DONE;
     double h = step / number_of_steps(time, time + step, c->s.fixed_step_size);
-    if (c->largest_step == 0)
-        c->largest_step = stable_step(c->s.x, c->s.inputs, c->s.p);
+    double largest = c->s.largest_step > 0 ? c->s.largest_step : stable_step(c->s.x, c->s.inputs, c->s.p);
     /* the difference of two rounded times may be larger than the size that was set */
-    if (h <= c->largest_step * (1 + 1e-9))
+    if (h <= largest * (1 + 1e-9)) {
+        c->s.largest_step = largest;
         return DONE;
+    }
     return refuse_step(c, "fixed_step_size", h, " s", "steps of %g s are too large for legs that stick or give like these; "
-                       "expected at most %.3g s, or 0 for error control", h, c->largest_step);
+                       "expected at most %.3g s, or 0 for error control", h, largest);
 }
 
 outcome step_plant(component *c, double time, double step, const step_observer *observer, double *reached)
@@ -135,11 +136,12 @@ outcome step_plant(component *c, double time, double step, const step_observer *
     outcome checked = check_step(c->s.time, c->s.stop_time, time, step, c->message);
     if (checked == DONE)
         checked = component_check_parameters(c);
-    if (checked == DONE)
-        checked = check_fixed_step(c, c->s.time, step);
     if (checked != DONE)
         return checked;
     plant_state before = c->s;
+    checked = check_fixed_step(c, c->s.time, step);
+    if (checked != DONE)
+        return checked;
     if (forces_are_unset(c))
         for (int leg = 0; leg < N_LEGS; leg++)
             component_put(c, FIRST_INPUT + leg, START_INPUTS[leg]);

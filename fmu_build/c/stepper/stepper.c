@@ -17,6 +17,7 @@ OFFERED void stepper_layout(size_t layout[])
         offsetof(component, s.time),
         offsetof(component, s.internal_step),
         offsetof(component, s.handedness),
+        offsetof(component, s.largest_step),
         offsetof(component, s.inputs),
         offsetof(component, s.x),
         offsetof(component, s.p),
