@@ -67,7 +67,7 @@ def kernel_state() -> str:
 def kernel_library() -> ctypes.PyDLL | None:
     """The library of the ideal plant that came with the package; None if there is none, or with a warning if it fails.
 
-    It keeps the interpreter's lock: a call takes a microsecond.
+    It keeps the interpreter's lock: a call takes microseconds.
     """
     path = prebuilt(f"{this_machine()}/kernel", kernel_state())
     if path is None:
