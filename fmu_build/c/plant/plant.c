@@ -334,7 +334,7 @@ int component_can_restore(const double saved[])
         if (isnan(saved[k]) || (isinf(saved[k]) && k != offsetof(plant_state, stop_time) / sizeof(double)))
             return 0;
     return s.tolerance >= SMALLEST_TOLERANCE && s.tolerance <= LARGEST_TOLERANCE && s.internal_step >= 0 &&
-           s.fixed_step_size >= 0;
+           s.fixed_step_size >= 0 && s.largest_step >= 0;
 }
 
 void component_restore(component *c, const double saved[])

@@ -123,7 +123,8 @@ static outcome check_fixed_step(component *c, double time, double step)
     double largest = c->s.largest_step > 0 ? c->s.largest_step : stable_step(c->s.x, c->s.inputs, c->s.p);
     /* the difference of two rounded times may be larger than the size that was set */
     if (h <= largest * (1 + 1e-9)) {
-        c->s.largest_step = largest;
+        /* rigid legs without bristles have no limit; a saved state is finite */
+        c->s.largest_step = isfinite(largest) ? largest : 0;
         return DONE;
     }
     return refuse_step(c, "fixed_step_size", h, " s", "steps of %g s are too large for legs that stick or give like these; "
