@@ -124,7 +124,7 @@ $(VENV)/bin/python:
 $(VENV)/run: $(VENV)/bin/python pyproject.toml constraints.txt
 	$(PIP) -e '.[compile]'
 	@touch $@
-KERNEL_SOURCES := $(wildcard model/*.py fmu_build/*.py fmu_build/plant/*.py $(addsuffix /*,$(addprefix fmu_build/c/,kernel plant stepper unit)))
+KERNEL_SOURCES := $(shell find model fmu_build -type f -not -path '*/__pycache__/*')
 # The equations and their stepper as machine code for this machine; what else is compiled is compiled at first use and kept.
 $(VENV)/kernel: $(VENV)/run $(KERNEL_SOURCES)
 	$(BIN)/python -m gough_stewart.harness.prebuilt --only-kernel

@@ -13,6 +13,7 @@ from platformdirs import user_cache_path
 
 from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError
 from gough_stewart.model.process.files import write_whole
+from gough_stewart.model.process.prebuilt import state_of_texts
 
 # Packages on which what is built depends, besides the files of this package.
 _PACKAGES = ("gough-stewart", "casadi", RUNNER, "latex2mathml", "numpy", "scipy", COMPILER)
@@ -67,20 +68,6 @@ def _is_whole(path: Path, digest: Path) -> bool:
 def digest_of(content: bytes) -> str:
     """SHA-256 in hexadecimal."""
     return hashlib.sha256(content).hexdigest()
-
-
-@cache
-def state_of_texts() -> str:
-    """Digest of all source files of the model and of its units."""
-    state = hashlib.sha256()
-    for package in ("gough_stewart.model", "gough_stewart.fmu_build"):
-        folder = Path(str(resources.files(package)))
-        files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
-        for name in sorted(name for name in files if "__pycache__" not in name):
-            content = files[name].read_bytes()
-            state.update(f"{name} {len(content)}\n".encode())
-            state.update(content)
-    return state.hexdigest()
 
 
 def state_of_files(*packages: tuple[str, ...]) -> str:

@@ -13,13 +13,12 @@ import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cache
 from pathlib import Path
 from threading import Event
 from typing import Any, NamedTuple
 
-from gough_stewart.fmu_build.cache import cache_folder, digest_of, kept, state_of_sources, state_of_texts
+from gough_stewart.fmu_build.cache import cache_folder, digest_of, kept, state_of_sources
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
@@ -28,7 +27,7 @@ from gough_stewart.fmu_build.toolchain import FLAGS, Compiler, compile_library, 
 from gough_stewart.model import interface
 from gough_stewart.model.kernel import processor_level
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.prebuilt import prebuilt_content
+from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_texts
 from gough_stewart.model.variant import IDEAL, Variant
 
 # Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
@@ -42,7 +41,9 @@ VECTOR_FLAGS = (
     *("-ffp-contract=fast-honor-pragmas", "-fno-math-errno", "-fno-signed-zeros"),
 )
 # Of all compilers: no fused operations, which some processors lack.
-_MACHINE_FLAGS = ("-O2", "-std=c99", "-g0", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
+_MACHINE_FLAGS = (
+    *("-O2", "-std=c99", "-g0", "-DWIDTH=1", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno"),
+)
 # Limits of error-controlled steps: internal steps of a plant step, and the smallest one as a share of it.
 CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9, "SMALLEST_RATE": 1e-200}
 # Instruction sets that the machine code may use.
@@ -51,23 +52,6 @@ _VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")
 MOST_COLUMNS = 96
 # Functions of the C library with two arguments.
 _OF_TWO = ("atan2", "copysign", "fmax", "fmin", "fmod", "hypot", "pow", "remainder")
-
-
-class MemberFailure(IntEnum):
-    """Why a member has failed."""
-
-    GOES_ON = 0
-    NOT_FINITE = 1
-    PITCHED = 2
-    SINGULAR = 3
-    PASSED_SINGULAR = 4
-    COLLAPSED = 5  # plus the number of the leg, from 0
-    TOO_MANY_STEPS = 11
-    # of c/loop
-    COMMAND = 12
-    STROKE = 13
-    AWAY = 14
-    NOT_STARTED = 15
 
 
 @dataclass(frozen=True)
@@ -262,7 +246,6 @@ def lanes_sources(variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
         sizes=defines(sizes),
         controlled=defines(CONTROLLED),
         scales=f"\n/* of absolute tolerances, by state */\n#define SCALES {{{scales}}}" if variant.bristles else "",
-        failures=defines({f"FAILURE_{failure.name}": int(failure) for failure in MemberFailure}),
         kernel=kernel[: kernel.index("\n{")].strip(),
     )
     units = {
@@ -381,7 +364,6 @@ def machine_sources(
     headers = {**user.headers, **loop.headers, **machine.headers}
     headers["machine_fields.h"] = f"{GENERATED}\n{fields}" + ("" if law is None else "\n#define MACHINE_HAS_LAW\n")
     headers["plan.h"], headers["design.h"] = f"{GENERATED}\n{plan}", f"{GENERATED}\n{design}"
-    headers["vectors.h"] = headers["vectors.h"].replace("#ifndef WIDTH\n#define WIDTH 8\n#endif", "#define WIDTH 1")
     return Sources({**loop.units, **machine.units, **user.units}, headers)
 
 

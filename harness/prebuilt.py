@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.fmu_build.build import unit_library
-from gough_stewart.fmu_build.cache import state_of_texts
 from gough_stewart.fmu_build.codegen import kernel_source
 from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.kernel_library import kernel_code
@@ -39,7 +38,7 @@ from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, Target, chosen_targets
 from gough_stewart.harness.export.machine import MACHINE, machine_c, machine_texts
 from gough_stewart.harness.loop.loop_library import loop_code
 from gough_stewart.harness.results.metric_folds import folds_code
-from gough_stewart.model.kernel import FUNCTIONS, kernel_state, new_block, parameter_vector, traced_call
+from gough_stewart.model.kernel import FUNCTIONS, new_block, parameter_vector, traced_call
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.installed import TRACER
@@ -49,6 +48,7 @@ from gough_stewart.model.process.prebuilt import (
     manifest_line,
     packed,
     prebuilt_folder,
+    state_of_texts,
 )
 
 
@@ -84,7 +84,7 @@ def _packed(file: str, states: dict[str, str], make: Callable[[], bytes]) -> Par
 
 
 def _kernel(target: Target) -> Part:
-    state = {f"{target.name}/kernel": kernel_state()}
+    state = {f"{target.name}/kernel": state_of_texts()}
     return Part(f"{target.name}/kernel{target.suffix}", state, lambda: kernel_code().compiled(target))
 
 

@@ -12,9 +12,7 @@ import ctypes
 import warnings
 from collections.abc import Callable, Mapping
 from functools import cache, partial
-from importlib import resources
 from itertools import product
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +21,7 @@ from gough_stewart.model import interface
 from gough_stewart.model.interface import N_INPUTS
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.installed import TRACER, check_installed
-from gough_stewart.model.process.prebuilt import digest_of_files, prebuilt, prebuilt_numbers, this_machine
+from gough_stewart.model.process.prebuilt import prebuilt, prebuilt_numbers, state_of_texts, this_machine
 from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -36,8 +34,6 @@ FUNCTIONS = {
 }
 # Share of the largest number by which an evaluation may differ from the shipped one; it differs by rounding.
 _AGREES = 1e-12
-# Of `fmu_build`, what the library is made of besides the equations.
-_SOURCES = (".", "plant", "c/plant", "c/unit", "c/kernel", "c/stepper")
 
 
 def sizes_of(variant: Variant) -> dict[str, int]:
@@ -55,21 +51,12 @@ def new_block(variant: Variant = IDEAL) -> tuple[FloatArray, dict[str, FloatArra
 
 
 @cache
-def kernel_state() -> str:
-    """Digest of all sources of the library."""
-    build, model = (Path(str(resources.files(f"gough_stewart.{name}"))) for name in ("fmu_build", "model"))
-    folders = [*(build / folder for folder in _SOURCES), model]
-    files = (path for folder in folders for path in folder.iterdir())
-    return digest_of_files(path for path in files if path.suffix in (".py", ".c", ".h", ".in"))
-
-
-@cache
 def kernel_library() -> ctypes.PyDLL | None:
     """The library of the ideal plant that came with the package; None if there is none, or with a warning if it fails.
 
     It keeps the interpreter's lock: a call takes microseconds.
     """
-    path = prebuilt(f"{this_machine()}/kernel", kernel_state())
+    path = prebuilt(f"{this_machine()}/kernel", state_of_texts())
     if path is None:
         return None
     try:

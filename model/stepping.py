@@ -71,7 +71,8 @@ class SteppingModel:
        Jacobian is singular (or was singular since the last one), if the tolerance cannot be met, if more than 20,000
        internal steps would be needed (1,000,000 of a fixed size), or if fixed steps cannot resolve the bristles or
        springs of its legs. The error has quantity, value and time. Wrong arguments (step ≤ 0, another time, not
-       finite) are also errors, and so is a start pose with a leg too short to contain the centre of mass of a part.
+       finite) are also errors, and so is a start pose with a leg too short to contain the centre of mass of a part,
+       or with elastic legs stretched by more than 1 %.
        Poses are checked at internal steps: with a loose tolerance a motion can reach a singular pose and return
        between two of them undetected.
     8. A failed call leaves the model unchanged.

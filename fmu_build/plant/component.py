@@ -8,7 +8,7 @@ from math import log10
 
 import numpy as np
 
-from gough_stewart.fmu_build.cache import cache_folder, kept, state_of_sources, state_of_texts
+from gough_stewart.fmu_build.cache import cache_folder, kept, state_of_sources
 from gough_stewart.fmu_build.component import (
     Kind,
     LayoutRow,
@@ -33,7 +33,7 @@ from gough_stewart.model.interface import DEFAULT_TOLERANCE, MOST_INTERNAL_STEPS
 from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import prebuilt_content
+from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_texts
 from gough_stewart.model.state import State
 from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import Array

@@ -4,6 +4,7 @@ A variant's states follow those of the ideal plant, its outputs the outputs, its
 references are those of a unit's own variant.
 """
 
+from enum import IntEnum
 from functools import cache
 
 from gough_stewart.fmu_build.component import Layout, Role, laid_out
@@ -20,6 +21,23 @@ STICKING = {"RESOLUTION": 1e-4, "FORCE_RESOLUTION": 1e-2, "MOST_SUBSTEPS": 200, 
 # The largest h |λ| of the modes of sticking or elastic legs, within the half disc in which RK4 is stable.
 LARGEST_PRODUCT = 2.6
 _RATES = {"m": "m/s", "rad": "rad/s", "m/s": "m/s2", "rad/s": "rad/s2"}
+
+
+class MemberFailure(IntEnum):
+    """Why the motion of a plant, alone or a member of many, has failed."""
+
+    GOES_ON = 0
+    NOT_FINITE = 1
+    PITCHED = 2
+    SINGULAR = 3
+    PASSED_SINGULAR = 4
+    COLLAPSED = 5  # plus the number of the leg, from 0
+    TOO_MANY_STEPS = 11
+    # of c/loop
+    COMMAND = 12
+    STROKE = 13
+    AWAY = 14
+    NOT_STARTED = 15
 
 
 @cache
@@ -70,4 +88,5 @@ def plant_header(variant: Variant = IDEAL) -> str:
         fixed_step_size=layout.by_name["fixed_step_size"].first,
         places=defines(offsets),
         limits=defines(limits),
+        failures=defines({f"FAILURE_{failure.name}": int(failure) for failure in MemberFailure}),
     )

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.cache import digest_of, state_of_texts
+from gough_stewart.fmu_build.cache import digest_of
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.libraries import machine_library, machine_sources
@@ -46,7 +46,7 @@ from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError
 from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_package
+from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_package, state_of_texts
 from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 

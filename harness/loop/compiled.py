@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.libraries import WIDTH
-from gough_stewart.fmu_build.libraries import MemberFailure as Failure
+from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.faults import CUT, FROZEN
 from gough_stewart.harness.control.force_limits import ForceLimits

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.libraries import CONTROLLED, WIDTH, LanesLibrary, lanes_library
-from gough_stewart.fmu_build.libraries import MemberFailure as Failure
+from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant

@@ -86,16 +86,23 @@ def prebuilt_numbers() -> Mapping[str, Any]:
 
 
 @cache
-def state_of_package(package: str, endings: tuple[str, ...] = (".py",)) -> str:
-    """Digest of the files of a package, without those of its subfolders."""
-    folder = Path(str(resources.files(package)))
-    return digest_of_files(path for path in folder.iterdir() if path.suffix in endings)
+def state_of_package(package: str) -> str:
+    """Digest of the modules of a package, without those of its subfolders."""
+    return _digest_of_files(Path(str(resources.files(package))).glob("*.py"))
 
 
-def digest_of_files(paths: Iterable[Path]) -> str:
-    """Digest of names and contents, in the order of the names."""
+@cache
+def state_of_texts() -> str:
+    """Digest of all source files of the model and of its units."""
+    folders = (Path(str(resources.files(f"gough_stewart.{name}"))) for name in ("fmu_build", "model"))
+    paths = (path for folder in folders for path in folder.rglob("*"))
+    return _digest_of_files(path for path in paths if path.is_file() and path.parent.name != "__pycache__")
+
+
+def _digest_of_files(paths: Iterable[Path]) -> str:
+    """Digest of names and contents, in an order that is the same on all systems."""
     digest = sha256()
-    for path in sorted(paths):
+    for path in sorted(paths, key=lambda path: path.as_posix()):
         content = path.read_bytes()
         digest.update(f"{path.name} {len(content)}\n".encode())
         digest.update(content)

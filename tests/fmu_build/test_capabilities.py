@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Callable
-from ctypes import POINTER, c_double
+from ctypes import POINTER, byref, c_bool, c_double, c_int
 from typing import Any
 
 import numpy as np
@@ -449,6 +449,17 @@ def test_states_are_set_by_name_in_continuous_time_like_all_at_once(fmu: Fmu) ->
         assert "pitch" in p.messages[-1].text
         p.fmu.enterEventMode()
         assert refused(p.set, "position", STATE.position) == ERROR
+
+
+def test_a_completed_step_answers_both_questions_whatever_was_in_the_memory(fmu: Fmu) -> None:
+    """Expected: no event, no end; an importer's variables need not be 0 before."""
+    flag = c_int if fmu.is_fmi2 else c_bool
+    events, ends = flag(1), flag(1)
+    with plant(fmu, co_simulation=False) as p:
+        p.start()
+        completed = getattr(p.fmu, f"fmi{fmu.version[0]}CompletedIntegratorStep")
+        completed(p.fmu.component, flag(1), byref(events), byref(ends))
+    assert (bool(events.value), bool(ends.value)) == (False, False)
 
 
 def test_a_singular_pose_asks_for_the_end_of_model_exchange_and_says_why(fmu: Fmu) -> None:

@@ -39,7 +39,7 @@ ODD = replace(
     *(UNEVEN,),
     name='<b>&"mine"</b>',
     source="<script>alert(1)</script>",
-    home_orientation=np.radians([66.0, 0, 35]),
+    home_orientation=np.radians([66.0, -0.0, 35]),
     **dict.fromkeys(("leg_length_min", "leg_length_max", "joint_angle_max", "actuator_force_max")),
 )
 PLATFORMS = {"uneven": UNEVEN, "odd": ODD, "desktop_hexapod": gs.load_preset("desktop_hexapod")}
@@ -556,6 +556,13 @@ def test_joints_and_axes_are_where_rotations_have_them(pictured: tuple[gs.Platfo
         away = tips - (dots[0] + scale * (origin - seen[0]))
         across = np.abs(away[:, 0] * axis[1] - away[:, 1] * axis[0]) / np.hypot(*axis)
         assert (across < 0.03).sum() == 1
+
+
+def test_the_page_has_no_negative_zeros(pictured: tuple[gs.Platform, Fmu]) -> None:
+    """Expected: 0 for the pitch of −0.0 with which one of the platforms is at home."""
+    words = " ".join(ET.fromstring(page_of(pictured[1])).itertext()).split()
+    assert "0" in words
+    assert not {"-0", "−0"} & set(words)
 
 
 def test_nearer_legs_cover_those_behind_and_the_png_shows_the_same(pictured: tuple[gs.Platform, Fmu]) -> None:

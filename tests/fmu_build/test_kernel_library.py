@@ -22,14 +22,13 @@ from gough_stewart.model.kernel import (
     Linearisation,
     address_of,
     kernel_library,
-    kernel_state,
     new_block,
     parameter_vector,
     processor_level,
     traced_call,
 )
 from gough_stewart.model.process import prebuilt
-from gough_stewart.model.process.prebuilt import MANIFEST
+from gough_stewart.model.process.prebuilt import MANIFEST, state_of_texts
 from tests.support.uneven import UNEVEN
 
 
@@ -149,7 +148,7 @@ def test_a_library_counts_only_for_its_sources(folder: Path, monkeypatch: pytest
     assert kernel_library() is not None
     manifest = json.loads((folder / MANIFEST).read_text())
     ((name, line),) = manifest["files"].items()
-    assert line["state"] == kernel_state()
+    assert line["state"] == state_of_texts()
     manifest["files"][name] = {**line, "state": "0" * 64}
     (folder / MANIFEST).write_text(json.dumps(manifest))
     for cached in (prebuilt._manifest, kernel_library):
@@ -163,9 +162,9 @@ def test_a_library_counts_only_for_its_sources(folder: Path, monkeypatch: pytest
     for source in ("c/stepper/stepper.c", "c/plant/plant_step.c", "c/unit/message.c", "codegen.py", "plant/layout.py"):
         path = copy / "fmu_build" / source
         path.write_text(f"{path.read_text()}\n")
-        kernel_state.cache_clear()
-        states.add(kernel_state())
-    kernel_state.cache_clear()
+        state_of_texts.cache_clear()
+        states.add(state_of_texts())
+    state_of_texts.cache_clear()
     assert len(states - {line["state"]}) == 5
 
 

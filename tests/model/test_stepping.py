@@ -534,6 +534,10 @@ def test_motors_start_where_they_hold_the_pose_and_follow_what_is_set() -> None:
     stretch = platform.home_actuator_force / platform.leg_stiffness
     assert model.get("motor_position") == pytest.approx(np.asarray(model.get("leg_length")) + stretch, rel=1e-14)
     assert model.get("leg_force") == pytest.approx(platform.home_actuator_force, rel=1e-7)
+    heavy = SteppingModel(platform)
+    heavy.set("platform_mass", 1.5 * platform.platform_mass)  # moves them, too: they bear more
+    stretch = replace(platform, platform_mass=1.5 * platform.platform_mass).home_actuator_force / platform.leg_stiffness
+    assert heavy.get("motor_position") == pytest.approx(np.asarray(heavy.get("leg_length")) + stretch, rel=1e-14)
     aside = platform.home_position + np.array([0.02, 0.01, -0.03])
     state = State(aside, platform.home_orientation, np.array([0.1, 0, 0.2]), np.zeros(3))
     model.set_many(state._asdict())

@@ -110,34 +110,16 @@ static void keep_errors(const group *g, lanes error)
 
 /* ---- limits of the pose --------------------------------------------------------------------------------------- */
 
-/* Like check_pose of c/plant/plant.c, for one member: FAILURE_GOES_ON or the reason. */
+/* FAILURE_GOES_ON or the reason, of one member. */
 static int64_t judge(const group *g, int lane, double *side)
 {
-    double x[N_STATES], p[N_PARAMETERS], length[N_LEGS], rate[N_LEGS], jacobian[N_LEGS][N_LEGS], rho, determinant;
+    double x[N_STATES], p[N_PARAMETERS], length[N_LEGS], rate[N_LEGS], jacobian[N_LEGS][N_LEGS], rho;
     for (int i = 0; i < N_STATES; i++)
         x[i] = LANE(g->x[i], lane);
     for (int i = 0; i < N_PARAMETERS; i++)
         p[i] = LANE(g->p[i], lane);
-    for (int i = 0; i < N_STATES; i++)
-        if (!(x[i] - x[i] == 0))
-            return FAILURE_NOT_FINITE;
-    if (!(-LARGEST_PITCH < x[X_PITCH] && x[X_PITCH] < LARGEST_PITCH))
-        return FAILURE_PITCHED;
     kernel_legs(x, p, length, rate, jacobian[0], &rho);
-    int shortest = 0;
-    for (int i = 1; i < N_LEGS; i++)
-        if (length[i] < length[shortest])
-            shortest = i;
-    if (!(length[shortest] > SHORTEST_LEG * rho))
-        return FAILURE_COLLAPSED + shortest;
-    double number = condition_number((const double(*)[N_LEGS])jacobian, &determinant);
-    double new_side = determinant > 0 ? 1 : -1;
-    if (*side != 0 && *side != new_side)
-        return FAILURE_PASSED_SINGULAR;
-    if (!(number < SINGULAR_CONDITION_NUMBER))
-        return FAILURE_SINGULAR;
-    *side = new_side;
-    return FAILURE_GOES_ON;
+    return pose_failure(x, N_STATES, length, (const double(*)[N_LEGS])jacobian, rho, side);
 }
 
 /* Ends a running member for a reason, `after` a time of the step [s]. */

@@ -79,3 +79,25 @@ double condition_number(const double jacobian[N][N], double *determinant)
     double bound = 2 * mean * mean * mean / fabs(*determinant);
     return bound < SINGULAR_CONDITION_NUMBER ? bound : exact_condition_number(jacobian);
 }
+
+int pose_failure(const double x[], int n, const double length[N], const double jacobian[N][N], double rho, double *side)
+{
+    for (int i = 0; i < n; i++)
+        if (!isfinite(x[i]))
+            return FAILURE_NOT_FINITE;
+    if (!(fabs(x[X_PITCH]) < LARGEST_PITCH))
+        return FAILURE_PITCHED;
+    int shortest = 0;
+    for (int i = 1; i < N; i++)
+        if (length[i] < length[shortest])
+            shortest = i;
+    if (!(length[shortest] > SHORTEST_LEG * rho))
+        return FAILURE_COLLAPSED + shortest;
+    double determinant, number = condition_number(jacobian, &determinant), new_side = determinant > 0 ? 1 : -1;
+    if (*side != 0 && *side != new_side)
+        return FAILURE_PASSED_SINGULAR;
+    if (!(number < SINGULAR_CONDITION_NUMBER))
+        return FAILURE_SINGULAR;
+    *side = new_side;
+    return FAILURE_GOES_ON;
+}

@@ -228,30 +228,31 @@ outcome component_set_experiment(component *c, double tolerance, double start_ti
 outcome check_pose(component *c, double *handedness)
 {
     char name[NAME_SIZE];
-    for (int i = 0; i < N_STATES; i++)
-        if (!isfinite(c->s.x[i])) {
-            write_slot_name(FIRST_STATE + i, name);
-            return refuse_step(c, name, c->s.x[i], "", "the motion is not finite");
-        }
-    double pitch = c->s.x[X_PITCH];
-    if (!(fabs(pitch) < LARGEST_PITCH)) {
-        write_slot_name(FIRST_STATE + X_PITCH, name);
-        return refuse_step(c, name, pitch, " rad", "the pitch has reached 90 degrees");
-    }
+    const double *x = c->s.x;
     const leg_state *legs = legs_of(c);
-    for (int i = 0; i < N_LEGS; i++)
-        if (!(legs->length[i] > SHORTEST_LEG * legs->rho)) {
-            write_slot_name(FIRST_RESULT + R_LEG_LENGTH + i, name);
-            return refuse_step(c, name, legs->length[i], " m", "the leg has collapsed");
-        }
-    double determinant, number = condition_number(legs->jacobian, &determinant), side = determinant > 0 ? 1 : -1;
-    int has_passed = *handedness != 0 && *handedness != side;
-    if (has_passed || !(number < SINGULAR_CONDITION_NUMBER))
+    int failure = pose_failure(x, N_STATES, legs->length, legs->jacobian, legs->rho, handedness), k = 0;
+    switch (failure) {
+    case FAILURE_GOES_ON:
+        return DONE;
+    case FAILURE_NOT_FINITE:
+        while (isfinite(x[k]))
+            k++;
+        write_slot_name(FIRST_STATE + k, name);
+        return refuse_step(c, name, x[k], "", "the motion is not finite");
+    case FAILURE_PITCHED:
+        write_slot_name(FIRST_STATE + X_PITCH, name);
+        return refuse_step(c, name, x[X_PITCH], " rad", "the pitch has reached 90 degrees");
+    case FAILURE_SINGULAR:
+    case FAILURE_PASSED_SINGULAR:
         return refuse_step(c, "condition number of the leg Jacobian", exact_condition_number(legs->jacobian), "",
                            "the platform has %s; the legs cannot hold it there",
-                           has_passed ? "passed a singular pose since the last internal step" : "reached a singular pose");
-    *handedness = side;
-    return DONE;
+                           failure == FAILURE_SINGULAR ? "reached a singular pose"
+                                                       : "passed a singular pose since the last internal step");
+    default:
+        k = failure - FAILURE_COLLAPSED;
+        write_slot_name(FIRST_RESULT + R_LEG_LENGTH + k, name);
+        return refuse_step(c, name, legs->length[k], " m", "the leg has collapsed");
+    }
 }
 
 outcome component_check_state(component *c)

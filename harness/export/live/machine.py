@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.fmu_build.libraries import MemberFailure as Failure
+from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.control.controllers import OpenLoop
 from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.errors import ControllerError, ExportError
