@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -25,7 +26,7 @@ from gough_stewart.model import interface, traced
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import parameter_vector
 
-CASES = {
+CASES: dict[str, tuple[str, dict[str, Any], float | None]] = {
     "PD, gravity": ("circle", {}, 0.4),
     "PD, computed torque": ("circle_computed_torque", {}, 1.0),
     "PID, gravity, limits": ("saturation", {}, None),

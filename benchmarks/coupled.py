@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,7 @@ def unpacked(archive: Path, folder: Path) -> tuple[str, Any]:
     return str(folder / "binaries" / target.fmi2_folder / f"{identifier}{target.suffix}"), description
 
 
-def measure(timer: Path, settings: dict[str, object], folder: Path) -> dict[str, float]:
+def measure(timer: Path, settings: Mapping[str, object], folder: Path) -> dict[str, float]:
     """Seconds per step: together, plant, controller."""
     settings = {"loop.sample_time": 1e-3, "loop.delay": 1, **settings}
     (ssp,) = gs.export("pitch_sine", settings, forms="ssp", out=folder)

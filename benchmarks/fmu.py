@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import fmpy
 import numpy as np
@@ -22,7 +23,7 @@ from rich.table import Table
 
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.sources import sources
+from gough_stewart.fmu_build.sources import sources, start_source
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import FLAGS
 from gough_stewart.model import interface
@@ -38,13 +39,20 @@ STEPS, PAIRS = 1000, 9
 STICKING = {"leg_friction_model": "elasto_plastic", "leg_coulomb_friction": 100.0}
 ELASTIC = {"leg_stiffness": 2e7}
 # Parameters of `motion_base`, and the largest time of a step of the stepping model over one through FMPy.
-LOOPS = {"ideal": ({}, 0.6), "sticking": (STICKING, 0.9), "elastic": (ELASTIC, 0.9), "both": (STICKING | ELASTIC, 0.9)}
+LOOPS: dict[str, tuple[dict[str, Any], float]] = {
+    "ideal": ({}, 0.6),
+    "sticking": (STICKING, 0.9),
+    "elastic": (ELASTIC, 0.9),
+    "both": (STICKING | ELASTIC, 0.9),
+}
 
 
 def compiled_timer(folder: Path) -> Path:
     """Compile `fmu_timer.c` together with all sources of the FMU."""
-    unit, target = sources(plant_component(paper_case().platform), "2.0", "timer"), native()
-    for name, text in {**unit.units, **unit.headers}.items():
+    plant, target = plant_component(paper_case().platform), native()
+    unit = sources(plant, "2.0")
+    units = {**unit.units, "start.c": start_source(plant, ("timer", "timer"))}
+    for name, text in {**units, **unit.headers}.items():
         (folder / name).write_text(text)
     program = folder / "fmu_timer"
     flags = [flag for flag in FLAGS if flag != "-shared"]
@@ -60,7 +68,7 @@ def compiled_timer(folder: Path) -> Path:
         "-I",
         ".",
     ]
-    command += [*unit.unit_names, str(Path(__file__).parent / "fmu_timer.c"), "-o", str(program), "-lm"]
+    command += [*units, str(Path(__file__).parent / "fmu_timer.c"), "-o", str(program), "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     return program
 

@@ -43,7 +43,7 @@ def seconds_a_step(version: str) -> tuple[float, float]:
     for _ in range(ROUNDS):
         with FmuPlant(cached_build(version), prepared.platform, prepared.start) as plant:
             inside = Stopwatch(plant._unit.do_step)
-            plant._unit.do_step = inside  # type: ignore[method-assign]
+            plant._unit.do_step = inside  # type: ignore[method-assign, assignment]
             start = time.perf_counter()
             simulate(plant, prepared.law, prepared.loop)
             rounds.append(((time.perf_counter() - start) / steps, inside.seconds / steps))
@@ -78,7 +78,7 @@ def seconds_of_many() -> tuple[float, float, float]:
         plant = LanesPlant([prepared.machine] * n, [prepared.start] * n, substeps=1)
         # row by row, as with controllers in Python
         inside = [Stopwatch(getattr(plant, name)) for name in ("set_inputs", "signals", "do_step")]
-        plant.set_inputs, plant.signals, plant.do_step = inside  # type: ignore[method-assign]
+        plant.set_inputs, plant.signals, plant.do_step = inside  # type: ignore[method-assign, assignment]
         law_from = laws_of([prepared.controller] * n, loop.timing.sample_time, prepared.jacobians)
         start = time.perf_counter()
         observe(plant, law_from, loop, Nothing())
@@ -86,12 +86,12 @@ def seconds_of_many() -> tuple[float, float, float]:
         in_plant = sum(each.seconds for each in inside)
         with FmuPlant(cached_build("3.0"), prepared.platform, prepared.start) as single:
             step = Stopwatch(single._unit.do_step)
-            single._unit.do_step = step  # type: ignore[method-assign]
+            single._unit.do_step = step  # type: ignore[method-assign, assignment]
             start = time.perf_counter()
             simulate(single, prepared.law, prepared.loop)
             alone = time.perf_counter() - start - step.seconds
         rounds.append(((whole - in_plant) / steps / n, in_plant / steps / n, alone / steps))
-    return tuple(min(each) for each in zip(*rounds, strict=True))  # type: ignore[return-value]
+    return tuple(min(each) for each in zip(*rounds, strict=True))
 
 
 class Nothing(Observer):

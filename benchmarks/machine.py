@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.sources import sources
+from gough_stewart.fmu_build.sources import sources, start_source
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
@@ -60,8 +60,13 @@ class Unit:
     """A unit with its host as a library."""
 
     def __init__(self, platform: Platform, folder: Path, name: str) -> None:
-        unit = sources(plant_component(platform), "2.0", "timer")
-        units = {**unit.units, "machine_timer.c": (Path(__file__).parent / "machine_timer.c").read_text()}
+        plant = plant_component(platform)
+        unit = sources(plant, "2.0")
+        units = {
+            **unit.units,
+            "start.c": start_source(plant, ("timer", "timer")),
+            "machine_timer.c": (Path(__file__).parent / "machine_timer.c").read_text(),
+        }
         library = folder / f"{name}{native().suffix}"
         library.write_bytes(compile_library(name, units, unit.headers, native()))
         self._call = ctypes.CDLL(str(library)).time_steps
