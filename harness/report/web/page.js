@@ -51,6 +51,15 @@ const GoughStewart = (() => {
       made.append(...children);
       return made;
     },
+    // the last row of rising values that is at or before x; −1 before the first
+    rowAt: (xs, x) => {
+      let low = -1, high = xs.length - 1;
+      while (low < high) {
+        const middle = (low + high + 1) >> 1;
+        if (xs[middle] <= x) low = middle; else high = middle - 1;
+      }
+      return low;
+    },
     ready: { picture: false, curves: false },
   };
 })();

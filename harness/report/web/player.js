@@ -171,7 +171,7 @@
       GS.set({ leg: leg === state.leg ? null : leg, picked: null });
     });
     GS.on("leg", () => colourBy(colour));
-    GS.on("hiddenRuns", () => GS.records.forEach((r, k) => view.showMachine(k, !GS.runsHidden(r.run))));
+    GS.on("hiddenRuns", () => GS.records.forEach((r, k) => view.showMachine(k, !state.hiddenRuns.has(r.run))));
     GS.onTheme(() => colourBy(colour));
     // paper shows a picture of the present moment
     GS.printStage = () => view.copy($("printed"));
@@ -187,7 +187,7 @@
       return { box, label: GS.element("label", {}, box, swatch, name) };
     });
     $("runs").replaceChildren(...boxes.map(({ label }) => label));
-    GS.on("hiddenRuns", () => boxes.forEach(({ box }, k) => { box.checked = !GS.runsHidden(k); }));
+    GS.on("hiddenRuns", () => boxes.forEach(({ box }, k) => { box.checked = !state.hiddenRuns.has(k); }));
   };
   const copy = async () => {
     const address = `${location.href.split("#")[0]}#${GS.link()}`;

@@ -14,15 +14,8 @@
 
   // The frame at or before a time, and the share of the way to the next one, 0 to 1.
   GS.frameAt = (record, time) => {
-    const t = record.time;
-    let low = 0, high = t.length - 1;
-    if (time >= t[high]) return { frame: high, share: 0 };
-    if (time <= t[0]) return { frame: 0, share: 0 };
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (t[middle] <= time) low = middle; else high = middle;
-    }
-    return { frame: low, share: (time - t[low]) / (t[high] - t[low]) };
+    const t = record.time, frame = Math.max(GS.rowAt(t, time), 0);
+    return { frame, share: frame < t.length - 1 ? Math.max(0, (time - t[frame]) / (t[frame + 1] - t[frame])) : 0 };
   };
 
   // Values between two frames, interpolated linearly; at a frame, exactly its own.

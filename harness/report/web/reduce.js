@@ -1,21 +1,10 @@
 "use strict";
 // Rows of a curve that a screen can show: the smallest and the largest of each column of pixels, or all rows if few.
 (() => {
-  // the last row at or before x
-  const before = (xs, x) => {
-    let low = 0, high = xs.length - 1;
-    if (x < xs[0]) return -1;
-    while (low < high) {
-      const middle = (low + high + 1) >> 1;
-      if (xs[middle] <= x) low = middle; else high = middle - 1;
-    }
-    return low;
-  };
-  GoughStewart.rowAt = before;
-
+  const { rowAt } = GoughStewart;
   // [x, …values] of the rows between two ends, and one beyond each; every kept row has all its values.
   GoughStewart.reduced = (xs, columns, from, to, buckets) => {
-    const first = Math.max(before(xs, from), 0), last = Math.min(before(xs, to) + 1, xs.length - 1), n = last - first + 1;
+    const first = Math.max(rowAt(xs, from), 0), last = Math.min(rowAt(xs, to) + 1, xs.length - 1), n = last - first + 1;
     if (n <= 2 * buckets) return [xs, ...columns].map((each) => each.subarray(first, last + 1));
     const kept = [first], width = n / buckets;
     for (let b = 0; b < buckets; b++) {

@@ -75,7 +75,6 @@
     if (time !== undefined) GS.set({ time: Math.min(Math.max(time, state.start), state.end) });
     return time !== undefined;
   };
-  GS.runsHidden = (run) => state.hiddenRuns.has(run);
   GS.toggleRun = (run) => {
     const hidden = new Set(state.hiddenRuns);
     if (!hidden.delete(run)) hidden.add(run);

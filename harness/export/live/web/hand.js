@@ -13,7 +13,6 @@
     // from home, in the unit that is shown
     const wanted = axes.map((axis) => axis.start);
     const listeners = [];
-    let stepsSaid = 0;
     let taken = false, held = null, stepped = 2, out = false;
     const take = () => {
       if (taken || open) return;
@@ -84,11 +83,13 @@
     };
     const pads = open ? [] : [pad($("pad-0"), [0, 1]), pad($("pad-1"), [5, 2]), pad($("pad-2"), [3, 4])];
     $("pads").hidden = open;
-    // Keys anywhere but in a field: W A S D and R F move, with Shift they turn.
+    // Keys anywhere but in a field: W A S D and R F move, with Shift they turn; T makes a step.
     const KEYS = { a: [0, -1], d: [0, 1], w: [1, 1], s: [1, -1], r: [2, 1], f: [2, -1] };
     document.addEventListener("keydown", (event) => {
-      const found = KEYS[event.key.toLowerCase()];
-      if (open || !found || event.ctrlKey || event.metaKey || event.altKey || /^(input|select)$/i.test(event.target.tagName)) return;
+      const key = event.key.toLowerCase(), found = KEYS[key];
+      if (open || event.ctrlKey || event.metaKey || event.altKey || /^(input|select)$/i.test(event.target.tagName)) return;
+      if (key === "t") step();
+      if (!found) return;
       const k = found[0] + (event.shiftKey ? 3 : 0);
       set({ [k]: wanted[k] + found[1] * axes[k].most / 20 });
       event.preventDefault();
@@ -127,19 +128,13 @@
       const { name, unit, factor } = axes[axis], size = `${GS.short(by * factor, 3)} ${unit} along ${name}`;
       const rose = rise === null ? "it has not come to 90 % in 3 s" : `rise time ${GS.short(1000 * rise, 3)} ms (10 to 90 %), overshoot ${GS.short(100 * overshoot, 2)} %`;
       $("said").textContent = `step of ${size}: ${rose}; ${GS.short(100 * (1 - last), 2)} % is left after 3 s`;
-      stepsSaid++;
-    });
-    document.addEventListener("keydown", (event) => {
-      if (event.key.toLowerCase() === "t" && !event.ctrlKey && !event.metaKey && !event.altKey && !/^(input|select)$/i.test(event.target.tagName)) step();
     });
     $("step").addEventListener("click", step);
     $("step").hidden = open;
     return {
       poll,
-      get stepsSaid() { return stepsSaid; },
       taken: () => taken,
       wanted: () => [...wanted],
-      forces: () => [...wanted],
       to: (values) => set(Object.fromEntries(values.map((value, k) => [k, value ?? 0]))),
       onChange: (listener) => listeners.push(listener),
       begun: () => {

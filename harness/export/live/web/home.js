@@ -100,7 +100,7 @@
         if (parameters?.platform_mass !== undefined) parameters.platform_mass += mass - given.platformMass;
         if (parameters?.gravity) parameters.gravity = parameters.gravity.map((g, k) => g + gravity[k] - given.g[k]);
       }
-      if (given.isOpen) controller.force = hand.forces();
+      if (given.isOpen) controller.force = hand.wanted();
       if (faults.length) found.fault = [...(found.fault || []), ...faults];
       if (motion) found.reference = { type: "file", file: "reference.csv" };
       // it begins as the first row was: the ends of the reference's splines know its rates to 0.1 mm/s only

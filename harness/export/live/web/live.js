@@ -26,21 +26,16 @@
     const own = { name, value: (p) => from(p[1 + k]), behind: behind?.pose.map((pose) => from(pose[k])), colour };
     return given.isOpen ? [own] : [own, { name: `${name} wanted`, value: (p) => from(p[19 + k]), colour, dashes: [5, 4] }];
   };
-  const figure = () => {
-    const made = GS.element("figure", { class: "plot-live" });
-    $("plots").append(made);
-    return made;
-  };
   const plots = [
-    GS.plot(figure(), { title: "position from home", unit: "mm", least: 2, times, curves: [...axis("x", 0, 1000), ...axis("y", 1, 1000), ...axis("z", 2, 1000)] }),
-    ...(given.isOpen ? [GS.plot(figure(), {
+    GS.plot($("plots"), { title: "position from home", unit: "mm", least: 2, times, curves: [...axis("x", 0, 1000), ...axis("y", 1, 1000), ...axis("z", 2, 1000)] }),
+    ...(given.isOpen ? [GS.plot($("plots"), {
       title: "orientation from home", unit: "°", least: 0.2, times, curves: ["roll", "pitch", "yaw"].flatMap((name, k) => axis(name, 3 + k, 180 / Math.PI)),
     })] : []),
-    GS.plot(figure(), {
+    GS.plot($("plots"), {
       title: "forces of the legs", unit: "N", least: 10, curves: six(13),
       marks: () => (given.forceLimit ? [{ value: given.forceLimit, role: "limit" }, { value: -given.forceLimit, role: "limit" }] : []),
     }),
-    GS.plot(figure(), {
+    GS.plot($("plots"), {
       title: "lengths of the legs", unit: "m", least: 0.004, times, curves: six(7, behind?.length),
       marks: () => (given.stroke || []).map((value) => ({ value, role: "limit" })),
     }),

@@ -6,11 +6,18 @@
     const raw = span / 4, power = 10 ** Math.floor(Math.log10(raw));
     return power * [1, 2, 5, 10].find((step) => step * power >= raw);
   };
+  // Draws a line through points [[x, y], …] on a canvas.
+  GS.stroke = (pen, points) => {
+    pen.beginPath();
+    for (const [x, y] of points) pen.lineTo(x, y);
+    pen.stroke();
+  };
   // curves: name, value of a point, colour of a theme, dashes, and values behind it at the times; least: smallest span
-  GS.plot = (figure, { title, unit, curves, least, times = [], marks = () => [] }) => {
+  GS.plot = (host, { title, unit, curves, least, times = [], marks = () => [] }) => {
     const canvas = GS.element("canvas", { role: "img", "aria-label": `${title} [${unit}], the last seconds` });
     const key = GS.element("ul", { class: "key" }), said = GS.element("output", { class: "at" });
-    figure.append(GS.element("figcaption", {}, GS.element("h2", {}, `${title} [${unit}]`), said, key), canvas);
+    const caption = GS.element("figcaption", {}, GS.element("h2", {}, `${title} [${unit}]`), said, key);
+    host.append(GS.element("figure", { class: "plot-live" }, caption, canvas));
     const pen = canvas.getContext("2d");
     let pointer = null, seen = true;
     new IntersectionObserver((entries) => { seen = entries[entries.length - 1].isIntersecting; }).observe(canvas);
@@ -62,10 +69,7 @@
       // by number: where a loop diverged, a step may be less than the last digit
       for (let k = Math.ceil(low / step); k <= high / step && k - low / step < 12; k++) {
         const tick = k * step;
-        pen.beginPath();
-        pen.moveTo(left, y(tick));
-        pen.lineTo(width, y(tick));
-        pen.stroke();
+        GS.stroke(pen, [[left, y(tick)], [width, y(tick)]]);
         pen.fillText(GS.fixed(tick, digits), left - 5, Math.max(9, y(tick) + 4));
       }
       pen.textAlign = "center";
@@ -78,10 +82,7 @@
       for (const { value, role } of marks()) {
         pen.strokeStyle = theme.roles[role];
         pen.setLineDash([2, 3]);
-        pen.beginPath();
-        pen.moveTo(left, y(value));
-        pen.lineTo(width, y(value));
-        pen.stroke();
+        GS.stroke(pen, [[left, y(value)], [width, y(value)]]);
       }
       pen.lineWidth = 6;
       pen.globalAlpha = 0.3;
@@ -89,9 +90,7 @@
       for (const { behind, colour } of curves) {
         if (!behind) continue;
         pen.strokeStyle = colour(theme);
-        pen.beginPath();
-        behind.forEach((v, k) => pen.lineTo(x(times[k]), y(v)));
-        pen.stroke();
+        GS.stroke(pen, behind.map((v, k) => [x(times[k]), y(v)]));
       }
       pen.globalAlpha = 1;
       pen.lineWidth = 1.6;
@@ -108,10 +107,7 @@
         pen.strokeStyle = theme.ink;
         pen.setLineDash([]);
         pen.lineWidth = 1;
-        pen.beginPath();
-        pen.moveTo(x(near[0]), 0);
-        pen.lineTo(x(near[0]), height);
-        pen.stroke();
+        GS.stroke(pen, [[x(near[0]), 0], [x(near[0]), height]]);
         said.textContent = `${GS.fixed(near[0], 2)} s: ${curves.map((c) => `${c.name} ${GS.text(c.value(near), 3)}`).join(", ")}`;
       }
       pen.restore();

@@ -109,10 +109,7 @@
       pen.textAlign = "right";
       for (const d of [0, 0.5, 1]) {
         pen.strokeStyle = d ? theme.line : theme.roles.limit;
-        pen.beginPath();
-        pen.moveTo(left, y(d));
-        pen.lineTo(width, y(d));
-        pen.stroke();
+        GS.stroke(pen, [[left, y(d)], [width, y(d)]]);
         pen.fillText(String(d), left - 4, y(d) + 4);
       }
       pen.textAlign = "center";
@@ -121,12 +118,7 @@
       for (let k = 0; k < n; k++) {
         const [f, damping] = [values[first + 2 * k], values[first + 2 * k + 1]], [at, up] = [x(f), y(damping)];
         pen.strokeStyle = damping > 0 ? theme.ink : theme.roles.limit;
-        pen.beginPath();
-        pen.moveTo(at - 3, up - 3);
-        pen.lineTo(at + 3, up + 3);
-        pen.moveTo(at - 3, up + 3);
-        pen.lineTo(at + 3, up - 3);
-        pen.stroke();
+        for (const side of [-3, 3]) GS.stroke(pen, [[at - 3, up + side], [at + 3, up - side]]);
       }
     };
     let last = null;
