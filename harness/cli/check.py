@@ -13,6 +13,7 @@ from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     SetOption,
     choices,
+    chosen_experiment,
     out_option,
     results_folder,
 )
@@ -70,6 +71,7 @@ def check_command(
     - `gough-stewart check pitch_sine --set reference.frequency=4 --fit time`
     """
     with clear_errors() as command:
+        chosen = chosen_experiment(experiment, settings, no_python=False, executed=lambda _: ())
         folder = out or results_folder("check", experiment)
         with progress_bar() as bar:
             bar.add_task("shares of all limits", total=None)
@@ -77,7 +79,7 @@ def check_command(
             from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, [*FILES, PAGE, DATA])
-            found = check(experiment, settings or [])
+            found = check(chosen)
             report = found.report(charts=showing.draws)
             requirements = showing.requirements(found.experiment.requirements, report.numbers)
             files = check_files(found)

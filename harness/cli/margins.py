@@ -52,6 +52,6 @@ def margins_command(
             check_output_folder(folder, [NUMBERS, PAGE, DATA])
             found = margins(chosen)
             report = found.report(charts=showing.draws)
-            write_files(folder, {NUMBERS: margins_file(found)})
         requirements = showing.requirements(chosen.requirements, report.numbers)
+        write_files(folder, {NUMBERS: margins_file(found)})
         showing.present(command, report, folder, [NUMBERS], requirements=requirements, figures=("bode", "step"))

@@ -189,11 +189,17 @@ def chosen_experiment(
     ------
     ExperimentError
         It cannot be loaded, or it executes code of its own despite --no-python.
+    RequirementError
+        It requires something of a number that no study has.
     """
     with preparing():
         from gough_stewart.harness.experiment.file import load_experiment
 
         chosen = load_experiment(experiment, settings or [])
+        if chosen.requirements:
+            from gough_stewart.harness.cli.showing import check_paths
+
+            check_paths(chosen.requirements)
     code = executed(chosen)
     if no_python and code:
         raise ExperimentError(

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 PAGE, DATA = "report.html", "report.json"
 _KINDS = ("pdf", "png", "svg")  # of figures
+# Kinds of numbers whose paths are not listed: they follow from options, an injection or a platform.
+_UNLISTED = {
+    *("S", "T", "L", "coherence", "value", "values", "fresh", "parameters", "condition_number", "files"),
+    *("first", "difference"),
+}
 
 _OPTIONS: dict[str, tuple[Any, Any]] = {
     "report": (
@@ -231,6 +236,27 @@ class Showing:
             files[PAGE] = page_of(report)
         write_files(folder, files, owned=[PAGE, *(f"{name}.{kind}" for name in former for kind in _KINDS)])
         return list(files)
+
+
+def check_paths(of_file: Iterable[str]) -> None:
+    """Refuse requirements of an experiment's file on numbers that no study has.
+
+    Raises
+    ------
+    RequirementError
+        Such a number, with the nearest path.
+    """
+    from gough_stewart.harness.errors import RequirementError
+    from gough_stewart.harness.report.requirements import required
+    from gough_stewart.model.interface import nearest
+
+    known = _numbers_of_loops()
+    for requirement in map(required, of_file):
+        if requirement.path not in known and requirement.path.partition(".")[0] not in _UNLISTED:
+            raise RequirementError(
+                f"the requirement '{requirement.text}': no study has a number '{requirement.path}'"
+                f"{nearest(requirement.path, known)}"
+            )
 
 
 def _numbers_of_loops() -> set[str]:

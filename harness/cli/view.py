@@ -67,6 +67,8 @@ def _is_report(place: Path) -> bool:
 def _view_report(command: Command, place: Path, out: Path, *, open_it: bool) -> None:
     """Write the page of a report, or show the page that its command has written."""
     data = place if place.name == DATA else place / DATA
+    if place == data and not data.is_file():
+        raise RecordError(f"{place}: no such file; expected the folder of a command, or its report.json")
     if not data.is_file():
         command.close([PAGE], place, open_it=open_it)
         return

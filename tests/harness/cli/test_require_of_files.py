@@ -87,6 +87,29 @@ def test_a_frequency_response_judges_by_the_file_of_its_run() -> None:
     assert (done.exit_code, _states(done)) == (0, {"S.peak": "met"})
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "mine.toml"),
+        ("check", "mine.toml"),
+        ("margins", "mine.toml"),
+        ("ensemble", "mine.toml"),
+        ("export", "mine.toml", "--as", "c"),
+        ("tune", "mine.toml", "--vary", "controller.bandwidth=1..3Hz", "--minimise", "tracking.position.norm_rms"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_number_that_no_study_has_is_refused_before_anything_is_done(words: tuple[str, ...]) -> None:
+    """Expected: exit code 2, the nearest path, no file; a misspelt kind of numbers is no reason to be silent."""
+    text = shipped_text("heave_step") + '[require]\ntracking.positoin.norm_peak = "<= 1 mm"\n'
+    for wrong, right in (("tracking.positoin", "tracking.position"), ("trakcing.position", "tracking.position")):
+        Path("mine.toml").write_text(text.replace("tracking.positoin", wrong), encoding="utf-8")
+        done = _invoke(*words, "--out", "out")
+        assert done.exit_code == 2
+        assert f"'{wrong}.norm_peak'; did you mean '{right}.norm_peak'?" in done.stderr
+        assert not Path("out").exists()
+
+
 def test_the_numbers_of_checks_and_margins_are_all_known() -> None:
     others = {path for path in OF_MARGINS if path.startswith(("structure.", "margins.believed."))}
     assert {each.path for each in gs.margins("mine.toml").report(charts=False).numbers} == {*OF_MARGINS} - others

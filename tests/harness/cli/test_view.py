@@ -139,6 +139,11 @@ def test_what_another_command_wrote_is_shown_too(tmp_path: Path, monkeypatch: py
     done = invoke("view", "checked", "--open")
     assert done.exit_code == 0, done.output
     assert opened[2:] == [Path("checked/report.html").absolute().as_uri()]
+    # of which the file is no longer there
+    done = invoke("view", "checked/report.json")
+    assert (done.exit_code, done.stderr) == (
+        1, "error: checked/report.json: no such file; expected the folder of a command, or its report.json\n",
+    )  # fmt: skip
     assert not Path("report.html").exists()
 
 
