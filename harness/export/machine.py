@@ -72,7 +72,7 @@ _CHANGES = (
     ("clock", "PLACE"),
     ("injections", "PLACE"),
 )
-# `planned` of c/machine/planning.h.
+# `planned` of c/machine/machine.c.
 _PLAN = (
     ("kind", "WHOLE"),
     ("coefficients", "PLACE"),
