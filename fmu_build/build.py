@@ -24,7 +24,7 @@ from gough_stewart.fmu_build.documents import (
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.libraries import Library, state_of_c
 from gough_stewart.fmu_build.plant.component import PLANT_STEM, plant_component
-from gough_stewart.fmu_build.sources import sources, standard_license, start_block, start_source
+from gough_stewart.fmu_build.sources import model_source, sources, standard_license, start_block
 from gough_stewart.fmu_build.targets import Target, chosen_targets
 from gough_stewart.fmu_build.toolchain import FLAGS, compiler_of
 from gough_stewart.model.platform import Platform
@@ -151,14 +151,14 @@ class UncompiledUnit(NamedTuple):
 
 def unit_of(component: UnitComponent, fmi_version: str) -> UncompiledUnit:
     """Sources and documents of a unit; its token is a digest of the sources and the description."""
-    blank = sources(component, fmi_version)
+    blank = sources(component, fmi_version, ("", ""))
     names = sorted(blank.units)
     texts = "".join(f"{name}\0{text}\0" for name, text in sorted({**blank.units, **blank.headers}.items()))
     h = digest_of(model_description(component, fmi_version, "", names) + texts.encode())
     token = f"{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}"
     token = f"{{{token}}}" if fmi_version == "2.0" else token
     tokens = (token, "") if fmi_version == "2.0" else ("", token)
-    code = Sources({**blank.units, "start.c": start_source(component, tokens)}, blank.headers)
+    code = Sources({**blank.units, "model.c": model_source(component, tokens)}, blank.headers)
     documents = {
         "modelDescription.xml": model_description(component, fmi_version, token, names),
         "documentation/licenses/license.txt": installed_package()[1].encode(),

@@ -31,7 +31,7 @@ FLAGS = (
     *("-ffunction-sections", "-fdata-sections"),
 )
 # Of c/unit, what the plant's code calls.
-_SHARED_UNITS = {"model.c", "start.c", "message.c", "variable.c", "communication.c"}
+_SHARED_UNITS = {"model.c", "component.c"}
 
 
 def kernel_code(variant: Variant = IDEAL) -> Library:

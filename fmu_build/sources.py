@@ -29,21 +29,15 @@ _STANDARD = {
 }
 
 
-def sources(component: UnitComponent, fmi_version: str | None = None) -> Sources:
-    """All C files of a unit for one FMI version, with an empty token in `start.c`.
-
-    Without a version, those of the library of all units of this code: for both versions, also without start values.
-    """
-    versions = tuple(_LAYERS) if fmi_version is None else (fmi_version,)
-    unit, start = c_folder("unit"), start_source(component, None if fmi_version is None else ("", ""))
-    unused = {layer for layer_version, layer in _LAYERS.items() if layer_version not in versions}
-    unused |= {"stateless.c"} if component.has_states else set()
+def sources(component: UnitComponent, fmi_version: str | None = None, tokens: tuple[str, str] | None = None) -> Sources:
+    """All C files of a unit for one FMI version, or for both; `tokens` and start values as of `model_source`."""
+    versions, unit = tuple(_LAYERS) if fmi_version is None else (fmi_version,), c_folder("unit")
+    unused = {layer for fmi, layer in _LAYERS.items() if fmi not in versions}
     units = {name: text for name, text in unit.units.items() if name not in unused} | dict(component.code.units)
-    units |= {"model.c": model_source(component), "start.c": start}
     headers = {**unit.headers, **component.code.headers, "model.h": model_header(component)}
-    for version_of_headers in versions:
-        headers |= standard_headers(version_of_headers)
-    return Sources(units, headers)
+    for fmi in versions:
+        headers |= standard_headers(fmi)
+    return Sources({**units, "model.c": model_source(component, tokens)}, headers)
 
 
 def c_folder(name: str) -> Sources:
@@ -125,11 +119,10 @@ def model_header(component: UnitComponent) -> str:
         "FIRST_DERIVATIVE": layout.time.first - sizes["N_STATES"],
         "TIME": layout.time.first,
     }
-    starts = {"DEFAULT_TOLERANCE": "START.tolerance[0]"}
-    starts |= {f"START_{name.upper()}": f"START.{name}" for name in ("inputs", "states", "parameters")}
-    starts |= {name: f"START.options[{k}]" for k, name in enumerate(component.options)}
-    settings = places("START", _parameters(component, of_unit=True))
-    starts |= {name: f"START.settings[{offset}]" for name, offset in settings.items()}
+    starts, count = dict[str, str](), 0
+    for name, numbers in _start_numbers(component).items():
+        starts[name] = f"(START.numbers + {count})" if name in _START_VECTORS else f"START.numbers[{count}]"
+        count += len(numbers)
     return filled(
         "unit/model.h",
         sizes=defines(sizes),
@@ -137,7 +130,7 @@ def model_header(component: UnitComponent) -> str:
         largest_number=repr(LARGEST_NUMBER),
         mark_size=_MARK_SIZE,
         token_size=_TOKEN_SIZE,
-        members="\n".join(f"    double {name}[{len(row)}];" for name, row in _start_numbers(component).items()),
+        n_numbers=count,
         starts="\n".join(f"#define {name} {text}" for name, text in starts.items()),
     )
 
@@ -145,8 +138,11 @@ def model_header(component: UnitComponent) -> str:
 _RANGES = {None: "ANY", ">= 0": "NOT_NEGATIVE", "> 0": "POSITIVE"}
 
 
-def model_source(component: UnitComponent) -> str:
-    """`model.c`."""
+def model_source(component: UnitComponent, tokens: tuple[str, str] | None) -> str:
+    """`model.c`: the table of variables, and the block of start values.
+
+    `tokens` are those of FMI 2.0 and 3.0; None for a block of zeros, which the library of all units of this code has.
+    """
     layout, rows = component.layout, []
     for row in layout.rows:
         v = row.variable
@@ -158,46 +154,50 @@ def model_source(component: UnitComponent) -> str:
     # 64 bits that change when the meaning of saved states changes
     text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in layout.rows)
     number = int.from_bytes(hashlib.sha256((text + component.saved_form).encode()).digest()[:8], "little")
+    fmi2, fmi3 = tokens or ("", "")
+    numbers = _all_start_numbers(component, is_blank=tokens is None)
     return filled(
         "unit/model.c",
         rows="\n".join(rows),
         slots=fill(references, 100, initial_indent="    ", subsequent_indent="    "),
         nominal="\n".join(nominal) or "    0",  # C has no empty arrays
         number=f"{number:#x}",
+        mark=_MARK,
+        token_of_fmi2=fmi2,
+        token_of_fmi3=fmi3,
+        numbers="\n".join(f"        {value!r}," for value in numbers),
     )
 
 
-def start_source(component: UnitComponent, tokens: tuple[str, str] | None) -> str:
-    """`start.c` with the component's start values and the tokens of FMI 2.0 and 3.0; None for a block of zeros."""
-    vectors = _start_numbers(component, is_blank=tokens is None).values()
-    texts = ("\n".join(f"        {value!r}," for value in vector) for vector in vectors)
-    rows = "\n".join(f"    {{\n{text}\n    }}," for text in texts)
-    fmi2, fmi3 = tokens or ("", "")
-    return filled("unit/start.c", mark=_MARK, token_of_fmi2=fmi2, token_of_fmi3=fmi3, rows=rows)
-
-
 def start_block(component: UnitComponent, tokens: tuple[str, str] | None) -> bytes:
-    """The bytes of the block of `start_source` in a library of any target."""
-    numbers = [x for vector in _start_numbers(component, is_blank=tokens is None).values() for x in vector]
+    """The bytes of the block of `model_source` in a library of any target."""
+    numbers = _all_start_numbers(component, is_blank=tokens is None)
     form = f"<{_MARK_SIZE}s{_TOKEN_SIZE}s{_TOKEN_SIZE}s{len(numbers)}d"
     return struct.pack(form, _MARK.encode(), *(token.encode() for token in tokens or ("", "")), *numbers)
 
 
-def _start_numbers(component: UnitComponent, *, is_blank: bool = False) -> dict[str, list[float]]:
-    """The numbers of the block, all 0 if it is blank; at least one in each vector, since C has no empty arrays."""
-    rows = {
-        "inputs": component.layout.of_role(Role.INPUT),
-        "states": component.layout.of_role(Role.STATE),
-        "parameters": _parameters(component),
-        "settings": _parameters(component, of_unit=True),
+def _all_start_numbers(component: UnitComponent, *, is_blank: bool) -> list[float]:
+    numbers = [x for vector in _start_numbers(component).values() for x in vector]
+    return [0.0] * len(numbers) if is_blank else numbers
+
+
+_START_VECTORS = ("START_INPUTS", "START_STATES", "START_PARAMETERS")
+
+
+def _start_numbers(component: UnitComponent) -> dict[str, list[float]]:
+    """The numbers of the block, by their macros in C."""
+    layout, settings = component.layout, _parameters(component, of_unit=True)
+    groups = (layout.of_role(Role.INPUT), layout.of_role(Role.STATE), _parameters(component))
+    rows = dict(zip(_START_VECTORS, groups, strict=True))
+    rows |= {f"START_{row.variable.name.upper()}": (row,) for row in settings}
+    return {
+        "DEFAULT_TOLERANCE": [float(component.experiment.get("tolerance", DEFAULT_TOLERANCE))],
+        **{name: [float(value)] for name, value in component.options.items()},
+        **{
+            name: [float(x) for row in group for x in component.starts[row.variable.name].flat]
+            for name, group in rows.items()
+        },
     }
-    numbers = {
-        "tolerance": [float(component.experiment.get("tolerance", DEFAULT_TOLERANCE))],
-        "options": [float(value) for value in component.options.values()],
-    }
-    for name, variables in rows.items():
-        numbers[name] = [float(x) for row in variables for x in component.starts[row.variable.name].flat]
-    return {name: [0.0 if is_blank else x for x in vector] or [0.0] for name, vector in numbers.items()}
 
 
 def _parameters(component: UnitComponent, *, of_unit: bool = False) -> tuple[LayoutRow, ...]:

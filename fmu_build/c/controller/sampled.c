@@ -13,10 +13,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "communication.h"
 #include "controller.h"
 #include "controller_table.h"
-#include "message.h"
 #include "model.h"
 
 #define AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1)
@@ -341,3 +339,23 @@ void component_restore(component *c, const double saved[])
     memcpy(&c->s, saved, sizeof c->s);
     c->is_prepared = 0;
 }
+
+/* ---- not called: there are no continuous states --------------------------------------------------------------- */
+
+#define NOT_CALLED(name, ...)                                                                                          \
+    outcome name(component *c, __VA_ARGS__)                                                                            \
+    {                                                                                                                  \
+        (void)c;                                                                                                       \
+        return MISUSE;                                                                                                 \
+    }
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+
+NOT_CALLED(component_set_time, double time)
+NOT_CALLED(component_set_states, const double x[])
+NOT_CALLED(component_derivatives, double xdot[])
+NOT_CALLED(component_forward, const double dx[], const double du[], const double dp[], double dxdot[], double dy[])
+NOT_CALLED(component_reverse, const double wxdot[], const double wy[], double gx[], double gu[], double gp[])
+NOT_CALLED(component_result_rates, double rates[])
+
+outcome component_check_state(component *c) { return (void)c, MISUSE; }
+void component_get_states(const component *c, double x[]) { (void)c, (void)x; }
