@@ -21,11 +21,10 @@ from fmpy.fmi3 import FMU3Slave
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.fmu_build.cached import cached_build
+from gough_stewart.fmu_build.cache import cached_build
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources
-from gough_stewart.fmu_build.targets import native
-from gough_stewart.fmu_build.toolchain import FLAGS
+from gough_stewart.fmu_build.toolchain import FLAGS, native
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.platform import Platform

@@ -19,8 +19,7 @@ from rich.table import Table
 
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources
-from gough_stewart.fmu_build.targets import native
-from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.fmu_build.toolchain import compile_library, native
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.file import shipped_experiment

@@ -13,8 +13,8 @@ from pathlib import Path
 from string import Template
 from textwrap import fill
 
+from gough_stewart.fmu_build.cache import RUNNER, BuildError
 from gough_stewart.fmu_build.component import PARAMETER_ROLES, SCALAR_REFERENCE, LayoutRow, Role, Sources, UnitComponent
-from gough_stewart.fmu_build.errors import RUNNER, BuildError
 from gough_stewart.model.interface import DEFAULT_TOLERANCE
 from gough_stewart.model.platform import LARGEST_NUMBER
 
@@ -97,6 +97,7 @@ def standard_license(fmi_version: str) -> str:
 def model_header(component: UnitComponent) -> str:
     """`model.h`."""
     layout = component.layout
+    before_time = layout.rows[: layout.time.reference]
 
     def size(rows: Iterable[LayoutRow]) -> int:
         return sum(row.variable.size for row in rows)
@@ -104,8 +105,8 @@ def model_header(component: UnitComponent) -> str:
     sizes = {
         "N_INPUTS": size(layout.of_role(Role.INPUT)),
         "N_STATES": size(layout.of_role(Role.STATE)),
-        "N_OUTPUTS": size(row for row in layout.outputs() if row in layout.in_order),
-        "N_RESULTS": size(row for row in layout.of_role(Role.STATE, Role.RESULT) if row in layout.in_order),
+        "N_OUTPUTS": size(row for row in layout.outputs() if row in before_time),
+        "N_RESULTS": size(row for row in layout.of_role(Role.STATE, Role.RESULT) if row in before_time),
         "N_PARAMETERS": size(_parameters(component)),
         "N_SLOTS": layout.rows[-1].slots.stop,
         "N_VARIABLES": len(layout.rows),
@@ -120,8 +121,9 @@ def model_header(component: UnitComponent) -> str:
         "TIME": layout.time.first,
     }
     starts, count = dict[str, str](), 0
-    for name, numbers in _start_numbers(component).items():
-        starts[name] = f"(START.numbers + {count})" if name in _START_VECTORS else f"START.numbers[{count}]"
+    for name, numbers in _start_values(component).items():
+        is_vector = name in ("START_INPUTS", "START_STATES", "START_PARAMETERS")
+        starts[name] = f"(START.numbers + {count})" if is_vector else f"START.numbers[{count}]"
         count += len(numbers)
     return filled(
         "unit/model.h",
@@ -155,7 +157,7 @@ def model_source(component: UnitComponent, tokens: tuple[str, str] | None) -> st
     text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in layout.rows)
     number = int.from_bytes(hashlib.sha256((text + component.saved_form).encode()).digest()[:8], "little")
     fmi2, fmi3 = tokens or ("", "")
-    numbers = _all_start_numbers(component, is_blank=tokens is None)
+    numbers = _block_numbers(component, is_blank=tokens is None)
     return filled(
         "unit/model.c",
         rows="\n".join(rows),
@@ -171,33 +173,28 @@ def model_source(component: UnitComponent, tokens: tuple[str, str] | None) -> st
 
 def start_block(component: UnitComponent, tokens: tuple[str, str] | None) -> bytes:
     """The bytes of the block of `model_source` in a library of any target."""
-    numbers = _all_start_numbers(component, is_blank=tokens is None)
+    numbers = _block_numbers(component, is_blank=tokens is None)
     form = f"<{_MARK_SIZE}s{_TOKEN_SIZE}s{_TOKEN_SIZE}s{len(numbers)}d"
     return struct.pack(form, _MARK.encode(), *(token.encode() for token in tokens or ("", "")), *numbers)
 
 
-def _all_start_numbers(component: UnitComponent, *, is_blank: bool) -> list[float]:
-    numbers = [x for vector in _start_numbers(component).values() for x in vector]
-    return [0.0] * len(numbers) if is_blank else numbers
+def _block_numbers(component: UnitComponent, *, is_blank: bool) -> list[float]:
+    return [0.0 if is_blank else x for vector in _start_values(component).values() for x in vector]
 
 
-_START_VECTORS = ("START_INPUTS", "START_STATES", "START_PARAMETERS")
-
-
-def _start_numbers(component: UnitComponent) -> dict[str, list[float]]:
+def _start_values(component: UnitComponent) -> dict[str, list[float]]:
     """The numbers of the block, by their macros in C."""
-    layout, settings = component.layout, _parameters(component, of_unit=True)
-    groups = (layout.of_role(Role.INPUT), layout.of_role(Role.STATE), _parameters(component))
-    rows = dict(zip(_START_VECTORS, groups, strict=True))
-    rows |= {f"START_{row.variable.name.upper()}": (row,) for row in settings}
-    return {
-        "DEFAULT_TOLERANCE": [float(component.experiment.get("tolerance", DEFAULT_TOLERANCE))],
-        **{name: [float(value)] for name, value in component.options.items()},
-        **{
-            name: [float(x) for row in group for x in component.starts[row.variable.name].flat]
-            for name, group in rows.items()
-        },
+    rows = {
+        "START_INPUTS": component.layout.of_role(Role.INPUT),
+        "START_STATES": component.layout.of_role(Role.STATE),
+        "START_PARAMETERS": _parameters(component),
+        **{f"START_{row.variable.name.upper()}": (row,) for row in _parameters(component, of_unit=True)},
     }
+    numbers = {"DEFAULT_TOLERANCE": [float(component.experiment.get("tolerance", DEFAULT_TOLERANCE))]}
+    numbers |= {name: [float(value)] for name, value in component.options.items()}
+    for name, group in rows.items():
+        numbers[name] = [float(x) for row in group for x in component.starts[row.variable.name].flat]
+    return numbers
 
 
 def _parameters(component: UnitComponent, *, of_unit: bool = False) -> tuple[LayoutRow, ...]:

@@ -64,7 +64,7 @@ def build_command(
     with clear_errors() as command:
         with preparing():
             from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
-            from gough_stewart.fmu_build.errors import BuildError
+            from gough_stewart.fmu_build.cache import BuildError
 
         chosen = chosen_platform(preset, platform)
         versions = [v.value for v in fmi] if fmi else VERSIONS
@@ -99,8 +99,8 @@ def build_command(
 
 def _check_runs_here(targets: Sequence[str]) -> None:
     """Refuse to check units without a library for this machine."""
-    from gough_stewart.fmu_build import targets as known
-    from gough_stewart.fmu_build.errors import BuildError
+    from gough_stewart.fmu_build import toolchain as known
+    from gough_stewart.fmu_build.cache import BuildError
 
     here = known.native()
     if here not in known.chosen_targets(targets):

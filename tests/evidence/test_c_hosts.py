@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources, standard_headers
-from gough_stewart.fmu_build.targets import BY_NAME, Target, native
-from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.fmu_build.toolchain import BY_NAME, Target, compile_library, native
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.model.formulations.cases import paper_case

@@ -53,7 +53,7 @@ outcome component_step(component *c, double time, double step, const step_observ
 double component_time(const component *c);
 
 /* For external integrators and for derivatives; never called of a component without continuous states, since there is no
-   instance for Model Exchange, and instance.h does not allow derivatives. Vectors have N_STATES elements: */
+   instance for Model Exchange, and modes.h does not allow derivatives. Vectors have N_STATES elements: */
 outcome component_set_time(component *c, double time);
 void component_get_states(const component *c, double x[]);
 outcome component_set_states(component *c, const double x[]);

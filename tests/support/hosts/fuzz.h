@@ -11,7 +11,7 @@
 #include "fmi2Functions.h"
 #include "fmi3Functions.h"
 #include "model.h"
-#include "instance.h"
+#include "modes.h"
 
 #define RIGHT_TOKEN "host"
 #define FIRST_PARAMETER_ROW VARIABLE_OF_SLOT[FIRST_PARAMETER]
