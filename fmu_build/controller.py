@@ -143,7 +143,7 @@ def controller_component(controller: SampledController, file_stem: str = "contro
     # until sample 1 the forces are the start forces; later they do not depend on current inputs
     forces, start_forces = layout.by_name["actuator_force"], layout.by_name["start_force"]
     # the plain C defines the meaning of the memory
-    texts = "".join((*code.units.values(), *code.headers.values(), str(controller.most_output_delay)))
+    texts = "".join((*code.units.values(), *code.headers.values(), f"{controller.most_output_delay} slots"))
     return UnitComponent(
         identifier=IDENTIFIER,
         name="GoughStewartController",
@@ -173,7 +173,16 @@ def controller_component(controller: SampledController, file_stem: str = "contro
 def controller_header(controller: SampledController) -> str:
     """`controller_table.h`."""
     rows = controller.layout.by_name
-    named = ("actuator_force", "force_limited", "rate_limited", "output_delay", "input_status", "input_bad_time")
+    named = (
+        "actuator_force",
+        "force_limited",
+        "rate_limited",
+        "start_force",
+        "sample_time",
+        "output_delay",
+        "input_status",
+        "input_bad_time",
+    )
     limits = [rows[p.variable.name].first for p in controller.parameters if p.is_none_at_zero]
     facts = {
         "HAS_REFERENCE_INPUTS": int(bool(controller.reference)),
