@@ -70,18 +70,14 @@ class Layout:
         """Rows by the names of their variables."""
         return {row.variable.name: row for row in self.rows}
 
-    @cached_property
-    def time(self) -> LayoutRow:
-        """The row of the independent variable."""
-        (row,) = self.of_role(Role.INDEPENDENT)
-        return row
-
     def described(self, fmi_version: str) -> tuple[LayoutRow, ...]:
         """The rows in the model description: FMI 2.0 without time.
 
         Time is optional there, and the FMI Library reports a missing start value for it.
         """
-        return self.rows if fmi_version == "3.0" else tuple(row for row in self.rows if row is not self.time)
+        return (
+            self.rows if fmi_version == "3.0" else tuple(row for row in self.rows if row.role is not Role.INDEPENDENT)
+        )
 
     def of_role(self, *roles: Role) -> tuple[LayoutRow, ...]:
         """The rows of some roles, in slot order."""
@@ -175,8 +171,3 @@ class UnitComponent:
     has_scalars_only: bool = False
     # saved states can only be restored by components with the same text here
     saved_form: str = ""
-
-    @property
-    def has_states(self) -> bool:
-        """Whether it has continuous states."""
-        return bool(self.layout.of_role(Role.STATE))

@@ -136,6 +136,7 @@ def model_description(component: UnitComponent, fmi_version: str, token: str, so
         display_units={unit.name: unit.display[0] for unit in UNITS if unit.display is not None},
         variables=variables,
         has_dimensions=not in_scalars,
+        has_states=bool(derivatives),
         outputs=unknowns(outputs, running),
         derivatives=unknowns(derivatives, running),
         initial_unknowns=unknowns([*computed, *derivatives], (*running, *PARAMETER_ROLES)),

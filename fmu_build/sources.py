@@ -96,35 +96,37 @@ def standard_license(fmi_version: str) -> str:
 
 def model_header(component: UnitComponent) -> str:
     """`model.h`."""
-    layout = component.layout
-    before_time = layout.rows[: layout.time.reference]
+    layout, values = component.layout, _start_values(component)
+    time = layout.by_name["time"]
 
     def size(rows: Iterable[LayoutRow]) -> int:
-        return sum(row.variable.size for row in rows)
+        return sum(row.variable.size for row in rows if row.first < time.first)
 
+    starts, count = dict[str, str](), 0
+    for name, numbers in values.items():
+        is_vector = name in ("START_INPUTS", "START_STATES", "START_PARAMETERS")
+        starts[name] = f"(START.numbers + {count})" if is_vector else f"START.numbers[{count}]"
+        count += len(numbers)
+    n_inputs, n_states = len(values["START_INPUTS"]), len(values["START_STATES"])
+    n_results = size(layout.of_role(Role.STATE, Role.RESULT))
     sizes = {
-        "N_INPUTS": size(layout.of_role(Role.INPUT)),
-        "N_STATES": size(layout.of_role(Role.STATE)),
-        "N_OUTPUTS": size(row for row in layout.outputs() if row in before_time),
-        "N_RESULTS": size(row for row in layout.of_role(Role.STATE, Role.RESULT) if row in before_time),
-        "N_PARAMETERS": size(_parameters(component)),
+        "N_INPUTS": n_inputs,
+        "N_STATES": n_states,
+        "N_OUTPUTS": size(layout.outputs()),
+        "N_RESULTS": n_results,
+        "N_PARAMETERS": len(values["START_PARAMETERS"]),
         "N_SLOTS": layout.rows[-1].slots.stop,
         "N_VARIABLES": len(layout.rows),
         "SCALAR_REFERENCE": SCALAR_REFERENCE,
     }
     slots = {
         "FIRST_INPUT": 0,
-        "FIRST_STATE": sizes["N_INPUTS"],
-        "FIRST_RESULT": sizes["N_INPUTS"],
-        "FIRST_PARAMETER": sizes["N_INPUTS"] + sizes["N_RESULTS"],
-        "FIRST_DERIVATIVE": layout.time.first - sizes["N_STATES"],
-        "TIME": layout.time.first,
+        "FIRST_STATE": n_inputs,
+        "FIRST_RESULT": n_inputs,
+        "FIRST_PARAMETER": n_inputs + n_results,
+        "FIRST_DERIVATIVE": time.first - n_states,
+        "TIME": time.first,
     }
-    starts, count = dict[str, str](), 0
-    for name, numbers in _start_values(component).items():
-        is_vector = name in ("START_INPUTS", "START_STATES", "START_PARAMETERS")
-        starts[name] = f"(START.numbers + {count})" if is_vector else f"START.numbers[{count}]"
-        count += len(numbers)
     return filled(
         "unit/model.h",
         sizes=defines(sizes),
@@ -157,7 +159,7 @@ def model_source(component: UnitComponent, tokens: tuple[str, str] | None) -> st
     text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in layout.rows)
     number = int.from_bytes(hashlib.sha256((text + component.saved_form).encode()).digest()[:8], "little")
     fmi2, fmi3 = tokens or ("", "")
-    numbers = _block_numbers(component, is_blank=tokens is None)
+    numbers = [0.0 if tokens is None else x for vector in _start_values(component).values() for x in vector]
     return filled(
         "unit/model.c",
         rows="\n".join(rows),
@@ -173,31 +175,23 @@ def model_source(component: UnitComponent, tokens: tuple[str, str] | None) -> st
 
 def start_block(component: UnitComponent, tokens: tuple[str, str] | None) -> bytes:
     """The bytes of the block of `model_source` in a library of any target."""
-    numbers = _block_numbers(component, is_blank=tokens is None)
+    numbers = [0.0 if tokens is None else x for vector in _start_values(component).values() for x in vector]
     form = f"<{_MARK_SIZE}s{_TOKEN_SIZE}s{_TOKEN_SIZE}s{len(numbers)}d"
     return struct.pack(form, _MARK.encode(), *(token.encode() for token in tokens or ("", "")), *numbers)
 
 
-def _block_numbers(component: UnitComponent, *, is_blank: bool) -> list[float]:
-    return [0.0 if is_blank else x for vector in _start_values(component).values() for x in vector]
-
-
 def _start_values(component: UnitComponent) -> dict[str, list[float]]:
     """The numbers of the block, by their macros in C."""
+    layout, starts, settings = component.layout, component.starts, component.settings
+    parameters = layout.of_role(*PARAMETER_ROLES)
     rows = {
-        "START_INPUTS": component.layout.of_role(Role.INPUT),
-        "START_STATES": component.layout.of_role(Role.STATE),
-        "START_PARAMETERS": _parameters(component),
-        **{f"START_{row.variable.name.upper()}": (row,) for row in _parameters(component, of_unit=True)},
+        "START_INPUTS": layout.of_role(Role.INPUT),
+        "START_STATES": layout.of_role(Role.STATE),
+        "START_PARAMETERS": [row for row in parameters if row.variable.name not in settings],
+        **{f"START_{row.variable.name.upper()}": [row] for row in parameters if row.variable.name in settings},
     }
     numbers = {"DEFAULT_TOLERANCE": [float(component.experiment.get("tolerance", DEFAULT_TOLERANCE))]}
     numbers |= {name: [float(value)] for name, value in component.options.items()}
-    for name, group in rows.items():
-        numbers[name] = [float(x) for row in group for x in component.starts[row.variable.name].flat]
-    return numbers
-
-
-def _parameters(component: UnitComponent, *, of_unit: bool = False) -> tuple[LayoutRow, ...]:
-    """The parameters without those of the unit itself, or only those."""
-    rows = component.layout.of_role(*PARAMETER_ROLES)
-    return tuple(row for row in rows if (row.variable.name in component.settings) == of_unit)
+    return numbers | {
+        name: [float(x) for row in group for x in starts[row.variable.name].flat] for name, group in rows.items()
+    }

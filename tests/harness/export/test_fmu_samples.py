@@ -168,7 +168,7 @@ def sampled_thrice(unit: Plant) -> bytes:
 
 
 def test_numbers_that_no_state_has_are_refused(unit: Plant, sampled_thrice: bytes) -> None:
-    """Expected: no NaN; infinity for the stop time only, since no limit is 0; below 0 neither samples nor what has that bound."""
+    """Expected: no NaN; infinity for the stop time only, since no limit is 0; not below 0: samples, what is bounded."""
     good = numbers_of(sampled_thrice)
     may_be_infinite, not_negative = [], []
     for k, value in enumerate(good):
