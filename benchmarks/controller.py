@@ -17,8 +17,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.fmu_build.codegen import function_source
-from gough_stewart.fmu_build.targets import native
-from gough_stewart.fmu_build.toolchain import FLAGS
+from gough_stewart.fmu_build.toolchain import FLAGS, native
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import designed

@@ -19,7 +19,7 @@ from rich.table import Table
 
 import gough_stewart as gs
 from gough_stewart.fmu_build.sources import standard_headers
-from gough_stewart.fmu_build.targets import native
+from gough_stewart.fmu_build.toolchain import native
 
 ROUNDS = 40
 LOOPS = {

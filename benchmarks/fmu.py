@@ -21,11 +21,10 @@ from fmpy.fmi3 import FMU3Slave
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.fmu_build.cached import cached_build
+from gough_stewart.fmu_build.cache import cached_build
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.sources import sources, start_source
-from gough_stewart.fmu_build.targets import native
-from gough_stewart.fmu_build.toolchain import FLAGS
+from gough_stewart.fmu_build.sources import sources
+from gough_stewart.fmu_build.toolchain import FLAGS, native
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.platform import Platform
@@ -50,9 +49,8 @@ LOOPS: dict[str, tuple[dict[str, Any], float]] = {
 def compiled_timer(folder: Path) -> Path:
     """Compile `fmu_timer.c` together with all sources of the FMU."""
     plant, target = plant_component(paper_case().platform), native()
-    unit = sources(plant, "2.0")
-    units = {**unit.units, "start.c": start_source(plant, ("timer", "timer"))}
-    for name, text in {**units, **unit.headers}.items():
+    unit = sources(plant, "2.0", ("timer", "timer"))
+    for name, text in {**unit.units, **unit.headers}.items():
         (folder / name).write_text(text)
     program = folder / "fmu_timer"
     flags = [flag for flag in FLAGS if flag != "-shared"]
@@ -68,7 +66,7 @@ def compiled_timer(folder: Path) -> Path:
         "-I",
         ".",
     ]
-    command += [*units, str(Path(__file__).parent / "fmu_timer.c"), "-o", str(program), "-lm"]
+    command += [*unit.units, str(Path(__file__).parent / "fmu_timer.c"), "-o", str(program), "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     return program
 

@@ -18,8 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.fmu_build.codegen import function_source
-from gough_stewart.fmu_build.targets import native
-from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.fmu_build.toolchain import compile_library, native
 from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
 from gough_stewart.model import interface, traced
 from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES

@@ -18,9 +18,8 @@ from rich.console import Console
 from rich.table import Table
 
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.sources import sources, start_source
-from gough_stewart.fmu_build.targets import native
-from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.fmu_build.sources import sources
+from gough_stewart.fmu_build.toolchain import compile_library, native
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.file import shipped_experiment
@@ -61,10 +60,9 @@ class Unit:
 
     def __init__(self, platform: Platform, folder: Path, name: str) -> None:
         plant = plant_component(platform)
-        unit = sources(plant, "2.0")
+        unit = sources(plant, "2.0", ("timer", "timer"))
         units = {
             **unit.units,
-            "start.c": start_source(plant, ("timer", "timer")),
             "machine_timer.c": (Path(__file__).parent / "machine_timer.c").read_text(),
         }
         library = folder / f"{name}{native().suffix}"

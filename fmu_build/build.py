@@ -7,26 +7,20 @@ import io
 import os
 import struct
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
+from itertools import repeat
 from pathlib import Path
 from threading import Event
-from typing import NamedTuple
 
-from gough_stewart.fmu_build.cache import digest_of
-from gough_stewart.fmu_build.component import Sources, UnitComponent
-from gough_stewart.fmu_build.documents import (
-    installed_package,
-    model_description,
-    rendered,
-)
-from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.cache import BuildError, digest_of
+from gough_stewart.fmu_build.component import UnitComponent
+from gough_stewart.fmu_build.documents import installed_package, model_description, rendered, terminals_and_icons
 from gough_stewart.fmu_build.libraries import Library, state_of_c
 from gough_stewart.fmu_build.plant.component import PLANT_STEM, plant_component
-from gough_stewart.fmu_build.sources import sources, standard_license, start_block, start_source
-from gough_stewart.fmu_build.targets import Target, chosen_targets
-from gough_stewart.fmu_build.toolchain import FLAGS, compiler_of
+from gough_stewart.fmu_build.sources import model_source, sources, standard_license, start_block
+from gough_stewart.fmu_build.toolchain import FLAGS, Target, chosen_targets, compiler_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
@@ -106,15 +100,87 @@ def build_units(
 def unit_archives(
     component: UnitComponent, versions: Iterable[str], systems: Iterable[Target], progress: StepProgress | None = None
 ) -> dict[str, bytes]:
-    """The units as archives, by file name; see `build` for errors."""
+    """The units as archives, by file name; see `build` for errors.
+
+    FMI 2.0 distinguishes operating systems only: Apple's two processors share a file, Linux's have a folder each.
+    Importers on aarch64 Linux look in `aarch64-linux` or, as FMPy does, in `linux64`: if there is no library for
+    x86_64, the one for aarch64 is in both.
+    """
     report, systems = progress or (lambda _text: None), tuple(systems)
-    archives = {}
+    code, blank, stop = unit_library(component), start_block(component, None), Event()
+    archives = dict[str, bytes]()
+
+    def library(target: Target, version: str, block: bytes) -> bytes:
+        content = prebuilt_content(f"{target.name}/{code.name}", code.state)
+        if content is None:
+            content = code.kept(target, stop, compiler_of(target)).read_bytes()
+        content = stamped(content, blank, block)
+        report(f"FMI {version}: {target.name}")
+        return content
+
     for version in versions:
         report(f"FMI {version}: sources and documents")
-        unit = unit_of(component, version)
-        libraries = libraries_of(component, unit, systems, report)
-        archives[file_name(version, component.file_stem)] = to_zip(contents(unit, libraries))
+        tokens, files = uncompiled_unit(component, version)
+
+        # all libraries of this code are the same but for start values and tokens
+        with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+            compiled = pool.map(library, systems, repeat(version), repeat(start_block(component, tokens)))
+            try:
+                libraries = dict(zip(systems, compiled, strict=True))
+            except BaseException:  # an interrupt or a failure: do not wait for the others
+                stop.set()
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+        name = component.identifier
+        for target, content in libraries.items():
+            folder = target.fmi2_folder if version == "2.0" else target.name
+            files[f"binaries/{folder}/{name}{target.suffix}"] = content
+        if version == "2.0":
+            apple = [(target, content) for target, content in libraries.items() if target.suffix == ".dylib"]
+            if len(apple) > 1:
+                files[f"binaries/darwin64/{name}.dylib"] = universal_binary(apple)
+            if arm := files.get(f"binaries/aarch64-linux/{name}.so"):
+                files.setdefault(f"binaries/linux64/{name}.so", arm)
+        archives[file_name(version, component.file_stem)] = to_zip(files)
     return archives
+
+
+def uncompiled_unit(component: UnitComponent, fmi_version: str) -> tuple[tuple[str, str], dict[str, bytes]]:
+    """The tokens of a unit and its files without libraries, by path in the archive.
+
+    The tokens are those of FMI 2.0 and 3.0, one of them empty: a digest of the sources and the description.
+    """
+    blank = sources(component, fmi_version, ("", ""))
+    names = sorted(blank.units)
+    texts = "".join(f"{name}\0{text}\0" for name, text in sorted({**blank.units, **blank.headers}.items()))
+    h = digest_of(model_description(component, fmi_version, "", names) + texts.encode())
+    token = f"{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}"
+    token = f"{{{token}}}" if fmi_version == "2.0" else token
+    tokens = (token, "") if fmi_version == "2.0" else ("", token)
+    code = {**blank.units, **blank.headers, "model.c": model_source(component, tokens)}
+    files = {
+        "modelDescription.xml": model_description(component, fmi_version, token, names),
+        "documentation/licenses/license.txt": installed_package()[1].encode(),
+        "documentation/licenses/fmi-headers.txt": standard_license(fmi_version).encode(),
+        "terminalsAndIcons/terminalsAndIcons.xml": terminals_and_icons(component, fmi_version),
+        "terminalsAndIcons/icon.png": component.icon.png,
+        "terminalsAndIcons/icon.svg": component.icon.svg,
+        "sources/buildDescription.xml": rendered(
+            "buildDescription.xml", identifier=component.identifier, source_files=names
+        ),
+        **{f"sources/{name}": text.encode() for name, text in code.items()},
+        **component.documents(fmi_version),
+    }
+    if fmi_version == "2.0":
+        files["model.png"] = component.icon.png
+    return tokens, files
+
+
+def unit_library(component: UnitComponent) -> Library:
+    """The description of the library of all units of a component's code, without start values and tokens."""
+    code = sources(component)
+    return Library(component.identifier, lambda: code, digest_of(f"{FLAGS}{state_of_c(code)}".encode())[:24])
 
 
 def number_of_steps(fmi: Iterable[str], targets: Iterable[str]) -> int:
@@ -137,100 +203,6 @@ def chosen_versions(fmi: Iterable[str]) -> tuple[str, ...]:
     if not requested:
         raise BuildError(f"no FMI version; expected {' or '.join(VERSIONS)}")
     return tuple(version for version in VERSIONS if version in requested)
-
-
-class UncompiledUnit(NamedTuple):
-    """One FMU before it is compiled."""
-
-    fmi_version: str
-    tokens: tuple[str, str]  # of FMI 2.0 and 3.0, one of them empty
-    library: str  # its name without suffix
-    sources: Sources
-    documents: dict[str, bytes]  # by path in the archive
-
-
-def unit_of(component: UnitComponent, fmi_version: str) -> UncompiledUnit:
-    """Sources and documents of a unit; its token is a digest of the sources and the description."""
-    blank = sources(component, fmi_version)
-    names = sorted(blank.units)
-    texts = "".join(f"{name}\0{text}\0" for name, text in sorted({**blank.units, **blank.headers}.items()))
-    h = digest_of(model_description(component, fmi_version, "", names) + texts.encode())
-    token = f"{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}"
-    token = f"{{{token}}}" if fmi_version == "2.0" else token
-    tokens = (token, "") if fmi_version == "2.0" else ("", token)
-    code = Sources({**blank.units, "start.c": start_source(component, tokens)}, blank.headers)
-    documents = {
-        "modelDescription.xml": model_description(component, fmi_version, token, names),
-        "documentation/licenses/license.txt": installed_package()[1].encode(),
-        "documentation/licenses/fmi-headers.txt": standard_license(fmi_version).encode(),
-        "terminalsAndIcons/terminalsAndIcons.xml": rendered(
-            "terminalsAndIcons.xml",
-            # terminals of scalars are those of FMI 2.0
-            terminals=component.terminals("2.0" if component.has_scalars_only else fmi_version),
-        ),
-        "terminalsAndIcons/icon.png": component.icon.png,
-        "terminalsAndIcons/icon.svg": component.icon.svg,
-        "sources/buildDescription.xml": rendered(
-            "buildDescription.xml", identifier=component.identifier, source_files=names
-        ),
-        **{f"sources/{name}": text.encode() for name, text in {**code.units, **code.headers}.items()},
-        **component.documents(fmi_version),
-    }
-    if fmi_version == "2.0":
-        documents["model.png"] = component.icon.png
-    return UncompiledUnit(fmi_version, tokens, component.identifier, code, documents)
-
-
-def contents(unit: UncompiledUnit, libraries: Mapping[Target, bytes]) -> dict[str, bytes]:
-    """Everything in the archive by its path.
-
-    FMI 2.0 distinguishes operating systems only: Apple's two processors share a file, Linux's have a folder each.
-    Importers on aarch64 Linux look in `aarch64-linux` or, as FMPy does, in `linux64`: if there is no library for
-    x86_64, the one for aarch64 is in both.
-    """
-    name, files = unit.library, dict(unit.documents)
-    if unit.fmi_version == "3.0":
-        return files | {f"binaries/{t.name}/{name}{t.suffix}": library for t, library in libraries.items()}
-    apple = [(target, library) for target, library in libraries.items() if target.fmi2_folder == "darwin64"]
-    for target, library in libraries.items():
-        files[f"binaries/{target.fmi2_folder}/{name}{target.suffix}"] = library
-    if len(apple) > 1:
-        files[f"binaries/darwin64/{name}.dylib"] = universal_binary(apple)
-    if f"binaries/aarch64-linux/{name}.so" in files:
-        files.setdefault(f"binaries/linux64/{name}.so", files[f"binaries/aarch64-linux/{name}.so"])
-    return files
-
-
-def unit_library(component: UnitComponent) -> Library:
-    """The description of the library of all units of a component's code, without start values and tokens."""
-    code = sources(component)
-    return Library(component.identifier, lambda: code, digest_of(f"{FLAGS}{state_of_c(code)}".encode())[:24])
-
-
-def libraries_of(
-    component: UnitComponent, unit: UncompiledUnit, targets: Iterable[Target], report: StepProgress
-) -> dict[Target, bytes]:
-    """The compiled libraries of a unit: those of its code, kept once they are compiled, with its start values."""
-    code, stop = unit_library(component), Event()
-    blank, block = start_block(component, None), start_block(component, unit.tokens)
-
-    def library(target: Target) -> bytes:
-        content = prebuilt_content(f"{target.name}/{code.name}", code.state)
-        if content is None:
-            content = code.kept(target, stop, compiler_of(target)).read_bytes()
-        content = stamped(content, blank, block)
-        report(f"FMI {unit.fmi_version}: {target.name}")
-        return content
-
-    targets = tuple(targets)
-    with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        compiled = pool.map(library, targets)
-        try:
-            return dict(zip(targets, compiled, strict=True))
-        except BaseException:  # an interrupt or a failure: do not wait for the others
-            stop.set()
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
 
 
 def file_name(fmi_version: str, stem: str = PLANT_STEM) -> str:
@@ -261,7 +233,10 @@ _PROCESSORS = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 
 
 
 def stamped(library: bytes, blank: bytes, block: bytes) -> bytes:
-    """A library in which a block of the same size stands for the blank one, signed anew if it was signed.
+    """A library in which a block of the same size stands for the blank one.
+
+    Mach-O with an ad-hoc signature gets the digests of its new pages: Apple's arm64 systems do not load a page whose
+    SHA-256 differs from that in the signature's code directory [xnu, osfmk/kern/cs_blobs.h].
 
     Parameters
     ----------
@@ -273,7 +248,7 @@ def stamped(library: bytes, blank: bytes, block: bytes) -> bytes:
     Raises
     ------
     BuildError
-        The library does not have the blank block once.
+        The library does not have the blank block once, or its signature is of another kind.
     """
     count = library.count(blank)
     if count != 1 or len(block) != len(blank):
@@ -281,45 +256,31 @@ def stamped(library: bytes, blank: bytes, block: bytes) -> bytes:
             f"the library has {count} blank blocks of {len(blank)} bytes for one of {len(block)} bytes; "
             "expected one of this size; delete the cache and build again"
         )
-    return with_page_digests(library.replace(blank, block))
+    content = bytearray(library.replace(blank, block))
+    is_mach_o = len(content) >= 32 and struct.unpack_from("<I", content)[0] == _MACH_O
+    signature, command = 0, 32
+    for _ in range(struct.unpack_from("<I", content, 16)[0] if is_mach_o else 0):
+        kind, size, offset = struct.unpack_from("<III", content, command)
+        signature = offset if kind == _CODE_SIGNATURE else signature
+        command += size
+    if not signature:
+        return bytes(content)
 
-
-def with_page_digests(library: bytes) -> bytes:
-    """A Mach-O library whose ad-hoc signature has the digests of its pages as they are; others without a change.
-
-    Apple's arm64 systems do not load a page whose SHA-256 differs from that in the signature's code directory
-    [xnu, osfmk/kern/cs_blobs.h].
-    """
-    signed = bytearray(library)
-    for directory in _code_directories(library):
-        numbers = struct.unpack_from(">9I4B", library, directory)
+    magic, _length, count = struct.unpack_from(">III", content, signature)
+    if magic != _SUPER_BLOB:
+        raise BuildError(f"the library's signature begins with {magic:#x}; expected {_SUPER_BLOB:#x}")
+    for k in range(count):
+        directory = signature + struct.unpack_from(">I", content, signature + 16 + 8 * k)[0]
+        if struct.unpack_from(">I", content, directory)[0] != _CODE_DIRECTORY:
+            continue
+        numbers = struct.unpack_from(">9I4B", content, directory)
         first, limit, size, kind, page = numbers[4], numbers[8], numbers[9], numbers[10], 1 << numbers[12]
         if kind != _SHA_256:
             raise BuildError(f"the library's signature has digests of kind {kind}; expected SHA-256, kind {_SHA_256}")
-        for k, start in enumerate(range(0, limit, page)):
-            place = directory + first + k * size
-            signed[place : place + size] = sha256(library[start : min(start + page, limit)]).digest()[:size]
-    return bytes(signed)
-
-
-def _code_directories(library: bytes) -> Iterator[int]:
-    """Offsets of the code directories of a Mach-O library's signature, if it has one."""
-    if len(library) < 32 or struct.unpack_from("<I", library)[0] != _MACH_O:
-        return
-    (commands,) = struct.unpack_from("<I", library, 16)
-    command = 32
-    for _ in range(commands):
-        kind, size = struct.unpack_from("<II", library, command)
-        if kind == _CODE_SIGNATURE:
-            (signature,) = struct.unpack_from("<I", library, command + 8)
-            magic, _length, count = struct.unpack_from(">III", library, signature)
-            if magic != _SUPER_BLOB:
-                raise BuildError(f"the library's signature begins with {magic:#x}; expected {_SUPER_BLOB:#x}")
-            for k in range(count):
-                directory = signature + struct.unpack_from(">I", library, signature + 16 + 8 * k)[0]
-                if struct.unpack_from(">I", library, directory)[0] == _CODE_DIRECTORY:
-                    yield directory
-        command += size
+        for number, start in enumerate(range(0, limit, page)):
+            place = directory + first + number * size
+            content[place : place + size] = sha256(content[start : min(start + page, limit)]).digest()[:size]
+    return bytes(content)
 
 
 def universal_binary(libraries: Sequence[tuple[Target, bytes]]) -> bytes:

@@ -70,23 +70,14 @@ class Layout:
         """Rows by the names of their variables."""
         return {row.variable.name: row for row in self.rows}
 
-    @cached_property
-    def time(self) -> LayoutRow:
-        """The row of the independent variable."""
-        (row,) = self.of_role(Role.INDEPENDENT)
-        return row
-
-    @property
-    def in_order(self) -> tuple[LayoutRow, ...]:
-        """The rows before time, whose roles follow each other."""
-        return self.rows[: self.time.reference]
-
     def described(self, fmi_version: str) -> tuple[LayoutRow, ...]:
         """The rows in the model description: FMI 2.0 without time.
 
         Time is optional there, and the FMI Library reports a missing start value for it.
         """
-        return self.rows if fmi_version == "3.0" else tuple(row for row in self.rows if row is not self.time)
+        return (
+            self.rows if fmi_version == "3.0" else tuple(row for row in self.rows if row.role is not Role.INDEPENDENT)
+        )
 
     def of_role(self, *roles: Role) -> tuple[LayoutRow, ...]:
         """The rows of some roles, in slot order."""
@@ -142,17 +133,7 @@ class Sources(NamedTuple):
     headers: dict[str, str]  # .h
 
 
-@dataclass(frozen=True)
-class UnitTerminal:
-    """Variables that are connected together; scalars in FMI 2.0, arrays in FMI 3.0."""
-
-    name: str
-    description: str
-    members: Mapping[str, str]  # names of variables by the names of the members
-
-
-@dataclass(frozen=True)
-class Icon:
+class Icon(NamedTuple):
     """One picture in two formats."""
 
     png: bytes
@@ -178,9 +159,10 @@ class UnitComponent:
     experiment: Mapping[str, str]  # attributes of `DefaultExperiment`
     code: Sources  # that implements c/unit/component.h
     icon: Icon
-    # by FMI version:
-    terminals: Callable[[str], tuple[UnitTerminal, ...]]
-    documents: Callable[[str], Mapping[str, bytes]]  # by path in the archive
+    # variables that are connected together: of each actuator, and of groups as (name, description, variables)
+    actuator: tuple[str, ...]
+    groups: tuple[tuple[str, str, tuple[str, ...]], ...]
+    documents: Callable[[str], Mapping[str, bytes]]  # by path in the archive, of an FMI version
     # parameters of the unit itself, after those with partial derivatives
     settings: frozenset[str] = frozenset()
     # numbers of its code that differ between units, by the name of the macro in C
@@ -189,31 +171,3 @@ class UnitComponent:
     has_scalars_only: bool = False
     # saved states can only be restored by components with the same text here
     saved_form: str = ""
-
-    @property
-    def has_states(self) -> bool:
-        """Whether it has continuous states."""
-        return bool(self.layout.of_role(Role.STATE))
-
-
-def terminals_of(
-    layout: Layout, fmi_version: str, actuator: Iterable[str], groups: Iterable[tuple[str, str, Iterable[str]]]
-) -> tuple[UnitTerminal, ...]:
-    """The six actuators, and groups of variables as (name, description, variables); empty groups are left out.
-
-    FMI 2.0 has one terminal per actuator, with scalars. In FMI 3.0 a terminal cannot refer to an element of an
-    array, so one terminal holds all six actuators.
-    """
-    rows, in_scalars, actuator = layout.by_name, fmi_version == "2.0", tuple(actuator)
-    terminals = []
-    if in_scalars:
-        for leg in range(6):
-            members = {name: rows[name].scalar_names[leg] for name in actuator}
-            terminals.append(UnitTerminal(f"actuator_{leg + 1}", f"actuator of leg {leg + 1}", members))
-    else:
-        terminals.append(UnitTerminal("actuators", "the six actuators", {name: name for name in actuator}))
-    for name, text, group in groups:
-        members = {s: s for variable in group for s in (rows[variable].scalar_names if in_scalars else [variable])}
-        if members:
-            terminals.append(UnitTerminal(name, text, members))
-    return tuple(terminals)

@@ -12,9 +12,7 @@ from gough_stewart.fmu_build.component import (
     Layout,
     Sources,
     UnitComponent,
-    UnitTerminal,
     laid_out,
-    terminals_of,
 )
 from gough_stewart.fmu_build.documents import rendered
 from gough_stewart.fmu_build.sources import c_folder, defines, filled
@@ -125,13 +123,9 @@ def controller_component(controller: SampledController, file_stem: str = "contro
     starts: dict[str, Array] = {v.name: np.zeros(v.shape) for v in inputs}
     starts |= {p.variable.name: p.start for p in controller.parameters}
     starts[OUTPUT_DELAY] = np.array(float(controller.output_delay))
-
-    def terminals(fmi_version: str) -> tuple[UnitTerminal, ...]:
-        names = [row.variable.name for row in layout.rows if row.variable.causality in ("input", "output")]
-        actuators, pose = ([name for name in group.split() if name in names] for group in (_ACTUATOR, _POSE))
-        reference = [name for name in names if name.startswith("reference_")]
-        groups = (("pose", "pose and its rates", pose), ("reference", "reference of the platform", reference))
-        return terminals_of(layout, fmi_version, actuators, groups)
+    ports = [row.variable.name for row in layout.rows if row.variable.causality in ("input", "output")]
+    actuator, pose = (tuple(name for name in names.split() if name in ports) for names in (_ACTUATOR, _POSE))
+    reference = tuple(name for name in ports if name.startswith("reference_"))
 
     def documents(fmi_version: str) -> dict[str, bytes]:
         return {
@@ -149,7 +143,7 @@ def controller_component(controller: SampledController, file_stem: str = "contro
     # until sample 1 the forces are the start forces; later they do not depend on current inputs
     forces, start_forces = layout.by_name["actuator_force"], layout.by_name["start_force"]
     # the plain C defines the meaning of the memory
-    texts = "".join((*code.units.values(), *code.headers.values(), str(controller.most_output_delay)))
+    texts = "".join((*code.units.values(), *code.headers.values(), f"{controller.most_output_delay} slots"))
     return UnitComponent(
         identifier=IDENTIFIER,
         name="GoughStewartController",
@@ -168,7 +162,8 @@ def controller_component(controller: SampledController, file_stem: str = "contro
             {**c.headers, **code.headers, "controller_table.h": controller_header(controller)},
         ),
         icon=controller.icon,
-        terminals=terminals,
+        actuator=actuator,
+        groups=(("pose", "pose and its rates", pose), ("reference", "reference of the platform", reference)),
         documents=documents,
         settings=frozenset({OUTPUT_DELAY}),
         saved_form=hashlib.sha256(texts.encode()).hexdigest(),
@@ -178,7 +173,16 @@ def controller_component(controller: SampledController, file_stem: str = "contro
 def controller_header(controller: SampledController) -> str:
     """`controller_table.h`."""
     rows = controller.layout.by_name
-    named = ("actuator_force", "force_limited", "rate_limited", "output_delay", "input_status", "input_bad_time")
+    named = (
+        "actuator_force",
+        "force_limited",
+        "rate_limited",
+        "start_force",
+        "sample_time",
+        "output_delay",
+        "input_status",
+        "input_bad_time",
+    )
     limits = [rows[p.variable.name].first for p in controller.parameters if p.is_none_at_zero]
     facts = {
         "HAS_REFERENCE_INPUTS": int(bool(controller.reference)),

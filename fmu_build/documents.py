@@ -14,6 +14,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.fmu_build.component import (
     PARAMETER_ROLES,
     SCALAR_REFERENCE,
@@ -22,7 +23,6 @@ from gough_stewart.fmu_build.component import (
     Role,
     UnitComponent,
 )
-from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.model.vectors import Array
 
 if TYPE_CHECKING:
@@ -136,10 +136,36 @@ def model_description(component: UnitComponent, fmi_version: str, token: str, so
         display_units={unit.name: unit.display[0] for unit in UNITS if unit.display is not None},
         variables=variables,
         has_dimensions=not in_scalars,
+        has_states=bool(derivatives),
         outputs=unknowns(outputs, running),
         derivatives=unknowns(derivatives, running),
         initial_unknowns=unknowns([*computed, *derivatives], (*running, *PARAMETER_ROLES)),
     )
+
+
+def terminals_and_icons(component: UnitComponent, fmi_version: str) -> bytes:
+    """terminalsAndIcons.xml: the six actuators, and groups of variables; empty groups are left out.
+
+    Scalars have one terminal per actuator. A terminal cannot refer to an element of an array, so one terminal holds all
+    six actuators of arrays.
+    """
+    rows, in_scalars = component.layout.by_name, fmi_version == "2.0" or component.has_scalars_only
+    # name, description, names of variables by those of members
+    terminals = [("actuators", "the six actuators", {name: name for name in component.actuator})]
+    if in_scalars:
+        terminals = [
+            (
+                f"actuator_{leg + 1}",
+                f"actuator of leg {leg + 1}",
+                {name: rows[name].scalar_names[leg] for name in component.actuator},
+            )
+            for leg in range(6)
+        ]
+    for name, text, variables in component.groups:
+        members = [s for variable in variables for s in (rows[variable].scalar_names if in_scalars else (variable,))]
+        if members:
+            terminals.append((name, text, dict(zip(members, members, strict=True))))
+    return rendered("terminalsAndIcons.xml", terminals=terminals)
 
 
 def rendered(template: str, **values: Any) -> bytes:

@@ -13,13 +13,10 @@ import sys
 from collections.abc import Mapping
 from itertools import accumulate
 
-from gough_stewart.fmu_build.cache import state_of_sources
-from gough_stewart.fmu_build.cached import platform_of
+from gough_stewart.fmu_build.cache import BuildError, platform_of, state_of_sources
 from gough_stewart.fmu_build.component import Sources
-from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.libraries import Library
-from gough_stewart.fmu_build.targets import native
-from gough_stewart.fmu_build.toolchain import compiler_of
+from gough_stewart.fmu_build.toolchain import compiler_of, native
 from gough_stewart.model.interface import N_INPUTS, N_RESULTS, N_STATES
 from gough_stewart.model.kernel import FUNCTIONS, PREFIX, sizes_of
 from gough_stewart.model.variant import IDEAL, Variant
@@ -31,7 +28,7 @@ FLAGS = (
     *("-ffunction-sections", "-fdata-sections"),
 )
 # Of c/unit, what the plant's code calls.
-_SHARED_UNITS = {"model.c", "start.c", "message.c", "variable.c", "communication.c"}
+_SHARED_UNITS = {"model.c", "component.c"}
 
 
 def kernel_code(variant: Variant = IDEAL) -> Library:

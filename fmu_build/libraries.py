@@ -18,12 +18,10 @@ from pathlib import Path
 from threading import Event
 from typing import Any, NamedTuple
 
-from gough_stewart.fmu_build.cache import cache_folder, digest_of, kept, state_of_sources
+from gough_stewart.fmu_build.cache import COMPILER, cache_folder, check_installed, digest_of, kept, state_of_sources
 from gough_stewart.fmu_build.component import Sources
-from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
-from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, Target, native
-from gough_stewart.fmu_build.toolchain import FLAGS, Compiler, compile_library, zig
+from gough_stewart.fmu_build.toolchain import FLAGS, WEB_ASSEMBLY, Compiler, Target, compile_library, native, zig
 from gough_stewart.model import interface
 from gough_stewart.model.kernel import processor_level
 from gough_stewart.model.process.files import write_whole

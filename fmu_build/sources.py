@@ -13,8 +13,8 @@ from pathlib import Path
 from string import Template
 from textwrap import fill
 
+from gough_stewart.fmu_build.cache import RUNNER, BuildError
 from gough_stewart.fmu_build.component import PARAMETER_ROLES, SCALAR_REFERENCE, LayoutRow, Role, Sources, UnitComponent
-from gough_stewart.fmu_build.errors import RUNNER, BuildError
 from gough_stewart.model.interface import DEFAULT_TOLERANCE
 from gough_stewart.model.platform import LARGEST_NUMBER
 
@@ -29,21 +29,15 @@ _STANDARD = {
 }
 
 
-def sources(component: UnitComponent, fmi_version: str | None = None) -> Sources:
-    """All C files of a unit for one FMI version, with an empty token in `start.c`.
-
-    Without a version, those of the library of all units of this code: for both versions, also without start values.
-    """
-    versions = tuple(_LAYERS) if fmi_version is None else (fmi_version,)
-    unit, start = c_folder("unit"), start_source(component, None if fmi_version is None else ("", ""))
-    unused = {layer for layer_version, layer in _LAYERS.items() if layer_version not in versions}
-    unused |= {"stateless.c"} if component.has_states else set()
+def sources(component: UnitComponent, fmi_version: str | None = None, tokens: tuple[str, str] | None = None) -> Sources:
+    """All C files of a unit for one FMI version, or for both; `tokens` and start values as of `model_source`."""
+    versions, unit = tuple(_LAYERS) if fmi_version is None else (fmi_version,), c_folder("unit")
+    unused = {layer for fmi, layer in _LAYERS.items() if fmi not in versions}
     units = {name: text for name, text in unit.units.items() if name not in unused} | dict(component.code.units)
-    units |= {"model.c": model_source(component), "start.c": start}
     headers = {**unit.headers, **component.code.headers, "model.h": model_header(component)}
-    for version_of_headers in versions:
-        headers |= standard_headers(version_of_headers)
-    return Sources(units, headers)
+    for fmi in versions:
+        headers |= standard_headers(fmi)
+    return Sources({**units, "model.c": model_source(component, tokens)}, headers)
 
 
 def c_folder(name: str) -> Sources:
@@ -102,34 +96,37 @@ def standard_license(fmi_version: str) -> str:
 
 def model_header(component: UnitComponent) -> str:
     """`model.h`."""
-    layout = component.layout
+    layout, values = component.layout, _start_values(component)
+    time = layout.by_name["time"]
 
     def size(rows: Iterable[LayoutRow]) -> int:
-        return sum(row.variable.size for row in rows)
+        return sum(row.variable.size for row in rows if row.first < time.first)
 
+    starts, count = dict[str, str](), 0
+    for name, numbers in values.items():
+        is_vector = name in ("START_INPUTS", "START_STATES", "START_PARAMETERS")
+        starts[name] = f"(START.numbers + {count})" if is_vector else f"START.numbers[{count}]"
+        count += len(numbers)
+    n_inputs, n_states = len(values["START_INPUTS"]), len(values["START_STATES"])
+    n_results = size(layout.of_role(Role.STATE, Role.RESULT))
     sizes = {
-        "N_INPUTS": size(layout.of_role(Role.INPUT)),
-        "N_STATES": size(layout.of_role(Role.STATE)),
-        "N_OUTPUTS": size(row for row in layout.outputs() if row in layout.in_order),
-        "N_RESULTS": size(row for row in layout.of_role(Role.STATE, Role.RESULT) if row in layout.in_order),
-        "N_PARAMETERS": size(_parameters(component)),
+        "N_INPUTS": n_inputs,
+        "N_STATES": n_states,
+        "N_OUTPUTS": size(layout.outputs()),
+        "N_RESULTS": n_results,
+        "N_PARAMETERS": len(values["START_PARAMETERS"]),
         "N_SLOTS": layout.rows[-1].slots.stop,
         "N_VARIABLES": len(layout.rows),
         "SCALAR_REFERENCE": SCALAR_REFERENCE,
     }
     slots = {
         "FIRST_INPUT": 0,
-        "FIRST_STATE": sizes["N_INPUTS"],
-        "FIRST_RESULT": sizes["N_INPUTS"],
-        "FIRST_PARAMETER": sizes["N_INPUTS"] + sizes["N_RESULTS"],
-        "FIRST_DERIVATIVE": layout.time.first - sizes["N_STATES"],
-        "TIME": layout.time.first,
+        "FIRST_STATE": n_inputs,
+        "FIRST_RESULT": n_inputs,
+        "FIRST_PARAMETER": n_inputs + n_results,
+        "FIRST_DERIVATIVE": time.first - n_states,
+        "TIME": time.first,
     }
-    starts = {"DEFAULT_TOLERANCE": "START.tolerance[0]"}
-    starts |= {f"START_{name.upper()}": f"START.{name}" for name in ("inputs", "states", "parameters")}
-    starts |= {name: f"START.options[{k}]" for k, name in enumerate(component.options)}
-    settings = places("START", _parameters(component, of_unit=True))
-    starts |= {name: f"START.settings[{offset}]" for name, offset in settings.items()}
     return filled(
         "unit/model.h",
         sizes=defines(sizes),
@@ -137,7 +134,7 @@ def model_header(component: UnitComponent) -> str:
         largest_number=repr(LARGEST_NUMBER),
         mark_size=_MARK_SIZE,
         token_size=_TOKEN_SIZE,
-        members="\n".join(f"    double {name}[{len(row)}];" for name, row in _start_numbers(component).items()),
+        n_numbers=count,
         starts="\n".join(f"#define {name} {text}" for name, text in starts.items()),
     )
 
@@ -145,8 +142,11 @@ def model_header(component: UnitComponent) -> str:
 _RANGES = {None: "ANY", ">= 0": "NOT_NEGATIVE", "> 0": "POSITIVE"}
 
 
-def model_source(component: UnitComponent) -> str:
-    """`model.c`."""
+def model_source(component: UnitComponent, tokens: tuple[str, str] | None) -> str:
+    """`model.c`: the table of variables, and the block of start values.
+
+    `tokens` are those of FMI 2.0 and 3.0; None for a block of zeros, which the library of all units of this code has.
+    """
     layout, rows = component.layout, []
     for row in layout.rows:
         v = row.variable
@@ -158,49 +158,40 @@ def model_source(component: UnitComponent) -> str:
     # 64 bits that change when the meaning of saved states changes
     text = ";".join(f"{r.variable.name}:{r.variable.shape}:{r.role.name}" for r in layout.rows)
     number = int.from_bytes(hashlib.sha256((text + component.saved_form).encode()).digest()[:8], "little")
+    fmi2, fmi3 = tokens or ("", "")
+    numbers = [0.0 if tokens is None else x for vector in _start_values(component).values() for x in vector]
     return filled(
         "unit/model.c",
         rows="\n".join(rows),
         slots=fill(references, 100, initial_indent="    ", subsequent_indent="    "),
         nominal="\n".join(nominal) or "    0",  # C has no empty arrays
         number=f"{number:#x}",
+        mark=_MARK,
+        token_of_fmi2=fmi2,
+        token_of_fmi3=fmi3,
+        numbers="\n".join(f"        {value!r}," for value in numbers),
     )
 
 
-def start_source(component: UnitComponent, tokens: tuple[str, str] | None) -> str:
-    """`start.c` with the component's start values and the tokens of FMI 2.0 and 3.0; None for a block of zeros."""
-    vectors = _start_numbers(component, is_blank=tokens is None).values()
-    texts = ("\n".join(f"        {value!r}," for value in vector) for vector in vectors)
-    rows = "\n".join(f"    {{\n{text}\n    }}," for text in texts)
-    fmi2, fmi3 = tokens or ("", "")
-    return filled("unit/start.c", mark=_MARK, token_of_fmi2=fmi2, token_of_fmi3=fmi3, rows=rows)
-
-
 def start_block(component: UnitComponent, tokens: tuple[str, str] | None) -> bytes:
-    """The bytes of the block of `start_source` in a library of any target."""
-    numbers = [x for vector in _start_numbers(component, is_blank=tokens is None).values() for x in vector]
+    """The bytes of the block of `model_source` in a library of any target."""
+    numbers = [0.0 if tokens is None else x for vector in _start_values(component).values() for x in vector]
     form = f"<{_MARK_SIZE}s{_TOKEN_SIZE}s{_TOKEN_SIZE}s{len(numbers)}d"
     return struct.pack(form, _MARK.encode(), *(token.encode() for token in tokens or ("", "")), *numbers)
 
 
-def _start_numbers(component: UnitComponent, *, is_blank: bool = False) -> dict[str, list[float]]:
-    """The numbers of the block, all 0 if it is blank; at least one in each vector, since C has no empty arrays."""
+def _start_values(component: UnitComponent) -> dict[str, list[float]]:
+    """The numbers of the block, by their macros in C."""
+    layout, starts, settings = component.layout, component.starts, component.settings
+    parameters = layout.of_role(*PARAMETER_ROLES)
     rows = {
-        "inputs": component.layout.of_role(Role.INPUT),
-        "states": component.layout.of_role(Role.STATE),
-        "parameters": _parameters(component),
-        "settings": _parameters(component, of_unit=True),
+        "START_INPUTS": layout.of_role(Role.INPUT),
+        "START_STATES": layout.of_role(Role.STATE),
+        "START_PARAMETERS": [row for row in parameters if row.variable.name not in settings],
+        **{f"START_{row.variable.name.upper()}": [row] for row in parameters if row.variable.name in settings},
     }
-    numbers = {
-        "tolerance": [float(component.experiment.get("tolerance", DEFAULT_TOLERANCE))],
-        "options": [float(value) for value in component.options.values()],
+    numbers = {"DEFAULT_TOLERANCE": [float(component.experiment.get("tolerance", DEFAULT_TOLERANCE))]}
+    numbers |= {name: [float(value)] for name, value in component.options.items()}
+    return numbers | {
+        name: [float(x) for row in group for x in starts[row.variable.name].flat] for name, group in rows.items()
     }
-    for name, variables in rows.items():
-        numbers[name] = [float(x) for row in variables for x in component.starts[row.variable.name].flat]
-    return {name: [0.0 if is_blank else x for x in vector] or [0.0] for name, vector in numbers.items()}
-
-
-def _parameters(component: UnitComponent, *, of_unit: bool = False) -> tuple[LayoutRow, ...]:
-    """The parameters without those of the unit itself, or only those."""
-    rows = component.layout.of_role(*PARAMETER_ROLES)
-    return tuple(row for row in rows if (row.variable.name in component.settings) == of_unit)

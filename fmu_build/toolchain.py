@@ -1,4 +1,4 @@
-"""C compilers: which one compiles a library, with which commands, and how it is run.
+"""Systems for which is compiled, and C compilers: which one, with which commands, and how it is run.
 
 `$CC`, else zig, which compiles for every target and whose units also run on older systems, else one of the system's.
 Each version of zig has a cache for its objects. It is emptied when the compiler fails for no reason in the sources:
@@ -13,17 +13,16 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from threading import Event
 from typing import IO, Any, NamedTuple
 
-from gough_stewart.fmu_build.cache import cache_folder, digest_of
-from gough_stewart.fmu_build.errors import COMPILER, BuildError
-from gough_stewart.fmu_build.targets import Target
+from gough_stewart.fmu_build.cache import COMPILER, BuildError, cache_folder, digest_of
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.prebuilt import this_machine
 
@@ -45,6 +44,66 @@ _UNORDERED = {"aarch64-linux": ("-mllvm", "-enable-misched=false")}
 _REMEDY = "pip install 'gough-stewart[compile]' brings one for every target"
 # Disk space for a library of a few hundred kilobytes and intermediate files [bytes].
 _SPACE = 16_000_000
+
+
+@dataclass(frozen=True)
+class Target:
+    """One operating system on one processor."""
+
+    name: str  # FMI 3.0's platform tuple, and its folder under binaries/
+    triple: str  # for zig, with the oldest supported C library or system
+    fmi2_folder: str
+    suffix: str
+
+    def flags_of(self, library: str) -> tuple[str, ...]:
+        """Compiler flags for a library of this name."""
+        if self.suffix == ".dylib":
+            return (f"-Wl,-install_name,@rpath/{library}.dylib",)
+        return ("-fPIC",) if self.suffix == ".so" else ()
+
+
+TARGETS = (
+    Target("x86_64-linux", "x86_64-linux-gnu.2.17", "linux64", ".so"),
+    Target("aarch64-linux", "aarch64-linux-gnu.2.17", "aarch64-linux", ".so"),
+    Target("x86_64-windows", "x86_64-windows-gnu", "win64", ".dll"),
+    Target("x86_64-darwin", "x86_64-macos.10.15", "darwin64", ".dylib"),
+    Target("aarch64-darwin", "aarch64-macos.11.0", "darwin64", ".dylib"),
+)
+BY_NAME = {target.name: target for target in TARGETS}
+# Of live pages; no units are built for it.
+WEB_ASSEMBLY = Target("WebAssembly", "wasm32-wasi", "", ".wasm")
+
+
+def native() -> Target:
+    """The target of this machine.
+
+    Raises
+    ------
+    BuildError
+        This machine is not among the targets.
+    """
+    name = this_machine()
+    if name not in BY_NAME:
+        raise BuildError(f"this machine is {name}; expected one of {', '.join(BY_NAME)}; choose targets by name")
+    return BY_NAME[name]
+
+
+def chosen_targets(names: Iterable[str]) -> tuple[Target, ...]:
+    """Targets by name, `native` or `all`, without duplicates, in the order of the table.
+
+    Raises
+    ------
+    BuildError
+        An unknown name, or none.
+    """
+    requested = set[Target]()
+    for name in [names] if isinstance(names, str) else names:
+        if name not in ("native", "all", *BY_NAME):
+            raise BuildError(f"no target '{name}'; expected native, all, or one of {', '.join(BY_NAME)}")
+        requested.update(TARGETS if name == "all" else [native() if name == "native" else BY_NAME[name]])
+    if not requested:
+        raise BuildError("no target; expected native, all, or one of " + ", ".join(BY_NAME))
+    return tuple(target for target in TARGETS if target in requested)
 
 
 class Compiler(NamedTuple):

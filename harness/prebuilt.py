@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.fmu_build.build import unit_library
+from gough_stewart.fmu_build.cache import COMPILER, check_installed
 from gough_stewart.fmu_build.codegen import kernel_source
-from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.kernel_library import kernel_code
 from gough_stewart.fmu_build.libraries import (
     VECTOR_FLAGS,
@@ -34,7 +34,7 @@ from gough_stewart.fmu_build.libraries import (
     machine_library,
 )
 from gough_stewart.fmu_build.plant.component import DEPENDENCIES, KERNEL_SOURCE, plant_component, traced_dependencies
-from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, Target, chosen_targets
+from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY, Target, chosen_targets
 from gough_stewart.harness.export.machine import MACHINE, machine_c, machine_texts
 from gough_stewart.harness.loop.loop_library import loop_code
 from gough_stewart.harness.results.metric_folds import folds_code

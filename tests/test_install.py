@@ -22,7 +22,7 @@ from typing import NamedTuple
 import pytest
 from packaging.requirements import Requirement
 
-from gough_stewart.fmu_build.targets import native
+from gough_stewart.fmu_build.toolchain import native
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = ("model", "fmu_build", "harness")

@@ -8,7 +8,7 @@ from math import log10
 
 import numpy as np
 
-from gough_stewart.fmu_build.cache import cache_folder, kept, state_of_sources
+from gough_stewart.fmu_build.cache import cache_folder, check_installed, kept, state_of_sources
 from gough_stewart.fmu_build.component import (
     Kind,
     LayoutRow,
@@ -16,10 +16,8 @@ from gough_stewart.fmu_build.component import (
     SlotDependencies,
     Sources,
     UnitComponent,
-    terminals_of,
 )
 from gough_stewart.fmu_build.documents import installed_package, rendered, to_html
-from gough_stewart.fmu_build.errors import check_installed
 from gough_stewart.fmu_build.plant.drawing import drawing_svg, icon_of
 from gough_stewart.fmu_build.plant.layout import MOST_FIXED_STEPS, plant_header, plant_layout
 from gough_stewart.fmu_build.plant.reference_results import (
@@ -136,7 +134,8 @@ def plant_component(
         experiment={"startTime": "0", "stopTime": "1", "tolerance": repr(tolerance), "stepSize": "0.001"},
         code=_code(variant),
         icon=icon_of(platform),
-        terminals=lambda fmi_version: terminals_of(layout, fmi_version, _ACTUATOR, _TERMINALS),
+        actuator=_ACTUATOR,
+        groups=_TERMINALS,
         documents=documents,
         settings=frozenset({"fixed_step_size"}),
         options={"ZEROS_ARE_UNSET_AT_START": is_in_a_system},

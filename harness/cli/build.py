@@ -64,24 +64,30 @@ def build_command(
     with clear_errors() as command:
         with preparing():
             from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
-            from gough_stewart.fmu_build.errors import BuildError
+            from gough_stewart.fmu_build.cache import BuildError
+            from gough_stewart.fmu_build.toolchain import chosen_targets as targets_by_name
+            from gough_stewart.fmu_build.toolchain import native
 
         chosen = chosen_platform(preset, platform)
-        versions = [v.value for v in fmi] if fmi else VERSIONS
+        versions = [version.value for version in fmi] if fmi else VERSIONS
         targets = chosen_targets(target)
-        checks: list[UnitCheck] | None = None
         if check:
             with wrong_use_if(BuildError):
-                _check_runs_here(targets)
+                here = native()
+                if here not in targets_by_name(targets):
+                    raise BuildError(
+                        f"--check runs the units on this machine, {here.name}, and the targets are "
+                        f"{', '.join(targets)}; add `--target native`"
+                    )
+        checks: list[UnitCheck] | None = None
         with progress_bar() as progress:
             task = progress.add_task("building", total=number_of_steps(versions, targets))
-
             files = build(
                 out,
                 fmi=versions,
                 targets=targets,
                 platform=chosen,
-                progress=lambda what: progress.update(task, advance=1, description=what),
+                progress=lambda step: progress.update(task, advance=1, description=step),
             )
             if check:
                 from gough_stewart.harness.plants.unit_check import check_units
@@ -92,22 +98,9 @@ def build_command(
         names = [str(file.relative_to(out)) for file in files]
         report = _report(chosen.name, versions, targets, names, checks)
         report = showing.present(command, report, out, names, keeps_data=showing.page or out != Path(), exits=False)
-        if not all(each.passed for each in checks or ()):
+        if not all(outcome.passed for outcome in checks or ()):
             raise typer.Exit(ExitCode.MISSED)
         showing.exit(report)
-
-
-def _check_runs_here(targets: Sequence[str]) -> None:
-    """Refuse to check units without a library for this machine."""
-    from gough_stewart.fmu_build import targets as known
-    from gough_stewart.fmu_build.errors import BuildError
-
-    here = known.native()
-    if here not in known.chosen_targets(targets):
-        raise BuildError(
-            f"--check runs the units on this machine, {here.name}, and the targets are {', '.join(targets)}; add "
-            "`--target native`"
-        )
 
 
 def _report(
@@ -124,30 +117,31 @@ def _report(
     from gough_stewart.harness.report.words import listed, sentence
 
     systems = "this machine" if list(targets) == ["native"] else listed([*targets])
-    fmi = f"FMI {listed([*versions])} of the platform {platform}, compiled for {systems}"
-    signals = "six actuator forces in, pose and leg lengths out"
-    numbers = [Number("files", "files written", float(len(files)), COUNT)]
+    built = [
+        f"FMI {listed([*versions])} of the platform {platform}, compiled for {systems}",
+        "six actuator forces in, pose and leg lengths out",
+    ]
+    title, written = f"FMU of {platform}", Number("files", "files written", float(len(files)), COUNT)
     if checks is None:
-        text = sentence([fmi, signals, "not yet run: `--check` runs and compares them"])
-        return Report(f"FMU of {platform}", Verdict(text, "good"), study="build", numbers=tuple(numbers))
+        verdict = Verdict(sentence([*built, "not yet run: `--check` runs and compares them"]), "good")
+        return Report(title, verdict, study="build", numbers=(written,))
     from gough_stewart.harness.plants.unit_check import EXPLANATION
 
-    failed = [each for each in checks if not each.passed]
-    outcome = (
-        f"{len(failed)} of {len(checks)} checks failed: " + listed([f"{each.name} of {each.file}" for each in failed])
-        if failed
-        else f"all {len(checks)} checks passed"
+    failed = [check for check in checks if not check.passed]
+    outcome = f"all {len(checks)} checks passed"
+    if failed:
+        names = listed([f"{check.name} of {check.file}" for check in failed])
+        outcome = f"{len(failed)} of {len(checks)} checks failed: {names}"
+    worst = max((check.deviation for check in checks if check.deviation is not None), default=None)
+    numbers = (
+        Number("checks.failed", "failed checks", float(len(failed)), COUNT),
+        Number("checks.deviation", "largest deviation from reference results", worst, NUMBER),
     )
-    rows = tuple((each.file, each.name, "passed" if each.passed else "FAILED", each.result) for each in checks)
     table = Table(
         "",
         (Column("unit"), Column("check"), Column("outcome"), Column("deviation or problem")),
-        rows,
+        tuple((check.file, check.name, "passed" if check.passed else "FAILED", check.result) for check in checks),
         note=EXPLANATION,
     )
-    numbers.append(Number("checks.failed", "failed checks", float(len(failed)), COUNT))
-    known = [each.deviation for each in checks if each.deviation is not None]
-    worst = max(known, default=None)
-    numbers.append(Number("checks.deviation", "largest deviation from reference results", worst, NUMBER))
-    verdict = Verdict(sentence([fmi, signals, outcome]), "bad" if failed else "good", tuple(numbers[1:]))
-    return Report(f"FMU of {platform}", verdict, (Section("Checks", (table,)),), study="build", numbers=tuple(numbers))
+    verdict = Verdict(sentence([*built, outcome]), "bad" if failed else "good", numbers)
+    return Report(title, verdict, (Section("Checks", (table,)),), study="build", numbers=(written, *numbers))

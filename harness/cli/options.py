@@ -64,7 +64,7 @@ def experiments(begun: str) -> list[str]:
 
 def targets(begun: str) -> list[str]:
     """Systems for which FMUs can be built."""
-    from gough_stewart.fmu_build.targets import BY_NAME
+    from gough_stewart.fmu_build.toolchain import BY_NAME
 
     return [name for name in ("native", "all", *BY_NAME) if name.startswith(begun)]
 
@@ -166,8 +166,8 @@ def chosen_targets(names: list[str] | None) -> list[str]:
     """
     if names is None:
         return ["native"]
-    from gough_stewart.fmu_build import targets as known
-    from gough_stewart.fmu_build.errors import BuildError
+    from gough_stewart.fmu_build import toolchain as known
+    from gough_stewart.fmu_build.cache import BuildError
 
     with wrong_use_if(BuildError):
         known.chosen_targets(names)

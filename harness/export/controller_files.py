@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from gough_stewart.fmu_build.build import unit_archives
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.targets import Target
+from gough_stewart.fmu_build.toolchain import Target
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.c_source import controller_sources

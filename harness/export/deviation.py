@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.fmu_build.targets import native
-from gough_stewart.fmu_build.toolchain import FLAGS, compile_library
+from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, native
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.c_source import controller_sources

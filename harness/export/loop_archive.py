@@ -7,7 +7,7 @@ from typing import Literal
 from gough_stewart.fmu_build.build import to_zip, unit_archives
 from gough_stewart.fmu_build.component import Role, UnitComponent
 from gough_stewart.fmu_build.documents import rendered
-from gough_stewart.fmu_build.targets import Target
+from gough_stewart.fmu_build.toolchain import Target
 from gough_stewart.harness.export.system_structure import (
     Component,
     Connection,

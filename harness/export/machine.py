@@ -13,11 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.cache import digest_of
+from gough_stewart.fmu_build.cache import COMPILER, check_installed, digest_of
 from gough_stewart.fmu_build.component import Sources
-from gough_stewart.fmu_build.errors import COMPILER, check_installed
 from gough_stewart.fmu_build.libraries import machine_library, machine_sources
-from gough_stewart.fmu_build.targets import WEB_ASSEMBLY
+from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY
 from gough_stewart.harness.control.controllers import OpenLoop
 from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.control.feedforward import Feedforward
@@ -72,7 +71,7 @@ _CHANGES = (
     ("clock", "PLACE"),
     ("injections", "PLACE"),
 )
-# `planned` of c/machine/planning.h.
+# `planned` of c/machine/machine.c.
 _PLAN = (
     ("kind", "WHOLE"),
     ("coefficients", "PLACE"),

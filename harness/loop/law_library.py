@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.fmu_build.libraries import WIDTH, law_library
 from gough_stewart.harness.control.laws import Controller
 from gough_stewart.harness.control.laws_of_members import Law, SeparateLaws

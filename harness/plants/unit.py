@@ -175,7 +175,7 @@ class UnitFile(FmuFile):
         self.variant = Variant("leg_friction_model" in stated, "leg_stiffness" in stated)
         self.layout = plant_layout(self.variant)
         for variable in (row.variable for row in self.layout.rows if row.derivative_of is None):
-            if variable is self.layout.time.variable:
+            if variable is self.layout.by_name["time"].variable:
                 continue
             names = variable.scalar_names if self.is_fmi2 else (variable.name,)
             for name, reference in zip(names, self.references(variable.name), strict=True):

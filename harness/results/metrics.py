@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.harness.loop.folding import Folding
 from gough_stewart.harness.loop.folds import ERRORS, Block
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity

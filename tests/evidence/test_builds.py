@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gough_stewart.fmu_build.build import build
-from gough_stewart.fmu_build.targets import TARGETS
+from gough_stewart.fmu_build.toolchain import TARGETS
 
 pytestmark = pytest.mark.evidence
 

@@ -10,9 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.sources import sources, standard_headers, start_source
-from gough_stewart.fmu_build.targets import BY_NAME, Target, native
-from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.fmu_build.sources import sources, standard_headers
+from gough_stewart.fmu_build.toolchain import BY_NAME, Target, compile_library, native
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.model.formulations.cases import paper_case
@@ -80,9 +79,9 @@ def test_threads_do_not_race(tmp_path: Path) -> None:
 def trajectory(target: Target, folder: Path, runner: Sequence[str] = (), **variables: str) -> NDArray[np.float64]:
     """Poses (101, 6) of the paper's second from the library for a system, loaded by a host for the same system."""
     component = plant_component(load_preset("liu2000"))
-    unit, start = sources(component, "2.0"), {"start.c": start_source(component, (TOKEN, ""))}
+    unit = sources(component, "2.0", (TOKEN, ""))
     # headers as in an FMU, which makes one compilation of the kernel for both
-    library = compile_library("unit", unit.units | start, unit.headers | standard_headers("3.0"), target)
+    library = compile_library("unit", unit.units, unit.headers | standard_headers("3.0"), target)
     folder.mkdir()
     (folder / f"unit{target.suffix}").write_bytes(library)
     for name, text in standard_headers("2.0").items():

@@ -12,7 +12,7 @@ import pytest
 
 from gough_stewart.fmu_build.kernel_library import kernel_code
 from gough_stewart.fmu_build.libraries import levels_of
-from gough_stewart.fmu_build.targets import TARGETS, native
+from gough_stewart.fmu_build.toolchain import TARGETS, native
 from gough_stewart.model.process.prebuilt import is_as_made, manifest_line
 
 ROOT = Path(__file__).parents[2]

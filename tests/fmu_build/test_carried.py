@@ -15,7 +15,7 @@ from gough_stewart.fmu_build.libraries import (
     machine_code,
     vector_library,
 )
-from gough_stewart.fmu_build.targets import BY_NAME, native
+from gough_stewart.fmu_build.toolchain import BY_NAME, native
 
 LINUX = BY_NAME["x86_64-linux"]
 Carried = Callable[[int | None, dict[str, bytes]], LanesLibrary]

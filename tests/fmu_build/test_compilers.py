@@ -5,9 +5,8 @@ from pathlib import Path
 import pytest
 
 from gough_stewart.fmu_build import toolchain as compilers
-from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.targets import BY_NAME, native
-from gough_stewart.fmu_build.toolchain import FLAGS, Compiler, compiler_of, zig
+from gough_stewart.fmu_build.cache import BuildError
+from gough_stewart.fmu_build.toolchain import BY_NAME, FLAGS, Compiler, compiler_of, native, zig
 
 OTHER = next(target for target in BY_NAME.values() if target != native())
 

@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from gough_stewart.fmu_build.build import build_units, unit_of
+from gough_stewart.fmu_build.build import build_units, uncompiled_unit
 from gough_stewart.fmu_build.component import Icon, Sources, UnitComponent
 from gough_stewart.fmu_build.controller import ControllerParameter, SampledController, controller_component
 from gough_stewart.harness.plants.unit import FmuFile
@@ -332,7 +332,7 @@ def test_terminals_hold_the_actuators_the_measured_pose_and_the_reference() -> N
     """Expected: members by name; what is measured of the legs belongs to the actuators."""
     place = "terminalsAndIcons/terminalsAndIcons.xml"
     component = controller_component(CONTROLLER)
-    found = {version: _terminals(unit_of(component, version).documents[place]) for version in ("2.0", "3.0")}
+    found = {version: _terminals(uncompiled_unit(component, version)[1][place]) for version in ("2.0", "3.0")}
     assert found["3.0"] == {
         "actuators": ("the six actuators", {"actuator_force": "actuator_force", "leg_length": "leg_length"}),
         "pose": ("pose and its rates", {"position": "position"}),
@@ -345,5 +345,5 @@ def test_terminals_hold_the_actuators_the_measured_pose_and_the_reference() -> N
     assert found["2.0"]["actuator_4"] == ("actuator of leg 4", leg)
     assert list(found["2.0"]) == [*(f"actuator_{k}" for k in range(1, 7)), "pose", "reference"]
     assert set(found["2.0"]["pose"][1].values()) == {f"position[{k}]" for k in (1, 2, 3)}
-    alone = _terminals(unit_of(controller_component(ALONE), "3.0").documents[place])
+    alone = _terminals(uncompiled_unit(controller_component(ALONE), "3.0")[1][place])
     assert list(alone) == ["actuators", "pose"]

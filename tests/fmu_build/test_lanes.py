@@ -10,7 +10,7 @@ import pytest
 
 from gough_stewart.fmu_build import libraries as lanes
 from gough_stewart.fmu_build.libraries import WIDTH, lanes_library, lanes_sources
-from gough_stewart.fmu_build.targets import BY_NAME
+from gough_stewart.fmu_build.toolchain import BY_NAME
 from gough_stewart.model.vectors import FloatArray
 
 # Of rounding: half a unit in the last place of 1.

@@ -7,12 +7,11 @@ from pathlib import Path
 import pytest
 
 from gough_stewart.fmu_build import codegen, libraries
-from gough_stewart.fmu_build.cached import platform_of
+from gough_stewart.fmu_build.cache import platform_of
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.plant import component
-from gough_stewart.fmu_build.targets import BY_NAME, WEB_ASSEMBLY
-from gough_stewart.fmu_build.toolchain import Compiler
+from gough_stewart.fmu_build.toolchain import BY_NAME, WEB_ASSEMBLY, Compiler
 from gough_stewart.model.variant import IDEAL, Variant
 
 STICKING = Variant(bristles=True)

@@ -11,7 +11,7 @@ from typing import Any
 
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.plant.component import plant_component
-from gough_stewart.fmu_build.sources import sources, standard_headers, start_source
+from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.fmu_build.toolchain import compiler_environment, compiling, place_of
 from gough_stewart.model.platform_toml import load_preset
 
@@ -49,12 +49,7 @@ def compile_host(
     The component is the paper's plant, if no other is given.
     """
     linked = plant_component(load_preset("liu2000")) if component is None else component
-    units, headers = dict[str, str](), dict[str, str]()
-    for version in ("2.0", "3.0"):
-        unit = sources(linked, version)
-        units |= unit.units
-        headers |= unit.headers
-    units["start.c"] = start_source(linked, (TOKEN, TOKEN))
+    units, headers = sources(linked, tokens=(TOKEN, TOKEN))
     # zig's cache knows a file by its place: what has not changed is not compiled again
     include = place_of(headers)
     files = [str(place_of({name: text}) / name) for name, text in sorted(units.items())]

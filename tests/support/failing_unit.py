@@ -10,8 +10,7 @@ import fmpy.fmi2
 
 from gough_stewart.fmu_build.plant.component import IDENTIFIER
 from gough_stewart.fmu_build.plant.layout import PLANT
-from gough_stewart.fmu_build.targets import chosen_targets
-from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.fmu_build.toolchain import chosen_targets, compile_library
 from tests.support.fmu_plants import Fmu
 
 # From this time on a step fails [s].

@@ -19,7 +19,7 @@ if "-target" in command:
     target = command[command.index("-target") + 1]
 exec((folder / "rule.py").read_text())
 out = pathlib.Path(command[command.index("-o") + 1])
-start = next(pathlib.Path(name) for name in command if name.endswith("start.c"))
+start = next(pathlib.Path(name) for name in command if name.endswith("/model.c"))
 kept = folder.parent / f"{start.parent.name}.o"
 if not kept.exists():
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}

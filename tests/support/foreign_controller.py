@@ -7,8 +7,7 @@ from pathlib import Path
 
 import fmpy.fmi2
 
-from gough_stewart.fmu_build.targets import chosen_targets
-from gough_stewart.fmu_build.toolchain import compile_library
+from gough_stewart.fmu_build.toolchain import chosen_targets, compile_library
 
 # How the unit calls what the loop calls leg_length, reference_leg_length and actuator_force.
 NAMES = {"leg_length": "y_{}", "reference_leg_length": "r", "actuator_force": "u"}

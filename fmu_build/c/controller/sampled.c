@@ -13,31 +13,22 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "communication.h"
 #include "controller.h"
 #include "controller_table.h"
-#include "message.h"
 #include "model.h"
 
-#define AT_LEAST_ONE(n) ((n) > 0 ? (n) : 1)
 /* The outputs that wait in the delay line: actuator_force, force_limited, and rate_limited if there is one. */
 #define N_DELAYED (HAS_RATE_LIMITED ? 18 : 12)
 #define N_PLANNED (MOST_OUTPUT_DELAY * STEPS_A_SAMPLE)
 
 /* The complete state. It has doubles only, since a saved state is a copy of them in this order. */
 typedef struct {
-    double time;
-    double start_time;
-    double stop_time; /* infinite if there is none */
-    double inputs[AT_LEAST_ONE(N_INPUTS)];
-    double input_rates[AT_LEAST_ONE(N_INPUTS)]; /* du/dt from the current time on */
-    double output_delay;                        /* samples from the inputs to the outputs */
-    double acting[N_DELAYED];                   /* the outputs since the last step */
-    double planned[N_PLANNED][N_DELAYED];       /* the outputs of step k at k modulo N_PLANNED */
-    double input_status;                        /* of the last step but the one that is due, like the forces */
-    double input_bad_time;
-    controller_memory memory;                   /* with the number of steps taken, `samples` */
-    controller_parameters p;
+    double time, start_time;
+    double stop_time;                                /* infinite if there is none */
+    double input_rates[N_INPUTS > 0 ? N_INPUTS : 1]; /* du/dt from the current time on */
+    double slots[N_SLOTS];                           /* all values but time; outputs as they are since the last step */
+    double planned[N_PLANNED][N_DELAYED];            /* the outputs of step k at k modulo N_PLANNED */
+    controller_memory memory;                        /* with the number of steps taken, `samples` */
 } controller_state;
 
 _Static_assert(sizeof(controller_parameters) == N_PARAMETERS * sizeof(double), "the table has the controller's parameters");
@@ -57,91 +48,70 @@ const size_t N_SAVED = sizeof(controller_state) / sizeof(double);
 /* ---- variables ------------------------------------------------------------------------------------------------ */
 
 static int is_parameter(int slot) { return slot >= FIRST_PARAMETER && slot < FIRST_PARAMETER + N_PARAMETERS; }
-
-/* The struct is a vector of doubles, in the order of the slots. */
-static double get_parameter(const component *c, int slot)
-{
-    double value;
-    memcpy(&value, (const char *)&c->s.p + sizeof value * (size_t)(slot - FIRST_PARAMETER), sizeof value);
-    return IS_NONE_AT_ZERO(slot) && value == INFINITY ? 0 : value;
-}
-
-static void put_parameter(component *c, int slot, double value)
-{
-    if (IS_NONE_AT_ZERO(slot) && value == 0)
-        value = INFINITY;
-    memcpy((char *)&c->s.p + sizeof value * (size_t)(slot - FIRST_PARAMETER), &value, sizeof value);
-    c->is_prepared = 0;
-}
+static const double *start_force(const component *c) { return c->s.slots + START_FORCE; }
 
 void component_reset(component *c)
 {
     memset(c, 0, sizeof *c);
     c->s.stop_time = INFINITY;
-    c->s.output_delay = START_OUTPUT_DELAY;
-    for (int k = 0; k < N_INPUTS; k++)
-        c->s.inputs[k] = START_INPUTS[k];
-    for (int k = 0; k < N_PARAMETERS; k++)
-        put_parameter(c, FIRST_PARAMETER + k, START_PARAMETERS[k]);
+    memcpy(c->s.slots + FIRST_INPUT, START_INPUTS, N_INPUTS * sizeof(double));
+    memcpy(c->s.slots + FIRST_PARAMETER, START_PARAMETERS, N_PARAMETERS * sizeof(double));
+    c->s.slots[OUTPUT_DELAY] = START_OUTPUT_DELAY;
 }
 
 const char *component_message(const component *c) { return c->message; }
 
-static int is_output_delay(double value)
+/* A description of the values that a slot can have, if this is not one of them, else NULL. */
+static const char *expected_value(int slot, double value)
 {
-    return value >= 1 && value <= MOST_OUTPUT_DELAY && floor(value) == value;
+    int is_delay = value >= 1 && value <= MOST_OUTPUT_DELAY && floor(value) == value;
+    return slot == OUTPUT_DELAY && !is_delay ? EXPECTED_OUTPUT_DELAY : expected_of_slot(slot, value);
 }
 
 outcome component_check(component *c, int slot, double value)
 {
     char name[NAME_SIZE];
-    const char *expected = slot == OUTPUT_DELAY && !is_output_delay(value) ? EXPECTED_OUTPUT_DELAY
-                                                                           : expected_of_slot(slot, value);
+    const char *expected = expected_value(slot, value), *unit = variable_of(slot)->unit;
     if (!expected)
         return DONE;
     write_slot_name(slot, name);
-    const char *unit = variable_of(slot)->unit;
     write_message(c->message, "%s = %g%s%s rejected; expected %s", name, value, *unit ? " " : "", unit, expected);
     return NOT_POSSIBLE;
 }
 
 void component_put(component *c, int slot, double value)
 {
-    if (slot == OUTPUT_DELAY)
-        c->s.output_delay = value;
-    else if (!is_parameter(slot))
-        c->s.inputs[slot - FIRST_INPUT] = value;
-    else if (get_parameter(c, slot) != value)
-        put_parameter(c, slot, value);
+    c->is_prepared = c->is_prepared && (!is_parameter(slot) || c->s.slots[slot] == value);
+    c->s.slots[slot] = value;
 }
 
-void component_put_input_rate(component *c, int slot, double rate)
-{
-    c->s.input_rates[slot - FIRST_INPUT] = rate;
-}
+void component_put_input_rate(component *c, int slot, double rate) { c->s.input_rates[slot - FIRST_INPUT] = rate; }
 
 outcome component_get(component *c, int slot, double *value)
 {
+    int leg = slot - ACTUATOR_FORCE;
     if (slot == TIME)
         *value = c->s.time;
-    else if (slot == OUTPUT_DELAY)
-        *value = c->s.output_delay;
-    else if (slot == INPUT_STATUS)
-        *value = c->s.input_status;
-    else if (slot == INPUT_BAD_TIME)
-        *value = c->s.input_bad_time;
-    else if (is_parameter(slot))
-        *value = get_parameter(c, slot);
-    else if (slot < FIRST_RESULT)
-        *value = c->s.inputs[slot - FIRST_INPUT];
-    else if (c->s.memory.samples > 0)
-        *value = c->s.acting[slot - FIRST_RESULT];
+    else if (leg >= 0 && leg < 6 && !(c->s.memory.samples > 0)) /* until the first step the start forces act */
+        *value = start_force(c)[leg];
     else
-        *value = slot < FORCE_LIMITED ? c->s.p.start_force[slot - ACTUATOR_FORCE] : 0;
+        *value = c->s.slots[slot];
     return DONE;
 }
 
 /* ---- parameters ----------------------------------------------------------------------------------------------- */
+
+/* The struct is a vector of doubles, in the order of the slots. */
+static controller_parameters parameters_of(const component *c)
+{
+    controller_parameters p;
+    for (int k = 0; k < N_PARAMETERS; k++) {
+        double value = c->s.slots[FIRST_PARAMETER + k];
+        value = IS_NONE_AT_ZERO(FIRST_PARAMETER + k) && value == 0 ? INFINITY : value;
+        memcpy((char *)&p + (size_t)k * sizeof value, &value, sizeof value);
+    }
+    return p;
+}
 
 /* Message for an invalid parameter: its values and what is expected; `place` counts variables. */
 static void explain_parameter(component *c, int place)
@@ -151,7 +121,7 @@ static void explain_parameter(component *c, int place)
     char values[120] = "";
     for (int k = 0; k < v->size && k < 6; k++) {
         size_t length = strlen(values);
-        snprintf(values + length, sizeof values - length, " %g", get_parameter(c, v->first + k));
+        snprintf(values + length, sizeof values - length, " %g", c->s.slots[v->first + k]);
     }
     write_message(c->message, "%s =%s%s %s rejected; expected %s", v->name, values, v->size > 6 ? " ..." : "", v->unit,
                   expectations[place]);
@@ -161,7 +131,8 @@ outcome component_check_parameters(component *c)
 {
     if (c->is_prepared)
         return DONE;
-    int wrong = controller_prepare(&c->s.p, &c->coefficients);
+    controller_parameters p = parameters_of(c);
+    int wrong = controller_prepare(&p, &c->coefficients);
     if (wrong) {
         explain_parameter(c, wrong - 1);
         return NOT_POSSIBLE;
@@ -187,7 +158,7 @@ outcome component_begin(component *c) { return component_check_parameters(c); }
 double component_time(const component *c) { return c->s.time; }
 
 /* Time from step to step of the controller. */
-static double step_period(const component *c) { return c->s.p.sample_time / STEPS_A_SAMPLE; }
+static double step_period(const component *c) { return c->s.slots[SAMPLE_TIME] / STEPS_A_SAMPLE; }
 
 /* Time of its next step. */
 static double next_step(const component *c) { return c->s.start_time + c->s.memory.samples * step_period(c); }
@@ -209,7 +180,7 @@ static outcome check_samples(component *c, double end)
     double latest = fmax(fabs(c->s.start_time), end);
     if (step_period(c) < 1e3 * DBL_EPSILON * latest)
         write_message(c->message, "sample_time = %g s rejected; it is too short to be resolved at time %g s",
-                      c->s.p.sample_time, latest);
+                      c->s.slots[SAMPLE_TIME], latest);
     else if (!((end - next_step(c)) / step_period(c) < MOST_SAMPLES))
         write_message(c->message, "communication step to %.12g s rejected; it has more than %d samples of %g s; "
                                   "use shorter steps", end, MOST_SAMPLES, step_period(c));
@@ -220,7 +191,7 @@ static outcome check_samples(component *c, double end)
 
 static outcome check_inputs(component *c)
 {
-    if (all_finite(c->s.inputs, N_INPUTS))
+    if (all_finite(c->s.slots + FIRST_INPUT, N_INPUTS))
         return DONE;
     write_message(c->message, "at time %.12g s: an input is not finite; its derivative is too large", c->s.time);
     return NOT_POSSIBLE;
@@ -233,18 +204,20 @@ static double *planned_at(component *c, double step) { return c->s.planned[(size
 static outcome take_step(component *c)
 {
     controller_memory *memory = &c->s.memory;
+    const controller_parameters p = parameters_of(c);
+    const double *inputs = c->s.slots + FIRST_INPUT;
     double force[6], *outputs = planned_at(c, memory->samples);
     unsigned char limited[6];
     if (check_inputs(c) != DONE)
         return NOT_POSSIBLE;
     if (!(memory->samples > 0)) {
-        memcpy(c->s.acting, c->s.p.start_force, sizeof c->s.p.start_force);
-        controller_start(&c->s.p, memory);
+        memcpy(c->s.slots + ACTUATOR_FORCE, start_force(c), 6 * sizeof(double));
+        controller_start(&p, memory);
     }
 #if HAS_REFERENCE_INPUTS
-    controller_step(&c->s.p, &c->coefficients, memory, c->s.inputs, c->s.inputs + CONTROLLER_N_MEASURED, force, limited);
+    controller_step(&p, &c->coefficients, memory, inputs, inputs + CONTROLLER_N_MEASURED, force, limited);
 #else
-    controller_step(&c->s.p, &c->coefficients, memory, c->s.inputs, force, limited);
+    controller_step(&p, &c->coefficients, memory, inputs, force, limited);
 #endif
     if (memory->input_status >= (double)CONTROLLER_FORCE_NOT_FINITE) {
         write_message(c->message, "at time %.12g s: the forces are not finite; check that the measurements are within "
@@ -264,16 +237,16 @@ static outcome take_step(component *c)
 static void advance(component *c, double time)
 {
     for (int k = 0; k < N_INPUTS; k++)
-        c->s.inputs[k] += c->s.input_rates[k] * (time - c->s.time);
+        c->s.slots[FIRST_INPUT + k] += c->s.input_rates[k] * (time - c->s.time);
     c->s.time = time;
     if (c->s.memory.samples > 0 && is_due(c)) { /* reports do not wait in the delay line */
-        c->s.input_status = c->s.memory.input_status;
-        c->s.input_bad_time = c->s.memory.input_bad_time;
+        c->s.slots[INPUT_STATUS] = c->s.memory.input_status;
+        c->s.slots[INPUT_BAD_TIME] = c->s.memory.input_bad_time;
     }
     /* until the first command has passed the delay line, the start forces act */
-    double late = c->s.output_delay * STEPS_A_SAMPLE;
+    double late = c->s.slots[OUTPUT_DELAY] * STEPS_A_SAMPLE;
     if (c->s.memory.samples >= late && is_due(c))
-        memcpy(c->s.acting, planned_at(c, c->s.memory.samples - late), sizeof c->s.acting);
+        memcpy(c->s.slots + FIRST_RESULT, planned_at(c, c->s.memory.samples - late), N_DELAYED * sizeof(double));
 }
 
 static outcome run(component *c, double end, const step_observer *observer)
@@ -321,19 +294,15 @@ void component_save(const component *c, double saved[]) { memcpy(saved, &c->s, s
 
 int component_can_restore(const double saved[])
 {
-    component c;
-    memcpy(&c.s, saved, sizeof c.s);
-    const size_t stop_time = offsetof(controller_state, stop_time) / sizeof(double);
-    const size_t parameters = offsetof(controller_state, p) / sizeof(double);
-    for (size_t k = 0; k < N_SAVED; k++) {
-        int is_there = k < parameters && k != stop_time ? isfinite(saved[k]) : !isnan(saved[k]);
-        if (!is_there)
+    controller_state s;
+    memcpy(&s, saved, sizeof s);
+    for (size_t k = 0; k < N_SAVED; k++)
+        if (k != offsetof(controller_state, stop_time) / sizeof(double) ? !isfinite(saved[k]) : isnan(saved[k]))
             return 0;
-    }
-    for (int slot = FIRST_PARAMETER; slot < FIRST_PARAMETER + N_PARAMETERS; slot++)
-        if (expected_of_slot(slot, get_parameter(&c, slot)))
+    for (int slot = FIRST_PARAMETER; slot < N_SLOTS; slot++)
+        if ((is_parameter(slot) || slot == OUTPUT_DELAY) && expected_value(slot, s.slots[slot]))
             return 0;
-    return is_output_delay(c.s.output_delay) && c.s.memory.samples >= 0;
+    return s.memory.samples >= 0;
 }
 
 void component_restore(component *c, const double saved[])
@@ -341,3 +310,23 @@ void component_restore(component *c, const double saved[])
     memcpy(&c->s, saved, sizeof c->s);
     c->is_prepared = 0;
 }
+
+/* ---- not called: there are no continuous states --------------------------------------------------------------- */
+
+#define NOT_CALLED(name, ...)                                                                                          \
+    outcome name(component *c, __VA_ARGS__)                                                                            \
+    {                                                                                                                  \
+        (void)c;                                                                                                       \
+        return MISUSE;                                                                                                 \
+    }
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+
+NOT_CALLED(component_set_time, double time)
+NOT_CALLED(component_set_states, const double x[])
+NOT_CALLED(component_derivatives, double xdot[])
+NOT_CALLED(component_forward, const double dx[], const double du[], const double dp[], double dxdot[], double dy[])
+NOT_CALLED(component_reverse, const double wxdot[], const double wy[], double gx[], double gu[], double gp[])
+NOT_CALLED(component_result_rates, double rates[])
+
+outcome component_check_state(component *c) { return (void)c, MISUSE; }
+void component_get_states(const component *c, double x[]) { (void)c, (void)x; }

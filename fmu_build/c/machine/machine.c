@@ -1,15 +1,47 @@
 #include "machine.h"
 
-#include "lanes_table.h"
+#include <math.h>
+
+#include "elementary.h"
 #include "loop.h"
 #include "machine_fields.h"
-#include "planning.h"
 #include "turning.h"
-#include "vectors.h"
 
 #ifdef MACHINE_HAS_LAW
 #include "law.h"
 #endif
+
+#ifdef __clang__
+#pragma clang fp contract(off) reciprocal(off)
+#endif
+
+/* generated: motions by kind, and what follows from a motion; gains of a bandwidth, times that follow from gains, the
+   matrices of laws, coefficients of limits and sensors */
+#include "design.h"
+#include "plan.h"
+
+#define N_REFERENCE 30
+
+/* What a machine follows, computed at each row: the reference, and forces along it. */
+typedef struct {
+    int64_t kind;               /* of motion, see harness/export/plan_c.py; 0 is one that the caller gives */
+    const double *coefficients; /* the values of its keys */
+    int64_t n_pieces;           /* of a table: when each begins [s], and its polynomials (6, 6), highest power first */
+    const double *begins, *pieces;
+    double end;             /* after it forces look no further [s] */
+    const double *platform; /* (N_PARAMETERS), the nominal model */
+    int64_t feedforward;    /* 0 none, 1 gravity, 2 computed torque */
+    double ahead;           /* [s] */
+    double *given;          /* (18) pose, rates and accelerations that the caller writes, and their time [s] */
+    double *given_at;
+    /* where a hand wants the platform: pose and angles (6), followed by a filter with limits, whose coefficients are those
+       of positions, then those of angles */
+    double *target;
+    const double *smoothing;
+    double *smoothed; /* (18) values, rates and accelerations */
+    int64_t *samples; /* (1) that the filter has done; -1: what is given is not filtered */
+    double *reference, *forces, *jacobians, *inverses; /* for the rows of a call */
+} planned;
 
 /* What is made of a block's fields when it is opened; it stands before them. */
 typedef struct {
@@ -59,6 +91,92 @@ int64_t machine_open(int64_t *block, int64_t words)
     return MACHINE_OPEN;
 }
 
+/* ---- motions --------------------------------------------------------------------------------------------------------- */
+
+enum { GIVEN, PIECES };
+
+/* The motion of the piece at a time, which may be the first one's or the last one's; at rest beyond. */
+static void piece_at(const planned *p, double time, double motion[])
+{
+    double first = p->begins[0], pose[6], rate[6], acceleration[6];
+    int moves = time >= first && time <= p->end + MOTION_ROUNDING;
+    int64_t low = 0, high = p->n_pieces;
+    time = time > p->end ? p->end : time;
+    time = time < first ? first : time;
+    while (high - low > 1) {
+        int64_t middle = (low + high) / 2;
+        if (p->begins[middle] <= time)
+            low = middle;
+        else
+            high = middle;
+    }
+    double since = time - p->begins[low];
+    for (int i = 0; i < 6; i++) {
+        const double *c = p->pieces + 36 * low + 6 * i;
+        double value = 0, slope = 0, half = 0;
+        for (int k = 0; k < 6; k++) {
+            half = half * since + slope;
+            slope = slope * since + value;
+            value = value * since + c[k];
+        }
+        pose[i] = value;
+        rate[i] = moves ? slope : 0;
+        acceleration[i] = moves ? 2 * half : 0;
+    }
+    plan_motion_of_pose(pose, rate, acceleration, motion);
+}
+
+static void motion_at(const planned *p, double time, double motion[])
+{
+    double ahead = time - p->given_at[0];
+    if (p->kind == GIVEN)
+        plan_extrapolated(p->given, &ahead, motion);
+    else if (p->kind == PIECES)
+        piece_at(p, time, motion);
+    else
+        MOTIONS[p->kind](p->coefficients, &time, motion);
+}
+
+/* What the hand's filter gives at a sample, once. */
+static void smooth(const planned *p, int64_t sample, double time)
+{
+    if (p->kind != GIVEN || !p->target || p->samples[0] < 0 || sample < p->samples[0])
+        return;
+    for (int group = 0; group < 6; group += 3) {
+        double before[9], after[9];
+        for (int k = 0; k < 9; k++)
+            before[k] = p->smoothed[k / 3 * 6 + group + k % 3];
+        component_smoothing(p->smoothing + group / 3 * N_SMOOTHING, before, p->target + group, after);
+        for (int k = 0; k < 9; k++)
+            p->smoothed[k / 3 * 6 + group + k % 3] = after[k];
+    }
+    plan_motion_of_pose(p->smoothed, p->smoothed + 6, p->smoothed + 12, p->given);
+    p->given_at[0] = time;
+    p->samples[0] = sample + 1;
+}
+
+void machine_take(int64_t *block)
+{
+    machine *m = machine_of(block);
+    planned *p = &m->plan;
+    int64_t every = m->loop.every, sample = (m->loop.at_row[0] + every - 1) / every;
+    if (!block[2] || p->kind < 0)
+        return;
+    /* at the next sample it has the motion of then, from which it goes on */
+    p->samples[0] = sample + 1;
+    if (p->kind == GIVEN || !p->target)
+        return;
+    double time = (double)(sample * every) * m->loop.plant_step, motion[N_MOTION];
+    motion_at(p, time, motion);
+    plan_coordinates(motion, p->smoothed);
+    memcpy(p->target, p->smoothed, 6 * sizeof(double));
+    memcpy(p->given, motion, sizeof motion);
+    p->given_at[0] = time;
+    p->kind = GIVEN;
+}
+
+/* ---- runs ------------------------------------------------------------------------------------------------------------ */
+
 /* New parameters, inputs and faults from a row on. */
 static void change(machine *m)
 {
@@ -85,15 +203,27 @@ static void plan_rows(machine *m, int64_t row, int64_t to)
 {
     planned *p = &m->plan;
     loop *l = &m->loop;
+    double motion[N_MOTION];
     int64_t first = row / l->every, last = (to - 1) / l->every;
     for (int64_t k = first; k <= last; k++) {
-        double time = (double)(k * l->every) * l->plant_step;
-        plan_by_hand(p, k, time);
-        for (int64_t at = k * l->every; at < to && at < (k + 1) * l->every; at++)
-            plan_reference(p, (double)at * l->plant_step, p->reference + (at - first * l->every) * N_REFERENCE);
-        plan_forces(p, time, p->forces + (k - first) * N_LEGS);
-        if (p->jacobians)
-            plan_maps_at(p, time, p->jacobians + (k - first) * 36, p->inverses + (k - first) * 36);
+        double time = (double)(k * l->every) * l->plant_step, later = time + p->ahead;
+        smooth(p, k, time);
+        for (int64_t at = k * l->every; at < to && at < (k + 1) * l->every; at++) {
+            motion_at(p, (double)at * l->plant_step, motion);
+            plan_signals(motion, p->platform, p->reference + (at - first * l->every) * N_REFERENCE);
+        }
+        motion_at(p, later < p->end || p->kind == GIVEN ? later : p->end, motion);
+        double *force = p->forces + (k - first) * N_LEGS;
+        if (p->feedforward == 1)
+            plan_gravity(motion, p->platform, force);
+        else if (p->feedforward == 2)
+            plan_computed_torque(motion, p->platform, force);
+        else
+            memset(force, 0, N_LEGS * sizeof *force);
+        if (p->jacobians) {
+            motion_at(p, time, motion);
+            plan_maps(motion, p->platform, p->jacobians + (k - first) * 36, p->inverses + (k - first) * 36);
+        }
     }
     l->reference.at = beginning(p->reference, first * l->every, N_REFERENCE);
     l->feedforward.at = beginning(p->forces, first, N_LEGS);
@@ -144,24 +274,140 @@ int64_t machine_run(int64_t *block, int64_t to)
     return row;
 }
 
-void machine_take(int64_t *block)
-{
-    machine *m = machine_of(block);
-    int64_t every = m->loop.every, sample = (m->loop.at_row[0] + every - 1) / every;
-    if (!block[2] || m->plan.kind < 0)
-        return;
-    /* at the next sample it has the motion of then, from which it goes on */
-    m->plan.samples[0] = sample + 1;
-    plan_take(&m->plan, (double)(sample * every) * m->loop.plant_step);
-}
-
 int64_t machine_ended(const int64_t *block) { return machine_of(block)->loop.ended[0]; }
 int64_t machine_failure(const int64_t *block) { return machine_of(block)->members.failure[0]; }
+
+/* ---- settings -------------------------------------------------------------------------------------------------------- */
+
+enum { FIRST_OF_LENGTHS = 12, OF_ENCODERS = 6 };
+
+/* Above 0, or from 0 on. */
+static int bounded(const turning *t, const loop *l, int which, double value)
+{
+    switch (which) {
+    case BANDWIDTH:
+    case FILTER_TIME:
+    case NOISE:
+    case QUANTISATION:
+        return value >= 0 && value < INFINITY;
+    case DELAY:
+        return value >= 0 && value <= (double)l->most_delay && value == floor(value);
+    case FORCE_LIMIT:
+        return value > 0;
+    case INTEGRAL_TIME:
+        /* below, the loop with these gains is unstable: 1/(2 zeta w) */
+        return t->wanted[BANDWIDTH] == 0 || !t->gains[12] ||
+               (value > 1 / (2 * t->wanted[DAMPING_RATIO] * 2 * 3.141592653589793 * t->wanted[BANDWIDTH]) &&
+                value < INFINITY);
+    default:
+        return value > 0 && value < INFINITY;
+    }
+}
+
+static void turn_gains(const turning *t, double used[])
+{
+    const double *wanted = t->wanted;
+    double filter = wanted[FILTER_TIME], tracking = t->tracking_time, times[7];
+    memcpy(used, t->gains, N_USED * sizeof *used);
+    if (wanted[BANDWIDTH] > 0) {
+        double integral_time = t->gains[12] > 0 ? wanted[INTEGRAL_TIME] : INFINITY;
+        design_gains(t->masses, wanted + BANDWIDTH, wanted + DAMPING_RATIO, &integral_time, used);
+    }
+    for (int kind = 0; kind < 3; kind++)
+        for (int i = 0; i < N_LEGS; i++)
+            used[kind * N_LEGS + i] *= wanted[FACTORS + kind];
+    if (filter == 0)
+        filter = t->filter_time;
+    design_times(used, used + N_LEGS, used + 2 * N_LEGS, times);
+    used[USED_FILTER] = filter > 0 ? filter : times[0];
+    for (int i = 0; i < N_LEGS; i++)
+        used[USED_TRACKING + i] = tracking > 0 ? tracking : times[1 + i];
+}
+
+/* Tustin's rule makes a filter ring that is faster than half a sample; limits are felt a sample late. */
+static int64_t refused(const turning *t, const double used[])
+{
+    if (TUSTIN[t->variant] && used[USED_FILTER] < t->sample_time / 2)
+        return 1 + FILTER_TIME;
+    for (int i = 0; t->gains[12] > 0 && i < N_LEGS; i++)
+        if (used[USED_TRACKING + i] < t->sample_time)
+            return 1 + INTEGRAL_TIME;
+    for (int i = 0; i < USED_FILTER; i++)
+        if (!(used[i] < INFINITY))
+            return 1 + BANDWIDTH;
+    return 0;
+}
+
+/* The channel of a state, and which of its own it is: those of all controllers come first, then those of notches. */
+static int64_t channel_of(int64_t state, int controllers, int notches, int64_t *own)
+{
+    int64_t first = (int64_t)N_LEGS * controllers, beyond = state - first;
+    *own = beyond < 0 ? state % controllers : controllers + beyond % notches;
+    return beyond < 0 ? state / controllers : beyond / notches;
+}
+
+/* The law's entries, from the matrices [C D; A B] of each channel. */
+static void turn_law(const turning *t, const loop *l, const double used[])
+{
+    int controllers = STATES[t->variant][0], notches = STATES[t->variant][1], states = controllers + notches;
+    double channels[N_LEGS][MOST_ELEMENTS_OF_CHANNEL];
+    for (int i = 0; i < N_LEGS; i++) {
+        const double values[] = {used[i], used[N_LEGS + i], used[2 * N_LEGS + i], used[USED_FILTER], used[USED_TRACKING + i]};
+        LAWS[t->variant](values, t->notch, &t->sample_time, channels[i]);
+    }
+    for (int64_t k = 0; k < l->entries; k++) {
+        int64_t row = l->entry_row[k], column = l->entry_column[k], own_row = 0, own_column = 0, channel = row;
+        if (row >= N_LEGS) {
+            channel = channel_of(row - N_LEGS, controllers, notches, &own_row);
+            own_row++;
+        }
+        if (column < l->n_states)
+            channel_of(column, controllers, notches, &own_column);
+        else
+            own_column = states + (column - l->n_states) / N_LEGS;
+        ((double *)l->values.at)[k * l->values.element] = channels[channel][own_row * (states + l->kinds) + own_column];
+    }
+}
 
 int64_t machine_turn(int64_t *block)
 {
     machine *m = machine_of(block);
-    return block[2] ? turn_all(&m->turned, &m->loop, &m->plan) : 0;
+    turning *t = &m->turned;
+    loop *l = &m->loop;
+    const double *wanted = t->wanted;
+    double used[N_USED];
+    if (!block[2] || !wanted)
+        return 0;
+    for (int k = 0; k < N_WANTED; k++)
+        if (!bounded(t, l, k, wanted[k]))
+            return 1 + k;
+    if (t->variant >= 0) {
+        turn_gains(t, used);
+        int64_t fault = refused(t, used);
+        if (fault)
+            return fault;
+        turn_law(t, l, used);
+        memcpy(t->used, used, sizeof used);
+    }
+    *(double *)l->delay.at = wanted[DELAY];
+    m->plan.ahead = (wanted[DELAY] + 0.5) * t->sample_time;
+    if (l->limits.at) {
+        double c[LIMIT_COEFFICIENTS];
+        double rate = l->limits.at[2 * l->limits.element] / t->sample_time;
+        design_limits(wanted + FORCE_LIMIT, &rate, &t->sample_time, c);
+        /* the rate stays as it was, to the last bit */
+        for (int k = 0; k < 2; k++)
+            ((double *)l->limits.at)[k * l->limits.element] = c[k];
+    }
+    if (l->n_noisy && l->sensors.at) {
+        double c[SENSOR_COEFFICIENTS];
+        *(double *)l->deviations.at = wanted[NOISE];
+        design_sensor(wanted + QUANTISATION, &t->sample_time, c);
+        for (int i = 0; i < OF_ENCODERS * SENSOR_COEFFICIENTS; i++)
+            ((double *)l->sensors.at)[(FIRST_OF_LENGTHS * SENSOR_COEFFICIENTS + i) * l->sensors.element] =
+                c[i % SENSOR_COEFFICIENTS];
+    }
+    return 0;
 }
 
 int64_t machine_margins(int64_t *block)

@@ -1,14 +1,177 @@
-/* Poles, modes and margins of the linear loop, as harness/control/margins.py has them. */
+/* Poles, modes and margins of the linear loop, as harness/control/margins.py has them, with small dense matrices of
+   complex numbers, by rows. */
+#include <complex.h>
+#include <float.h>
 #include <math.h>
 
-#include "matrices.h"
 #include "turning.h"
+
+/* products and quotients need not look for infinite parts */
+#pragma STDC CX_LIMITED_RANGE ON
 
 #define PI 3.141592653589793
 enum { POINTS = 300, MOST_POINTS = 900, MOST_SIGNALS = N_LEGS * 4, ABOUT = 13 };
 /* what counts as converged to the real axis, and factors beyond which there is no limit */
 #define FLAT 0.02
 #define BOUNDLESS 1e6
+
+/* ---- matrices -------------------------------------------------------------------------------------------------- */
+
+/* |re| + |im|, for the choice of pivots and a balance */
+static double rough_size(double complex z) { return fabs(creal(z)) + fabs(cimag(z)); }
+
+static void swap(double complex *one, double complex *other)
+{
+    double complex kept = *one;
+    *one = *other;
+    *other = kept;
+}
+
+/* Scales rows and columns by powers of two to about equal norms (Osborne 1960), without rounding. */
+static void balance(int64_t n, double complex *a)
+{
+    for (int round = 0, changed = 1; changed && round < 40; round++) {
+        changed = 0;
+        for (int64_t i = 0; i < n; i++) {
+            double row = 0, column = 0, factor = 1;
+            for (int64_t j = 0; j < n; j++) {
+                row += j == i ? 0 : rough_size(a[i * n + j]);
+                column += j == i ? 0 : rough_size(a[j * n + i]);
+            }
+            while (row > 0 && column > 0 && column * factor * 2 < row / factor)
+                factor *= 2;
+            while (row > 0 && column > 0 && column * factor > 2 * row / factor)
+                factor /= 2;
+            for (int64_t j = 0; factor != 1 && j < n; j++) {
+                a[i * n + j] /= factor;
+                a[j * n + i] *= factor;
+            }
+            changed |= factor != 1;
+        }
+    }
+}
+
+/* To Hessenberg form by elimination with pivots: a similar matrix with zeros below its first subdiagonal. */
+static void reduce(int64_t n, double complex *a)
+{
+    for (int64_t k = 1; k < n - 1; k++) {
+        int64_t pivot = k;
+        for (int64_t i = k; i < n; i++)
+            if (rough_size(a[i * n + k - 1]) > rough_size(a[pivot * n + k - 1]))
+                pivot = i;
+        for (int64_t j = 0; pivot != k && j < n; j++)
+            swap(&a[pivot * n + j], &a[k * n + j]);
+        for (int64_t i = 0; pivot != k && i < n; i++)
+            swap(&a[i * n + pivot], &a[i * n + k]);
+        for (int64_t i = k + 1; i < n; i++) {
+            if (a[i * n + k - 1] == 0)
+                continue;
+            double complex factor = a[i * n + k - 1] / a[k * n + k - 1];
+            a[i * n + k - 1] = 0;
+            for (int64_t j = k; j < n; j++)
+                a[i * n + j] -= factor * a[k * n + j];
+            for (int64_t j = 0; j < n; j++)
+                a[j * n + k] += factor * a[j * n + i];
+        }
+    }
+}
+
+/* The eigenvalue of the last 2x2 block of rows 0 to m that is nearer to its last element (Wilkinson). */
+static double complex shift_of(int64_t n, int64_t m, const double complex *h)
+{
+    double complex a = h[(m - 1) * n + m - 1], d = h[m * n + m], bc = h[(m - 1) * n + m] * h[m * n + m - 1];
+    double complex half = (a - d) / 2, root = csqrt(half * half + bc), one = half + root, other = half - root;
+    double complex larger = cabs(one) > cabs(other) ? one : other;
+    return cabs(larger) > 0 ? d - bc / larger : d;
+}
+
+/* A step of QR with shift on rows `low` to `m`, by rotations of neighbouring rows, then columns. */
+static void turn(int64_t n, int64_t low, int64_t m, double complex *h, double complex shift)
+{
+    double complex cosine[2] = {0}, sine[2] = {0};
+    for (int64_t i = low; i <= m; i++)
+        h[i * n + i] -= shift;
+    for (int64_t k = low; k <= m; k++) {
+        if (k < m) {
+            double complex x = h[k * n + k], y = h[(k + 1) * n + k];
+            double r = hypot(cabs(x), cabs(y));
+            double complex c = cosine[k & 1] = r > 0 ? x / r : 1, s = sine[k & 1] = r > 0 ? y / r : 0;
+            for (int64_t j = k; j <= m; j++) {
+                double complex p = h[k * n + j], q = h[(k + 1) * n + j];
+                h[k * n + j] = conj(c) * p + conj(s) * q;
+                h[(k + 1) * n + j] = c * q - s * p;
+            }
+        }
+        if (k > low) { /* the rotation before this one, on columns, once no row needs them */
+            double complex c = cosine[(k - 1) & 1], s = sine[(k - 1) & 1];
+            for (int64_t i = low; i <= k; i++) {
+                double complex p = h[i * n + k - 1], q = h[i * n + k];
+                h[i * n + k - 1] = p * c + q * s;
+                h[i * n + k] = q * conj(c) - p * conj(s);
+            }
+        }
+    }
+    for (int64_t i = low; i <= m; i++)
+        h[i * n + i] += shift;
+}
+
+/* Eigenvalues (n) of a matrix (n, n), which is overwritten. Returns 0, or 1 if they do not converge. */
+static int eigenvalues(int64_t n, double complex *h, double complex *values)
+{
+    balance(n, h);
+    reduce(n, h);
+    for (int64_t m = n - 1, tries = 0; m >= 0;) {
+        int64_t low = m;
+        for (; low > 0; low--) {
+            double near = cabs(h[low * n + low]) + cabs(h[(low - 1) * n + low - 1]);
+            if (cabs(h[low * n + low - 1]) <= DBL_EPSILON * (near > 0 ? near : 1))
+                break;
+        }
+        if (low == m) {
+            values[m] = h[m * n + m];
+            m--;
+            tries = 0;
+            continue;
+        }
+        if (++tries > 100)
+            return 1;
+        /* now and then another shift, for matrices that a step turns into themselves */
+        turn(n, low, m, h, tries % 12 ? shift_of(n, m, h) : h[m * n + m] + h[m * n + m - 1]);
+    }
+    return 0;
+}
+
+/* X of M X = R, for M (n, n) and R (n, m): both are overwritten, R by X. Partial pivoting. */
+static void solve(int64_t n, int64_t m, double complex *M, double complex *R)
+{
+    for (int64_t k = 0; k < n; k++) {
+        int64_t pivot = k;
+        for (int64_t i = k + 1; i < n; i++)
+            if (rough_size(M[i * n + k]) > rough_size(M[pivot * n + k]))
+                pivot = i;
+        for (int64_t j = k; pivot != k && j < n; j++)
+            swap(&M[k * n + j], &M[pivot * n + j]);
+        for (int64_t j = 0; pivot != k && j < m; j++)
+            swap(&R[k * m + j], &R[pivot * m + j]);
+        for (int64_t i = k + 1; i < n; i++) {
+            if (M[i * n + k] == 0)
+                continue;
+            double complex factor = M[i * n + k] / M[k * n + k];
+            for (int64_t j = k + 1; j < n; j++)
+                M[i * n + j] -= factor * M[k * n + j];
+            for (int64_t j = 0; j < m; j++)
+                R[i * m + j] -= factor * R[k * m + j];
+        }
+    }
+    for (int64_t k = n - 1; k >= 0; k--)
+        for (int64_t j = 0; j < m; j++) {
+            for (int64_t i = k + 1; i < n; i++)
+                R[k * m + j] -= M[k * n + i] * R[i * m + j];
+            R[k * m + j] /= M[k * n + k];
+        }
+}
+
+/* ---- the loop -------------------------------------------------------------------------------------------------- */
 
 /* The loop broken at the forces, from those that act to those of the law, F = -C x: states of the plant, then of the law;
    and a delay of some samples, with which L(z) = C (z - A)^-1 B z^-delay. */
@@ -68,15 +231,14 @@ static void close_loop(const open_loop *s, int64_t m, double complex *M)
         M[i * m + i - N_LEGS] = 1;
 }
 
-/* L (6, 6) at a frequency [rad/s]. */
-static void loop_at(const open_loop *s, double omega, double complex L[])
+/* S = (1 + L)^-1 (6, 6) at a frequency [rad/s]. */
+static void sensitivity_at(const open_loop *s, double omega, double complex S[])
 {
     int64_t n = s->n;
     double complex z = cexp(I * omega * s->sample_time), lag = cexp(-I * omega * s->sample_time * (double)s->delay);
+    double complex M[N_LEGS * N_LEGS];
     for (int64_t i = 0; i < n * n; i++)
-        s->resolvent[i] = -s->A[i];
-    for (int64_t i = 0; i < n; i++)
-        s->resolvent[i * n + i] += z;
+        s->resolvent[i] = (i % (n + 1) == 0 ? z : 0) - s->A[i];
     for (int64_t i = 0; i < n * N_LEGS; i++)
         s->right[i] = s->B[i];
     solve(n, N_LEGS, s->resolvent, s->right);
@@ -85,52 +247,45 @@ static void loop_at(const open_loop *s, double omega, double complex L[])
             double complex sum = 0;
             for (int64_t j = 0; j < n; j++)
                 sum += s->C[i * n + j] * s->right[j * N_LEGS + k];
-            L[i * N_LEGS + k] = sum * lag;
+            S[i * N_LEGS + k] = i == k;
+            M[i * N_LEGS + k] = sum * lag + S[i * N_LEGS + k];
         }
+    solve(N_LEGS, N_LEGS, M, S);
 }
 
-/* The loop cut at one leg, the others closed: L_kk - L_ko (1 + L_oo)^-1 L_ok. */
-static double complex one_leg(const double complex L[], int leg)
-{
-    enum { OTHERS = N_LEGS - 1 };
-    double complex M[OTHERS * OTHERS], x[OTHERS], response = L[leg * N_LEGS + leg];
-    for (int i = 0; i < OTHERS; i++) {
-        int row = i + (i >= leg);
-        x[i] = L[row * N_LEGS + leg];
-        for (int j = 0; j < OTHERS; j++)
-            M[i * OTHERS + j] = L[row * N_LEGS + j + (j >= leg)] + (i == j);
-    }
-    solve(OTHERS, 1, M, x);
-    for (int i = 0; i < OTHERS; i++)
-        response -= L[leg * N_LEGS + i + (i >= leg)] * x[i];
-    return response;
-}
+/* The loop broken at one leg, the others closed: S_kk = 1 / (1 + L_k). */
+static double complex broken_at(const double complex S[], int leg) { return 1 / S[leg * (N_LEGS + 1)] - 1; }
 
 static double complex leg_at(const open_loop *s, double omega, int leg)
 {
-    double complex L[N_LEGS * N_LEGS];
-    loop_at(s, omega, L);
-    return one_leg(L, leg);
+    double complex S[N_LEGS * N_LEGS];
+    sensitivity_at(s, omega, S);
+    return broken_at(S, leg);
 }
 
-/* sigma(S) or sigma(T) of L. */
-static double sensitivity_of(const double complex L[], int is_complementary)
+/* The largest singular value of S, or of T = 1 - S; NaN if it is not found. */
+static double largest_gain(const double complex S[], int is_complementary)
 {
-    double complex M[N_LEGS * N_LEGS], answer[N_LEGS * N_LEGS];
-    for (int i = 0; i < N_LEGS * N_LEGS; i++) {
-        int unit = i % (N_LEGS + 1) == 0;
-        M[i] = unit + L[i];
-        answer[i] = is_complementary ? L[i] : unit;
-    }
-    solve(N_LEGS, N_LEGS, M, answer);
-    return largest_singular_value(N_LEGS, answer);
+    double complex M[N_LEGS * N_LEGS], square[N_LEGS * N_LEGS] = {0}, values[N_LEGS];
+    double largest = 0;
+    for (int i = 0; i < N_LEGS * N_LEGS; i++)
+        M[i] = is_complementary ? (i % (N_LEGS + 1) == 0) - S[i] : S[i];
+    for (int i = 0; i < N_LEGS; i++)
+        for (int j = 0; j < N_LEGS; j++)
+            for (int k = 0; k < N_LEGS; k++)
+                square[i * N_LEGS + j] += conj(M[k * N_LEGS + i]) * M[k * N_LEGS + j];
+    if (eigenvalues(N_LEGS, square, values))
+        return NAN;
+    for (int i = 0; i < N_LEGS; i++)
+        largest = fmax(largest, cabs(values[i]));
+    return sqrt(largest);
 }
 
-static double sensitivity_at(const open_loop *s, double omega, int is_complementary)
+static double largest_gain_at(const open_loop *s, double omega, int is_complementary)
 {
-    double complex L[N_LEGS * N_LEGS];
-    loop_at(s, omega, L);
-    return sensitivity_of(L, is_complementary);
+    double complex S[N_LEGS * N_LEGS];
+    sensitivity_at(s, omega, S);
+    return largest_gain(S, is_complementary);
 }
 
 /* What changes its sign: the imaginary part, or the logarithm of the size. */
@@ -217,7 +372,7 @@ static double peak(const open_loop *s, int is_complementary, const double omega[
     double a = log(omega[best > 0 ? best - 1 : 0]), b = log(omega[best + 1 < n ? best + 1 : n - 1]), most = values[best];
     for (int k = 0; k < 40; k++) {
         double x = b - 0.6180339887498949 * (b - a), y = a + 0.6180339887498949 * (b - a);
-        double f = sensitivity_at(s, exp(x), is_complementary), g = sensitivity_at(s, exp(y), is_complementary);
+        double f = largest_gain_at(s, exp(x), is_complementary), g = largest_gain_at(s, exp(y), is_complementary);
         most = fmax(most, fmax(f, g));
         if (f > g)
             b = y;
@@ -317,12 +472,12 @@ int64_t turn_margins(turning *t, const loop *l)
         return 0;
     int64_t points = grid(&s, poles, m, omega);
     for (int64_t k = 0; k < points; k++) {
-        double complex L[N_LEGS * N_LEGS];
-        loop_at(&s, omega[k], L);
+        double complex S[N_LEGS * N_LEGS];
+        sensitivity_at(&s, omega[k], S);
         for (int leg = 0; leg < N_LEGS; leg++)
-            legs[leg * MOST_POINTS + k] = one_leg(L, leg);
-        values[k] = sensitivity_of(L, 0);
-        values[MOST_POINTS + k] = sensitivity_of(L, 1);
+            legs[leg * MOST_POINTS + k] = broken_at(S, leg);
+        for (int is_complementary = 0; is_complementary < 2; is_complementary++)
+            values[is_complementary * MOST_POINTS + k] = largest_gain(S, is_complementary);
     }
     for (int leg = 0; leg < N_LEGS; leg++)
         leg_margins(&s, leg, omega, legs + leg * MOST_POINTS, points, results + LEG_MARGINS + 5 * leg);

@@ -7,7 +7,6 @@
 
 #include "lanes_table.h"
 #include "loop.h"
-#include "planning.h"
 
 /* positions in `wanted` */
 enum {
@@ -55,9 +54,6 @@ enum {
     POLES /* real and imaginary parts (most_states, 2), then frequencies [Hz] and damping ratios (most_states, 2) */
 };
 
-/* Makes the coefficients of all that is wanted. What is not a number, or beyond its bounds, stays as it was: returns
-   0, or 1 + its position. */
-int64_t turn_all(turning *t, loop *l, planned *plan);
 /* Poles, modes and margins of the linear loop with the present gains and delay. Returns 0, or 1 if there are too many
    states, or no controller. */
 int64_t turn_margins(turning *t, const loop *l);

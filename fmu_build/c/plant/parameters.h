@@ -2,8 +2,7 @@
 #ifndef PARAMETERS_H
 #define PARAMETERS_H
 
-#include "internal.h"
-#include "message.h"
+#include "component.h"
 #include "model.h"
 #include "plant_table.h"
 

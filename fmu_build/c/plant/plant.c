@@ -4,7 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "communication.h"
 #include "conditioning.h"
 #include "kernel.h"
 #include "parameters.h"

@@ -4,7 +4,6 @@
 
 #include "component.h"
 #include "internal.h"
-#include "message.h"
 #include "model.h"
 #include "plant_table.h"
 

@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "bristles.h"
-#include "communication.h"
 #include "integrator.h"
 #include "kernel.h"
 #include "plant_table.h"

@@ -1,11 +1,13 @@
 /* The interface between a unit and its component: a system with inputs, parameters, states and results that is stepped
-   from outside. It depends neither on FMI nor on the component: plant/ has the platform, controller/ a sampled controller.
+   from outside; and what components share. It depends neither on FMI nor on the component: plant/ has the platform,
+   controller/ a sampled controller.
 
    Values are accessed by slot (model.h). A call that does not return DONE changes nothing and leaves the reason
    in `component_message`. */
 #ifndef COMPONENT_H
 #define COMPONENT_H
 
+#include <stdarg.h>
 #include <stddef.h>
 
 #include "internal.h"
@@ -50,8 +52,8 @@ outcome component_step(component *c, double time, double step, const step_observ
 
 double component_time(const component *c);
 
-/* For external integrators and for derivatives. A component without continuous states uses the stubs in stateless.c.
-   Vectors have N_STATES elements: */
+/* For external integrators and for derivatives; never called of a component without continuous states, since there is no
+   instance for Model Exchange, and modes.h does not allow derivatives. Vectors have N_STATES elements: */
 outcome component_set_time(component *c, double time);
 void component_get_states(const component *c, double x[]);
 outcome component_set_states(component *c, const double x[]);
@@ -74,6 +76,19 @@ void component_save(const component *c, double saved[]);
 /* Whether a component can be in this state; 1 for everything that `component_save` has written. */
 int component_can_restore(const double saved[]);
 void component_restore(component *c, const double saved[]);
+
+/* ---- what components share ------------------------------------------------------------------------------------ */
+
+#define MESSAGE_SIZE 400
+/* Like snprintf into MESSAGE_SIZE characters of UTF-8, but without '%', in case an importer uses it as a format. Messages
+   have the value found, the value expected, and a remedy. */
+void write_message(char message[MESSAGE_SIZE], const char *format, ...);
+void write_message_of(char message[MESSAGE_SIZE], const char *format, va_list arguments);
+/* A finite start time, and a stop time not before it. */
+outcome check_experiment(double start_time, double stop_time, char message[MESSAGE_SIZE]);
+/* A step from the current time `now`, forward, not beyond the stop time, within the rounding of importers' clocks. */
+outcome check_step(double now, double stop_time, double time, double step, char message[MESSAGE_SIZE]);
+int all_finite(const double values[], int n);
 INTERNAL_END
 
 #endif

@@ -60,7 +60,7 @@ fmi2Status fmi2SetupExperiment(fmi2Component c, fmi2Boolean toleranceDefined, fm
 
 fmi2Status fmi2EnterInitializationMode(fmi2Component c)
 {
-    return AS_FMI(change_mode(c, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION));
+    return AS_FMI(change_mode(c, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION, NULL));
 }
 
 /* ---- values --------------------------------------------------------------------------------------------------- */
@@ -75,24 +75,23 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
     return AS_FMI(set_values(c, __func__, vr, nvr, value, ONE_EACH));
 }
 
-#define ONLY_REALS(name, type)                                                                                         \
+/* Functions of types that no variable has. */
+#define NO_VARIABLES(name, type)                                                                                       \
     fmi2Status name(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, type value[])                          \
     {                                                                                                                  \
         return AS_FMI(no_such_type(c, __func__, nvr));                                                                 \
     }
-ONLY_REALS(fmi2GetInteger, fmi2Integer)
-ONLY_REALS(fmi2GetBoolean, fmi2Boolean)
-ONLY_REALS(fmi2GetString, fmi2String)
-ONLY_REALS(fmi2SetInteger, const fmi2Integer)
-ONLY_REALS(fmi2SetBoolean, const fmi2Boolean)
-ONLY_REALS(fmi2SetString, const fmi2String)
+#define OF_TYPE(name) NO_VARIABLES(fmi2Get##name, fmi2##name) NO_VARIABLES(fmi2Set##name, const fmi2##name)
+OF_TYPE(Integer)
+OF_TYPE(Boolean)
+OF_TYPE(String)
 
-fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference vUnknown_ref[], size_t nUnknown,
-                                        const fmi2ValueReference vKnown_ref[], size_t nKnown,
-                                        const fmi2Real dvKnown[], fmi2Real dvUnknown[])
+fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t n_unknowns,
+                                        const fmi2ValueReference knowns[], size_t n_knowns, const fmi2Real seed[],
+                                        fmi2Real sensitivity[])
 {
-    return AS_FMI(get_directional_derivative(c, __func__, vUnknown_ref, nUnknown, vKnown_ref, nKnown, dvKnown,
-                                              ONE_EACH, dvUnknown, ONE_EACH));
+    return AS_FMI(differentiate(c, __func__, 0, unknowns, n_unknowns, knowns, n_knowns, seed, ONE_EACH, sensitivity,
+                                ONE_EACH));
 }
 
 /* ---- model exchange ------------------------------------------------------------------------------------------- */

@@ -34,65 +34,52 @@ static const fmi_layer FMI_3 = {.token = START.tokens[1], .resolve = slots_of_re
 
 /* ---- life cycle ----------------------------------------------------------------------------------------------- */
 
-fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
-                                          fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
-                                          fmi3InstanceEnvironment instanceEnvironment,
-                                          fmi3LogMessageCallback logMessage)
+fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi3String resourcePath,
+                                          fmi3Boolean visible, fmi3Boolean loggingOn,
+                                          fmi3InstanceEnvironment environment, fmi3LogMessageCallback logMessage)
 {
-    fmi_instance request = {.layer = &FMI_3,
-                            .kind = MODEL_EXCHANGE,
-                            .environment = instanceEnvironment,
-                            .logger = (any_function)logMessage,
-                            .logs = loggingOn};
-    return new_instance(&request, instanceName, instantiationToken);
+    fmi_instance request = {.layer = &FMI_3, .kind = MODEL_EXCHANGE, .environment = environment,
+                            .logger = (any_function)logMessage, .logs = loggingOn};
+    return new_instance(&request, name, token);
 }
 
-fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken,
-                                         fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
-                                         fmi3Boolean eventModeUsed, fmi3Boolean earlyReturnAllowed,
-                                         const fmi3ValueReference requiredIntermediateVariables[],
-                                         size_t nRequiredIntermediateVariables,
-                                         fmi3InstanceEnvironment instanceEnvironment,
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resourcePath,
+                                         fmi3Boolean visible, fmi3Boolean loggingOn, fmi3Boolean eventModeUsed,
+                                         fmi3Boolean earlyReturnAllowed, const fmi3ValueReference required[],
+                                         size_t n_required, fmi3InstanceEnvironment environment,
                                          fmi3LogMessageCallback logMessage,
                                          fmi3IntermediateUpdateCallback intermediateUpdate)
 {
-    fmi_instance request = {.layer = &FMI_3,
-                            .kind = CO_SIMULATION,
-                            .environment = instanceEnvironment,
-                            .logger = (any_function)logMessage,
+    fmi_instance request = {.layer = &FMI_3, .kind = CO_SIMULATION, .environment = environment,
+                            .logger = (any_function)logMessage, .logs = loggingOn,
                             .intermediate_update = (any_function)intermediateUpdate,
-                            .may_return_early = earlyReturnAllowed,
-                            .logs = loggingOn};
+                            .may_return_early = earlyReturnAllowed};
     if (eventModeUsed) {
         report(&request, STATUS_ERROR, "%s: event mode is not offered by this unit (hasEventMode is false)", __func__);
         return NULL;
     }
-    if (!has_array(&request, __func__, requiredIntermediateVariables, nRequiredIntermediateVariables,
-                   "requiredIntermediateVariables"))
+    if (!has_array(&request, __func__, required, n_required, "requiredIntermediateVariables"))
         return NULL;
-    for (size_t k = 0; k < nRequiredIntermediateVariables; k++) {
-        fmi3ValueReference reference = requiredIntermediateVariables[k];
+    for (size_t k = 0; k < n_required; k++) {
         int first, size;
-        if (!slots_of_reference(reference, &first, &size) || variable_of(first)->role > RESULT) {
+        if (!slots_of_reference(required[k], &first, &size) || variable_of(first)->role > RESULT) {
             report(&request, STATUS_ERROR,
                    "%s: value reference %lu is not available in intermediate updates; expected an input or output",
-                   __func__, (unsigned long)reference);
+                   __func__, (unsigned long)required[k]);
             return NULL;
         }
     }
-    return new_instance(&request, instanceName, instantiationToken);
+    return new_instance(&request, name, token);
 }
 
-fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3String instantiationToken,
-                                               fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
-                                               fmi3InstanceEnvironment instanceEnvironment,
-                                               fmi3LogMessageCallback logMessage, fmi3ClockUpdateCallback clockUpdate,
+fmi3Instance fmi3InstantiateScheduledExecution(fmi3String name, fmi3String token, fmi3String resourcePath,
+                                               fmi3Boolean visible, fmi3Boolean loggingOn,
+                                               fmi3InstanceEnvironment environment, fmi3LogMessageCallback logMessage,
+                                               fmi3ClockUpdateCallback clockUpdate,
                                                fmi3LockPreemptionCallback lockPreemption,
                                                fmi3UnlockPreemptionCallback unlockPreemption)
 {
-    fmi_instance request = {.layer = &FMI_3,
-                            .environment = instanceEnvironment,
-                            .logger = (any_function)logMessage,
+    fmi_instance request = {.layer = &FMI_3, .environment = environment, .logger = (any_function)logMessage,
                             .logs = loggingOn};
     report(&request, STATUS_ERROR, "instantiation: Scheduled Execution is not offered by this unit; it has %sCo-Simulation",
            N_STATES > 0 ? "Model Exchange and " : "");
@@ -104,98 +91,98 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
 {
     fmi_status set = set_experiment(instance, __func__, CALL_ENTER_INITIALIZATION, toleranceDefined, tolerance,
                                     startTime, stopTimeDefined, stopTime);
-    return AS_FMI(set == STATUS_OK ? change_mode(instance, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION) : set);
+    return AS_FMI(set == STATUS_OK ? change_mode(instance, __func__, CALL_ENTER_INITIALIZATION, INITIALIZATION, NULL)
+                                   : set);
 }
 
 /* ---- values --------------------------------------------------------------------------------------------------- */
 
-fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                          fmi3Float64 values[], size_t nValues)
+fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, fmi3Float64 values[],
+                          size_t n)
 {
-    return AS_FMI(get_values(instance, __func__, valueReferences, nValueReferences, values, nValues));
+    return AS_FMI(get_values(instance, __func__, vr, nvr, values, n));
 }
 
-fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                          const fmi3Float64 values[], size_t nValues)
+fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr,
+                          const fmi3Float64 values[], size_t n)
 {
-    return AS_FMI(set_values(instance, __func__, valueReferences, nValueReferences, values, nValues));
+    return AS_FMI(set_values(instance, __func__, vr, nvr, values, n));
 }
 
 /* A function of a type that no variable has: its vectors are read for no reference. */
-#define NO_VARIABLES(name, n, ...)                                                                                     \
-    fmi3Status name(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,        \
-                    __VA_ARGS__)                                                                                       \
+#define NO_VARIABLES(name, size, ...)                                                                                  \
+    fmi3Status name(fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr, __VA_ARGS__)                     \
     {                                                                                                                  \
-        return AS_FMI(no_such_type(instance, __func__, n));                                                            \
+        return AS_FMI(no_such_type(instance, __func__, size));                                                         \
     }
-#define OF_TYPE(name, type) NO_VARIABLES(name, nValueReferences + nValues, type values[], size_t nValues)
-#define OF_CLOCKS(name, ...) NO_VARIABLES(name, nValueReferences, __VA_ARGS__)
-OF_TYPE(fmi3GetFloat32, fmi3Float32)
-OF_TYPE(fmi3GetInt8, fmi3Int8)
-OF_TYPE(fmi3GetUInt8, fmi3UInt8)
-OF_TYPE(fmi3GetInt16, fmi3Int16)
-OF_TYPE(fmi3GetUInt16, fmi3UInt16)
-OF_TYPE(fmi3GetInt32, fmi3Int32)
-OF_TYPE(fmi3GetUInt32, fmi3UInt32)
-OF_TYPE(fmi3GetInt64, fmi3Int64)
-OF_TYPE(fmi3GetUInt64, fmi3UInt64)
-OF_TYPE(fmi3GetBoolean, fmi3Boolean)
-OF_TYPE(fmi3GetString, fmi3String)
-OF_TYPE(fmi3SetFloat32, const fmi3Float32)
-OF_TYPE(fmi3SetInt8, const fmi3Int8)
-OF_TYPE(fmi3SetUInt8, const fmi3UInt8)
-OF_TYPE(fmi3SetInt16, const fmi3Int16)
-OF_TYPE(fmi3SetUInt16, const fmi3UInt16)
-OF_TYPE(fmi3SetInt32, const fmi3Int32)
-OF_TYPE(fmi3SetUInt32, const fmi3UInt32)
-OF_TYPE(fmi3SetInt64, const fmi3Int64)
-OF_TYPE(fmi3SetUInt64, const fmi3UInt64)
-OF_TYPE(fmi3SetBoolean, const fmi3Boolean)
-OF_TYPE(fmi3SetString, const fmi3String)
-NO_VARIABLES(fmi3GetBinary, nValueReferences + nValues, size_t valueSizes[], fmi3Binary values[], size_t nValues)
-NO_VARIABLES(fmi3SetBinary, nValueReferences + nValues, const size_t valueSizes[], const fmi3Binary values[],
-             size_t nValues)
+#define OF_TYPE(name)                                                                                                  \
+    NO_VARIABLES(fmi3Get##name, nvr + n, fmi3##name values[], size_t n)                                                \
+    NO_VARIABLES(fmi3Set##name, nvr + n, const fmi3##name values[], size_t n)
+OF_TYPE(Float32)
+OF_TYPE(Int8)
+OF_TYPE(UInt8)
+OF_TYPE(Int16)
+OF_TYPE(UInt16)
+OF_TYPE(Int32)
+OF_TYPE(UInt32)
+OF_TYPE(Int64)
+OF_TYPE(UInt64)
+OF_TYPE(Boolean)
+OF_TYPE(String)
+NO_VARIABLES(fmi3GetBinary, nvr + n, size_t sizes[], fmi3Binary values[], size_t n)
+NO_VARIABLES(fmi3SetBinary, nvr + n, const size_t sizes[], const fmi3Binary values[], size_t n)
 
-static fmi3Status no_dimensions(fmi_instance *i, const char *function, fmi3ValueReference reference, size_t *n)
+NO_VARIABLES(fmi3GetClock, nvr, fmi3Clock values[])
+NO_VARIABLES(fmi3SetClock, nvr, const fmi3Clock values[])
+NO_VARIABLES(fmi3GetIntervalDecimal, nvr, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[])
+NO_VARIABLES(fmi3SetIntervalDecimal, nvr, const fmi3Float64 intervals[])
+NO_VARIABLES(fmi3GetIntervalFraction, nvr, fmi3UInt64 counters[], fmi3UInt64 resolutions[],
+             fmi3IntervalQualifier qualifiers[])
+NO_VARIABLES(fmi3SetIntervalFraction, nvr, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
+NO_VARIABLES(fmi3GetShiftDecimal, nvr, fmi3Float64 shifts[])
+NO_VARIABLES(fmi3SetShiftDecimal, nvr, const fmi3Float64 shifts[])
+NO_VARIABLES(fmi3GetShiftFraction, nvr, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
+NO_VARIABLES(fmi3SetShiftFraction, nvr, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
+
+static fmi3Status no_dependencies(fmi_instance *i, const char *function, fmi3ValueReference reference, size_t *n)
 {
     int first, size;
     if (!is_allowed(i, function, CALL_GET) || !has_array(i, function, n, 1, "nDependencies"))
         return fmi3Error;
     if (!slots_of_reference(reference, &first, &size))
         return AS_FMI(report(i, STATUS_ERROR, "%s: no variable has value reference %lu", function,
-                              (unsigned long)reference));
-    return AS_FMI(report(i, STATUS_ERROR,
-                          "%s: dependencies do not change at run time; they are in modelDescription.xml", function));
+                             (unsigned long)reference));
+    return AS_FMI(report(i, STATUS_ERROR, "%s: dependencies do not change at run time; they are in modelDescription.xml",
+                         function));
 }
 
-fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference valueReference,
-                                               size_t *nDependencies)
+fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference reference, size_t *n)
 {
-    return no_dimensions(instance, __func__, valueReference, nDependencies);
+    return no_dependencies(instance, __func__, reference, n);
 }
 
 fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference dependent,
                                        size_t elementIndicesOfDependent[], fmi3ValueReference independents[],
                                        size_t elementIndicesOfIndependents[], fmi3DependencyKind dependencyKinds[],
-                                       size_t nDependencies)
+                                       size_t n)
 {
-    return no_dimensions(instance, __func__, dependent, &nDependencies);
+    return no_dependencies(instance, __func__, dependent, &n);
 }
 
-fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
-                                        const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
-                                        size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity)
+fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknowns,
+                                        const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
+                                        size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
 {
-    return AS_FMI(get_directional_derivative(instance, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed,
-                                              sensitivity, nSensitivity));
+    return AS_FMI(differentiate(instance, __func__, 0, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,
+                                sensitivity, n_sensitivity));
 }
 
-fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
-                                    const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
-                                    size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity)
+fmi3Status fmi3GetAdjointDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n_unknowns,
+                                    const fmi3ValueReference knowns[], size_t n_knowns, const fmi3Float64 seed[],
+                                    size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
 {
-    return AS_FMI(get_adjoint_derivative(instance, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed,
-                                          sensitivity, nSensitivity));
+    return AS_FMI(differentiate(instance, __func__, 1, unknowns, n_unknowns, knowns, n_knowns, seed, n_seed,
+                                sensitivity, n_sensitivity));
 }
 
 /* ---- events --------------------------------------------------------------------------------------------------- */
@@ -212,12 +199,12 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
 {
     fmi3Boolean *flags[] = {discreteStatesNeedUpdate, terminateSimulation, nominalsOfContinuousStatesChanged,
                             valuesOfContinuousStatesChanged, nextEventTimeDefined};
-    if (!is_allowed(instance, __func__, CALL_UPDATE_DISCRETE) ||
-        !has_array(instance, __func__, nextEventTime, 1, "nextEventTime"))
+    int is_complete = is_allowed(instance, __func__, CALL_UPDATE_DISCRETE) &&
+                      has_array(instance, __func__, nextEventTime, 1, "nextEventTime");
+    for (int k = 0; is_complete && k < 5; k++)
+        is_complete = has_array(instance, __func__, flags[k], 1, "a flag");
+    if (!is_complete)
         return fmi3Error;
-    for (int k = 0; k < 5; k++)
-        if (!has_array(instance, __func__, flags[k], 1, "a flag"))
-            return fmi3Error;
     for (int k = 0; k < 5; k++)
         *flags[k] = fmi3False;
     *nextEventTime = 0;
@@ -246,11 +233,10 @@ fmi3Status fmi3GetNumberOfContinuousStates(fmi3Instance instance, size_t *nConti
 
 /* ---- co-simulation -------------------------------------------------------------------------------------------- */
 
-fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                    size_t nValueReferences, const fmi3Int32 orders[], fmi3Float64 values[],
-                                    size_t nValues)
+fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference vr[], size_t nvr,
+                                    const fmi3Int32 orders[], fmi3Float64 values[], size_t n)
 {
-    return AS_FMI(get_output_rates(instance, __func__, valueReferences, nValueReferences, orders, values, nValues));
+    return AS_FMI(get_output_rates(instance, __func__, vr, nvr, orders, values, n));
 }
 
 /* After an internal step: the importer can read results, set inputs and request an early return. */
@@ -289,18 +275,7 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     return AS_FMI(stepped);
 }
 
-/* ---- not offered: clocks, step mode after events, structural parameters --------------------------------------- */
-
-OF_CLOCKS(fmi3GetClock, fmi3Clock values[])
-OF_CLOCKS(fmi3SetClock, const fmi3Clock values[])
-OF_CLOCKS(fmi3GetIntervalDecimal, fmi3Float64 intervals[], fmi3IntervalQualifier qualifiers[])
-OF_CLOCKS(fmi3SetIntervalDecimal, const fmi3Float64 intervals[])
-OF_CLOCKS(fmi3GetIntervalFraction, fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[])
-OF_CLOCKS(fmi3SetIntervalFraction, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
-OF_CLOCKS(fmi3GetShiftDecimal, fmi3Float64 shifts[])
-OF_CLOCKS(fmi3SetShiftDecimal, const fmi3Float64 shifts[])
-OF_CLOCKS(fmi3GetShiftFraction, fmi3UInt64 counters[], fmi3UInt64 resolutions[])
-OF_CLOCKS(fmi3SetShiftFraction, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[])
+/* ---- not offered: clocked partitions, step mode after events, structural parameters ---------------------------- */
 
 static fmi3Status not_offered(const fmi_instance *i, const char *function)
 {
@@ -308,8 +283,7 @@ static fmi3Status not_offered(const fmi_instance *i, const char *function)
     return fmi3Error;
 }
 
-fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
-                                      fmi3Float64 activationTime)
+fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clock, fmi3Float64 time)
 {
     return not_offered(instance, __func__);
 }

@@ -25,25 +25,20 @@ void FMI(FreeInstance)(void *instance) { free(instance); }
 FMI(Status) FMI(ExitInitializationMode)(void *instance)
 {
     fmi_instance *i = instance;
-    if (!is_allowed(i, __func__, CALL_EXIT_INITIALIZATION))
-        return FMI(Error);
-    if (component_begin(i->core) != DONE)
-        return AS_FMI(report(i, STATUS_ERROR, "%s: %s", __func__, component_message(i->core)));
-    i->mode = i->kind == MODEL_EXCHANGE ? EVENT : STEP;
-    return FMI(OK);
+    fmi_mode next = i && i->kind == MODEL_EXCHANGE ? EVENT : STEP;
+    return AS_FMI(change_mode(i, __func__, CALL_EXIT_INITIALIZATION, next, component_begin));
 }
 
 FMI(Status) FMI(Terminate)(void *instance)
 {
-    return AS_FMI(change_mode(instance, __func__, CALL_TERMINATE, TERMINATED));
+    return AS_FMI(change_mode(instance, __func__, CALL_TERMINATE, TERMINATED, NULL));
 }
 
 FMI(Status) FMI(Reset)(void *instance)
 {
-    fmi_instance *i = instance;
-    if (!is_allowed(i, __func__, CALL_RESET))
+    if (!is_allowed(instance, __func__, CALL_RESET))
         return FMI(Error);
-    begin_anew(i);
+    begin_anew(instance);
     return FMI(OK);
 }
 
@@ -72,18 +67,12 @@ FMI(Status) FMI_DESERIALIZE(void *instance, const FMI(Byte) bytes[], size_t size
 
 FMI(Status) FMI(EnterEventMode)(void *instance)
 {
-    return AS_FMI(change_mode(instance, __func__, CALL_ENTER_EVENT, EVENT));
+    return AS_FMI(change_mode(instance, __func__, CALL_ENTER_EVENT, EVENT, NULL));
 }
 
 FMI(Status) FMI(EnterContinuousTimeMode)(void *instance)
 {
-    fmi_instance *i = instance;
-    if (!is_allowed(i, __func__, CALL_ENTER_CONTINUOUS))
-        return FMI(Error);
-    if (component_check_parameters(i->core) != DONE)
-        return AS_FMI(report(i, STATUS_ERROR, "%s: %s", __func__, component_message(i->core)));
-    i->mode = CONTINUOUS;
-    return FMI(OK);
+    return AS_FMI(change_mode(instance, __func__, CALL_ENTER_CONTINUOUS, CONTINUOUS, component_check_parameters));
 }
 
 /* The simulation must end when the pose is beyond the limits. */
@@ -95,10 +84,8 @@ FMI(Status) FMI(CompletedIntegratorStep)(void *instance, FMI(Boolean) noSetFMUSt
         !has_array(i, __func__, terminateSimulation, 1, "terminateSimulation"))
         return FMI(Error);
     *enterEventMode = *terminateSimulation = FMI(False);
-    if (!is_allowed(i, __func__, CALL_COMPLETED_STEP))
+    if (change_mode(i, __func__, CALL_COMPLETED_STEP, CONTINUOUS, component_check_parameters) != STATUS_OK)
         return FMI(Error);
-    if (component_check_parameters(i->core) != DONE)
-        return AS_FMI(report(i, STATUS_ERROR, "%s: %s", __func__, component_message(i->core)));
     *terminateSimulation = component_check_state(i->core) != DONE;
     if (*terminateSimulation)
         report(i, STATUS_OK, "%s: the simulation must end: %s", __func__, component_message(i->core));

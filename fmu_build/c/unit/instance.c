@@ -183,10 +183,13 @@ fmi_status set_experiment(fmi_instance *i, const char *function, fmi_call call, 
     return conclude(i, function, call, result);
 }
 
-fmi_status change_mode(fmi_instance *i, const char *function, fmi_call call, fmi_mode next)
+fmi_status change_mode(fmi_instance *i, const char *function, fmi_call call, fmi_mode next,
+                       outcome (*check)(component *c))
 {
     if (!is_allowed(i, function, call))
         return STATUS_ERROR;
+    if (check && check(i->core) != DONE)
+        return report(i, STATUS_ERROR, "%s: %s", function, component_message(i->core));
     i->mode = next;
     return STATUS_OK;
 }

@@ -9,7 +9,6 @@
 #include <stdint.h>
 
 #include "component.h"
-#include "message.h"
 #include "model.h"
 #include "modes.h"
 
@@ -78,12 +77,10 @@ fmi_status set_values(fmi_instance *i, const char *function, const uint32_t refe
 /* For variables of other types, which do not exist. */
 fmi_status no_such_type(const fmi_instance *i, const char *function, size_t n);
 
-fmi_status get_directional_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[],
-                                      size_t n_unknowns, const uint32_t knowns[], size_t n_knowns, const double seed[],
-                                      size_t n_seed, double sensitivity[], size_t n_sensitivity);
-fmi_status get_adjoint_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
-                                  const uint32_t knowns[], size_t n_knowns, const double seed[], size_t n_seed,
-                                  double sensitivity[], size_t n_sensitivity);
+/* Changes of the unknowns along the seed of the knowns; adjoint: the gradient to the knowns by the seed of the unknowns. */
+fmi_status differentiate(fmi_instance *i, const char *function, int is_adjoint, const uint32_t unknowns[],
+                         size_t n_unknowns, const uint32_t knowns[], size_t n_knowns, const double seed[],
+                         size_t n_seed, double sensitivity[], size_t n_sensitivity);
 fmi_status get_output_rates(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
                             const int32_t orders[], double values[], size_t n_values);
 fmi_status set_input_rates(fmi_instance *i, const char *function, const uint32_t references[], size_t n,
@@ -93,10 +90,12 @@ fmi_status set_input_rates(fmi_instance *i, const char *function, const uint32_t
 void begin_anew(fmi_instance *i);
 fmi_status set_experiment(fmi_instance *i, const char *function, fmi_call call, int tolerance_defined,
                           double tolerance, double start_time, int stop_time_defined, double stop_time);
-fmi_status change_mode(fmi_instance *i, const char *function, fmi_call call, fmi_mode next);
+/* `check` may be NULL. */
+fmi_status change_mode(fmi_instance *i, const char *function, fmi_call call, fmi_mode next,
+                       outcome (*check)(component *c));
 fmi_status do_step(fmi_instance *i, const char *function, double time, double step, const step_observer *observer);
 
-/* Saved states and their serialized form: versioned, without pointers, the same on every machine. */
+/* Saved states and their serialized form: versioned, without pointers, the same for all targets. */
 fmi_status save_state(fmi_instance *i, const char *function, void **saved);
 fmi_status restore_state(fmi_instance *i, const char *function, const void *saved);
 fmi_status free_state(fmi_instance *i, const char *function, void **saved);

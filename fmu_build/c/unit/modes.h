@@ -22,7 +22,6 @@ typedef enum {
 #define BETWEEN_CALLS (BEFORE_START | RUNNING | TERMINATED)
 #define ANY_MODE (BETWEEN_CALLS | INTERMEDIATE)
 #define NEVER 0
-
 /* a component without continuous states has nothing to integrate, and its outputs have no derivatives */
 #define IF_CONTINUOUS(modes) (N_STATES > 0 ? (modes) : NEVER)
 
@@ -30,7 +29,6 @@ typedef enum {
 #define FOR_CS CO_SIMULATION
 #define BOTH (FOR_ME | FOR_CS)
 
-/* clang-format off */
 /* call, allowed for these kinds, may return Discard for these kinds, allowed in these modes */
 #define CALLS(ROW)                                                                                               \
     ROW(CALL_SET_LOGGING,           BOTH,      NEVER,  BETWEEN_CALLS)                                            \
@@ -60,7 +58,6 @@ typedef enum {
     ROW(CALL_EVALUATE_DISCRETE,     FOR_ME,    NEVER,  INITIALIZATION | EVENT)                                   \
     /* there are no clocks, no structural parameters, no asynchronous steps */                                   \
     ROW(CALL_NOT_OFFERED,           BOTH,      NEVER,  NEVER)
-/* clang-format on */
 
 #define AS_NAME(name, kinds, discards, modes) name,
 typedef enum { CALLS(AS_NAME) NUMBER_OF_CALLS } fmi_call;

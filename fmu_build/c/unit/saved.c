@@ -3,20 +3,21 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Serial form, all numbers little-endian: magic (8 bytes), format, kind, mode, number of doubles (4 bytes each),
-   layout of the variables (8), the component's numbers (8 each), checksum of all before (8). */
+/* A saved state, in memory and in serial form: there the checksum of all before follows the numbers. All targets are
+   little-endian; the others refuse a state of these by its format. */
 static const char MAGIC[8] = {'G', 'S', 'T', 'E', 'W', 'A', 'R', 'T'};
 
-enum { FORMAT = 1, HEADER = 8 + 4 * 4 + 8 };
+enum { FORMAT = 1 };
 
 typedef struct {
     char magic[8];
-    fmi_kind kind;
-    fmi_mode mode;
-    double numbers[]; /* N_SAVED of them */
+    uint32_t format, kind, mode, n;
+    uint64_t layout;  /* of the variables */
+    double numbers[]; /* n = N_SAVED of the component */
 } saved_state;
 
-static size_t serial_size(void) { return HEADER + 8 * N_SAVED + 8; }
+static size_t state_size(void) { return sizeof(saved_state) + N_SAVED * sizeof(double); }
+static size_t serial_size(void) { return state_size() + sizeof(uint64_t); }
 
 static int is_saved_state(const fmi_instance *i, const char *function, const saved_state *saved)
 {
@@ -25,14 +26,6 @@ static int is_saved_state(const fmi_instance *i, const char *function, const sav
     report(i, STATUS_ERROR, "%s: %s is not an FMU state of this unit", function,
            saved ? "the pointer" : "a null pointer");
     return 0;
-}
-
-static saved_state *new_saved_state(void)
-{
-    saved_state *s = malloc(sizeof *s + N_SAVED * sizeof s->numbers[0]);
-    if (s)
-        memcpy(s->magic, MAGIC, sizeof MAGIC);
-    return s;
 }
 
 /* Overwrites the importer's state if there is one. */
@@ -44,11 +37,11 @@ fmi_status save_state(fmi_instance *i, const char *function, void **saved)
     if (s && !is_saved_state(i, function, s))
         return STATUS_ERROR;
     if (!s)
-        s = new_saved_state();
+        s = malloc(state_size());
     if (!s)
         return report(i, STATUS_ERROR, "%s: out of memory", function);
-    s->kind = i->kind;
-    s->mode = i->mode;
+    *s = (saved_state){.format = FORMAT, .kind = i->kind, .mode = i->mode, .n = (uint32_t)N_SAVED, .layout = LAYOUT};
+    memcpy(s->magic, MAGIC, sizeof MAGIC);
     component_save(i->core, s->numbers);
     *saved = s;
     return STATUS_OK;
@@ -59,10 +52,10 @@ fmi_status restore_state(fmi_instance *i, const char *function, const void *save
     const saved_state *s = saved;
     if (!is_allowed(i, function, CALL_FMU_STATE) || !is_saved_state(i, function, s))
         return STATUS_ERROR;
-    if (s->kind != i->kind)
+    if (s->kind != (uint32_t)i->kind)
         return report(i, STATUS_ERROR, "%s: the state is from %s; expected one of the instance's own kind", function,
                       name_of_kind(s->kind));
-    i->mode = s->mode;
+    i->mode = (fmi_mode)s->mode;
     component_restore(i->core, s->numbers);
     i->step_status = STATUS_OK;
     i->last_successful_time = component_time(i->core);
@@ -82,20 +75,6 @@ fmi_status free_state(fmi_instance *i, const char *function, void **saved)
     free(s);
     *saved = NULL;
     return STATUS_OK;
-}
-
-static void put(unsigned char **at, uint64_t value, int bytes)
-{
-    for (int b = 0; b < bytes; b++)
-        *(*at)++ = (unsigned char)(value >> 8 * b);
-}
-
-static uint64_t take(const unsigned char **at, int bytes)
-{
-    uint64_t value = 0;
-    for (int b = 0; b < bytes; b++)
-        value |= (uint64_t) * (*at)++ << 8 * b;
-    return value;
 }
 
 /* Fowler-Noll-Vo 1a, 64 bits */
@@ -126,19 +105,9 @@ fmi_status serialize(const fmi_instance *i, const char *function, const void *sa
     if (size < serial_size())
         return report(i, STATUS_ERROR, "%s: buffer of %lu bytes; expected %lu", function, (unsigned long)size,
                       (unsigned long)serial_size());
-    unsigned char *at = bytes;
-    memcpy(at, MAGIC, sizeof MAGIC);
-    at += sizeof MAGIC;
-    const uint64_t header[] = {FORMAT, s->kind, s->mode, N_SAVED};
-    for (int k = 0; k < 4; k++)
-        put(&at, header[k], 4);
-    put(&at, LAYOUT, 8);
-    for (size_t k = 0; k < N_SAVED; k++) {
-        uint64_t bits;
-        memcpy(&bits, &s->numbers[k], sizeof bits);
-        put(&at, bits, 8);
-    }
-    put(&at, checksum(bytes, (size_t)(at - bytes)), 8);
+    memcpy(bytes, s, state_size());
+    uint64_t sum = checksum(bytes, state_size());
+    memcpy(bytes + state_size(), &sum, sizeof sum);
     return STATUS_OK;
 }
 
@@ -160,33 +129,27 @@ fmi_status deserialize(const fmi_instance *i, const char *function, const unsign
     if (!is_allowed(i, function, CALL_FMU_STATE) || !has_array(i, function, bytes, size, "serializedState") ||
         !has_array(i, function, saved, 1, "FMUState"))
         return STATUS_ERROR;
-    if (size < HEADER || memcmp(bytes, MAGIC, sizeof MAGIC) != 0)
+    saved_state header;
+    if (size < sizeof header || memcmp(bytes, MAGIC, sizeof MAGIC) != 0)
         return report(i, STATUS_ERROR, "%s: %lu bytes that are not a state of this unit", function,
                       (unsigned long)size);
-    const unsigned char *at = bytes + sizeof MAGIC;
-    unsigned long format = (unsigned long)take(&at, 4), kind = (unsigned long)take(&at, 4);
-    unsigned long mode = (unsigned long)take(&at, 4), n = (unsigned long)take(&at, 4);
-    uint64_t layout = take(&at, 8);
-    if (format != FORMAT || layout != LAYOUT || n != N_SAVED)
+    memcpy(&header, bytes, sizeof header);
+    if (header.format != FORMAT || header.layout != LAYOUT || header.n != N_SAVED)
         return report(i, STATUS_ERROR,
                       "%s: the state is from another version of this unit (format %lu, %lu numbers); expected format "
                       "%d, %lu numbers and the same variables",
-                      function, format, n, FORMAT, (unsigned long)N_SAVED);
+                      function, (unsigned long)header.format, (unsigned long)header.n, FORMAT, (unsigned long)N_SAVED);
     if (size != serial_size())
         return report(i, STATUS_ERROR, "%s: %lu bytes; expected %lu", function, (unsigned long)size,
                       (unsigned long)serial_size());
     /* unlike when saving, *saved is an output only and is not read */
-    saved_state *s = new_saved_state();
+    saved_state *s = malloc(state_size());
     if (!s)
         return report(i, STATUS_ERROR, "%s: out of memory", function);
-    s->kind = (fmi_kind)kind;
-    s->mode = (fmi_mode)mode;
-    for (size_t k = 0; k < N_SAVED; k++) {
-        uint64_t bits = take(&at, 8);
-        memcpy(&s->numbers[k], &bits, sizeof bits);
-    }
-    uint64_t sum = checksum(bytes, (size_t)(at - bytes));
-    if (take(&at, 8) != sum || !is_possible(s)) {
+    memcpy(s, bytes, state_size());
+    uint64_t sum;
+    memcpy(&sum, bytes + state_size(), sizeof sum);
+    if (sum != checksum(bytes, state_size()) || !is_possible(s)) {
         free(s);
         return report(i, STATUS_ERROR, "%s: the bytes are damaged (wrong checksum or impossible values)", function);
     }

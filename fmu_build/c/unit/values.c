@@ -118,15 +118,6 @@ fmi_status no_such_type(const fmi_instance *i, const char *function, size_t n)
 
 /* ---- derivatives ----------------------------------------------------------------------------------------------*/
 
-/* A vector over all slots, split into the kernel's arguments. */
-typedef struct {
-    double slots[N_SLOTS];
-} by_slot;
-
-static double *inputs_of(by_slot *v) { return v->slots + FIRST_INPUT; }
-static double *results_of(by_slot *v) { return v->slots + FIRST_RESULT; } /* beginning with the states */
-static double *parameters_of(by_slot *v) { return v->slots + FIRST_PARAMETER; }
-static double *derivatives_of(by_slot *v) { return v->slots + FIRST_DERIVATIVE; }
 static int is_input(int slot) { return role_at(slot) == INPUT; }
 static int is_output(int slot) { return slot >= FIRST_RESULT && slot < FIRST_RESULT + N_OUTPUTS; }
 
@@ -155,61 +146,41 @@ static int have_roles(const fmi_instance *i, const char *function, const uint32_
     return 1;
 }
 
-static int may_differentiate(const fmi_instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
-                             const void *of_unknowns, size_t n_of_unknowns, const uint32_t knowns[], size_t n_knowns,
-                             const void *of_knowns, size_t n_of_knowns)
-{
-    return is_allowed(i, function, CALL_SENSITIVITY) &&
-           find_all(i, function, unknowns, n_unknowns, of_unknowns, n_of_unknowns, "values of the unknowns") &&
-           find_all(i, function, knowns, n_knowns, of_knowns, n_of_knowns, "values of the knowns") &&
-           have_roles(i, function, unknowns, n_unknowns, is_unknown, "unknown",
-                      "an output, a local variable or a derivative") &&
-           have_roles(i, function, knowns, n_knowns, is_known, "known",
-                      "an input, a continuous state or a parameter of the platform");
-}
-
-/* Adds the values, in the order of the references, to their slots. */
-static void scatter(const fmi_instance *i, const uint32_t references[], size_t n, const double values[], by_slot *v)
-{
-    for (slot_walk at = slots_of(i, references, n); next_slot(&at);)
-        v->slots[at.slot] += *values++;
-}
-
 /* Gives the values of their slots if they are known, and concludes. */
 static fmi_status gather(const fmi_instance *i, const char *function, fmi_call call, outcome result,
-                         const uint32_t references[], size_t n, const by_slot *v, double values[])
+                         const uint32_t references[], size_t n, const double by_slot[], double values[])
 {
     for (slot_walk at = slots_of(i, references, n); result == DONE && next_slot(&at);)
-        *values++ = v->slots[at.slot];
+        *values++ = by_slot[at.slot];
     return conclude(i, function, call, result);
 }
 
-fmi_status get_directional_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[],
-                                      size_t n_unknowns, const uint32_t knowns[], size_t n_knowns, const double seed[],
-                                      size_t n_seed, double sensitivity[], size_t n_sensitivity)
+fmi_status differentiate(fmi_instance *i, const char *function, int is_adjoint, const uint32_t unknowns[],
+                         size_t n_unknowns, const uint32_t knowns[], size_t n_knowns, const double seed[],
+                         size_t n_seed, double sensitivity[], size_t n_sensitivity)
 {
-    if (!may_differentiate(i, function, unknowns, n_unknowns, sensitivity, n_sensitivity, knowns, n_knowns, seed,
-                           n_seed))
+    const double *of_unknowns = is_adjoint ? seed : sensitivity, *of_knowns = is_adjoint ? sensitivity : seed;
+    size_t n_of_unknowns = is_adjoint ? n_seed : n_sensitivity, n_of_knowns = is_adjoint ? n_sensitivity : n_seed;
+    if (!is_allowed(i, function, CALL_SENSITIVITY) ||
+        !find_all(i, function, unknowns, n_unknowns, of_unknowns, n_of_unknowns, "values of the unknowns") ||
+        !find_all(i, function, knowns, n_knowns, of_knowns, n_of_knowns, "values of the knowns") ||
+        !have_roles(i, function, unknowns, n_unknowns, is_unknown, "unknown",
+                    "an output, a local variable or a derivative") ||
+        !have_roles(i, function, knowns, n_knowns, is_known, "known",
+                    "an input, a continuous state or a parameter of the platform"))
         return STATUS_ERROR;
-    by_slot direction = {{0}}, change = {{0}};
-    scatter(i, knowns, n_knowns, seed, &direction);
-    outcome result = component_forward(i->core, results_of(&direction), inputs_of(&direction),
-                                       parameters_of(&direction), derivatives_of(&change), results_of(&change));
-    return gather(i, function, CALL_SENSITIVITY, result, unknowns, n_unknowns, &change, sensitivity);
-}
-
-fmi_status get_adjoint_derivative(fmi_instance *i, const char *function, const uint32_t unknowns[], size_t n_unknowns,
-                                  const uint32_t knowns[], size_t n_knowns, const double seed[], size_t n_seed,
-                                  double sensitivity[], size_t n_sensitivity)
-{
-    if (!may_differentiate(i, function, unknowns, n_unknowns, seed, n_seed, knowns, n_knowns, sensitivity,
-                           n_sensitivity))
-        return STATUS_ERROR;
-    by_slot weights = {{0}}, gradient = {{0}};
-    scatter(i, unknowns, n_unknowns, seed, &weights);
-    outcome result = component_reverse(i->core, derivatives_of(&weights), results_of(&weights),
-                                       results_of(&gradient), inputs_of(&gradient), parameters_of(&gradient));
-    return gather(i, function, CALL_SENSITIVITY, result, knowns, n_knowns, &gradient, sensitivity);
+    /* by slot; results begin with the states */
+    double in[N_SLOTS] = {0}, out[N_SLOTS] = {0};
+    for (slot_walk at = is_adjoint ? slots_of(i, unknowns, n_unknowns) : slots_of(i, knowns, n_knowns); next_slot(&at);)
+        in[at.slot] += *seed++;
+    if (is_adjoint) {
+        outcome result = component_reverse(i->core, in + FIRST_DERIVATIVE, in + FIRST_RESULT, out + FIRST_RESULT,
+                                           out + FIRST_INPUT, out + FIRST_PARAMETER);
+        return gather(i, function, CALL_SENSITIVITY, result, knowns, n_knowns, out, sensitivity);
+    }
+    outcome result = component_forward(i->core, in + FIRST_RESULT, in + FIRST_INPUT, in + FIRST_PARAMETER,
+                                       out + FIRST_DERIVATIVE, out + FIRST_RESULT);
+    return gather(i, function, CALL_SENSITIVITY, result, unknowns, n_unknowns, out, sensitivity);
 }
 
 /* ---- rates of inputs and outputs ------------------------------------------------------------------------------ */
@@ -234,9 +205,9 @@ fmi_status get_output_rates(fmi_instance *i, const char *function, const uint32_
         !have_roles(i, function, references, n, is_output, "output", "an output") ||
         !have_order_1(i, function, orders, n))
         return STATUS_ERROR;
-    by_slot rates = {{0}};
-    outcome result = component_result_rates(i->core, results_of(&rates));
-    return gather(i, function, CALL_GET_OUTPUT_RATES, result, references, n, &rates, values);
+    double rates[N_SLOTS] = {0};
+    outcome result = component_result_rates(i->core, rates + FIRST_RESULT);
+    return gather(i, function, CALL_GET_OUTPUT_RATES, result, references, n, rates, values);
 }
 
 /* A reference has one slot in FMI 2.0, the only version with this function. */

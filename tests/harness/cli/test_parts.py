@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import typer
 
-from gough_stewart.fmu_build.targets import BY_NAME
+from gough_stewart.fmu_build.toolchain import BY_NAME
 from gough_stewart.harness.cli import app, terminal
 from gough_stewart.harness.cli.command import clear_errors, size_text, wrong_use_if
 from gough_stewart.harness.cli.options import (

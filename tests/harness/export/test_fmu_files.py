@@ -15,9 +15,9 @@ import pytest
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from gough_stewart.fmu_build.build import build_units, unit_of
+from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.component import UnitComponent
-from gough_stewart.fmu_build.sources import standard_headers
+from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.export.designed import Designed, designed
 from gough_stewart.harness.export.fmu import component_of
@@ -114,8 +114,7 @@ def test_the_sources_compile_without_a_warning(exported: Exported, tmp_path: Pat
     """Expected: C11 to the letter, by gcc if it is there and by clang; the standard's own headers are its business."""
     flags = ["-std=c11", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-isystem", "standard", "-c"]
     standard = standard_headers("2.0") | standard_headers("3.0")
-    both = [unit_of(exported.component, version).sources for version in ("2.0", "3.0")]
-    units, headers = both[0].units | both[1].units, both[0].headers | both[1].headers
+    units, headers = sources(exported.component)
     (tmp_path / "standard").mkdir()
     for name, text in {**units, **headers}.items():
         (tmp_path / ("standard" if name in standard else "") / name).write_text(text)
@@ -161,5 +160,5 @@ def test_states_of_another_controller_with_the_same_variables_are_refused(tmp_pa
         component_of(designed(uneven_experiment(tmp_path, derivative_on=what))) for what in ("error", "measurement")
     )
     assert one.layout == other.layout
-    numbers = [re.findall(r"LAYOUT = (.*);", unit_of(each, "2.0").sources.units["model.c"]) for each in (one, other)]
+    numbers = [re.findall(r"LAYOUT = (.*);", sources(each).units["model.c"]) for each in (one, other)]
     assert numbers[0] != numbers[1]

@@ -13,7 +13,7 @@ from fmpy.ssp.simulation import simulate_ssp
 from fmpy.validation import validate_fmu
 
 import gough_stewart as gs
-from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.harness.errors import ControllerError, ExportError
 from gough_stewart.harness.plants.unit import FmuFile
 from tests.support.commands import invoke

@@ -16,7 +16,7 @@ from playwright._impl._driver import compute_driver_executable
 import gough_stewart as gs
 from gough_stewart.fmu_build.libraries import machine_library
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
-from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, native
+from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY, native
 from gough_stewart.harness.control.traced_law import traced_law_of
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members

@@ -9,7 +9,7 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.fmu_build import libraries as lanes
 from gough_stewart.fmu_build import toolchain
-from gough_stewart.fmu_build.errors import BuildError
+from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.harness.control.traced_law import traced_law_of
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.loop import law_library
