@@ -33,7 +33,6 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     leg_rates,
     rates_of_legs,
-    wrench_from_leg_forces,
 )
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
@@ -101,15 +100,9 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
     ndarray
         M (..., 6, 6): blocks [kg], [kg m] and [kg m²] for v and ω.
     """
-    legs = leg_geometry(parameters, position, orientation)
-    return _mass_matrix(parameters, legs, _lumped_body(parameters, orientation, legs))
-
-
-@without_warnings
-def bias_wrench(parameters: Parameters, state: State) -> Array:
-    """Wrench n (..., 6) for [v̇; ω̇] = 0 without actuator forces: velocity-dependent inertia forces, weight, friction."""
-    legs = leg_geometry(parameters, state.position, state.orientation)
-    return _bias_wrench(parameters, state, legs, _lumped_body(parameters, state.orientation, legs))
+    rest = 0 * np.asarray(position)
+    M, _ = _equations_of_motion(parameters, State(position, orientation, rest, rest))
+    return M
 
 
 @without_warnings
@@ -121,11 +114,9 @@ def forward_dynamics(
     [v̇; ω̇] = M⁻¹ (Jᵀ F + [f_ext; τ_ext] − n), in m/s² and rad/s²; shapes (..., 3).
     """
     legs = leg_geometry(parameters, state.position, state.orientation)
-    body = _lumped_body(parameters, state.orientation, legs)
-    M = _mass_matrix(parameters, legs, body)
+    M, n = _equations_of_motion(parameters, state, legs)
     external = concatenate([inputs.external_force, inputs.external_torque])
-    applied = wrench_from_leg_forces(legs, inputs.actuator_force) + external
-    a = solve(M, applied - _bias_wrench(parameters, state, legs, body))
+    a = solve(M, apply(transpose(jacobian_of_legs(legs)), inputs.actuator_force) + external - n)
     return Acceleration(a[..., :3], a[..., 3:])
 
 
@@ -160,15 +151,13 @@ def inverse_dynamics(
     >>> state = gs.State(platform.home_position, platform.home_orientation, rest, rest)
     >>> gs.inverse_dynamics(platform, state, gs.Acceleration(np.array([0, 0, 2.0]), rest))
     """
-    state, external_wrench = State(*map(np.asarray, state)), np.asarray(external_wrench)
+    state = State(*map(np.asarray, state))
     legs = leg_geometry(parameters, state.position, state.orientation)
-    body = _lumped_body(parameters, state.orientation, legs)
-    M = _mass_matrix(parameters, legs, body)
-    needed = apply(M, concatenate(acceleration)) + _bias_wrench(parameters, state, legs, body)
-    return solve(transpose(jacobian_of_legs(legs)), needed - external_wrench)
+    M, n = _equations_of_motion(parameters, state, legs)
+    needed = apply(M, concatenate(acceleration)) + n
+    return solve(transpose(jacobian_of_legs(legs)), needed - np.asarray(external_wrench))
 
 
-@without_warnings
 def static_leg_forces(
     parameters: Parameters,
     position: Array,
@@ -195,14 +184,9 @@ def static_leg_forces(
     >>> platform = gs.load_preset("liu2000")
     >>> gs.static_leg_forces(platform, platform.home_position, platform.home_orientation)
     """
-    position, orientation = np.asarray(position), np.asarray(orientation)
-    legs = leg_geometry(parameters, position, orientation)
-    com = apply(matrix_from_orientation(orientation), parameters.platform_com)
-    needed = _bias_force(parameters, legs)
-    weight = np.asarray(parameters.platform_mass)[..., None] * parameters.gravity
-    torque = cross(legs.arm, needed).sum(axis=-2) - cross(com, weight)
-    wrench = concatenate([needed.sum(axis=-2) - weight, torque])
-    return solve(transpose(jacobian_of_legs(legs)), wrench - np.asarray(external_wrench))
+    rest = 0 * np.asarray(position)
+    state = State(position, orientation, rest, rest)
+    return inverse_dynamics(parameters, state, Acceleration(rest, rest), external_wrench, solve)
 
 
 @without_warnings
@@ -278,46 +262,50 @@ def _transverse_mass(parameters: Parameters, length: Array) -> Array:
     return np.asarray(I * (1 / length) * (1 / length))
 
 
-def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates | None = None) -> Array:
-    """Force (..., 6, 3) [N] that the legs need at their platform joints when P̈ = 0 and F = 0; at rest without rates.
+def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> Array:
+    """Force (..., 6, 3) [N] that the legs need at their platform joints when P̈ = 0 and F = 0.
 
     b = ((m2 d + m_a L) |u̇|² − m2 u·g + friction) u − (2 I L̇/L² − 2 m2 (L − d) L̇/L) u̇ − (h/L) g⊥.
     """
     u, L, m2 = legs.direction, legs.length, per_leg(parameters.leg_upper_mass)
-    g = parameters.gravity[..., None, :]
+    du, dL, g = rates.direction_rate, rates.length_rate, parameters.gravity[..., None, :]
+    d, m_a = per_leg(parameters.leg_upper_com), per_leg(parameters.leg_armature)
     h, I = _leg_moments(parameters, L)
     per_g = h * (1 / L)
-    along_u = (per_g - m2) * dot(u, g)
-    if rates is None:
-        return np.asarray(along_u[..., None] * u - per_g[..., None] * g)
-    du, dL = rates.direction_rate, rates.length_rate
-    d, m_a = per_leg(parameters.leg_upper_com), per_leg(parameters.leg_armature)
-    along_u = (m2 * d + m_a * L) * dot(du, du) + along_u + friction_force(parameters, dL)
+    along_u = (m2 * d + m_a * L) * dot(du, du) + (per_g - m2) * dot(u, g) + friction_force(parameters, dL)
     along_du = 2 * dL * (1 / L) * (m2 * (L - d) - I * (1 / L))
     return np.asarray(along_u[..., None] * u + along_du[..., None] * du - per_g[..., None] * g)
 
 
-class _LumpedBody(NamedTuple):
-    """The platform with a point mass t_i at each P_i, t_i the leg's transverse mass: one rigid body about Op."""
+def _equations_of_motion(parameters: Parameters, state: State, legs: LegGeometry | None = None) -> tuple[Array, Array]:
+    """M (..., 6, 6) and the wrench n (..., 6) that [v̇; ω̇] = 0 needs without actuators: inertia, weight, friction.
 
-    mass: Array  # (...) [kg]
-    first: Array  # first moment (..., 3) [kg m]
-    second: Array  # inertia (..., 3, 3) [kg m2]
-    arm: Array  # from Op to the platform's own centre of mass, R r_G (..., 3) [m]
-
-
-def _lumped_body(parameters: Parameters, orientation: Array, legs: LegGeometry) -> _LumpedBody:
-    R = matrix_from_orientation(orientation)
+    G_iᵀ E_i G_i = t_i G_iᵀ G_i + (m_i − t_i) (G_iᵀ u_i)(G_iᵀ u_i)ᵀ, with m_i the mass along the axis of leg i: the
+    platform with a point mass t_i at each P_i, one rigid body, and for each leg a dyad of its row of the leg Jacobian.
+    """
+    legs = leg_geometry(parameters, state.position, state.orientation) if legs is None else legs
+    R, omega, arm, u = matrix_from_orientation(state.orientation), state.angular_velocity, legs.arm, legs.direction
     m, r = np.asarray(parameters.platform_mass)[..., None], apply(R, parameters.platform_com)
-    J = R @ parameters.platform_inertia @ transpose(R)
-    t = _transverse_mass(parameters, legs.length)[..., None]
-    tc, mr = t * legs.arm, m * r
-    return _LumpedBody(
-        mass=(m + t.sum(axis=-2))[..., 0],
-        first=mr + tc.sum(axis=-2),
-        second=J + _points_inertia(mr[..., None, :], r[..., None, :]) + _points_inertia(tc, legs.arm),
-        arm=r,
-    )
+    t = _transverse_mass(parameters, legs.length)
+    beyond = np.asarray(axial_mass(parameters) - t)
+
+    # mass, first moment and inertia of that body about Op
+    tc, mr = t[..., None] * arm, m * r
+    mass, first = m + t[..., None].sum(axis=-2), mr + tc.sum(axis=-2)
+    inertia = R @ parameters.platform_inertia @ transpose(R)
+    inertia = inertia + _points_inertia(mr[..., None, :], r[..., None, :]) + _points_inertia(tc, arm)
+
+    wv, rows = skew(first), jacobian_of_legs(legs)
+    top, bottom = concatenate([mass[..., None] * np.eye(3), -wv]), concatenate([wv, inertia])
+    rigid = transpose(concatenate([transpose(top), transpose(bottom)]))
+    M = np.asarray(rigid + transpose(rows) @ (beyond[..., None] * rows))
+
+    along = beyond * dot(u, centripetal(omega[..., None, :], arm))
+    needed = _bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * u
+    weight = m * parameters.gravity
+    force = centripetal(omega, first) + needed.sum(axis=-2) - weight
+    torque = cross(omega, apply(inertia, omega)) + cross(arm, needed).sum(axis=-2) - cross(r, weight)
+    return M, concatenate([force, torque])
 
 
 def _points_inertia(moments: Array, arms: Array) -> Array:
@@ -336,29 +324,3 @@ def _points_inertia(moments: Array, arms: Array) -> Array:
         ],
         axis=-2,
     )
-
-
-def _beyond_lumped(parameters: Parameters, legs: LegGeometry) -> Array:
-    """Apparent mass of each leg along its axis in addition to its point mass: m2 + m_a − t (..., 6) [kg]."""
-    return np.asarray(axial_mass(parameters) - _transverse_mass(parameters, legs.length))
-
-
-def _mass_matrix(parameters: Parameters, legs: LegGeometry, body: _LumpedBody) -> Array:
-    # G_iᵀ E_i G_i = t_i G_iᵀ G_i + (m_i − t_i) (G_iᵀ u_i)(G_iᵀ u_i)ᵀ: a point mass, and row i of the leg Jacobian
-    vv = body.mass[..., None, None] * np.eye(3)
-    wv = skew(body.first)
-    top, bottom = concatenate([vv, -wv]), concatenate([wv, body.second])
-    rigid = transpose(concatenate([transpose(top), transpose(bottom)]))
-    rows = jacobian_of_legs(legs)
-    return np.asarray(rigid + transpose(rows) @ (_beyond_lumped(parameters, legs)[..., None] * rows))
-
-
-def _bias_wrench(parameters: Parameters, state: State, legs: LegGeometry, body: _LumpedBody) -> Array:
-    # as in the mass matrix: the motion of the lumped body, then the additional forces of the legs
-    omega = state.angular_velocity
-    along = _beyond_lumped(parameters, legs) * dot(legs.direction, centripetal(omega[..., None, :], legs.arm))
-    needed = _bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * legs.direction
-    weight = np.asarray(parameters.platform_mass)[..., None] * parameters.gravity
-    force = centripetal(omega, body.first) + needed.sum(axis=-2) - weight
-    torque = cross(omega, apply(body.second, omega)) + cross(legs.arm, needed).sum(axis=-2) - cross(body.arm, weight)
-    return concatenate([force, torque])

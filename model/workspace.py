@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, bias_wrench, mass_matrix
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, mass_matrix, static_leg_forces
 from gough_stewart.model.errors import PlatformError, WorkspaceError
 from gough_stewart.model.kinematics import (
     LegGeometry,
@@ -29,7 +29,6 @@ from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle
-from gough_stewart.model.state import State
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import Array, FloatArray, apply, per_leg, transpose
 
@@ -243,7 +242,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, position, orientation)
         side = side_of_singular_poses(platform, legs)
-        number, smallest, _ = conditioning_of_legs(legs)
+        number, smallest = conditioning_of_legs(legs)
         margins = _margins(platform, legs, position, orientation)
         speed = None
         if platform.leg_velocity_max is not None:
@@ -252,9 +251,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
     payload = force_margin = None
     if platform.actuator_force_max is not None:
         regular = number < LARGEST_CONDITION_NUMBER
-        payload, force_margin = _load_capacity(
-            platform, position, orientation, legs, regular, platform.actuator_force_max
-        )
+        payload, force_margin = _load_capacity(platform, position, orientation, regular, platform.actuator_force_max)
     leg_margins, joint_margins = (
         [margins[limit] for limit in limits if limit in margins]
         for limits in ((Limit.LEG_TOO_SHORT, Limit.LEG_TOO_LONG), (Limit.BASE_JOINT, Limit.PLATFORM_JOINT))
@@ -301,7 +298,6 @@ def _load_capacity(
     platform: Platform,
     position: FloatArray,
     orientation: FloatArray,
-    legs: LegGeometry,
     regular: NDArray[np.bool_],
     largest_force: float,
 ) -> tuple[FloatArray, FloatArray]:
@@ -313,12 +309,12 @@ def _load_capacity(
     some leg, and at poses that are not `regular`.
     """
     payload, margin = np.zeros(regular.shape), np.zeros(regular.shape)
-    rest = np.zeros((np.count_nonzero(regular), 3))
-    # at rest the bias wrench is the weight of platform and legs, which the actuators hold
-    held = bias_wrench(platform, State(position[regular], orientation[regular], rest, rest))
-    unit_forces = np.broadcast_to(np.eye(6)[:, :3], (len(rest), 6, 3))
-    J = jacobian_of_legs(LegGeometry(*(part[regular] for part in legs)))
-    forces = np.linalg.solve(transpose(J), np.concatenate([held[..., None], unit_forces], axis=-1))
+    unit_forces = np.broadcast_to(np.eye(6)[:, :3], (np.count_nonzero(regular), 6, 3))
+
+    def solve(transposed: Array, held: Array) -> Array:
+        return np.linalg.solve(transposed, np.concatenate([held[..., None], unit_forces], axis=-1))
+
+    forces = static_leg_forces(platform, position[regular], orientation[regular], solve=solve)
     f0, A = forces[..., 0], forces[..., 1:]
     f1 = -apply(A, platform.gravity)
     holds = (np.abs(f0) <= largest_force).all(axis=-1)
