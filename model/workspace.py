@@ -81,16 +81,6 @@ _TEXTS = {
 }
 
 
-class PoseStiffness(NamedTuple):
-    """Stiffness and first mode at poses, each (...); 0 at singular poses."""
-
-    translational_stiffness: FloatArray  # force at Op over displacement along it, in the softest direction [N/m]
-    translational_stiffness_max: FloatArray  # in the stiffest [N/m]
-    rotational_stiffness: FloatArray  # torque over rotation about it, about the softest axis [N m/rad]
-    rotational_stiffness_max: FloatArray  # about the stiffest [N m/rad]
-    first_mode: FloatArray  # lowest natural frequency with motors that hold [Hz]
-
-
 class PoseQualities(NamedTuple):
     """Results at poses, each (...); None if the platform does not state the limit, or has rigid legs."""
 
@@ -102,7 +92,8 @@ class PoseQualities(NamedTuple):
     payload: FloatArray | None  # largest point mass at Op that the actuators hold at rest [kg]
     force_margin: FloatArray | None  # largest force at Op in any direction that they hold at rest [N]
     largest_speed: FloatArray | None  # of the twist [v; ρ ω] in any direction, limited by `leg_velocity_max` [m/s]
-    # the parts of `PoseStiffness`
+    # of compliant legs, 0 at singular poses: force at Op over displacement along it, in the softest and the stiffest
+    # direction [N/m], torque over rotation about it [N m/rad], lowest natural frequency with motors that hold [Hz]
     translational_stiffness: FloatArray | None
     translational_stiffness_max: FloatArray | None
     rotational_stiffness: FloatArray | None
@@ -113,6 +104,10 @@ class PoseQualities(NamedTuple):
     def reachable(self) -> NDArray[np.bool_]:
         """Whether the pose is within all limits."""
         return np.asarray(self.limit == Limit.NONE)
+
+
+# Results of compliant legs.
+STIFFNESS = PoseQualities._fields[-5:]
 
 
 def evaluate_poses(
@@ -196,45 +191,36 @@ def compliance(parameters: Parameters, position: Array, orientation: Array) -> A
     >>> soft = gs.load_preset("motion_base").with_parameters({"leg_stiffness": 2e7})
     >>> 1e6 * gs.compliance(soft, soft.home_position, soft.home_orientation)[2, 2]  # µm/N
     """
-    k = _stiffness_of(parameters)
+    k = np.asarray(per_leg(parameters.leg_stiffness), dtype=float)
+    if not (k > 0).all():
+        raise PlatformError("leg_stiffness", "is 0, rigid legs, which have no stiffness; expected a number > 0 [N/m]")
     J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
     inverse = np.linalg.inv(J)
     return np.asarray(inverse @ transpose(inverse) / k[..., None])
 
 
-def held_frequencies(parameters: Parameters, position: Array, orientation: Array) -> Array:
-    """Natural frequencies (..., 6) [Hz] of the platform on its legs, motors held, lowest first; damping left out.
+def _stiffness(platform: Platform, position: FloatArray, orientation: FloatArray, J: FloatArray) -> list[FloatArray]:
+    """The `STIFFNESS` at poses (n, 3) with leg Jacobians J (n, 6, 6).
 
-    det(k Jᵀ J − ω² M) = 0 with M without armature: ω² are eigenvalues of k J M⁻¹ Jᵀ; 0 where a leg has no direction.
+    In all directions but one the platform is free to move: stiffness is the inverse of an eigenvalue of a 3×3 block of
+    the compliance, λ(K⁻¹_tt) or λ(K⁻¹_rr). Natural frequencies with damping left out are det(k Jᵀ J − ω² M) = 0 with M
+    without armature: ω² are eigenvalues of k J M⁻¹ Jᵀ.
     """
-    k = _stiffness_of(parameters)
-    J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
-    M = mass_matrix(platform_side(Variant(springs=True), parameters), position, orientation)
-    mobility = np.nan_to_num(J @ np.linalg.solve(M, transpose(J)))
-    squares = k * np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)
-    return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi))
-
-
-def pose_stiffness(parameters: Parameters, position: Array, orientation: Array) -> PoseStiffness:
-    """Stiffness in the softest and stiffest directions, and the first mode, at poses (..., 3) [m], [rad].
-
-    In all other directions the platform is free to move: stiffness is the inverse of an eigenvalue of the 3×3 block of
-    the compliance, λ(K⁻¹_tt) or λ(K⁻¹_rr).
-    """
-    k = _stiffness_of(parameters)[..., 0]
-    J = np.asarray(jacobian_of_legs(leg_geometry(parameters, position, orientation)), dtype=float)
+    k = platform.leg_stiffness
     regular = np.isfinite(J).all(axis=(-2, -1)) & (np.linalg.det(np.nan_to_num(J)) != 0)
-    regular_J = np.where(regular[..., None, None], J, np.eye(6))
     stiffness = []
     with np.errstate(all="ignore"):
-        inverse = np.linalg.inv(regular_J)
-        for rows in (inverse[..., :3, :], inverse[..., 3:, :]):
+        inverse = np.linalg.inv(np.where(regular[:, None, None], J, np.eye(6)))
+        for rows in (inverse[:, :3], inverse[:, 3:]):
             sigma = np.linalg.svd(rows, compute_uv=False)
-            stiffness += [np.where(regular, k / sigma[..., edge] ** 2, 0.0) for edge in (0, -1)]
-        frequency = np.where(regular, np.nan, 0.0)
-        positions, orientations = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
-        frequency[regular] = held_frequencies(parameters, positions[regular], orientations[regular])[..., 0]
-    return PoseStiffness._make([*stiffness, frequency])
+            stiffness += [np.where(regular, k / sigma[:, edge] ** 2, 0.0) for edge in (0, -1)]
+    frequency = np.zeros(len(J))
+    M = mass_matrix(platform_side(Variant(springs=True), platform), position[regular], orientation[regular])
+    J = J[regular]
+    mobility = np.nan_to_num(J @ np.linalg.solve(M, transpose(J)))
+    squares = k * np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)[:, 0]
+    frequency[regular] = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
+    return [*stiffness, frequency]
 
 
 def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray) -> PoseQualities:
@@ -265,7 +251,11 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
         payload,
         force_margin,
         speed,
-        *(pose_stiffness(platform, position, orientation) if platform.leg_stiffness > 0 else (None,) * 5),
+        *(
+            _stiffness(platform, position, orientation, np.asarray(jacobian_of_legs(legs), dtype=float))
+            if platform.leg_stiffness > 0
+            else (None,) * 5
+        ),
     )
 
 
@@ -325,14 +315,6 @@ def _load_capacity(
     payload[regular] = np.where(holds, masses.min(axis=-1), 0.0)
     margin[regular] = np.where(holds, np.where(np.isnan(reserves), np.inf, reserves).min(axis=-1), 0.0)
     return payload, margin
-
-
-def _stiffness_of(parameters: Parameters) -> FloatArray:
-    """The stiffness k of a leg (..., 1) [N/m]."""
-    k = np.asarray(per_leg(parameters.leg_stiffness), dtype=float)
-    if not (k > 0).all():
-        raise PlatformError("leg_stiffness", "is 0, rigid legs, which have no stiffness; expected a number > 0 [N/m]")
-    return k
 
 
 # --- grids of poses over two or three coordinates ---------------------------------------------------------------
@@ -468,7 +450,7 @@ def default_ranges(
         for axis, name in enumerate(over):
             if name in free:
                 # the ends of the region, extended by one point on either side
-                rows = np.flatnonzero(reached.any(axis=tuple(k for k in range(reached.ndim) if k != axis)))
+                rows = rows_reached(reached, axis)
                 values = swept[name]
                 ranges[name] = float(values[max(rows[0] - 1, 0)]), float(values[min(rows[-1] + 1, len(values) - 1)])
     for name in free:
@@ -480,6 +462,11 @@ def default_ranges(
         low, high = _rounded(name, low, high)
         ranges[name] = (max(low, box[name][0]), min(high, box[name][1]))
     return ranges
+
+
+def rows_reached(reached: NDArray[np.bool_], axis: int) -> NDArray[np.intp]:
+    """Indices along one axis of a grid at which any of its points is reached."""
+    return np.flatnonzero(reached.any(axis=tuple(k for k in range(reached.ndim) if k != axis)))
 
 
 def _is_bounded(platform: Platform, name: str) -> bool:
