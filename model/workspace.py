@@ -9,7 +9,7 @@ by the small twist K⁻¹ w, K = k Jᵀ J. What gravity adds by turning the legs
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,29 +56,21 @@ Range = tuple[float, float]
 class Limit(IntEnum):
     """The limit that makes a pose unreachable; if there are several, the first in this order."""
 
-    NONE = 0
-    PITCH = 1
-    SINGULAR = 2
-    LEG_TOO_SHORT = 3
-    LEG_TOO_LONG = 4
-    BASE_JOINT = 5
-    PLATFORM_JOINT = 6
+    text: str  # description
 
-    @property
-    def text(self) -> str:
-        """Description of the limit."""
-        return _TEXTS[self]
+    def __new__(cls, code: int, text: str) -> Self:
+        """A member with its number and description."""
+        limit = int.__new__(cls, code)
+        limit._value_, limit.text = code, text
+        return limit
 
-
-_TEXTS = {
-    Limit.NONE: "reachable",
-    Limit.PITCH: "pitch at ±90°",
-    Limit.SINGULAR: "beyond a singular pose",
-    Limit.LEG_TOO_SHORT: "a leg too short",
-    Limit.LEG_TOO_LONG: "a leg too long",
-    Limit.BASE_JOINT: "angle of a base joint",
-    Limit.PLATFORM_JOINT: "angle of a platform joint",
-}
+    NONE = 0, "reachable"
+    PITCH = 1, "pitch at ±90°"
+    SINGULAR = 2, "beyond a singular pose"
+    LEG_TOO_SHORT = 3, "a leg too short"
+    LEG_TOO_LONG = 4, "a leg too long"
+    BASE_JOINT = 5, "angle of a base joint"
+    PLATFORM_JOINT = 6, "angle of a platform joint"
 
 
 class PoseQualities(NamedTuple):
@@ -236,8 +228,11 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
             speed = np.nan_to_num(platform.leg_velocity_max / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1))
     payload = force_margin = None
     if platform.actuator_force_max is not None:
+        payload, force_margin = np.zeros((2, len(position)))
         regular = number < LARGEST_CONDITION_NUMBER
-        payload, force_margin = _load_capacity(platform, position, orientation, regular, platform.actuator_force_max)
+        payload[regular], force_margin[regular] = _load_capacity(
+            platform, position[regular], orientation[regular], platform.actuator_force_max
+        )
     leg_margins, joint_margins = (
         [margins[limit] for limit in limits if limit in margins]
         for limits in ((Limit.LEG_TOO_SHORT, Limit.LEG_TOO_LONG), (Limit.BASE_JOINT, Limit.PLATFORM_JOINT))
@@ -285,36 +280,30 @@ def _margins(
 
 
 def _load_capacity(
-    platform: Platform,
-    position: FloatArray,
-    orientation: FloatArray,
-    regular: NDArray[np.bool_],
-    largest_force: float,
+    platform: Platform, position: FloatArray, orientation: FloatArray, F: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Largest payload [kg] and largest force in any direction [N] that leg forces within ±`largest_force` hold at rest.
+    """Largest payload [kg] and largest force in any direction [N] that leg forces within ±F hold at rest.
 
     With A = J⁻ᵀ[:, :3] and the static leg forces f0, a force f at Op requires leg forces f0 − A f. A point mass m at Op
     adds m f1, f1 = −A g, so m = min_i (F − sign(f1_i) f0_i)/|f1_i|, which is infinite if no leg force changes. The
     worst direction for leg i is ±A_i, so the force margin is min_i (F − |f0_i|)/|A_i|. Both are 0 where |f0_i| > F for
-    some leg, and at poses that are not `regular`.
+    some leg.
     """
-    payload, margin = np.zeros(regular.shape), np.zeros(regular.shape)
-    unit_forces = np.broadcast_to(np.eye(6)[:, :3], (np.count_nonzero(regular), 6, 3))
 
     def solve(transposed: Array, held: Array) -> Array:
+        unit_forces = np.broadcast_to(np.eye(6)[:, :3], (len(held), 6, 3))
         return np.linalg.solve(transposed, np.concatenate([held[..., None], unit_forces], axis=-1))
 
-    forces = static_leg_forces(platform, position[regular], orientation[regular], solve=solve)
+    forces = static_leg_forces(platform, position, orientation, solve=solve)
     f0, A = forces[..., 0], forces[..., 1:]
     f1 = -apply(A, platform.gravity)
-    holds = (np.abs(f0) <= largest_force).all(axis=-1)
+    holds = (np.abs(f0) <= F).all(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         # 0/0: the leg is already at its limit, and the load does not change its force
-        masses = np.where(f1 == 0, np.inf, (largest_force - np.sign(f1) * f0) / np.abs(f1))
-        reserves = (largest_force - np.abs(f0)) / np.sqrt((A * A).sum(axis=-1))
-    payload[regular] = np.where(holds, masses.min(axis=-1), 0.0)
-    margin[regular] = np.where(holds, np.where(np.isnan(reserves), np.inf, reserves).min(axis=-1), 0.0)
-    return payload, margin
+        masses = np.where(f1 == 0, np.inf, (F - np.sign(f1) * f0) / np.abs(f1))
+        reserves = (F - np.abs(f0)) / np.sqrt((A * A).sum(axis=-1))
+    margin = np.where(np.isnan(reserves), np.inf, reserves).min(axis=-1)
+    return np.where(holds, masses.min(axis=-1), 0.0), np.where(holds, margin, 0.0)
 
 
 # --- grids of poses over two or three coordinates ---------------------------------------------------------------
@@ -526,25 +515,20 @@ def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapp
     for name in over:
         if name in at:
             raise WorkspaceError(f"{name} is both swept and fixed; expected one of them: leave it out of the other")
+    ends = [(name, end) for name, limits in over.items() for end in limits or ()]
+    for name, value in (*ends, *at.items()):
+        if not np.isfinite(value):
+            raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
+        # of a frame that is turned round at home, as many half turns as a quarter turn on either side of home needs
+        turns = max(1.0, np.ceil(abs(home[name]) / np.pi + 0.5)) if name != "pitch" else 1.0
+        most = LARGEST_ANGLES.get(name, np.inf) * turns
+        if abs(value) > most * (1 + 1e-12):
+            largest = np.degrees(most)
+            raise WorkspaceError(
+                f"{name} is {value:g} rad, {np.degrees(value):g}°; expected from −{largest:g}° to {largest:g}°; "
+                "numbers without a unit are in rad"
+            )
     for name, limits in over.items():
-        for end in limits or ():
-            _check_value(name, end, home[name])
         if limits is not None and not limits[0] < limits[1]:
             low, high = (f"{end:g} {COORDINATES[name]}" for end in limits)
             raise WorkspaceError(f"{name} goes from {low} to {high}; expected a range from low to high")
-    for name, value in at.items():
-        _check_value(name, value, home[name])
-
-
-def _check_value(name: str, value: float, home: float) -> None:
-    if not np.isfinite(value):
-        raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
-    # of a frame that is turned round at home, as many half turns as a quarter turn on either side of home needs
-    turns = max(1.0, np.ceil(abs(home) / np.pi + 0.5)) if name != "pitch" else 1.0
-    most = LARGEST_ANGLES.get(name, np.inf) * turns
-    if abs(value) > most * (1 + 1e-12):
-        largest = np.degrees(most)
-        raise WorkspaceError(
-            f"{name} is {value:g} rad, {np.degrees(value):g}°; expected from −{largest:g}° to {largest:g}°; "
-            "numbers without a unit are in rad"
-        )
