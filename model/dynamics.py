@@ -26,7 +26,6 @@ from gough_stewart.model.friction import friction_force
 from gough_stewart.model.kinematics import (
     LegGeometry,
     LegRates,
-    centripetal,
     condition_number_bound,
     jacobian_of_legs,
     joint_accelerations,
@@ -40,6 +39,7 @@ from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.vectors import (
     Array,
     apply,
+    centripetal,
     concatenate,
     cross,
     dot,

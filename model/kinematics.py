@@ -12,7 +12,7 @@ import numpy as np
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import State
-from gough_stewart.model.vectors import Array, cross, dot, without_warnings
+from gough_stewart.model.vectors import Array, centripetal, cross, dot, without_warnings
 
 
 class LegGeometry(NamedTuple):
@@ -97,11 +97,6 @@ def leg_accelerations(legs: LegGeometry, state: State, linear: Array, angular: A
     rates = rates_of_legs(legs, state)
     along = dot(legs.direction, joint_accelerations(legs, state.angular_velocity, linear, angular))
     return np.asarray(along + legs.length * dot(rates.direction_rate, rates.direction_rate))
-
-
-def centripetal(omega: Array, arm: Array) -> Array:
-    """ω×(ω×r)."""
-    return cross(omega, cross(omega, arm))
 
 
 def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) -> Array:

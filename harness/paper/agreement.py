@@ -88,7 +88,7 @@ def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Row]:
 
     task = dynamics.forward_dynamics(platform, state, inputs)
     R = matrix_from_orientation(state.orientation)
-    configuration, y = kane.consistent_start(platform, state.position, R, state.velocity, state.angular_velocity)
+    configuration, y = kane.consistent_start(platform, state)
     by_kane = kane.solve(platform, configuration, y, inputs.actuator_force)
     by_newton = newton_euler.solve(platform, state.position, R, state.velocity, state.angular_velocity, *inputs)
     accelerations = {

@@ -93,5 +93,6 @@ def run_kane(
     own_steps: bool = False,
     progress: TimeProgress | None = None,
 ) -> kane.KaneTrajectory:
-    """The paper's DAE with the method of ode45; see `kane.simulate`."""
-    return kane.simulate(case.platform, case.start, case.inputs, case.time, baumgarte, rtol, own_steps, progress)
+    """The paper's DAE with the method of ode45; see `kane.integrate`."""
+    start = kane.consistent_start(case.platform, case.start)
+    return kane.integrate(case.platform, *start, case.inputs, case.time, baumgarte, rtol, own_steps, progress)

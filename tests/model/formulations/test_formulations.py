@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from gough_stewart import Platform, State, load_preset
+from gough_stewart import load_preset
 from gough_stewart.model import dynamics, interface, kinematics
 from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.formulations.cases import paper_case
@@ -18,7 +18,7 @@ from tests.support.uneven import INPUTS, STATE, UNEVEN
 def by_kane(sample: Sample, axial_inertia: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Accelerations (n, 6) and joint forces (n, 6, 3)."""
     p, state, inputs = sample.parameters, sample.state, sample.inputs
-    start = kane.consistent_start(p, state.position, matrix_from_orientation(state.orientation), *state[2:])
+    start = kane.consistent_start(p, state)
     wrench = np.concatenate(inputs[1:], axis=-1)
     solution = kane.solve(p, *start, inputs.actuator_force, wrench, axial_inertia=axial_inertia)
     return solution.platform_acceleration, solution.joint_force
@@ -76,16 +76,12 @@ def test_the_kernel_gives_derivatives_and_outputs_of_the_numpy_functions(thousan
         assert relative_difference(found[name], value) <= 1e-10, name
 
 
-def start_of(platform: Platform, state: State) -> tuple[kane.Configuration, np.ndarray]:
-    R = matrix_from_orientation(state.orientation)
-    return kane.consistent_start(platform, state.position, R, state.velocity, state.angular_velocity)
-
-
 def test_the_dae_takes_an_uneven_platform_where_the_kernel_does() -> None:
     """Expected: the task-space kernel under DOP853; joint forces by its outputs; no drift to speak of."""
     reached: list[float] = []
     times = np.array([0.0, 0.1, 0.25])
-    run = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-9, progress=reached.append)
+    start = kane.consistent_start(UNEVEN, STATE)
+    run = kane.integrate(UNEVEN, *start, INPUTS, times, rtol=1e-9, progress=reached.append)
     kernel, p, u = Kernel(), parameter_vector(UNEVEN), INPUTS.to_vector()
     path = solve_ivp(
         lambda _t, x: kernel.derivatives(x, u, p).copy(),
@@ -113,7 +109,7 @@ def test_both_terms_of_baumgarte_have_their_own_number() -> None:
     Legs too long by six different gaps, with speeds that satisfy no constraint of the closures.
     """
     alpha, beta, times = 9.0, 3.5, np.array([0.0, 0.05, 0.2])
-    configuration, y = start_of(UNEVEN, STATE)
+    configuration, y = kane.consistent_start(UNEVEN, STATE)
     stretched = configuration._replace(slide=configuration.slide + 1e-5 * np.arange(1, 7))
     faster = y + 1e-5 * np.append(np.tile([0.0, 0.0, 0.0, 3.0], 6), np.zeros(6))
     run = kane.integrate(UNEVEN, stretched, faster, INPUTS, times, (alpha, beta))
