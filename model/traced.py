@@ -5,7 +5,7 @@
 x (12): position, orientation, velocity, angular_velocity. u (12): the inputs of the interface table. p: its
 platform parameters. y: its outputs and locals. Every vector in table order (`gough_stewart.model.interface`).
 
-The Functions are traced by calling `machine_equations` and functions of `kinematics` with object arrays of `casadi.SX`
+The Functions are traced by calling `plant_equations` and functions of `kinematics` with object arrays of `casadi.SX`
 scalars. They keep a leading axis of length 1, since NumPy turns 0-d object arrays into scalars.
 """
 
@@ -18,11 +18,16 @@ import casadi
 import numpy as np
 
 from gough_stewart.model import interface
-from gough_stewart.model.dynamics import forward_dynamics
+from gough_stewart.model.dynamics import equations_of_motion, grip_of_legs, plant_equations
 from gough_stewart.model.friction import Grip
 from gough_stewart.model.interface import N_INPUTS, N_STATES
-from gough_stewart.model.kinematics import LegGeometry, leg_geometry, rates_of_legs, scaled_jacobian_of_legs
-from gough_stewart.model.machine_dynamics import grip_of_legs, machine_equations
+from gough_stewart.model.kinematics import (
+    LegGeometry,
+    jacobian_of_legs,
+    leg_geometry,
+    rates_of_legs,
+    scaled_jacobian_of_legs,
+)
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
@@ -156,7 +161,7 @@ def posed_function(variant: Variant = IDEAL) -> casadi.Function:
     margins = zip(("square", "determinant", "size"), margins_function(variant)(x, p), strict=True)
     results = {"y": y[: interface.N_SIGNALS], **dict(margins)}
     if variant == IDEAL:
-        results["s"], _ = _split(*z)
+        results["s"], _ = _split()
     if variant.bristles:
         results["decay"] = decays_function(variant)(x, p)
     return _function("posed", (x, p), **results)
@@ -165,8 +170,8 @@ def posed_function(variant: Variant = IDEAL) -> casadi.Function:
 @_traced_once
 def motion_function() -> casadi.Function:
     """CasADi Function `motion`: (s, x, u) -> xdot, with s of `posed`: a wrench, and the solution of factors."""
-    x, u, p = _symbols_of(IDEAL)
-    shared, solved = _split(x, u, p)
+    x, u, _ = _symbols_of(IDEAL)
+    shared, solved = _split()
     s = casadi.SX.sym("s", shared.numel())
     return _function("motion", (s, x, u), xdot=solved(s))
 
@@ -183,7 +188,7 @@ def _equations(variant: Variant) -> tuple[tuple[casadi.SX, ...], casadi.SX, casa
     """The equations with symbols instead of numbers: (x, u, p), ẋ, y."""
     x, u, p = _symbols_of(variant)
     inputs = Inputs.from_vector(_symbols(u))
-    xdot, results = machine_equations(variant, _parameters(p, variant), _symbols(x), inputs, _solve_symbolically)
+    xdot, results = plant_equations(variant, _parameters(p, variant), _symbols(x), inputs, _solve_symbolically)
     return (x, u, p), _column(xdot), casadi.vertcat(*(_column(results[v.name]) for v in variant.results))
 
 
@@ -214,24 +219,18 @@ def _function(name: str, arguments: Sequence[casadi.SX], **results: casadi.SX) -
     return casadi.Function(name, [*arguments], casadi.cse([*results.values()]), names, [*results])
 
 
-def _split(x: casadi.SX, u: casadi.SX, p: casadi.SX) -> tuple[casadi.SX, Callable[[casadi.SX], casadi.SX]]:
-    """What the derivatives need of (x, p), s, and the derivatives as a function of s.
+def _split() -> tuple[casadi.SX, Callable[[casadi.SX], casadi.SX]]:
+    """What the derivatives need of (x, p), s, and the derivatives as a function of s, both of the ideal plant.
 
     M [v̇; ω̇] = b + B u with M = L D Lᵀ: s has the orientation's rates, D, Lᵀ, b and B.
     """
-    state, inputs = State.from_vector(_symbols(x)), Inputs.from_vector(_symbols(u))
-    systems = list[tuple[Array, Array]]()
-
-    def keep(matrix: Array, vector: Array) -> Array:
-        systems.append((matrix, vector))
-        return vector
-
-    forward_dynamics(_parameters(p, IDEAL), state, inputs, solve=keep)
-    ((M, vector),) = systems
-    wrench = _column(vector)
+    x, u, _ = _symbols_of(IDEAL)
+    _, parameters, state, legs = _legs(IDEAL)
+    M, n = equations_of_motion(parameters, state, legs)
     D, LT, order = casadi.ldl(casadi.vertcat(*(casadi.horzcat(*row) for row in M[0])))
     rate = _column(orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity))
-    B, b = casadi.jacobian(wrench, u), casadi.substitute(wrench, u, casadi.SX.zeros(u.numel()))
+    J = casadi.vertcat(*(casadi.horzcat(*row) for row in jacobian_of_legs(legs)[0]))
+    B, b = casadi.horzcat(J.T, casadi.SX.eye(6)), -_column(n)
     parts = [rate, casadi.vec(D), LT.nz[:], b, B.nz[:]]
     ends = np.cumsum([0, *(part.numel() for part in parts)]).tolist()
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, mass_matrix, static_leg_forces
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, mass_matrix, platform_side, static_leg_forces
 from gough_stewart.model.errors import PlatformError, WorkspaceError
 from gough_stewart.model.kinematics import (
     LegGeometry,
@@ -24,7 +24,6 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     scaled_jacobian_of_legs,
 )
-from gough_stewart.model.machine_dynamics import platform_side
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses

@@ -6,11 +6,13 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from gough_stewart import load_preset
-from gough_stewart.model import dynamics, interface, kinematics
+from gough_stewart.model import interface, kinematics
+from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.variant import IDEAL
 from tests.support.random_platforms import Sample, relative_difference
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 
@@ -37,10 +39,10 @@ def test_accelerations_and_joint_forces_agree_with_task_space(thousand: Sample, 
     """The multipliers λ of eq. (30) are the forces that Newton and Euler find in the platform joints."""
     assert callable(formulation)
     p, state, inputs = thousand.parameters, thousand.state, thousand.inputs
-    a = dynamics.forward_dynamics(p, state, inputs)
+    rates, results = plant_equations(IDEAL, p, state.to_vector(), inputs)
     acceleration, joint_force = formulation(thousand)
-    assert relative_difference(acceleration, np.concatenate(a, axis=-1)) <= 1e-10
-    assert relative_difference(joint_force, dynamics.joint_forces(p, state, inputs.actuator_force, a)) <= 1e-10
+    assert relative_difference(acceleration, rates[:, 6:]) <= 1e-10
+    assert relative_difference(joint_force, results["joint_force"]) <= 1e-10
 
 
 @pytest.mark.parametrize("formulation", [by_kane, by_newton_euler])
@@ -59,6 +61,7 @@ def test_the_kernel_gives_derivatives_and_outputs_of_the_numpy_functions(thousan
     rates = np.array([kernel.derivatives(x[k], u[k], of_platforms[k]).copy() for k in range(1000)])
     outputs = np.array([kernel.outputs(x[k], u[k], of_platforms[k]).copy() for k in range(1000)])
     acceleration, joint_force = by_newton_euler(thousand)
+    _, by_numpy = plant_equations(IDEAL, p, x, thousand.inputs)
     assert relative_difference(rates[:, 6:], acceleration) <= 1e-10
     expected = {
         **state._asdict(),
@@ -67,8 +70,7 @@ def test_the_kernel_gives_derivatives_and_outputs_of_the_numpy_functions(thousan
         "acceleration": acceleration[:, :3],
         "angular_acceleration": acceleration[:, 3:],
         "joint_force": joint_force,
-        "kinetic_energy": dynamics.kinetic_energy(p, state),
-        "potential_energy": dynamics.potential_energy(p, state.position, state.orientation),
+        **{name: by_numpy[name] for name in ("kinetic_energy", "potential_energy")},
     }
     found = interface.unpack(interface.RESULTS, outputs)
     assert found.keys() == expected.keys()
