@@ -27,7 +27,6 @@ class LegGeometry(NamedTuple):
 class LegRates(NamedTuple):
     """First derivatives of the leg geometry."""
 
-    joint_velocity: Array  # Ṗ_i (..., 6, 3) [m/s]
     length_rate: Array  # L̇_i (..., 6) [m/s]; the paper's sliding velocity
     direction_rate: Array  # u̇_i (..., 6, 3) [1/s]
 
@@ -79,7 +78,7 @@ def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
     velocity = state.velocity[..., None, :] + cross(state.angular_velocity[..., None, :], legs.arm)
     length_rate = dot(legs.direction, velocity)
     direction_rate = (velocity - length_rate[..., None] * legs.direction) * (1 / legs.length)[..., None]
-    return LegRates(velocity, length_rate, direction_rate)
+    return LegRates(length_rate, direction_rate)
 
 
 def joint_accelerations(legs: LegGeometry, angular_velocity: Array, linear: Array, angular: Array) -> Array:

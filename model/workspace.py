@@ -154,11 +154,31 @@ def evaluate_poses(
 def limits_at(platform: Platform, position: Array, orientation: Array) -> NDArray[np.int8]:
     """The `Limit` at poses (..., 3) only, at a third of the cost of `evaluate_poses`."""
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
+    return _reach(platform, position, orientation)[0]
+
+
+def _reach(
+    platform: Platform, position: FloatArray, orientation: FloatArray
+) -> tuple[NDArray[np.int8], LegGeometry, FloatArray, dict[Limit, FloatArray]]:
+    """The `Limit`, legs, side of singular poses, and margin of the worst leg [m] or joint [rad] by limit, at poses."""
+    margins = {}
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, position, orientation)
-        return _first_limit(
-            orientation, side_of_singular_poses(platform, legs), _margins(platform, legs, position, orientation)
-        )
+        side = side_of_singular_poses(platform, legs)
+        if platform.leg_length_min is not None:
+            margins[Limit.LEG_TOO_SHORT] = np.asarray(legs.length.min(axis=-1) - platform.leg_length_min)
+        if platform.leg_length_max is not None:
+            margins[Limit.LEG_TOO_LONG] = np.asarray(platform.leg_length_max - legs.length.max(axis=-1))
+        if platform.joint_angle_max is not None:
+            angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
+            for limit, angle in zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), angles, strict=True):
+                margins[limit] = np.asarray(platform.joint_angle_max - angle.max(axis=-1))
+    is_kept = {Limit.PITCH: np.abs(orientation[..., 1]) < LARGEST_PITCH, Limit.SINGULAR: side == 1}
+    is_kept |= {limit: margin >= 0 for limit, margin in margins.items()}
+    first = np.zeros(orientation.shape[:-1], np.int8)
+    for limit in sorted(is_kept, reverse=True):
+        first[~is_kept[limit]] = limit
+    return first, legs, side, margins
 
 
 def compliance(parameters: Parameters, position: Array, orientation: Array) -> Array:
@@ -216,13 +236,11 @@ def _stiffness(platform: Platform, position: FloatArray, orientation: FloatArray
 
 def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray) -> PoseQualities:
     """Results at poses (n, 3)."""
-    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
-        legs = leg_geometry(platform, position, orientation)
-        side = side_of_singular_poses(platform, legs)
-        number, smallest = conditioning_of_legs(legs)
-        margins = _margins(platform, legs, position, orientation)
-        speed = None
-        if platform.leg_velocity_max is not None:
+    limit, legs, side, margins = _reach(platform, position, orientation)
+    number, smallest = conditioning_of_legs(legs)
+    speed = None
+    if platform.leg_velocity_max is not None:
+        with np.errstate(all="ignore"):
             rows, _ = scaled_jacobian_of_legs(legs)
             speed = np.nan_to_num(platform.leg_velocity_max / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1))
     payload = force_margin = None
@@ -237,7 +255,7 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
         for limits in ((Limit.LEG_TOO_SHORT, Limit.LEG_TOO_LONG), (Limit.BASE_JOINT, Limit.PLATFORM_JOINT))
     )
     return PoseQualities(
-        _first_limit(orientation, side, margins),
+        limit,
         np.minimum.reduce(leg_margins) if leg_margins else None,
         np.minimum.reduce(joint_margins) if joint_margins else None,
         np.where(side == 1, smallest, -smallest),
@@ -251,31 +269,6 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
             else (None,) * 5
         ),
     )
-
-
-def _first_limit(orientation: FloatArray, side: FloatArray, margins: dict[Limit, FloatArray]) -> NDArray[np.int8]:
-    is_kept = {Limit.PITCH: np.abs(orientation[..., 1]) < LARGEST_PITCH, Limit.SINGULAR: side == 1}
-    is_kept |= {limit: margin >= 0 for limit, margin in margins.items()}
-    first = np.zeros(orientation.shape[:-1], np.int8)
-    for limit in sorted(is_kept, reverse=True):
-        first[~is_kept[limit]] = limit
-    return first
-
-
-def _margins(
-    platform: Platform, legs: LegGeometry, position: FloatArray, orientation: FloatArray
-) -> dict[Limit, FloatArray]:
-    """Margin of the worst leg [m] and of the worst joint [rad] for each limit that the platform states."""
-    margins = {}
-    if platform.leg_length_min is not None:
-        margins[Limit.LEG_TOO_SHORT] = np.asarray(legs.length.min(axis=-1) - platform.leg_length_min)
-    if platform.leg_length_max is not None:
-        margins[Limit.LEG_TOO_LONG] = np.asarray(platform.leg_length_max - legs.length.max(axis=-1))
-    if platform.joint_angle_max is not None:
-        angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
-        for limit, angle in zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), angles, strict=True):
-            margins[limit] = np.asarray(platform.joint_angle_max - angle.max(axis=-1))
-    return margins
 
 
 def _load_capacity(

@@ -67,11 +67,7 @@ _RESULTS: Mapping[str, tuple[str, str, str]] = {
         "Hz",
         "The lowest natural frequency of the platform on its legs, with motors that hold.",
     ),
-    "leg_length_margin": (
-        "stroke left",
-        "m",
-        "Of the leg that is nearest to an end of its stroke; negative beyond.",
-    ),
+    "leg_length_margin": ("stroke left", "m", "Of the leg that is nearest to an end of its stroke; negative beyond."),
     "joint_angle_margin": (
         "joint angle left",
         "rad",
