@@ -17,10 +17,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from gough_stewart.model import dynamics, interface, traced
+from gough_stewart.model import interface, traced
+from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.variant import IDEAL
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.support.pinocchio_platform import PinocchioPlatform
@@ -59,9 +61,7 @@ def main() -> int:
             return float(values[12]) * 1e-9
 
         rows: dict[str, Callable[[], float]] = {
-            "NumPy, forward_dynamics": timed(
-                lambda: dynamics.forward_dynamics(case.platform, case.start, case.inputs), 20
-            ),
+            "NumPy, plant_equations": timed(lambda: plant_equations(IDEAL, case.platform, x, case.inputs), 20),
             "kernel, CasADi VM through buffers": timed(lambda: k.derivatives(x, u, p), 1000),
             "kernel, compiled with zig cc -O3": compiled,
             "Pinocchio constraintDynamics, from Python": timed(engine.evaluate, 200),

@@ -1,4 +1,4 @@
-"""Task-space dynamics of the platform: M(pose) [v̇; ω̇] + n(state) = Jᵀ F + [f_ext; τ_ext], and its energy.
+"""Dynamics of the platform in task space, M(pose) [v̇; ω̇] + n(state) = Jᵀ F + [f_ext; τ_ext], and of its legs' parts.
 
 The only implementation of the physics at run time. Pure functions over leading axes, without data-dependent branches,
 so CasADi can trace them (see `gough_stewart.model.traced`). Twists are [v; ω], wrenches [force; torque about Op], all
@@ -14,33 +14,46 @@ Transverse, from the angular momentum I u×u̇ about B:   I ü⊥ + İ u̇ − h
 Axial, upper part alone:   m2 (u·P̈ + d |u̇|² − u·g) = f∥ + F − friction − m_a L̈,  L̈ = u·P̈ + L |u̇|²
 with u̇ = Ṗ⊥/L and ü⊥ = (P̈⊥ − 2 L̇ u̇)/L. So f = E P̈ + b − F u, with E = t 1 + (m2 + m_a − t) u uᵀ: at P the leg is
 a point mass t = I/L² with an additional mass along its axis.
+
+Stiction: the bristles' friction f replaces the smooth one. It acts along the leg, against the actuator force F, so the
+ideal dynamics see F − f and no friction of their own.
+
+Compliant legs: between motor and platform's side of leg i is a spring with a damper. The motor's side has the position
+s, the length that the leg would have without stretch, the friction f(ṡ) and the armature:
+
+    F_leg = k (s − L) + c (ṡ − L̇),    m_a s̈ = F − f(ṡ) − F_leg
+
+The platform's side is the ideal dynamics under F_leg, without friction and armature. k is `leg_stiffness`, c
+`leg_damping`, m_a `leg_armature`. As k grows, s → L and the two sides become the rigid leg.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from gough_stewart.model import interface
 from gough_stewart.model.errors import SingularPoseError
-from gough_stewart.model.friction import friction_force
+from gough_stewart.model.friction import Grip, bristle_decay, bristle_friction, friction_force, law_of_bristles
 from gough_stewart.model.kinematics import (
     LegGeometry,
     LegRates,
-    centripetal,
     condition_number_bound,
     jacobian_of_legs,
     joint_accelerations,
     leg_geometry,
     leg_rates,
     rates_of_legs,
-    wrench_from_leg_forces,
 )
-from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.operations import greater, where
+from gough_stewart.model.parameters import PHYSICAL, Parameters
+from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import (
     Array,
     apply,
+    centripetal,
     concatenate,
     cross,
     dot,
@@ -54,6 +67,8 @@ Solve = Callable[[Array, Array], Array]
 
 # Above this condition number of the Jacobian, leg forces would have no correct digits.
 LARGEST_CONDITION_NUMBER = 1e12
+# Of critical, for a leg's spring between the motor and a sixth of the platform: screws and joints have 1 to 5 %.
+LEG_DAMPING_RATIO = 0.02
 
 
 class Acceleration(NamedTuple):
@@ -101,32 +116,10 @@ def mass_matrix(parameters: Parameters, position: Array, orientation: Array) -> 
     ndarray
         M (..., 6, 6): blocks [kg], [kg m] and [kg m²] for v and ω.
     """
-    legs = leg_geometry(parameters, position, orientation)
-    return _mass_matrix(parameters, legs, _lumped_body(parameters, orientation, legs))
-
-
-@without_warnings
-def bias_wrench(parameters: Parameters, state: State) -> Array:
-    """Wrench n (..., 6) for [v̇; ω̇] = 0 without actuator forces: velocity-dependent inertia forces, weight, friction."""
-    legs = leg_geometry(parameters, state.position, state.orientation)
-    return _bias_wrench(parameters, state, legs, _lumped_body(parameters, state.orientation, legs))
-
-
-@without_warnings
-def forward_dynamics(
-    parameters: Parameters, state: State, inputs: Inputs, solve: Solve = solve_mass_matrix
-) -> Acceleration:
-    """Acceleration of the platform for given forces.
-
-    [v̇; ω̇] = M⁻¹ (Jᵀ F + [f_ext; τ_ext] − n), in m/s² and rad/s²; shapes (..., 3).
-    """
-    legs = leg_geometry(parameters, state.position, state.orientation)
-    body = _lumped_body(parameters, state.orientation, legs)
-    M = _mass_matrix(parameters, legs, body)
-    external = concatenate([inputs.external_force, inputs.external_torque])
-    applied = wrench_from_leg_forces(legs, inputs.actuator_force) + external
-    a = solve(M, applied - _bias_wrench(parameters, state, legs, body))
-    return Acceleration(a[..., :3], a[..., 3:])
+    rest = 0 * np.asarray(position)
+    state, legs = State(position, orientation, rest, rest), leg_geometry(parameters, position, orientation)
+    M, _ = equations_of_motion(parameters, state, legs)
+    return M
 
 
 @without_warnings
@@ -160,15 +153,13 @@ def inverse_dynamics(
     >>> state = gs.State(platform.home_position, platform.home_orientation, rest, rest)
     >>> gs.inverse_dynamics(platform, state, gs.Acceleration(np.array([0, 0, 2.0]), rest))
     """
-    state, external_wrench = State(*map(np.asarray, state)), np.asarray(external_wrench)
+    state = State(*map(np.asarray, state))
     legs = leg_geometry(parameters, state.position, state.orientation)
-    body = _lumped_body(parameters, state.orientation, legs)
-    M = _mass_matrix(parameters, legs, body)
-    needed = apply(M, concatenate(acceleration)) + _bias_wrench(parameters, state, legs, body)
-    return solve(transpose(jacobian_of_legs(legs)), needed - external_wrench)
+    M, n = equations_of_motion(parameters, state, legs)
+    needed = apply(M, concatenate(acceleration)) + n
+    return solve(transpose(jacobian_of_legs(legs)), needed - np.asarray(external_wrench))
 
 
-@without_warnings
 def static_leg_forces(
     parameters: Parameters,
     position: Array,
@@ -195,129 +186,66 @@ def static_leg_forces(
     >>> platform = gs.load_preset("liu2000")
     >>> gs.static_leg_forces(platform, platform.home_position, platform.home_orientation)
     """
-    position, orientation = np.asarray(position), np.asarray(orientation)
-    legs = leg_geometry(parameters, position, orientation)
-    com = apply(matrix_from_orientation(orientation), parameters.platform_com)
-    needed = _bias_force(parameters, legs)
-    weight = np.asarray(parameters.platform_mass)[..., None] * parameters.gravity
-    torque = cross(legs.arm, needed).sum(axis=-2) - cross(com, weight)
-    wrench = concatenate([needed.sum(axis=-2) - weight, torque])
-    return solve(transpose(jacobian_of_legs(legs)), wrench - np.asarray(external_wrench))
+    rest = 0 * np.asarray(position)
+    state = State(position, orientation, rest, rest)
+    return inverse_dynamics(parameters, state, Acceleration(rest, rest), external_wrench, solve)
 
 
-@without_warnings
-def joint_forces(parameters: Parameters, state: State, actuator_force: Array, acceleration: Acceleration) -> Array:
-    """Force of each leg on the platform at P_i (..., 6, 3) [N], world components.
+def equations_of_motion(parameters: Parameters, state: State, legs: LegGeometry) -> tuple[Array, Array]:
+    """The mass matrix M (..., 6, 6), and the wrench n (..., 6) that inertia, weight and friction need at [v̇; ω̇] = 0.
 
-    −f_i = F_i u_i − E_i P̈_i − b_i with P̈_i = v̇ + ω̇×c_i + ω×(ω×c_i); the multipliers λ_i of eq. (30).
+    G_iᵀ E_i G_i = t_i G_iᵀ G_i + (m_i − t_i) (G_iᵀ u_i)(G_iᵀ u_i)ᵀ, with m_i the mass along the axis of leg i: the
+    platform with a point mass t_i at each P_i, one rigid body, and for each leg a dyad of its row of the leg Jacobian.
     """
-    legs = leg_geometry(parameters, state.position, state.orientation)
-    b = _bias_force(parameters, legs, rates_of_legs(legs, state))
-    ddP = joint_accelerations(legs, state.angular_velocity, *acceleration)
-    u, t = legs.direction, _transverse_mass(parameters, legs.length)
-    along = (axial_mass(parameters) - t) * dot(u, ddP)
-    inertia = t[..., None] * ddP + along[..., None] * u
-    return np.asarray(actuator_force[..., None] * u - inertia - b)
+    R, omega, arm, u = matrix_from_orientation(state.orientation), state.angular_velocity, legs.arm, legs.direction
+    m, r = np.asarray(parameters.platform_mass)[..., None], apply(R, parameters.platform_com)
+    _, _, t, beyond = _leg_moments(parameters, legs.length)
+
+    # mass, first moment and inertia of that body about Op
+    tc, mr = t[..., None] * arm, m * r
+    mass, first = m + t[..., None].sum(axis=-2), mr + tc.sum(axis=-2)
+    inertia = R @ parameters.platform_inertia @ transpose(R)
+    inertia = inertia + _points_inertia(mr[..., None, :], r[..., None, :]) + _points_inertia(tc, arm)
+
+    wv, rows = skew(first), jacobian_of_legs(legs)
+    top, bottom = concatenate([mass[..., None] * np.eye(3), -wv]), concatenate([wv, inertia])
+    rigid = transpose(concatenate([transpose(top), transpose(bottom)]))
+    M = np.asarray(rigid + transpose(rows) @ (beyond[..., None] * rows))
+
+    along = beyond * dot(u, centripetal(omega[..., None, :], arm))
+    needed = _bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * u
+    weight = m * parameters.gravity
+    force = centripetal(omega, first) + needed.sum(axis=-2) - weight
+    torque = cross(omega, apply(inertia, omega)) + cross(arm, needed).sum(axis=-2) - cross(r, weight)
+    return M, concatenate([force, torque])
 
 
-@without_warnings
-def kinetic_energy(parameters: Parameters, state: State) -> Array:
-    """Kinetic energy (...) [J] of the platform and the six legs.
+def _leg_moments(parameters: Parameters, length: Array) -> tuple[Array, Array, Array, Array]:
+    """First moment h [kg m] and transverse second moment I [kg m²] of the legs about B at lengths L (..., 6) [m].
 
-    T = ½ m |v_G|² + ½ ωᵀ R J_p Rᵀ ω + Σ_i ½ I_i |u̇_i|² + ½ (m2 + m_a) L̇_i², with v_G = v + ω×(R r_G).
+    And the masses at P that they amount to [kg]: t = I/L² in all directions, and m2 + m_a − t in addition along u.
     """
-    legs = leg_geometry(parameters, state.position, state.orientation)
-    rates = rates_of_legs(legs, state)
-    R = matrix_from_orientation(state.orientation)
-    v_G = state.velocity + cross(state.angular_velocity, apply(R, parameters.platform_com))
-    w = apply(transpose(R), state.angular_velocity)
-    _, I = _leg_moments(parameters, legs.length)
-    du, dL = rates.direction_rate, rates.length_rate
-    of_legs = I * dot(du, du) + axial_mass(parameters) * dL * dL
-    of_platform = parameters.platform_mass * dot(v_G, v_G) + dot(w, apply(parameters.platform_inertia, w))
-    return np.asarray(0.5 * (of_platform + of_legs.sum(axis=-1)))
-
-
-@without_warnings
-def potential_energy(parameters: Parameters, position: Array, orientation: Array) -> Array:
-    """Potential energy of gravity (...) [J], zero with all masses at the world origin.
-
-    V = −g·(m (t + R r_G) + Σ_i (m1 + m2) B_i + h_i u_i), h_i the first moment of leg i about B_i.
-    """
-    legs = leg_geometry(parameters, position, orientation)
-    G = position + apply(matrix_from_orientation(orientation), parameters.platform_com)
-    h, _ = _leg_moments(parameters, legs.length)
-    leg_mass = per_leg(parameters.leg_lower_mass) + per_leg(parameters.leg_upper_mass)
-    moment = np.asarray(parameters.platform_mass)[..., None] * G
-    moment = moment + (leg_mass[..., None] * parameters.base_points + h[..., None] * legs.direction).sum(axis=-2)
-    return np.asarray(-dot(parameters.gravity, moment))
-
-
-def friction_power(parameters: Parameters, state: State) -> Array:
-    """Power (...) [W] dissipated by leg friction, never negative: Σ friction(L̇_i) L̇_i."""
-    dL = leg_rates(parameters, state).length_rate
-    return dot(friction_force(parameters, dL), dL)
-
-
-def axial_mass(parameters: Parameters) -> Array:
-    """Apparent mass (..., 1) [kg] of a leg for acceleration of its platform joint along u: m2 + m_a."""
-    return np.asarray(per_leg(parameters.leg_upper_mass) + per_leg(parameters.leg_armature))
-
-
-def _leg_moments(parameters: Parameters, length: Array) -> tuple[Array, Array]:
-    """First moment h [kg m] and transverse second moment I [kg m²] of the legs about B at lengths (..., 6) [m]."""
     m1, r1 = per_leg(parameters.leg_lower_mass), per_leg(parameters.leg_lower_com)
     m2, s2 = per_leg(parameters.leg_upper_mass), length - per_leg(parameters.leg_upper_com)
     J = per_leg(parameters.leg_lower_inertia) + per_leg(parameters.leg_upper_inertia)
-    return m1 * r1 + m2 * s2, m1 * r1 * r1 + J + m2 * s2 * s2
+    I = m1 * r1 * r1 + J + m2 * s2 * s2
+    t = np.asarray(I * (1 / length) * (1 / length))
+    return m1 * r1 + m2 * s2, I, t, np.asarray(m2 + per_leg(parameters.leg_armature) - t)
 
 
-def _transverse_mass(parameters: Parameters, length: Array) -> Array:
-    """Apparent mass (..., 6) [kg] of a leg for acceleration of its platform joint across u: t = I/L²."""
-    _, I = _leg_moments(parameters, length)
-    return np.asarray(I * (1 / length) * (1 / length))
-
-
-def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates | None = None) -> Array:
-    """Force (..., 6, 3) [N] that the legs need at their platform joints when P̈ = 0 and F = 0; at rest without rates.
+def _bias_force(parameters: Parameters, legs: LegGeometry, rates: LegRates) -> Array:
+    """Force (..., 6, 3) [N] that the legs need at their platform joints when P̈ = 0 and F = 0.
 
     b = ((m2 d + m_a L) |u̇|² − m2 u·g + friction) u − (2 I L̇/L² − 2 m2 (L − d) L̇/L) u̇ − (h/L) g⊥.
     """
     u, L, m2 = legs.direction, legs.length, per_leg(parameters.leg_upper_mass)
-    g = parameters.gravity[..., None, :]
-    h, I = _leg_moments(parameters, L)
-    per_g = h * (1 / L)
-    along_u = (per_g - m2) * dot(u, g)
-    if rates is None:
-        return np.asarray(along_u[..., None] * u - per_g[..., None] * g)
-    du, dL = rates.direction_rate, rates.length_rate
+    du, dL, g = rates.direction_rate, rates.length_rate, parameters.gravity[..., None, :]
     d, m_a = per_leg(parameters.leg_upper_com), per_leg(parameters.leg_armature)
-    along_u = (m2 * d + m_a * L) * dot(du, du) + along_u + friction_force(parameters, dL)
+    h, I, _, _ = _leg_moments(parameters, L)
+    per_g = h * (1 / L)
+    along_u = (m2 * d + m_a * L) * dot(du, du) + (per_g - m2) * dot(u, g) + friction_force(parameters, dL)
     along_du = 2 * dL * (1 / L) * (m2 * (L - d) - I * (1 / L))
     return np.asarray(along_u[..., None] * u + along_du[..., None] * du - per_g[..., None] * g)
-
-
-class _LumpedBody(NamedTuple):
-    """The platform with a point mass t_i at each P_i, t_i the leg's transverse mass: one rigid body about Op."""
-
-    mass: Array  # (...) [kg]
-    first: Array  # first moment (..., 3) [kg m]
-    second: Array  # inertia (..., 3, 3) [kg m2]
-    arm: Array  # from Op to the platform's own centre of mass, R r_G (..., 3) [m]
-
-
-def _lumped_body(parameters: Parameters, orientation: Array, legs: LegGeometry) -> _LumpedBody:
-    R = matrix_from_orientation(orientation)
-    m, r = np.asarray(parameters.platform_mass)[..., None], apply(R, parameters.platform_com)
-    J = R @ parameters.platform_inertia @ transpose(R)
-    t = _transverse_mass(parameters, legs.length)[..., None]
-    tc, mr = t * legs.arm, m * r
-    return _LumpedBody(
-        mass=(m + t.sum(axis=-2))[..., 0],
-        first=mr + tc.sum(axis=-2),
-        second=J + _points_inertia(mr[..., None, :], r[..., None, :]) + _points_inertia(tc, legs.arm),
-        arm=r,
-    )
 
 
 def _points_inertia(moments: Array, arms: Array) -> Array:
@@ -338,27 +266,133 @@ def _points_inertia(moments: Array, arms: Array) -> Array:
     )
 
 
-def _beyond_lumped(parameters: Parameters, legs: LegGeometry) -> Array:
-    """Apparent mass of each leg along its axis in addition to its point mass: m2 + m_a − t (..., 6) [kg]."""
-    return np.asarray(axial_mass(parameters) - _transverse_mass(parameters, legs.length))
+@without_warnings
+def plant_equations(
+    variant: Variant, parameters: Parameters, x: Array, inputs: Inputs, solve: Solve = solve_mass_matrix
+) -> tuple[Array, dict[str, Array]]:
+    """ẋ (..., n) in the order of the variant's states, and its outputs and locals by name.
+
+    `leg_force` is that on the platform's side of each leg; `joint_force`, of the leg on the platform at P_i, is
+    −f_i = F_i u_i − E_i P̈_i − b_i, the multipliers λ_i of eq. (30). Energies are T = ½ [v; ω]ᵀ M [v; ω] and
+    V = −g·(m (t + R r_G) + Σ_i (m1 + m2) B_i + h_i u_i), zero with all masses at the world origin, and those of motors
+    and springs, not of bristles.
+    """
+    platform, parts = State.from_vector(x[..., :12]), interface.unpack(variant.states[4:], x[..., 12:])
+    rigid_side = platform_side(variant, parameters)
+    legs = leg_geometry(parameters, platform.position, platform.orientation)
+    rates = rates_of_legs(legs, platform)
+
+    # friction at the sliding velocity, then the spring between the motor and the platform's side
+    part_rates, leg_force = list[Array](), inputs.actuator_force
+    sliding = parts["motor_velocity"] if variant.springs else rates.length_rate
+    if variant.bristles:
+        friction, bristle_rate = bristle_friction(law_of_bristles(variant, parameters), sliding, parts["leg_bristle"])
+        part_rates.append(bristle_rate)
+        leg_force = leg_force - friction
+    elif variant.springs:
+        leg_force = leg_force - friction_force(parameters, sliding)
+    if variant.springs:
+        k, m_a, motor_force = per_leg(parameters.leg_stiffness), per_leg(parameters.leg_armature), leg_force
+        # positive extends the leg
+        stretch, stretch_rate = parts["motor_position"] - legs.length, sliding - rates.length_rate
+        leg_force = k * stretch + leg_damping(parameters) * stretch_rate
+        part_rates += [sliding, (motor_force - leg_force) / m_a]
+
+    M, n = equations_of_motion(rigid_side, platform, legs)
+    external = concatenate([inputs.external_force, inputs.external_torque])
+    acceleration = solve(M, apply(transpose(jacobian_of_legs(legs)), leg_force) + external - n)
+    linear, angular = acceleration[..., :3], acceleration[..., 3:]
+    turning = orientation_rate_from_angular_velocity(platform.orientation, platform.angular_velocity)
+
+    u, (h, _, t, beyond) = legs.direction, _leg_moments(rigid_side, legs.length)
+    ddP = joint_accelerations(legs, platform.angular_velocity, linear, angular)
+    inertia = t[..., None] * ddP + (beyond * dot(u, ddP))[..., None] * u
+    twist = concatenate([platform.velocity, platform.angular_velocity])
+    kinetic = 0.5 * dot(twist, apply(M, twist))
+    G = platform.position + apply(matrix_from_orientation(platform.orientation), parameters.platform_com)
+    leg_mass = per_leg(parameters.leg_lower_mass) + per_leg(parameters.leg_upper_mass)
+    moment = (leg_mass[..., None] * parameters.base_points + h[..., None] * u).sum(axis=-2)
+    potential = -dot(parameters.gravity, np.asarray(parameters.platform_mass)[..., None] * G + moment)
+    if variant.springs:
+        kinetic = kinetic + 0.5 * (m_a * sliding * sliding).sum(axis=-1)
+        potential = potential + 0.5 * (k * stretch * stretch).sum(axis=-1)
+    return concatenate([platform.velocity, turning, linear, angular, *part_rates]), {
+        **platform._asdict(),
+        **parts,
+        "leg_length": legs.length,
+        "leg_velocity": rates.length_rate,
+        "acceleration": linear,
+        "angular_acceleration": angular,
+        "joint_force": leg_force[..., None] * u - inertia - _bias_force(rigid_side, legs, rates),
+        "leg_force": leg_force,
+        "kinetic_energy": kinetic,
+        "potential_energy": potential,
+    }
 
 
-def _mass_matrix(parameters: Parameters, legs: LegGeometry, body: _LumpedBody) -> Array:
-    # G_iᵀ E_i G_i = t_i G_iᵀ G_i + (m_i − t_i) (G_iᵀ u_i)(G_iᵀ u_i)ᵀ: a point mass, and row i of the leg Jacobian
-    vv = body.mass[..., None, None] * np.eye(3)
-    wv = skew(body.first)
-    top, bottom = concatenate([vv, -wv]), concatenate([wv, body.second])
-    rigid = transpose(concatenate([transpose(top), transpose(bottom)]))
-    rows = jacobian_of_legs(legs)
-    return np.asarray(rigid + transpose(rows) @ (_beyond_lumped(parameters, legs)[..., None] * rows))
+def platform_side(variant: Variant, parameters: Parameters) -> Parameters:
+    """The parameters for the ideal dynamics under the force on the platform's side of the legs."""
+    if not variant.parts:
+        return parameters
+    without = {"leg_viscous_friction": 0.0, "leg_coulomb_friction": 0.0}
+    if variant.springs:
+        without["leg_armature"] = 0.0
+    values: dict[str, Any] = {row.name: getattr(parameters, row.name) for row in PHYSICAL}
+    return Parameters(**(values | {name: 0.0 * values[name] for name in without}))
 
 
-def _bias_wrench(parameters: Parameters, state: State, legs: LegGeometry, body: _LumpedBody) -> Array:
-    # as in the mass matrix: the motion of the lumped body, then the additional forces of the legs
-    omega = state.angular_velocity
-    along = _beyond_lumped(parameters, legs) * dot(legs.direction, centripetal(omega[..., None, :], legs.arm))
-    needed = _bias_force(parameters, legs, rates_of_legs(legs, state)) + along[..., None] * legs.direction
-    weight = np.asarray(parameters.platform_mass)[..., None] * parameters.gravity
-    force = centripetal(omega, body.first) + needed.sum(axis=-2) - weight
-    torque = cross(omega, apply(body.second, omega)) + cross(legs.arm, needed).sum(axis=-2) - cross(body.arm, weight)
-    return concatenate([force, torque])
+def grip_of_legs(variant: Variant, parameters: Parameters, x: Array, solve: Solve = solve_mass_matrix) -> Grip:
+    """What the bristles do within a step.
+
+    The part σ1 ż of friction accelerates the platform by −Γ ż with Γ = M⁻¹ Jᵀ diag(σ1), motors that have springs with
+    Γ = diag(σ1)/m_a.
+    """
+    platform, parts = State.from_vector(x[..., :12]), interface.unpack(variant.states[4:], x[..., 12:])
+    law, legs = law_of_bristles(variant, parameters), leg_geometry(parameters, platform.position, platform.orientation)
+    if variant.springs:
+        sliding = parts["motor_velocity"]
+        gain = np.eye(6) * (law.damping / per_leg(parameters.leg_armature))[..., None]
+    else:
+        sliding = rates_of_legs(legs, platform).length_rate
+        M, wrenches = mass_matrix(parameters, platform.position, platform.orientation), jacobian_of_legs(legs)
+        rows = [solve(M, law.damping[..., i : i + 1] * wrenches[..., i, :]) for i in range(6)]
+        gain = np.stack(rows, axis=-1)
+    decay = bristle_decay(law, sliding, parts["leg_bristle"])
+    return Grip(decay, gain, law.stiffness / law.damping, law.coulomb / law.stiffness, sliding)
+
+
+def leg_damping(parameters: Parameters) -> Array:
+    """C (..., 1) [N s/m]: `leg_damping`, or where that is 0 `LEG_DAMPING_RATIO` of critical."""
+    motor = per_leg(parameters.leg_armature)
+    load = per_leg(parameters.leg_upper_mass) + np.asarray(per_leg(parameters.platform_mass) / 6)
+    critical = 2 * np.sqrt(per_leg(parameters.leg_stiffness) * motor * load / (motor + load))
+    damping = per_leg(parameters.leg_damping)
+    return where(greater(damping, 0.0), damping, LEG_DAMPING_RATIO * critical)
+
+
+def holding_motor_position(parameters: Parameters, position: Array, orientation: Array) -> Array:
+    """Motor positions (..., 6) [m] that hold a pose at rest: leg length plus stretch, s = L + F/k; L of rigid legs.
+
+    Raises
+    ------
+    SingularPoseError
+        The leg forces cannot hold this pose.
+    """
+    length = leg_geometry(parameters, position, orientation).length
+    if not np.all(parameters.leg_stiffness > 0):
+        return length
+    forces = static_leg_forces(parameters, position, orientation)
+    return np.asarray(length + forces / per_leg(parameters.leg_stiffness))
+
+
+def motors_at(parameters: Parameters, state: State) -> dict[str, Array]:
+    """`motor_position` and `motor_velocity` (..., 6) that hold a pose and move with its twist."""
+    return {
+        "motor_position": holding_motor_position(parameters, state.position, state.orientation),
+        "motor_velocity": leg_rates(parameters, state).length_rate,
+    }
+
+
+def states_at(platform: Parameters, state: State) -> dict[str, Array]:
+    """The states at a pose and its twist, by name: compliant legs hold it; bristles, which start at 0, are left out."""
+    return state._asdict() | (motors_at(platform, state) if Variant.of(platform).springs else {})

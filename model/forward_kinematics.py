@@ -6,7 +6,7 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, NoPoseError
-from gough_stewart.model.kinematics import conditioning, handedness_of_legs, leg_geometry, leg_jacobian
+from gough_stewart.model.kinematics import conditioning_of_legs, handedness_of_legs, jacobian_of_legs, leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import SINGULAR_CONDITION_NUMBER
 from gough_stewart.model.rotations import (
@@ -98,9 +98,9 @@ def forward_kinematics(
     while history[-1] > close:
         if len(history) > max_iterations:
             raise _no_pose(f"no convergence after {max_iterations} iterations", t, o, history)
-        if not conditioning(platform, t, o).condition_number < SINGULAR_CONDITION_NUMBER:
+        if not conditioning_of_legs(legs).condition_number < SINGULAR_CONDITION_NUMBER:
             raise _no_pose("the leg Jacobian is singular there", t, o, history)
-        step = np.linalg.solve(leg_jacobian(platform, t, o), error)
+        step = np.linalg.solve(jacobian_of_legs(legs), error)
         # limit the step by the platform's size, then halve it until the lengths improve without a singular pose between
         size = max(np.linalg.norm(step[:3]) / platform.characteristic_length, np.linalg.norm(step[3:]))
         share = min(1.0, LARGEST_STEP / float(size))

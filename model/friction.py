@@ -23,7 +23,7 @@ import numpy as np
 
 from gough_stewart.model.operations import clip, greater, maximum, reached, sign, where
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.variant import LUGRE
+from gough_stewart.model.variant import LUGRE, Variant
 from gough_stewart.model.vectors import Array, Scalars, per_leg
 
 # Presliding distance F_s/σ0 of ball screws and linear guides, a few to some ten micrometres.
@@ -67,13 +67,17 @@ def friction_force(parameters: Parameters, length_rate: Array) -> Array:
     return np.asarray(c * length_rate + C * np.tanh(length_rate / per_leg(parameters.leg_friction_velocity)))
 
 
-def bristles_of(parameters: Parameters, mass: Array) -> Bristles:
+def law_of_bristles(variant: Variant, parameters: Parameters) -> Bristles:
     """The law's parameters; those that are 0 follow from the others.
 
-    F_s = F_c, σ0 = F_s / `PRESLIDING`, σ1 = 2 ζ √(σ0 m) with ζ = `DAMPING_RATIO` and the mass m (..., 1) [kg] behind a
-    leg's friction, and a breakaway share of `BREAKAWAY_SHARE`. Each leg's `leg_coulomb_friction_factor` is also that
-    of its static friction.
+    F_s = F_c, σ0 = F_s / `PRESLIDING`, σ1 = 2 ζ √(σ0 m) with ζ = `DAMPING_RATIO`, and a breakaway share of
+    `BREAKAWAY_SHARE`. m is the mass behind a leg's friction: the armature of a leg with a spring, of a rigid one also
+    its upper part and a sixth of the platform. Each leg's `leg_coulomb_friction_factor` is also that of its static
+    friction.
     """
+    mass = per_leg(parameters.leg_armature)
+    if not variant.springs:
+        mass = per_leg(parameters.leg_upper_mass) + mass + np.asarray(per_leg(parameters.platform_mass) / 6)
     factor = parameters.leg_coulomb_friction_factor
     coulomb = per_leg(parameters.leg_coulomb_friction) * factor
     static = _or(per_leg(parameters.leg_static_friction) * factor, coulomb)
@@ -91,9 +95,10 @@ def bristles_of(parameters: Parameters, mass: Array) -> Bristles:
     )
 
 
-def bristle_rate(law: Bristles, velocity: Array, bristle: Array) -> Array:
-    """ż (..., 6) [m/s] for sliding velocities v [m/s] and deflections z [m] (..., 6)."""
-    return np.asarray(velocity - bristle_decay(law, velocity, bristle) * bristle)
+def bristle_friction(law: Bristles, velocity: Array, bristle: Array) -> tuple[Array, Array]:
+    """Friction f [N] against the sliding velocity v [m/s], and ż [m/s], at deflections z [m]; each (..., 6)."""
+    rate = np.asarray(velocity - bristle_decay(law, velocity, bristle) * bristle)
+    return np.asarray(law.stiffness * bristle + law.damping * rate + law.viscous * velocity), rate
 
 
 def bristle_decay(law: Bristles, velocity: Array, bristle: Array) -> Array:
@@ -106,12 +111,6 @@ def bristle_decay(law: Bristles, velocity: Array, bristle: Array) -> Array:
     share = clip((along - law.breakaway) / (sliding - law.breakaway), 0.0, 1.0)
     plastic = maximum(0.5 - 0.5 * np.cos(np.pi * share), law.is_lugre)
     return np.asarray(plastic * np.abs(velocity) / sliding)
-
-
-def bristle_force(law: Bristles, velocity: Array, bristle: Array) -> Array:
-    """Friction f (..., 6) [N] against the sliding velocity."""
-    rate = bristle_rate(law, velocity, bristle)
-    return np.asarray(law.stiffness * bristle + law.damping * rate + law.viscous * velocity)
 
 
 def _or(value: Array, derived: Scalars) -> Array:

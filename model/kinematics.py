@@ -12,7 +12,7 @@ import numpy as np
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import State
-from gough_stewart.model.vectors import Array, cross, dot, transpose, without_warnings
+from gough_stewart.model.vectors import Array, centripetal, cross, dot, without_warnings
 
 
 class LegGeometry(NamedTuple):
@@ -27,7 +27,6 @@ class LegGeometry(NamedTuple):
 class LegRates(NamedTuple):
     """First derivatives of the leg geometry."""
 
-    joint_velocity: Array  # Ṗ_i (..., 6, 3) [m/s]
     length_rate: Array  # L̇_i (..., 6) [m/s]; the paper's sliding velocity
     direction_rate: Array  # u̇_i (..., 6, 3) [1/s]
 
@@ -37,7 +36,6 @@ class Conditioning(NamedTuple):
 
     condition_number: Array  # σ_max / σ_min (...); infinite at a singular pose
     smallest_singular_value: Array  # σ_min (...), 0 at a singular pose; at most √2
-    characteristic_length: Array  # ρ (...) [m], the scale of angles
 
 
 @without_warnings
@@ -80,7 +78,7 @@ def rates_of_legs(legs: LegGeometry, state: State) -> LegRates:
     velocity = state.velocity[..., None, :] + cross(state.angular_velocity[..., None, :], legs.arm)
     length_rate = dot(legs.direction, velocity)
     direction_rate = (velocity - length_rate[..., None] * legs.direction) * (1 / legs.length)[..., None]
-    return LegRates(velocity, length_rate, direction_rate)
+    return LegRates(length_rate, direction_rate)
 
 
 def joint_accelerations(legs: LegGeometry, angular_velocity: Array, linear: Array, angular: Array) -> Array:
@@ -98,11 +96,6 @@ def leg_accelerations(legs: LegGeometry, state: State, linear: Array, angular: A
     rates = rates_of_legs(legs, state)
     along = dot(legs.direction, joint_accelerations(legs, state.angular_velocity, linear, angular))
     return np.asarray(along + legs.length * dot(rates.direction_rate, rates.direction_rate))
-
-
-def centripetal(omega: Array, arm: Array) -> Array:
-    """ω×(ω×r)."""
-    return cross(omega, cross(omega, arm))
 
 
 def leg_jacobian(parameters: Parameters, position: Array, orientation: Array) -> Array:
@@ -134,12 +127,12 @@ def conditioning(parameters: Parameters, position: Array, orientation: Array) ->
 
 def conditioning_of_legs(legs: LegGeometry) -> Conditioning:
     """Closeness to a singular pose of known leg geometry; infinite and 0 where a leg of length 0 has no direction."""
-    scaled, rho = scaled_jacobian_of_legs(legs)
+    scaled, _ = scaled_jacobian_of_legs(legs)
     has_directions = np.asarray(np.isfinite(scaled).all(axis=(-1, -2)))
     sigma = np.linalg.svd(np.where(has_directions[..., None, None], scaled, 0.0), compute_uv=False)
     with np.errstate(divide="ignore", invalid="ignore"):
         number = np.where(has_directions, sigma[..., 0] / sigma[..., -1], np.inf)
-    return Conditioning(np.asarray(number), np.asarray(sigma[..., -1]), rho)
+    return Conditioning(np.asarray(number), np.asarray(sigma[..., -1]))
 
 
 def condition_number_bound(matrix: Array) -> Array:
@@ -187,8 +180,3 @@ def _angle_between(a: Array, b: Array) -> Array:
     """Angle between unit vectors (..., 3), accurate near 0: 2 atan2(|a − b|, |a + b|)."""
     minus, plus = a - b, a + b
     return np.asarray(2 * np.arctan2(np.sqrt(dot(minus, minus)), np.sqrt(dot(plus, plus))))
-
-
-def wrench_from_leg_forces(legs: LegGeometry, force: Array) -> Array:
-    """Wrench (..., 6) at Op of axial leg forces (..., 6): Jᵀ F."""
-    return np.asarray((transpose(jacobian_of_legs(legs)) * force[..., None, :]).sum(axis=-1))

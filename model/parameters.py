@@ -1,7 +1,7 @@
 """The ONE table of a platform's parameters: name, shape, unit, default, bound, meaning. All else derives from it.
 
 To add a parameter, add one entry at the end of `ParametersOf`, so that older ones keep their value references in the
-FMU. Its physics belongs in `dynamics`, `friction` or `machine_dynamics`, and the formulations that check them. A limit
+FMU. Its physics belongs in `dynamics` or `friction`, and the formulations that check them. A limit
 that the dynamics ignore is one entry in `PlatformFields`.
 """
 

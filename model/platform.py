@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model import platform_checks
-from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.dynamics import holding_motor_position, static_leg_forces
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import nearest, unit_text
 from gough_stewart.model.joint_circles import REPLACED, Pairing, joints_on_circles
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.machine_dynamics import holding_motor_position
 from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, TEXTS, Parameters, PlatformFields, in_words
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_hints import platform_hints

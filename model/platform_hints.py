@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart.model.friction import law_of_bristles
 from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
-from gough_stewart.model.machine_dynamics import law_of_bristles
 from gough_stewart.model.parameters import PlatformFields
 from gough_stewart.model.variant import LUGRE, Variant
 from gough_stewart.model.vectors import FloatArray, dot

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from gough_stewart.model import interface
 from gough_stewart.model.compiled_stepper import CompiledStepper
+from gough_stewart.model.dynamics import motors_at
 from gough_stewart.model.errors import InterfaceError
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, N_INPUTS, TOLERANCES, Variable, end_of_step
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.machine_dynamics import MachineState, motors_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import LARGEST_STRETCH, check_leg_com_offsets
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SHORTEST_LEG
@@ -369,7 +369,7 @@ class SteppingModel:
 
     def _refuse_stretched(self, lengths: NDArray[np.float64]) -> None:
         """Motors far from their legs at the start belong to another pose."""
-        motors = MachineState.from_vector(self._variant, self._x).motor_position
+        motors = interface.unpack(self._variant.states, self._x)["motor_position"]
         leg = int(np.argmax(np.abs(motors - lengths) / lengths))
         if not abs(motors[leg] - lengths[leg]) <= LARGEST_STRETCH * lengths[leg]:
             raise InterfaceError(

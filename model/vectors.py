@@ -32,6 +32,11 @@ def cross(a: Array, b: Array) -> Array:
     )
 
 
+def centripetal(omega: Array, arm: Array) -> Array:
+    """ω×(ω×r) of (..., 3) vectors."""
+    return cross(omega, cross(omega, arm))
+
+
 def skew(a: Array) -> Array:
     """Matrix ã (..., 3, 3) with ã b = a×b; eq. (4) of Liu, Li & Li (2000)."""
     x, y, z = a[..., 0], a[..., 1], a[..., 2]

@@ -9,12 +9,12 @@ by the small twist K⁻¹ w, K = k Jᵀ J. What gravity adds by turning the legs
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, bias_wrench, mass_matrix
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, mass_matrix, platform_side, static_leg_forces
 from gough_stewart.model.errors import PlatformError, WorkspaceError
 from gough_stewart.model.kinematics import (
     LegGeometry,
@@ -24,12 +24,10 @@ from gough_stewart.model.kinematics import (
     leg_geometry,
     scaled_jacobian_of_legs,
 )
-from gough_stewart.model.machine_dynamics import platform_side
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle
-from gough_stewart.model.state import State
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import Array, FloatArray, apply, per_leg, transpose
 
@@ -57,39 +55,21 @@ Range = tuple[float, float]
 class Limit(IntEnum):
     """The limit that makes a pose unreachable; if there are several, the first in this order."""
 
-    NONE = 0
-    PITCH = 1
-    SINGULAR = 2
-    LEG_TOO_SHORT = 3
-    LEG_TOO_LONG = 4
-    BASE_JOINT = 5
-    PLATFORM_JOINT = 6
+    text: str  # description
 
-    @property
-    def text(self) -> str:
-        """Description of the limit."""
-        return _TEXTS[self]
+    def __new__(cls, code: int, text: str) -> Self:
+        """A member with its number and description."""
+        limit = int.__new__(cls, code)
+        limit._value_, limit.text = code, text
+        return limit
 
-
-_TEXTS = {
-    Limit.NONE: "reachable",
-    Limit.PITCH: "pitch at ±90°",
-    Limit.SINGULAR: "beyond a singular pose",
-    Limit.LEG_TOO_SHORT: "a leg too short",
-    Limit.LEG_TOO_LONG: "a leg too long",
-    Limit.BASE_JOINT: "angle of a base joint",
-    Limit.PLATFORM_JOINT: "angle of a platform joint",
-}
-
-
-class PoseStiffness(NamedTuple):
-    """Stiffness and first mode at poses, each (...); 0 at singular poses."""
-
-    translational_stiffness: FloatArray  # force at Op over displacement along it, in the softest direction [N/m]
-    translational_stiffness_max: FloatArray  # in the stiffest [N/m]
-    rotational_stiffness: FloatArray  # torque over rotation about it, about the softest axis [N m/rad]
-    rotational_stiffness_max: FloatArray  # about the stiffest [N m/rad]
-    first_mode: FloatArray  # lowest natural frequency with motors that hold [Hz]
+    NONE = 0, "reachable"
+    PITCH = 1, "pitch at ±90°"
+    SINGULAR = 2, "beyond a singular pose"
+    LEG_TOO_SHORT = 3, "a leg too short"
+    LEG_TOO_LONG = 4, "a leg too long"
+    BASE_JOINT = 5, "angle of a base joint"
+    PLATFORM_JOINT = 6, "angle of a platform joint"
 
 
 class PoseQualities(NamedTuple):
@@ -103,7 +83,8 @@ class PoseQualities(NamedTuple):
     payload: FloatArray | None  # largest point mass at Op that the actuators hold at rest [kg]
     force_margin: FloatArray | None  # largest force at Op in any direction that they hold at rest [N]
     largest_speed: FloatArray | None  # of the twist [v; ρ ω] in any direction, limited by `leg_velocity_max` [m/s]
-    # the parts of `PoseStiffness`
+    # of compliant legs, 0 at singular poses: force at Op over displacement along it, in the softest and the stiffest
+    # direction [N/m], torque over rotation about it [N m/rad], lowest natural frequency with motors that hold [Hz]
     translational_stiffness: FloatArray | None
     translational_stiffness_max: FloatArray | None
     rotational_stiffness: FloatArray | None
@@ -114,6 +95,10 @@ class PoseQualities(NamedTuple):
     def reachable(self) -> NDArray[np.bool_]:
         """Whether the pose is within all limits."""
         return np.asarray(self.limit == Limit.NONE)
+
+
+# Results of compliant legs.
+STIFFNESS = PoseQualities._fields[-5:]
 
 
 def evaluate_poses(
@@ -169,11 +154,31 @@ def evaluate_poses(
 def limits_at(platform: Platform, position: Array, orientation: Array) -> NDArray[np.int8]:
     """The `Limit` at poses (..., 3) only, at a third of the cost of `evaluate_poses`."""
     position, orientation = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
+    return _reach(platform, position, orientation)[0]
+
+
+def _reach(
+    platform: Platform, position: FloatArray, orientation: FloatArray
+) -> tuple[NDArray[np.int8], LegGeometry, FloatArray, dict[Limit, FloatArray]]:
+    """The `Limit`, legs, side of singular poses, and margin of the worst leg [m] or joint [rad] by limit, at poses."""
+    margins = {}
     with np.errstate(all="ignore"):  # a leg of length 0 has no direction
         legs = leg_geometry(platform, position, orientation)
-        return _first_limit(
-            orientation, side_of_singular_poses(platform, legs), _margins(platform, legs, position, orientation)
-        )
+        side = side_of_singular_poses(platform, legs)
+        if platform.leg_length_min is not None:
+            margins[Limit.LEG_TOO_SHORT] = np.asarray(legs.length.min(axis=-1) - platform.leg_length_min)
+        if platform.leg_length_max is not None:
+            margins[Limit.LEG_TOO_LONG] = np.asarray(platform.leg_length_max - legs.length.max(axis=-1))
+        if platform.joint_angle_max is not None:
+            angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
+            for limit, angle in zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), angles, strict=True):
+                margins[limit] = np.asarray(platform.joint_angle_max - angle.max(axis=-1))
+    is_kept = {Limit.PITCH: np.abs(orientation[..., 1]) < LARGEST_PITCH, Limit.SINGULAR: side == 1}
+    is_kept |= {limit: margin >= 0 for limit, margin in margins.items()}
+    first = np.zeros(orientation.shape[:-1], np.int8)
+    for limit in sorted(is_kept, reverse=True):
+        first[~is_kept[limit]] = limit
+    return first, legs, side, margins
 
 
 def compliance(parameters: Parameters, position: Array, orientation: Array) -> Array:
@@ -197,70 +202,60 @@ def compliance(parameters: Parameters, position: Array, orientation: Array) -> A
     >>> soft = gs.load_preset("motion_base").with_parameters({"leg_stiffness": 2e7})
     >>> 1e6 * gs.compliance(soft, soft.home_position, soft.home_orientation)[2, 2]  # µm/N
     """
-    k = _stiffness_of(parameters)
+    k = np.asarray(per_leg(parameters.leg_stiffness), dtype=float)
+    if not (k > 0).all():
+        raise PlatformError("leg_stiffness", "is 0, rigid legs, which have no stiffness; expected a number > 0 [N/m]")
     J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
     inverse = np.linalg.inv(J)
     return np.asarray(inverse @ transpose(inverse) / k[..., None])
 
 
-def held_frequencies(parameters: Parameters, position: Array, orientation: Array) -> Array:
-    """Natural frequencies (..., 6) [Hz] of the platform on its legs, motors held, lowest first; damping left out.
+def _stiffness(platform: Platform, position: FloatArray, orientation: FloatArray, J: FloatArray) -> list[FloatArray]:
+    """The `STIFFNESS` at poses (n, 3) with leg Jacobians J (n, 6, 6).
 
-    det(k Jᵀ J − ω² M) = 0 with M without armature: ω² are eigenvalues of k J M⁻¹ Jᵀ; 0 where a leg has no direction.
+    In all directions but one the platform is free to move: stiffness is the inverse of an eigenvalue of a 3×3 block of
+    the compliance, λ(K⁻¹_tt) or λ(K⁻¹_rr). Natural frequencies with damping left out are det(k Jᵀ J − ω² M) = 0 with M
+    without armature: ω² are eigenvalues of k J M⁻¹ Jᵀ.
     """
-    k = _stiffness_of(parameters)
-    J = jacobian_of_legs(leg_geometry(parameters, position, orientation))
-    M = mass_matrix(platform_side(Variant(springs=True), parameters), position, orientation)
-    mobility = np.nan_to_num(J @ np.linalg.solve(M, transpose(J)))
-    squares = k * np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)
-    return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi))
-
-
-def pose_stiffness(parameters: Parameters, position: Array, orientation: Array) -> PoseStiffness:
-    """Stiffness in the softest and stiffest directions, and the first mode, at poses (..., 3) [m], [rad].
-
-    In all other directions the platform is free to move: stiffness is the inverse of an eigenvalue of the 3×3 block of
-    the compliance, λ(K⁻¹_tt) or λ(K⁻¹_rr).
-    """
-    k = _stiffness_of(parameters)[..., 0]
-    J = np.asarray(jacobian_of_legs(leg_geometry(parameters, position, orientation)), dtype=float)
+    k = platform.leg_stiffness
     regular = np.isfinite(J).all(axis=(-2, -1)) & (np.linalg.det(np.nan_to_num(J)) != 0)
-    regular_J = np.where(regular[..., None, None], J, np.eye(6))
     stiffness = []
     with np.errstate(all="ignore"):
-        inverse = np.linalg.inv(regular_J)
-        for rows in (inverse[..., :3, :], inverse[..., 3:, :]):
+        inverse = np.linalg.inv(np.where(regular[:, None, None], J, np.eye(6)))
+        for rows in (inverse[:, :3], inverse[:, 3:]):
             sigma = np.linalg.svd(rows, compute_uv=False)
-            stiffness += [np.where(regular, k / sigma[..., edge] ** 2, 0.0) for edge in (0, -1)]
-        frequency = np.where(regular, np.nan, 0.0)
-        positions, orientations = np.broadcast_arrays(np.asarray(position, float), np.asarray(orientation, float))
-        frequency[regular] = held_frequencies(parameters, positions[regular], orientations[regular])[..., 0]
-    return PoseStiffness._make([*stiffness, frequency])
+            stiffness += [np.where(regular, k / sigma[:, edge] ** 2, 0.0) for edge in (0, -1)]
+    frequency = np.zeros(len(J))
+    M = mass_matrix(platform_side(Variant(springs=True), platform), position[regular], orientation[regular])
+    J = J[regular]
+    mobility = np.nan_to_num(J @ np.linalg.solve(M, transpose(J)))
+    squares = k * np.linalg.eigvalsh((mobility + transpose(mobility)) / 2)[:, 0]
+    frequency[regular] = np.sqrt(np.maximum(squares, 0.0)) / (2 * np.pi)
+    return [*stiffness, frequency]
 
 
 def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray) -> PoseQualities:
     """Results at poses (n, 3)."""
-    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
-        legs = leg_geometry(platform, position, orientation)
-        side = side_of_singular_poses(platform, legs)
-        number, smallest, _ = conditioning_of_legs(legs)
-        margins = _margins(platform, legs, position, orientation)
-        speed = None
-        if platform.leg_velocity_max is not None:
+    limit, legs, side, margins = _reach(platform, position, orientation)
+    number, smallest = conditioning_of_legs(legs)
+    speed = None
+    if platform.leg_velocity_max is not None:
+        with np.errstate(all="ignore"):
             rows, _ = scaled_jacobian_of_legs(legs)
             speed = np.nan_to_num(platform.leg_velocity_max / np.sqrt((rows * rows).sum(axis=-1)).max(axis=-1))
     payload = force_margin = None
     if platform.actuator_force_max is not None:
+        payload, force_margin = np.zeros((2, len(position)))
         regular = number < LARGEST_CONDITION_NUMBER
-        payload, force_margin = _load_capacity(
-            platform, position, orientation, legs, regular, platform.actuator_force_max
+        payload[regular], force_margin[regular] = _load_capacity(
+            platform, position[regular], orientation[regular], platform.actuator_force_max
         )
     leg_margins, joint_margins = (
         [margins[limit] for limit in limits if limit in margins]
         for limits in ((Limit.LEG_TOO_SHORT, Limit.LEG_TOO_LONG), (Limit.BASE_JOINT, Limit.PLATFORM_JOINT))
     )
     return PoseQualities(
-        _first_limit(orientation, side, margins),
+        limit,
         np.minimum.reduce(leg_margins) if leg_margins else None,
         np.minimum.reduce(joint_margins) if joint_margins else None,
         np.where(side == 1, smallest, -smallest),
@@ -268,75 +263,39 @@ def _evaluated(platform: Platform, position: FloatArray, orientation: FloatArray
         payload,
         force_margin,
         speed,
-        *(pose_stiffness(platform, position, orientation) if platform.leg_stiffness > 0 else (None,) * 5),
+        *(
+            _stiffness(platform, position, orientation, np.asarray(jacobian_of_legs(legs), dtype=float))
+            if platform.leg_stiffness > 0
+            else (None,) * 5
+        ),
     )
 
 
-def _first_limit(orientation: FloatArray, side: FloatArray, margins: dict[Limit, FloatArray]) -> NDArray[np.int8]:
-    is_kept = {Limit.PITCH: np.abs(orientation[..., 1]) < LARGEST_PITCH, Limit.SINGULAR: side == 1}
-    is_kept |= {limit: margin >= 0 for limit, margin in margins.items()}
-    first = np.zeros(orientation.shape[:-1], np.int8)
-    for limit in sorted(is_kept, reverse=True):
-        first[~is_kept[limit]] = limit
-    return first
-
-
-def _margins(
-    platform: Platform, legs: LegGeometry, position: FloatArray, orientation: FloatArray
-) -> dict[Limit, FloatArray]:
-    """Margin of the worst leg [m] and of the worst joint [rad] for each limit that the platform states."""
-    margins = {}
-    if platform.leg_length_min is not None:
-        margins[Limit.LEG_TOO_SHORT] = np.asarray(legs.length.min(axis=-1) - platform.leg_length_min)
-    if platform.leg_length_max is not None:
-        margins[Limit.LEG_TOO_LONG] = np.asarray(platform.leg_length_max - legs.length.max(axis=-1))
-    if platform.joint_angle_max is not None:
-        angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
-        for limit, angle in zip((Limit.BASE_JOINT, Limit.PLATFORM_JOINT), angles, strict=True):
-            margins[limit] = np.asarray(platform.joint_angle_max - angle.max(axis=-1))
-    return margins
-
-
 def _load_capacity(
-    platform: Platform,
-    position: FloatArray,
-    orientation: FloatArray,
-    legs: LegGeometry,
-    regular: NDArray[np.bool_],
-    largest_force: float,
+    platform: Platform, position: FloatArray, orientation: FloatArray, F: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Largest payload [kg] and largest force in any direction [N] that leg forces within ±`largest_force` hold at rest.
+    """Largest payload [kg] and largest force in any direction [N] that leg forces within ±F hold at rest.
 
     With A = J⁻ᵀ[:, :3] and the static leg forces f0, a force f at Op requires leg forces f0 − A f. A point mass m at Op
     adds m f1, f1 = −A g, so m = min_i (F − sign(f1_i) f0_i)/|f1_i|, which is infinite if no leg force changes. The
     worst direction for leg i is ±A_i, so the force margin is min_i (F − |f0_i|)/|A_i|. Both are 0 where |f0_i| > F for
-    some leg, and at poses that are not `regular`.
+    some leg.
     """
-    payload, margin = np.zeros(regular.shape), np.zeros(regular.shape)
-    rest = np.zeros((np.count_nonzero(regular), 3))
-    # at rest the bias wrench is the weight of platform and legs, which the actuators hold
-    held = bias_wrench(platform, State(position[regular], orientation[regular], rest, rest))
-    unit_forces = np.broadcast_to(np.eye(6)[:, :3], (len(rest), 6, 3))
-    J = jacobian_of_legs(LegGeometry(*(part[regular] for part in legs)))
-    forces = np.linalg.solve(transpose(J), np.concatenate([held[..., None], unit_forces], axis=-1))
+
+    def solve(transposed: Array, held: Array) -> Array:
+        unit_forces = np.broadcast_to(np.eye(6)[:, :3], (len(held), 6, 3))
+        return np.linalg.solve(transposed, np.concatenate([held[..., None], unit_forces], axis=-1))
+
+    forces = static_leg_forces(platform, position, orientation, solve=solve)
     f0, A = forces[..., 0], forces[..., 1:]
     f1 = -apply(A, platform.gravity)
-    holds = (np.abs(f0) <= largest_force).all(axis=-1)
+    holds = (np.abs(f0) <= F).all(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         # 0/0: the leg is already at its limit, and the load does not change its force
-        masses = np.where(f1 == 0, np.inf, (largest_force - np.sign(f1) * f0) / np.abs(f1))
-        reserves = (largest_force - np.abs(f0)) / np.sqrt((A * A).sum(axis=-1))
-    payload[regular] = np.where(holds, masses.min(axis=-1), 0.0)
-    margin[regular] = np.where(holds, np.where(np.isnan(reserves), np.inf, reserves).min(axis=-1), 0.0)
-    return payload, margin
-
-
-def _stiffness_of(parameters: Parameters) -> FloatArray:
-    """The stiffness k of a leg (..., 1) [N/m]."""
-    k = np.asarray(per_leg(parameters.leg_stiffness), dtype=float)
-    if not (k > 0).all():
-        raise PlatformError("leg_stiffness", "is 0, rigid legs, which have no stiffness; expected a number > 0 [N/m]")
-    return k
+        masses = np.where(f1 == 0, np.inf, (F - np.sign(f1) * f0) / np.abs(f1))
+        reserves = (F - np.abs(f0)) / np.sqrt((A * A).sum(axis=-1))
+    margin = np.where(np.isnan(reserves), np.inf, reserves).min(axis=-1)
+    return np.where(holds, masses.min(axis=-1), 0.0), np.where(holds, margin, 0.0)
 
 
 # --- grids of poses over two or three coordinates ---------------------------------------------------------------
@@ -472,7 +431,7 @@ def default_ranges(
         for axis, name in enumerate(over):
             if name in free:
                 # the ends of the region, extended by one point on either side
-                rows = np.flatnonzero(reached.any(axis=tuple(k for k in range(reached.ndim) if k != axis)))
+                rows = rows_reached(reached, axis)
                 values = swept[name]
                 ranges[name] = float(values[max(rows[0] - 1, 0)]), float(values[min(rows[-1] + 1, len(values) - 1)])
     for name in free:
@@ -484,6 +443,11 @@ def default_ranges(
         low, high = _rounded(name, low, high)
         ranges[name] = (max(low, box[name][0]), min(high, box[name][1]))
     return ranges
+
+
+def rows_reached(reached: NDArray[np.bool_], axis: int) -> NDArray[np.intp]:
+    """Indices along one axis of a grid at which any of its points is reached."""
+    return np.flatnonzero(reached.any(axis=tuple(k for k in range(reached.ndim) if k != axis)))
 
 
 def _is_bounded(platform: Platform, name: str) -> bool:
@@ -543,25 +507,20 @@ def _check(over: Mapping[str, Range | None], at: Mapping[str, float], home: Mapp
     for name in over:
         if name in at:
             raise WorkspaceError(f"{name} is both swept and fixed; expected one of them: leave it out of the other")
+    ends = [(name, end) for name, limits in over.items() for end in limits or ()]
+    for name, value in (*ends, *at.items()):
+        if not np.isfinite(value):
+            raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
+        # of a frame that is turned round at home, as many half turns as a quarter turn on either side of home needs
+        turns = max(1.0, np.ceil(abs(home[name]) / np.pi + 0.5)) if name != "pitch" else 1.0
+        most = LARGEST_ANGLES.get(name, np.inf) * turns
+        if abs(value) > most * (1 + 1e-12):
+            largest = np.degrees(most)
+            raise WorkspaceError(
+                f"{name} is {value:g} rad, {np.degrees(value):g}°; expected from −{largest:g}° to {largest:g}°; "
+                "numbers without a unit are in rad"
+            )
     for name, limits in over.items():
-        for end in limits or ():
-            _check_value(name, end, home[name])
         if limits is not None and not limits[0] < limits[1]:
             low, high = (f"{end:g} {COORDINATES[name]}" for end in limits)
             raise WorkspaceError(f"{name} goes from {low} to {high}; expected a range from low to high")
-    for name, value in at.items():
-        _check_value(name, value, home[name])
-
-
-def _check_value(name: str, value: float, home: float) -> None:
-    if not np.isfinite(value):
-        raise WorkspaceError(f"{name} is {value}; expected a finite number of {COORDINATES[name]}")
-    # of a frame that is turned round at home, as many half turns as a quarter turn on either side of home needs
-    turns = max(1.0, np.ceil(abs(home) / np.pi + 0.5)) if name != "pitch" else 1.0
-    most = LARGEST_ANGLES.get(name, np.inf) * turns
-    if abs(value) > most * (1 + 1e-12):
-        largest = np.degrees(most)
-        raise WorkspaceError(
-            f"{name} is {value:g} rad, {np.degrees(value):g}°; expected from −{largest:g}° to {largest:g}°; "
-            "numbers without a unit are in rad"
-        )

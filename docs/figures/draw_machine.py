@@ -12,8 +12,7 @@ import gough_stewart as gs
 from gough_stewart.harness.control.linear import linear_matrices
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.output.plotting import COLOURS, pictures
-from gough_stewart.model.friction import Bristles, bristle_force, bristle_rate
-from gough_stewart.model.machine_dynamics import law_of_bristles
+from gough_stewart.model.friction import Bristles, bristle_friction, law_of_bristles
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
@@ -43,10 +42,10 @@ def driven(law: Bristles, motion: object, t: FloatArray) -> tuple[FloatArray, Fl
 
     def rates(at: float, x: FloatArray) -> list[float]:
         v = np.atleast_1d(motion(at))  # type: ignore[operator]
-        return [float(v[0]), float(bristle_rate(law, v, x[1:])[0])]
+        return [float(v[0]), float(bristle_friction(law, v, x[1:])[1][0])]
 
     found = solve_ivp(rates, (t[0], t[-1]), [0.0, 0.0], "Radau", t, rtol=1e-7, atol=1e-12, max_step=t[-1] / 500).y
-    return bristle_force(law, motion(t), found[1]), found[0]  # type: ignore[operator]
+    return bristle_friction(law, motion(t), found[1])[0], found[0]  # type: ignore[operator]
 
 
 def over_velocity(axes: Axes) -> None:
@@ -96,8 +95,8 @@ def stick_slip(axes: Axes) -> None:
 
         def rates(at: float, x: FloatArray, law: Bristles = law) -> list[float]:
             v, z = x[1:2], x[2:3]
-            pull = SPRING * (SPEED * at - x[0]) - bristle_force(law, v, z)[0]
-            return [x[1], pull / MASS, float(bristle_rate(law, v, z)[0])]
+            friction, bristle_rate = bristle_friction(law, v, z)
+            return [x[1], (SPRING * (SPEED * at - x[0]) - friction[0]) / MASS, float(bristle_rate[0])]
 
         found = solve_ivp(rates, (0, SECONDS), [0.0] * 3, "Radau", t, rtol=1e-8, atol=[1e-12, 1e-12, 1e-14]).y[0]
         axes.plot(t, 1e3 * found, color=COLOURS[k], linestyle=("-", "--")[k], label=NAMES[friction])

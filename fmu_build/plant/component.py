@@ -27,8 +27,8 @@ from gough_stewart.fmu_build.plant.reference_results import (
 )
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface
+from gough_stewart.model.dynamics import states_at
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, MOST_INTERNAL_STEPS, TOLERANCES
-from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_texts

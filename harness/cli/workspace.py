@@ -72,8 +72,7 @@ def workspace_command(
         ranges, fixed = None if over is None else _swept(over), _fixed(at or [])
         chosen = chosen_platform(preset, platform)
         with preparing():
-            from gough_stewart.harness.workspace.report import FIGURES, workspace_report
-            from gough_stewart.harness.workspace.tables import workspace_csv
+            from gough_stewart.harness.workspace.report import FIGURES, workspace_csv, workspace_report
             from gough_stewart.model.process.files import check_output_folder, write_files
             from gough_stewart.model.workspace import POINTS, sweep
 

@@ -1,7 +1,7 @@
 """Legs that give in logs: lengths at the motors' side and at the platform's, and the springs between them.
 
 A log has the lengths of one side, or of both. The other side follows from the force on a leg's platform end, N, by the
-inverse dynamics of the platform's side [model.machine_dynamics]:
+inverse dynamics of the platform's side [model.dynamics]:
 
     k (s − L) + c (ṡ − L̇) = N,    so    s − L = N/k − (c/k²) Ṅ + (c²/k³) N̈ − …
 
@@ -25,8 +25,7 @@ from gough_stewart.harness.identify.parts import Part, on_one_axis
 from gough_stewart.harness.identify.physical import BestFit
 from gough_stewart.harness.identify.rows.regression import cutoff_of
 from gough_stewart.harness.identify.smoothing import edge, smoothed
-from gough_stewart.model.dynamics import inverse_dynamics
-from gough_stewart.model.machine_dynamics import leg_damping, platform_side
+from gough_stewart.model.dynamics import inverse_dynamics, leg_damping, platform_side
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray

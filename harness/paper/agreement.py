@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from gough_stewart.harness.paper.open_loop import Trajectory
-from gough_stewart.model import dynamics
+from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.formulations.kane import KaneTrajectory
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.variant import IDEAL
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -86,13 +87,13 @@ def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Row]:
     inputs = Inputs(*(np.broadcast_to(part, (n, *part.shape)) for part in case.inputs))
     by_kernel = np.concatenate([kernel["acceleration"], kernel["angular_acceleration"]], axis=-1)
 
-    task = dynamics.forward_dynamics(platform, state, inputs)
+    task, _ = plant_equations(IDEAL, platform, kernel.states, inputs)
     R = matrix_from_orientation(state.orientation)
-    configuration, y = kane.consistent_start(platform, state.position, R, state.velocity, state.angular_velocity)
+    configuration, y = kane.consistent_start(platform, state)
     by_kane = kane.solve(platform, configuration, y, inputs.actuator_force)
     by_newton = newton_euler.solve(platform, state.position, R, state.velocity, state.angular_velocity, *inputs)
     accelerations = {
-        "task space (NumPy)": np.concatenate(task, axis=-1),
+        "task space (NumPy)": task[:, 6:],
         "Kane": by_kane.platform_acceleration,
         "Newton–Euler": np.concatenate([by_newton.linear, by_newton.angular], axis=-1),
     }

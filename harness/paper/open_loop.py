@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from gough_stewart.model import dynamics, interface
+from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations import kane
 from gough_stewart.model.formulations.cases import OpenLoopCase
+from gough_stewart.model.friction import friction_force
 from gough_stewart.model.kernel import Kernel, parameter_vector
+from gough_stewart.model.kinematics import leg_rates
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
@@ -45,7 +47,10 @@ def run_kernel(case: OpenLoopCase, rtol: float = 1e-12, progress: TimeProgress |
     def derivative(t: float, x: Array) -> Array:
         if progress is not None:
             progress(t)
-        lost = dynamics.friction_power(platform, State.from_vector(x[:12])) if has_friction else 0.0
+        lost = 0.0
+        if has_friction:
+            rate = leg_rates(platform, State.from_vector(x[:12])).length_rate
+            lost = float(friction_force(platform, rate) @ rate)
         return np.append(kernel.derivatives(x[:12], u, p), lost)
 
     solution = solve_ivp(
@@ -93,5 +98,6 @@ def run_kane(
     own_steps: bool = False,
     progress: TimeProgress | None = None,
 ) -> kane.KaneTrajectory:
-    """The paper's DAE with the method of ode45; see `kane.simulate`."""
-    return kane.simulate(case.platform, case.start, case.inputs, case.time, baumgarte, rtol, own_steps, progress)
+    """The paper's DAE with the method of ode45; see `kane.integrate`."""
+    start = kane.consistent_start(case.platform, case.start)
+    return kane.integrate(case.platform, *start, case.inputs, case.time, baumgarte, rtol, own_steps, progress)

@@ -19,11 +19,10 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
-from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.dynamics import motors_at, static_leg_forces
 from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, SingularPoseError, StepError
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
 from gough_stewart.model.kinematics import conditioning, leg_geometry
-from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform, Platforms
 from gough_stewart.model.platform_checks import check_leg_com_offsets

@@ -1,47 +1,185 @@
-"""What a sweep of the workspace found, as a report: how far the platform reaches, and what keeps it from more."""
+"""What a sweep of the workspace found: how far the platform reaches, what keeps it from more, and every pose as CSV."""
 
-from dataclasses import replace
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
+import polars as pl
 
 from gough_stewart.harness.report.chart import Axis, Chart, Map, Series
 from gough_stewart.harness.report.document import Note, Number, Part, Report, Section, Verdict
-from gough_stewart.harness.report.quantities import NUMBER, SHARE
+from gough_stewart.harness.report.quantities import NUMBER, SHARE, Quantity, of_unit
 from gough_stewart.harness.report.scene import Surface
-from gough_stewart.harness.report.words import counted, listed, percent, sentence
-from gough_stewart.harness.workspace.display import (
-    clearance,
-    fixed_text,
-    is_through_home,
-    limits_met,
-    results_of,
-    shown_coordinate,
-    swept_text,
-)
-from gough_stewart.harness.workspace.explained import notices
-from gough_stewart.harness.workspace.isosurface import surface_of
-from gough_stewart.harness.workspace.tables import quantity_of, size_text, workspace_tables
-from gough_stewart.model.vectors import FloatArray
-from gough_stewart.model.workspace import Limit, Workspace
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
+from gough_stewart.harness.report.words import counted, listed, number_text, percent, sentence
+from gough_stewart.harness.workspace.isosurface import clearance, surface_of
+from gough_stewart.model.interface import unit_text
+from gough_stewart.model.kinematics import joint_angles, leg_geometry
+from gough_stewart.model.parameters import LIMITS
+from gough_stewart.model.vectors import FloatArray, first_of_largest
+from gough_stewart.model.workspace import COORDINATES, STIFFNESS, Limit, Workspace, limits_at, rows_reached
 
 # The group of the maps, and the name of their figure.
 FIGURES = ("maps",)
-_NOTES = {
-    "condition_number": "Of the leg Jacobian, with angles as displacements of the joints. 1 is best; it is infinite at "
-    "a singular pose.",
-    "payload": "The largest point mass at the platform frame's origin that the actuators hold at rest.",
-    "force_margin": "The largest force at the platform frame's origin, in any direction, that the actuators hold at "
-    "rest.",
-    "largest_speed": "The largest speed in any direction, turning included, at which no leg is faster than its limit.",
-    "translational_stiffness": "Force at the platform frame's origin over the displacement along it, in the softest "
-    "direction, with motors that hold.",
-    "translational_stiffness_max": "The same in the stiffest direction.",
-    "rotational_stiffness": "Torque over the rotation about it, about the softest axis, with motors that hold.",
-    "rotational_stiffness_max": "The same about the stiffest axis.",
-    "first_mode": "The lowest natural frequency of the platform on its legs, with motors that hold.",
-    "leg_length_margin": "Of the leg that is nearest to an end of its stroke; negative beyond.",
-    "joint_angle_margin": "Of the joint that is nearest to its largest angle; negative beyond.",
+# Smaller platforms are shown in mm [m]; forces of at least this in kN [N].
+_SMALL, _STRONG = 0.5, 1e4
+# Coordinates closer than this count as equal [m, rad].
+_SAME = 1e-9
+# Results by their names in `PoseQualities`: title, SI unit, and a note.
+_RESULTS: Mapping[str, tuple[str, str, str]] = {
+    "condition_number": (
+        "condition number",
+        "",
+        "Of the leg Jacobian, with angles as displacements of the joints. 1 is best; it is infinite at a singular "
+        "pose.",
+    ),
+    "payload": (
+        "largest payload",
+        "kg",
+        "The largest point mass at the platform frame's origin that the actuators hold at rest.",
+    ),
+    "force_margin": (
+        "force margin",
+        "N",
+        "The largest force at the platform frame's origin, in any direction, that the actuators hold at rest.",
+    ),
+    "largest_speed": (
+        "largest speed",
+        "m/s",
+        "The largest speed in any direction, turning included, at which no leg is faster than its limit.",
+    ),
+    "translational_stiffness": (
+        "stiffness, softest direction",
+        "N/m",
+        "Force at the platform frame's origin over the displacement along it, in the softest direction, with motors "
+        "that hold.",
+    ),
+    "translational_stiffness_max": ("stiffness, stiffest direction", "N/m", "The same in the stiffest direction."),
+    "rotational_stiffness": (
+        "stiffness, softest axis",
+        "N.m/rad",
+        "Torque over the rotation about it, about the softest axis, with motors that hold.",
+    ),
+    "rotational_stiffness_max": ("stiffness, stiffest axis", "N.m/rad", "The same about the stiffest axis."),
+    "first_mode": (
+        "first mode",
+        "Hz",
+        "The lowest natural frequency of the platform on its legs, with motors that hold.",
+    ),
+    "leg_length_margin": ("stroke left", "m", "Of the leg that is nearest to an end of its stroke; negative beyond."),
+    "joint_angle_margin": (
+        "joint angle left",
+        "rad",
+        "Of the joint that is nearest to its largest angle; negative beyond.",
+    ),
 }
+# What the limits of a platform keep it from.
+_KEPT: Mapping[str, tuple[Limit, ...]] = {
+    "leg_length_min": (Limit.LEG_TOO_SHORT,),
+    "leg_length_max": (Limit.LEG_TOO_LONG,),
+    "joint_angle_max": (Limit.BASE_JOINT, Limit.PLATFORM_JOINT),
+}
+
+
+# --- units and results ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """A unit for display, and the factor from SI units to it."""
+
+    unit: str
+    factor: float = 1.0
+    more_digits: int = 0  # than a large machine needs
+
+    def text(self, value: float, digits: int = 4) -> str:
+        """A value in SI units, as text with the unit."""
+        space = "" if self.unit in ("", "°") else " "
+        # avoids −0 and rounding errors of degrees
+        size = round(value * self.factor, 9) + 0.0 if np.isfinite(value) else value
+        return f"{number_text(size, digits + self.more_digits)}{space}{unit_text(self.unit)}"
+
+    def quantity(self, digits: int = 4) -> Quantity:
+        """The same for tables and charts."""
+        unit = "deg" if self.unit == "°" else self.unit
+        return Quantity(of_unit(unit).si, unit, self.factor, digits=digits)
+
+
+def _shown(workspace: Workspace, unit: str) -> _Shown:
+    """How a unit is shown: angles in degrees; lengths in m, or in mm for a small platform, to a thousandth of a stroke.
+
+    Its speeds are shown likewise.
+    """
+    platform, more = workspace.platform, 0
+    if unit in ("m", "m/s"):
+        factor, prefix = (1e3, "m") if platform.characteristic_length < _SMALL else (1.0, "")
+        if unit == "m" and platform.leg_length_min is not None and platform.leg_length_max is not None:
+            stroke = platform.leg_length_max - platform.leg_length_min
+            more = max(0, math.ceil(math.log10(1e3 * platform.characteristic_length / stroke)) - 4)
+        return _Shown(f"{prefix}{unit}", factor, more)
+    units = {"rad": ("°", 180 / np.pi), "N/m": ("N/µm", 1e-6), "N.m/rad": ("kN.m/rad", 1e-3)}
+    return _Shown(*units.get(unit, (unit, 1.0)))
+
+
+def _coordinate(workspace: Workspace, name: str) -> _Shown:
+    return _shown(workspace, COORDINATES[name])
+
+
+@dataclass(frozen=True, eq=False)
+class _Result:
+    """A quantity at every pose, and how to display it."""
+
+    name: str  # column of the CSV file
+    title: str
+    note: str
+    shown: _Shown
+    values: FloatArray  # in the shape of the grid, SI units
+
+    @property
+    def is_best_low(self) -> bool:
+        """Whether less is better."""
+        return self.name == "condition_number"
+
+    @property
+    def ends_at_border(self) -> bool:
+        """Whether it is 0 at the border of the reachable region."""
+        return self.name in ("leg_length_margin", "joint_angle_margin")
+
+
+def _results(workspace: Workspace) -> Iterator[_Result]:
+    """The results at the poses; those that need a limit which the platform does not state are left out."""
+    q = workspace.qualities
+    for name, (title, unit, note) in _RESULTS.items():
+        values: FloatArray | None = getattr(q, name)
+        if values is not None:
+            shown = _shown(workspace, unit)
+            if unit == "N" and values[q.reachable & np.isfinite(values)].max(initial=0.0) >= _STRONG:
+                shown = _Shown("kN", 1e-3)
+            yield _Result(name, title, note, shown, values)
+
+
+def workspace_csv(workspace: Workspace) -> bytes:
+    """One row per pose: coordinates, whether it can be reached, which limit is passed, and all results.
+
+    SI units. Columns of results are empty if the platform does not state the limit they need; those of stiffness are
+    there if its legs are compliant. `limit` is in words.
+    """
+    q = workspace.qualities
+    poses = workspace.coordinates().reshape(-1, 6)
+    columns: dict[str, pl.Series] = {name: pl.Series(poses[:, k]) for k, name in enumerate(COORDINATES)}
+    columns["reachable"] = pl.Series(q.reachable.ravel())
+    columns["limit"] = pl.Series(np.array([limit.name.lower() for limit in Limit])[q.limit.ravel()])
+    for name in q._fields[1:]:
+        values: FloatArray | None = getattr(q, name)
+        if values is not None:
+            columns[name] = pl.Series(values.ravel())
+        elif name not in STIFFNESS:
+            columns[name] = pl.Series([None] * len(poses), dtype=pl.Float64)
+    return pl.DataFrame(columns).write_csv().encode()
+
+
+# --- the report -------------------------------------------------------------------------------------------------
 
 
 def workspace_report(workspace: Workspace, *, surface: bool = True) -> Report:
@@ -54,124 +192,262 @@ def workspace_report(workspace: Workspace, *, surface: bool = True) -> Report:
     """
     platform, maps = workspace.platform, list[Part](_maps(workspace))
     if surface and len(workspace.shape) == 3:
-        maps = [*filter(None, [_surface(workspace)]), *maps]
+        maps = [*_surface(workspace), *maps]
+    tables = [table for table in (_swept(workspace), _limits(workspace), _extremes(workspace)) if table.rows]
     source = (Note(f"{platform.name}: {platform.source}"),) if platform.source else ()
+    swept, fixed = [], []
+    for name, values in workspace.swept.items():
+        shown = _coordinate(workspace, name)
+        swept.append(f"{name} from {shown.text(values[0])} to {shown.text(values[-1])}")
+    for name, value in workspace.fixed.items():
+        fixed.append(f"{name} {_coordinate(workspace, name).text(value)}")
     return Report(
         f"Workspace of {platform.name}",
-        workspace_verdict(workspace),
-        (Section("Maps", tuple(maps)), Section("Workspace", (*workspace_tables(workspace), *source))),
+        _verdict(workspace),
+        (Section("Maps", tuple(maps)), Section("Workspace", (*tables, *source))),
         study="workspace",
-        lead=f"{swept_text(workspace)}; at {fixed_text(workspace)}",
+        lead=f"{', '.join(swept)}; at {', '.join(fixed)}",
         numbers=_numbers(workspace),
-        notes=tuple(Note(text, "warning") for text in notices(workspace)),
+        notes=tuple(Note(text, "warning") for text in _notices(workspace)),
     )
 
 
-def workspace_verdict(workspace: Workspace) -> Verdict:
+def _verdict(workspace: Workspace) -> Verdict:
     """How far the platform reaches along each coordinate, the share of the grid, and the limit that keeps off most."""
-    reached = workspace.qualities.reachable
+    reached, code = workspace.qualities.reachable, workspace.qualities.limit
     share = float(reached.mean())
     # margins end at the border
-    numbers = tuple(each for each in _numbers(workspace) if not each.path.endswith("_margin") or "force" in each.path)
+    numbers = tuple(n for n in _numbers(workspace) if not n.path.endswith("_margin") or "force" in n.path)
+    shares = {limit: float((code == limit).mean()) for limit in Limit if limit != Limit.NONE}
+    first = max(shares, key=lambda limit: shares[limit])
+    most = f"{percent(shares[first])} of it is out of reach because of {first.text}" if share < 1 else None
     if not reached.any():
-        return Verdict(
-            sentence([f"reaches none of {counted(reached.size, 'pose')} of this grid", _most(workspace)]),
-            "bad",
-            numbers,
-        )
+        none = f"reaches none of {counted(reached.size, 'pose')} of this grid"
+        return Verdict(sentence([none, most]), "bad", numbers)
     ends = []
     for axis, (name, values) in enumerate(workspace.swept.items()):
-        others = tuple(k for k in range(reached.ndim) if k != axis)
-        rows = np.flatnonzero(reached.any(axis=others))
-        shown = shown_coordinate(workspace, name)
-        low, high = (float(values[rows[k]]) for k in (0, -1))
-        whole = " or more" if rows[0] == 0 or rows[-1] == len(values) - 1 else ""
-        ends.append(f"{name} {shown.text(low, 3)} to {shown.text(high, 3)}{whole}")
-    size = size_text(workspace).partition("(")[2]
-    area = size.partition("), ")[2]
-    parts = [f"reaches {listed(ends)}", f"{percent(share)} of the grid{f', {area}' if area else ''}", _most(workspace)]
+        rows, shown = rows_reached(reached, axis), _coordinate(workspace, name)
+        low, high = (shown.text(float(values[rows[k]]), 3) for k in (0, -1))
+        ends.append(f"{name} {low} to {high}{' or more' if rows[0] == 0 or rows[-1] == len(values) - 1 else ''}")
+    parts = [f"reaches {listed(ends)}", f"{percent(share)} of the grid{_size_text(workspace)}", most]
     return Verdict(sentence(parts), "told" if share < 1 else "good", numbers)
 
 
-def _most(workspace: Workspace) -> str | None:
-    """The limit that most poses of the grid pass."""
-    code = workspace.qualities.limit
-    met = {limit: float((code == limit).mean()) for limit in limits_met(workspace)}
-    if not met:
-        return None
-    first = max(met, key=lambda limit: met[limit])
-    return f"{percent(met[first])} of it is out of reach because of {first.text}"
+def _size_text(workspace: Workspace) -> str:
+    """The size of the reachable region if the coordinates are lengths: ", an area of 1.2 m²".
+
+    In the largest of m, cm and mm in which an area is at least 0.1, or a volume at least 0.01.
+    """
+    n = len(workspace.swept)
+    if any(COORDINATES[name] != "m" for name in workspace.swept):
+        return ""
+    # each pose represents a cell; those at the ends of the grid, a part of one
+    size: FloatArray = workspace.qualities.reachable.astype(float)
+    for values in reversed([*workspace.swept.values()]):
+        size = np.trapezoid(size, values, axis=-1)
+    unit, factor = next(
+        (unit, factor)
+        for unit, factor in (("m", 1.0), ("cm", 1e2), ("mm", 1e3))
+        if size * factor**n >= 10.0 ** (1 - n) or unit == "mm"
+    )
+    kind, power = {2: ("an area", "²"), 3: ("a volume", "³")}[n]
+    return f", {kind} of {number_text(float(size) * factor**n)} {unit}{power}"
 
 
 def _numbers(workspace: Workspace) -> tuple[Number, ...]:
     reached = workspace.qualities.reachable
-    made = [
-        Number("reachable", "share of the grid that can be reached", float(reached.mean()), SHARE,
-               explanation=f"{int(reached.sum())} of {counted(reached.size, 'pose')}; the ranges decide what it is a "
-               "share of")
-    ]  # fmt: skip
-    if reached.any():
-        for result in results_of(workspace):
-            values = np.where(reached, result.values, np.nan)
-            quantity = quantity_of(result.shown)
-            worst = float(np.nanmax(values) if result.is_best_low else np.nanmin(values))
-            made.append(Number(f"worst.{result.name}", f"{result.title} at the worst pose", worst, quantity,
-                               explanation=f"Over all poses that can be reached. {_NOTES[result.name]}"))  # fmt: skip
-    return tuple(made)
+    poses = f"{int(reached.sum())} of {counted(reached.size, 'pose')}"
+    numbers = [
+        Number(
+            "reachable",
+            "share of the grid that can be reached",
+            float(reached.mean()),
+            SHARE,
+            explanation=f"{poses}; the ranges decide what it is a share of",
+        )
+    ]
+    for result in _results(workspace) if reached.any() else ():
+        values = np.where(reached, result.values, np.nan)
+        numbers.append(
+            Number(
+                f"worst.{result.name}",
+                f"{result.title} at the worst pose",
+                float(np.nanmax(values) if result.is_best_low else np.nanmin(values)),
+                result.shown.quantity(),
+                explanation=f"Over all poses that can be reached. {result.note}",
+            )
+        )
+    return tuple(numbers)
+
+
+# --- maps -------------------------------------------------------------------------------------------------------
 
 
 def _maps(workspace: Workspace) -> list[Chart]:
     """What limits each pose, then each result, over the first two coordinates; of a volume in slices of the third."""
-    names = list(workspace.swept)
-    axes = [Axis(name, quantity_of(shown_coordinate(workspace, name)), workspace.swept[name]) for name in names]
-    slices = axes[2] if len(axes) == 3 else None
-    first = 0 if slices is None else _level(workspace, names[2])
-    others = workspace.fixed if slices is None else {**workspace.fixed, names[2]: float(slices.values[first])}
-    home = workspace.home
-    point = tuple(home[name] for name in names[:2]) if is_through_home(workspace, others) else ()
-    inside = _by_rows(clearance(workspace))
-    whole = Map(inside, slices=slices, first=first, point=point, point_name="home" if point else "")
+    names, home, others = list(workspace.swept), workspace.home, dict(workspace.fixed)
+    axes = [Axis(name, _coordinate(workspace, name).quantity(), workspace.swept[name]) for name in names]
+    slices, first = None, 0
+    if len(names) == 3:
+        # the slice nearest to home is shown first
+        slices = axes[2]
+        first = int(np.abs(slices.values - home[names[2]]).argmin())
+        others[names[2]] = float(slices.values[first])
+    is_through_home = all(abs(value - home[name]) < _SAME for name, value in others.items())
+    point = tuple(home[name] for name in names[:2]) if is_through_home else ()
+    q = workspace.qualities
+    inside = clearance(workspace.platform, q, workspace.coordinates()[..., 4])
+    # heat maps have slices, then rows of the second coordinate
+    whole = Map(inside.T, slices=slices, first=first, point=point, point_name="home" if point else "")
 
-    def chart(title: str, series: Series, of: Map, note: str = "") -> Chart:
-        return Chart(title, axes[0], (series,), "heat", y=axes[1], group=FIGURES[0], map=of, note=note)
+    def chart(title: str, series: Series, drawn: Map, note: str = "") -> Chart:
+        return Chart(title, axes[0], (series,), "heat", y=axes[1], group=FIGURES[0], map=drawn, note=note)
 
-    kinds = tuple(limit.text for limit in Limit)
-    limits = Series("limit", NUMBER, _by_rows(workspace.qualities.limit.astype(float)))
-    charts = [chart("reachable region", limits, replace(whole, classes=kinds))]
+    limits = Series("limit", NUMBER, q.limit.astype(float).T)
+    charts = [chart("reachable region", limits, replace(whole, classes=tuple(limit.text for limit in Limit)))]
     # of a region that no pose is in, there is nothing to show
-    for result in results_of(workspace) if workspace.qualities.reachable.any() else ():
-        series = Series(result.title, quantity_of(result.shown), _by_rows(result.values))
-        of = replace(whole, scale="log" if result.logarithmic else "linear")
-        charts.append(chart(result.title, series, of, _NOTES[result.name]))
+    for result in _results(workspace) if q.reachable.any() else ():
+        series = Series(result.title, result.shown.quantity(), result.values.T)
+        drawn = replace(whole, scale="log" if result.is_best_low else "linear")
+        charts.append(chart(result.title, series, drawn, result.note))
     return charts
 
 
-def _by_rows(values: FloatArray) -> FloatArray:
-    """An array of the grid as a heat map has it: slices, then rows of the second coordinate."""
-    return np.asarray(np.swapaxes(values, 0, 1) if values.ndim == 2 else np.transpose(values, (2, 1, 0)))
+def _surface(workspace: Workspace) -> list[Surface]:
+    """The surface around the volume, with the condition number there; nothing around nothing."""
+    surface = surface_of(workspace)
+    if surface is None:
+        return []
+    condition = next(_results(workspace))
+    return [
+        Surface(
+            "the volume that can be reached",
+            tuple(workspace.swept),
+            tuple(_coordinate(workspace, name).quantity() for name in workspace.swept),
+            np.array([values[0] for values in workspace.swept.values()]),
+            np.array([values[-1] for values in workspace.swept.values()]),
+            surface.vertices,
+            surface.triangles.astype(float),
+            10**surface.colour,
+            condition.title,
+            condition.shown.quantity(),
+            "log",
+        )
+    ]
 
 
-def _level(workspace: Workspace, name: str) -> int:
-    """The slice nearest to home."""
-    return int(np.abs(workspace.swept[name] - workspace.home[name]).argmin())
+# --- tables -----------------------------------------------------------------------------------------------------
 
 
-def _surface(workspace: Workspace) -> Surface | None:
-    """The surface around the volume, with the condition number there; None around nothing."""
-    found = surface_of(workspace)
-    if found is None:
-        return None
-    condition = next(result for result in results_of(workspace) if result.name == "condition_number")
-    return Surface(
-        "the volume that can be reached",
-        tuple(workspace.swept),
-        tuple(quantity_of(shown_coordinate(workspace, name)) for name in workspace.swept),
-        np.array([values[0] for values in workspace.swept.values()]),
-        np.array([values[-1] for values in workspace.swept.values()]),
-        found.vertices,
-        found.triangles.astype(float),
-        10**found.colour,
-        condition.title,
-        quantity_of(condition.shown),
-        "log",
-    )
+def _swept(workspace: Workspace) -> Table:
+    rows: list[tuple[Cell, ...]] = []
+    for axis, (name, values) in enumerate(workspace.swept.items()):
+        quantity = _coordinate(workspace, name).quantity()
+        there = rows_reached(workspace.qualities.reachable, axis)
+        ends = [_without_rounding(values[k]) for k in (there[0], there[-1])] if there.size else [None, None]
+        origin = "computed" if name in workspace.found else "assumed" if name in workspace.assumed else "given"
+        low, high, *reaches = (Value(end, quantity) for end in (*map(_without_rounding, values[[0, -1]]), *ends))
+        rows.append((name, low, high, len(values), *reaches, origin))
+    heads = ("", "from", "to", "points", "reached from", "reached to", "range")
+    return Table("Swept", tuple(map(Column, heads)), tuple(rows))
+
+
+def _without_rounding(value: float) -> float:
+    """A coordinate of the grid, whose middle is 0 up to rounding."""
+    return round(float(value), 12) + 0.0
+
+
+def _limits(workspace: Workspace) -> Table:
+    code = workspace.qualities.limit
+    rows: list[tuple[Cell, ...]] = []
+    for row in LIMITS:
+        title, value = row.description.removeprefix("maximum "), getattr(workspace.platform, row.name)
+        if value is None:
+            rows.append((title, "not stated", "nothing" if row.name in _KEPT else ""))
+        else:
+            kept = float(np.isin(code, _KEPT[row.name]).mean()) if row.name in _KEPT else ""
+            rows.append((title, _shown(workspace, row.unit).text(value), kept))
+    for limit in (Limit.SINGULAR, Limit.PITCH):
+        if (code == limit).any():
+            rows.append((limit.text, "", float((code == limit).mean())))
+    keeps = Column("keeps from", replace(SHARE, digits=3), "share of the poses of the grid")
+    return Table("Limits of the platform", (Column(""), Column("value"), keeps), tuple(rows))
+
+
+def _extremes(workspace: Workspace) -> Table:
+    """The best and the worst value of each result, with the swept coordinates there."""
+    reached = workspace.qualities.reachable
+    rows: list[tuple[Cell, ...]] = []
+    ends = []
+    for result in _results(workspace) if reached.any() else ():
+        known, sign = reached & ~np.isnan(result.values), -1 if result.is_best_low else 1
+        # margins are 0 at the border
+        for word, side in (("best", sign), ("worst", -sign))[: 1 if result.ends_at_border else 2]:
+            k = int(first_of_largest(np.where(known, side * result.values, -np.inf).ravel()))
+            at = np.unravel_index(k, workspace.shape)
+            places = [_without_rounding(values[i]) for i, values in zip(at, workspace.swept.values(), strict=True)]
+            rows.append((result.title, word, Value(float(result.values[at]), result.shown.quantity()), *places))
+        ends.append(len(rows) - 1)
+    columns = [Column(name, _coordinate(workspace, name).quantity(3)) for name in workspace.swept]
+    heads = (Column(""), Column(""), Column("value"))
+    return Table("Where it can be reached", (*heads, *columns), tuple(rows), group_ends=tuple(ends))
+
+
+# --- notices ----------------------------------------------------------------------------------------------------
+
+
+def _notices(workspace: Workspace) -> list[str]:
+    """Notices to read before the maps; an empty list in usual cases."""
+    platform, notices = workspace.platform, []
+    if all(getattr(platform, name) is None for name in _KEPT):
+        *names, last = _KEPT
+        notices.append(
+            f"{platform.name} states no {', '.join(names)} or {last}: only singular poses and a "
+            "pitch of ±90° bound this region. State limits in the platform's file to see what the machine can reach."
+        )
+    if not workspace.qualities.reachable.any():
+        poses = workspace.coordinates()
+        at = np.unravel_index(int(clearance(platform, workspace.qualities, poses[..., 4]).argmax()), workspace.shape)
+        places = [
+            f"{name} {_coordinate(workspace, name).text(values[k], 3)}"
+            for k, (name, values) in zip(at, workspace.swept.items(), strict=True)
+        ]
+        nearest = f"{', '.join(places)}: {_cause(workspace, poses[at][:3], poses[at][3:])}"
+        notices.append(
+            f"No pose of this grid can be reached. The one nearest to the limits is {nearest}. {_remedy(workspace)}"
+        )
+    return notices
+
+
+def _cause(workspace: Workspace, position: FloatArray, orientation: FloatArray) -> str:
+    """The first limit that a pose exceeds, and by how much."""
+    platform, limit = workspace.platform, Limit(int(limits_at(workspace.platform, position, orientation)))
+    name = next((name for name, limits in _KEPT.items() if limit in limits), None)
+    if name is None:
+        return limit.text
+    if name == "joint_angle_max":
+        angles = joint_angles(platform, position, orientation, platform.home_position, platform.home_orientation)
+        values, shown, digits = angles[limit == Limit.PLATFORM_JOINT], _shown(workspace, "rad"), 3
+    else:
+        values, shown, digits = leg_geometry(platform, position, orientation).length, _shown(workspace, "m"), 4
+    k = int(values.argmin() if limit == Limit.LEG_TOO_SHORT else values.argmax())
+    size, stated = shown.text(values[k], digits), shown.text(getattr(platform, name), digits)
+    if name == "joint_angle_max":
+        joint = "base" if limit == Limit.BASE_JOINT else "platform"
+        return f"the {joint} joint of leg {k + 1} is {size} from its direction at home; {name} is {stated}"
+    return f"leg {k + 1} is {size} long; {name} is {stated}"
+
+
+def _remedy(workspace: Workspace) -> str:
+    """The change that leads back to home, which is within the limits of every platform."""
+    home, swept = workspace.home, workspace.swept
+    fixed_elsewhere = [name for name, value in workspace.fixed.items() if abs(value - home[name]) > _SAME]
+    left_out = [name for name, v in swept.items() if not v[0] - _SAME <= home[name] <= v[-1] + _SAME]
+    for names, advice in (
+        (fixed_elsewhere, "fix coordinates nearer to it"),
+        (left_out, "sweep a range about it, or omit the range"),
+    ):
+        if names:
+            places = ", ".join(f"{name} at {_coordinate(workspace, name).text(home[name])}" for name in names)
+            return f"Home can be reached, with {places}: {advice}."
+    return "Home can be reached, but lies between two poses of this grid: use more points or smaller ranges."

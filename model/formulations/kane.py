@@ -68,11 +68,6 @@ def platform_speeds(y: Array) -> tuple[Array, Array]:
 # --- A. legs ---------------------------------------------------------------------------------------------------
 
 
-def partial_angular_velocity(leading: tuple[int, ...]) -> Array:
-    """w_i = [1_3×3 0_3×1] (..., 6, 3, 4), the same for both parts; its derivative is zero; (8a), (8b)."""
-    return np.broadcast_to(np.eye(3, 4), (*leading, 6, 3, 4))
-
-
 def partial_velocity(arm: Array, slide_direction: Array | None) -> Array:
     """V = [−(arm)~ slide] (..., 3, 4) of a point of the leg at `arm` from B_i; (11), (12), (19).
 
@@ -107,7 +102,8 @@ def leg_equations(
     """
     u, omega, slide_rate = _leg_axes(configuration), *leg_speeds(y)
     g = parameters.gravity[..., None, :]
-    w = partial_angular_velocity(u.shape[:-2])
+    # of both parts, constant; (8a), (8b)
+    w = np.eye(3, 4)
     viscous = per_leg(parameters.leg_viscous_friction) * parameters.leg_viscous_friction_factor
     coulomb = per_leg(parameters.leg_coulomb_friction) * parameters.leg_coulomb_friction_factor
     sliding = viscous * slide_rate + coulomb * np.tanh(slide_rate / per_leg(parameters.leg_friction_velocity))
@@ -129,8 +125,8 @@ def leg_equations(
         # R diag(J_x, J, J) Rᵀ = J 1 + (J_x − J) u uᵀ
         J_t = per_leg(transverse_inertia)[..., None, None]
         J = J_t * np.eye(3) + (axial_inertia - J_t) * outer(u, u)
-        A += m[..., None] * transpose(v) @ v + transpose(w) @ J @ w
-        b = m[..., None] * transpose(v) @ dv + transpose(w) @ skew(omega) @ J @ w
+        A += m[..., None] * transpose(v) @ v + w.T @ J @ w
+        b = m[..., None] * transpose(v) @ dv + w.T @ skew(omega) @ J @ w
         D += apply(transpose(v), F) - apply(b, np.concatenate([omega, slide_rate[..., None]], axis=-1))
     A[..., 3, 3] += per_leg(parameters.leg_armature)
     return A, D
@@ -275,14 +271,13 @@ def _constraint_rows(of_leg: Array, of_platform: Array, spin: Array) -> Array:
     return rows
 
 
-def consistent_start(
-    parameters: Parameters, position: Array, rotation: Array, velocity: Array, angular_velocity: Array
-) -> tuple[Configuration, Array]:
-    """Configuration and speeds that satisfy all constraints for a pose and twist of the platform.
+def consistent_start(parameters: Parameters, state: State) -> tuple[Configuration, Array]:
+    """Configuration and speeds that satisfy all constraints for a pose and twist of the platform, each (..., 3).
 
     s_i u_i = t + 0_R_p r_p,i − B_i;  ṡ_i = u_i·v_P,  ω_i = u_i × v_P / s_i (no spin), from (18), (21), (24), (25).
-    Position, velocity, angular velocity (..., 3), rotation (..., 3, 3).
     """
+    position, rotation = state.position, matrix_from_orientation(state.orientation)
+    velocity, angular_velocity = state.velocity, state.angular_velocity
     arm = apply(rotation[..., None, :, :], parameters.platform_points)
     l = position[..., None, :] + arm - parameters.base_points
     slide = np.sqrt(dot(l, l))
@@ -316,22 +311,6 @@ class KaneTrajectory:
         """Pose and twist of the platform, each (n, 3)."""
         omega, velocity = platform_speeds(self.speeds)
         return State(self.configuration.position, orientation_from_matrix(self.configuration.rotation), velocity, omega)
-
-
-def simulate(
-    parameters: Parameters,
-    start: State,
-    inputs: Inputs,
-    time: Array,
-    baumgarte: tuple[float, float] = (10.0, 10.0),
-    rtol: float = 1e-10,
-    own_steps: bool = False,
-    progress: TimeProgress | None = None,
-) -> KaneTrajectory:
-    """Integrate eq. (31) from the pose and twist of the platform, (3,) arrays, with consistent legs."""
-    R = matrix_from_orientation(start.orientation)
-    consistent = consistent_start(parameters, start.position, R, start.velocity, start.angular_velocity)
-    return integrate(parameters, *consistent, inputs, time, baumgarte, rtol, own_steps, progress)
 
 
 def integrate(

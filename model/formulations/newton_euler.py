@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.vectors import Array, apply, cross, dot, outer, per_leg, skew, transpose
+from gough_stewart.model.vectors import Array, apply, centripetal, cross, dot, outer, per_leg, skew, transpose
 
 # Columns of one leg's 24 unknowns.
 _A1, _ALPHA1, _A2, _ALPHA2 = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12)
@@ -96,7 +96,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     # universal joint: B is fixed; no spin acceleration, d/dt (u·ω) = u·α + (ω×u)·ω = u·α
     block[..., 12:15, _A1] = identity
     block[..., 12:15, _ALPHA1] = -skew(G1_B)
-    right[..., 12:15] = -_centripetal(w, G1_B)
+    right[..., 12:15] = -centripetal(w, G1_B)
     block[..., 15, _ALPHA1] = u
     # guide: the parts rotate together; across u, G2 moves with the lower part, with Coriolis term 2 ω×(L̇ u)
     block[..., 16:19, _ALPHA2] = identity
@@ -104,7 +104,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     block[..., 19:21, _A2] = onto
     block[..., 19:21, _A1] = -onto
     block[..., 19:21, _ALPHA1] = onto @ skew(G1_G2)
-    relative = _centripetal(w, G1_G2) + 2 * sliding[..., None] * cross(w, u)
+    relative = centripetal(w, G1_G2) + 2 * sliding[..., None] * cross(w, u)
     right[..., 19:21] = apply(onto, relative)
     # rotor and screw rotate with the slide: the force that accelerates them, m_a L̈ along u, reduces the push on both;
     # L̈ = u·(a2 − a1 − relative), since α×(G2 − G1) has no component along u
@@ -120,7 +120,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     block[..., 21:24, _ALPHA2] = -skew(G2_P)
     on_platform[..., 21:24, 0:3] = -identity
     on_platform[..., 21:24, 3:6] = skew(G_P)
-    right[..., 21:24] = _centripetal(omega[..., None, :], G_P) - _centripetal(w, G2_P)
+    right[..., 21:24] = centripetal(omega[..., None, :], G_P) - centripetal(w, G2_P)
 
     # the platform's balance about G takes f_P at P_i and the external wrench at Op
     m = np.broadcast_to(p.platform_mass, n)[..., None]
@@ -140,11 +140,7 @@ def solve(  # noqa: PLR0915 – bodies, joints and platform, in the order of the
     x = np.linalg.solve(K, k[..., None])[..., 0]
     alpha = x[..., _ALPHA_P]
     return NewtonEulerSolution(
-        linear=x[..., _A_G] - cross(alpha, r_G) - _centripetal(omega, r_G),
+        linear=x[..., _A_G] - cross(alpha, r_G) - centripetal(omega, r_G),
         angular=alpha,
         joint_force=x[..., :144].reshape((*n, 6, 24))[..., _F_P],
     )
-
-
-def _centripetal(omega: Array, arm: Array) -> Array:
-    return cross(omega, cross(omega, arm))

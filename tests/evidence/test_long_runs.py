@@ -8,10 +8,12 @@ from scipy.integrate import solve_ivp
 
 import gough_stewart as gs
 from gough_stewart.model import dynamics
+from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.state import State
+from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.variant import IDEAL
 from tests.model.formulations.test_formulations import by_kane, by_newton_euler
 from tests.support.fmu_plants import Fmu
 from tests.support.random_platforms import random_sample, relative_difference
@@ -25,14 +27,13 @@ def test_formulations_agree_on_20_000_random_platforms() -> None:
     kernel = Kernel()
     for seed in range(20):
         sample = random_sample(1000, seed)
-        a = dynamics.forward_dynamics(sample.parameters, sample.state, sample.inputs)
-        task = np.concatenate(a, axis=-1)
+        rates, results = plant_equations(IDEAL, sample.parameters, sample.state.to_vector(), sample.inputs)
+        task, forces = rates[:, 6:], results["joint_force"]
         (kane, kane_forces), (newton, newton_forces) = by_kane(sample), by_newton_euler(sample)
         x, u = sample.state.to_vector(), sample.inputs.to_vector()
         traced = [
             kernel.derivatives(x[k], u[k], parameter_vector(p))[6:].copy() for k, p in enumerate(sample.platforms)
         ]
-        forces = dynamics.joint_forces(sample.parameters, sample.state, sample.inputs.actuator_force, a)
         for name, value, expected in (
             ("Kane", kane, task),
             ("Newton–Euler", newton, task),
@@ -61,9 +62,10 @@ def spring_energy_error(platform: gs.Platform, start: State, stiffness: float, d
     run = solve_ivp(derivative, (0, duration), start.to_vector(), method="DOP853", rtol=1e-12, atol=1e-12)
     state = State.from_vector(run.y.T)
     L = gs.leg_geometry(platform, *state[:2]).length
-    kinetic = dynamics.kinetic_energy(platform, state)
+    _, results = plant_equations(IDEAL, platform, run.y.T, Inputs.from_vector(np.zeros((len(L), 12))))
+    kinetic = results["kinetic_energy"]
     springs = (0.5 * stiffness * (L0 - L) ** 2 - F0 * L).sum(axis=1)
-    E = kinetic + dynamics.potential_energy(platform, *state[:2]) + springs
+    E = kinetic + results["potential_energy"] + springs
     return float(np.abs(E - E[0]).max() / kinetic.max()), float(np.abs(L - L0).max())
 
 

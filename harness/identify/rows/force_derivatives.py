@@ -18,18 +18,12 @@ from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.interface import N_PARAMETERS
 from gough_stewart.model.kernel import parameter_vector
-from gough_stewart.model.kinematics import (
-    jacobian_of_legs,
-    leg_accelerations,
-    leg_geometry,
-    rates_of_legs,
-    wrench_from_leg_forces,
-)
+from gough_stewart.model.kinematics import jacobian_of_legs, leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.state import State
-from gough_stewart.model.vectors import Array, FloatArray
+from gough_stewart.model.vectors import Array, FloatArray, apply, transpose
 
 _JOINTS = 36
 assert [v.name for v in interface.PLATFORM_PARAMETERS[:2]] == ["base_points", "platform_points"]
@@ -121,7 +115,7 @@ def _equations() -> casadi.Function:
     parameters = Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
     legs = leg_geometry(parameters, state.position, state.orientation)
     needed = inverse_dynamics(parameters, state, acceleration, solve=lambda _matrix, vector: vector)
-    G = _column(needed - wrench_from_leg_forces(legs, _symbols(F)))
+    G = _column(needed - apply(transpose(jacobian_of_legs(legs)), _symbols(F)))
     of_legs = (legs.length, rates_of_legs(legs, state).length_rate, leg_accelerations(legs, state, *acceleration))
     h = casadi.vertcat(*(_column(part) for part in of_legs))
     J = casadi.vertcat(*(casadi.horzcat(*row) for row in jacobian_of_legs(legs)[0]))

@@ -18,8 +18,7 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.identify.names import place_of, value_of
-from gough_stewart.model.friction import Bristles, bristle_decay
-from gough_stewart.model.machine_dynamics import law_of_bristles
+from gough_stewart.model.friction import Bristles, bristle_decay, law_of_bristles
 from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import interrupts_held_back

@@ -351,7 +351,7 @@ def test_workspace(notes: Notes, kind: str) -> None:
     notes.replace("model.workspace.sweep", space, act)
     told = (Note("nothing is reached", "warning"),) if kind == "two" else ()
     notes.replace(f"{WORKSPACE}.report.workspace_report", replace(made_report("limits"), notes=told))
-    notes.replace(f"{WORKSPACE}.tables.workspace_csv", b"c" * 400)
+    notes.replace(f"{WORKSPACE}.report.workspace_csv", b"c" * 400)
     done = invoke("workspace", *{
         "default": (),
         "two": (*("--over", " x = -1200mm : 1.2 ,yaw", "--at", "pitch=5deg", "--at", "z = 2.5", "--points", "9"),

@@ -9,15 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gough_stewart.harness.control.linear import leg_space_mass, linearise, modes, plant_system, trim
-from gough_stewart.model.dynamics import forward_dynamics
+from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.errors import InterfaceError, SingularPoseError
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
-from gough_stewart.model.state import Inputs, State
+from gough_stewart.model.state import Inputs
 from gough_stewart.model.stepping import SteppingModel
+from gough_stewart.model.variant import IDEAL
 from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_platform
 from tests.support.uneven import UNEVEN
@@ -75,10 +75,7 @@ def test_away_from_home_it_is_the_slope_of_the_equations_in_numpy() -> None:
     z = np.concatenate(point)
 
     def rates(z: FloatArray) -> FloatArray:
-        state = State.from_vector(z[:12])
-        a = forward_dynamics(platform, state, Inputs.from_vector(z[12:]))
-        rate = orientation_rate_from_angular_velocity(state.orientation, state.angular_velocity)
-        return np.concatenate([state.velocity, rate, *a])
+        return plant_equations(IDEAL, platform, z[:12], Inputs.from_vector(z[12:]))[0]
 
     def slope(h: float) -> FloatArray:
         return np.stack([(rates(z + h * e) - rates(z - h * e)) / (2 * h) for e in np.eye(24)], axis=1)

@@ -1,7 +1,7 @@
 """Every number of a workspace that is shown: tables, CSV, maps and notices, recomputed pose by pose."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from itertools import product
 
@@ -10,20 +10,11 @@ import polars as pl
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.harness.report.document import Note
+from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.report.scene import Surface
 from gough_stewart.harness.report.table import Table
-from gough_stewart.harness.workspace.display import (
-    Shown,
-    clearance,
-    clearance_of,
-    fixed_text,
-    swept_text,
-)
-from gough_stewart.harness.workspace.explained import notices
-from gough_stewart.harness.workspace.isosurface import surface_of
-from gough_stewart.harness.workspace.report import workspace_report
-from gough_stewart.harness.workspace.tables import extent_text, size_text, workspace_csv, workspace_tables
+from gough_stewart.harness.workspace.isosurface import clearance, surface_of
+from gough_stewart.harness.workspace.report import workspace_csv, workspace_report
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
@@ -66,10 +57,16 @@ CASES: Mapping[str, tuple[Callable[[], Workspace], str, str]] = {
 }
 
 
-@pytest.fixture(autouse=True)
-def _coarse(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(autouse=True, scope="module")
+def _coarse() -> Iterator[None]:
     """Surfaces that look ragged are as right, and take a second instead of ten."""
-    monkeypatch.setattr("gough_stewart.harness.workspace.isosurface._CELLS", 10)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gough_stewart.harness.workspace.isosurface._CELLS", 10)
+        yield
+
+
+def tables_of(report: Report) -> list[Table]:
+    return [part for part in report.parts() if isinstance(part, Table)]
 
 
 class Seen:
@@ -78,6 +75,8 @@ class Seen:
     def __init__(self, case: str) -> None:
         make, self.length, self.force = CASES[case]
         self.space = make()
+        self.report = workspace_report(self.space)
+        self.tables = tables_of(self.report)
         self.swept = dict(self.space.swept)
         self.each: dict[tuple[int, ...], PoseQualities] = {}
         self.poses: dict[tuple[int, ...], FloatArray] = {}
@@ -150,7 +149,7 @@ def test_lengths_of_legs_decide_between_too_short_and_too_long() -> None:
 
 def test_swept_ranges(seen: Seen) -> None:
     """Expected: ends of the grid, and of what can be reached with any other coordinates; where the range comes from."""
-    table = workspace_tables(seen.space)[0]
+    table = seen.tables[0]
     assert (table.title, heads_of(table)) == (
         "Swept",
         ("", "from", "to", "points", "reached from", "reached to", "range"),
@@ -170,7 +169,7 @@ def test_swept_ranges(seen: Seen) -> None:
 
 def test_shares_of_the_grid_that_limits_keep_from(seen: Seen) -> None:
     """Expected: shares of poses by their own limit; both kinds of joints count; a limit not stated keeps none."""
-    shown = workspace_tables(seen.space)[1]
+    shown = seen.tables[1]
     assert (shown.title, heads_of(shown)) == ("Limits of the platform", ("", "value", "keeps from [%]"))
     codes, platform = [int(q.limit) for q in seen.each.values()], seen.space.platform
 
@@ -203,7 +202,7 @@ def test_shares_of_the_grid_that_limits_keep_from(seen: Seen) -> None:
 
 def test_the_best_and_worst_of_every_result_and_where(seen: Seen) -> None:
     """Expected: least and largest over the poses that can be reached; margins end at the border and have no worst."""
-    table = workspace_tables(seen.space)[2]
+    table = seen.tables[2]
     units = ["deg" if name in NAMES[3:] else seen.length for name in seen.swept]
     heads = [f"{name} [{unit}]" for name, unit in zip(seen.swept, units, strict=True)]
     assert table.title == "Where it can be reached"
@@ -236,42 +235,39 @@ def test_the_best_and_worst_of_every_result_and_where(seen: Seen) -> None:
 
 def test_the_size_of_the_region(seen: Seen) -> None:
     """Expected: by the trapezoidal rule over cells: poses on a face, edge or corner of the grid are parts of cells."""
-    reached = seen.reached()
-    text = size_text(seen.space)
-    share = f"{100 * len(reached) / len(seen.each):.3g} %"
-    assert text.startswith(f"{len(reached)} of {len(seen.each)} poses can be reached ({share})")
+    text = seen.report.verdict.text
     if any(name in NAMES[3:] for name in seen.swept):
-        assert text.endswith("%)")
+        assert " of the grid;" in text or text.endswith("100 % of the grid")
         return
     size = 0.0
-    for index in reached:
+    for index in seen.reached():
         cell = 1.0
         for k, values in zip(index, seen.swept.values(), strict=True):
             cell *= (values[-1] - values[0]) / (len(values) - 1) * (0.5 if k in (0, len(values) - 1) else 1.0)
         size += cell
     power, kind = {2: ("²", "an area"), 3: ("³", "a volume")}[len(seen.swept)]
-    assert text.endswith(f", {kind} of {size:.4g} m{power}")
+    assert f" of the grid, {kind} of {size:.4g} m{power}; " in text
 
 
 @pytest.mark.parametrize(
-    ("size", "dimensions", "text"),
+    ("sides", "text"),
     [
-        (0.1, 2, "0.1 m²"),
-        (0.0999, 2, "999 cm²"),
-        (1e-5, 2, "0.1 cm²"),
-        (0.9e-5, 2, "9 mm²"),
-        (0.01, 3, "0.01 m³"),
-        (0.0099, 3, "9900 cm³"),
-        (1.1e-8, 3, "0.011 cm³"),
-        (0.9e-8, 3, "9 mm³"),
-        (0.0, 2, "0 m²"),
-        (0.0, 3, "0 m³"),
+        ((0.4, 0.25), "an area of 0.1 m²"),
+        ((0.3, 0.333), "an area of 999 cm²"),
+        ((0.004, 0.0025), "an area of 0.1 cm²"),
+        ((0.003, 0.003), "an area of 9 mm²"),
+        ((0.4, 0.25, 0.1), "a volume of 0.01 m³"),
+        ((0.3, 0.3, 0.11), "a volume of 9900 cm³"),
+        ((0.004, 0.0025, 0.0011), "a volume of 0.011 cm³"),
+        ((0.003, 0.002, 0.0015), "a volume of 9 mm³"),
     ],
 )
-def test_units_of_sizes_change_at_a_tenth_squared_and_a_hundredth_cubed(
-    size: float, dimensions: int, text: str
-) -> None:
-    assert extent_text(size, dimensions) == text
+def test_a_size_is_in_the_largest_unit_that_leaves_it_a_number_to_read(sides: tuple[float, ...], text: str) -> None:
+    """Expected: products of the sides, all of which can be reached; units change at 0.1 squared and 0.01 cubed."""
+    over = {name: (low, low + side) for name, low, side in zip("xyz", (0.0, 0.0, 3.0), sides, strict=False)}
+    report = workspace_report(sweep(load_preset("liu2000"), over, points=3), surface=False)
+    assert report.verdict.text.endswith(f"100 % of the grid, {text}")
+    assert report.verdict.status == "good"
 
 
 def test_every_pose_is_a_row_of_the_table(seen: Seen) -> None:
@@ -292,26 +288,19 @@ def test_every_pose_is_a_row_of_the_table(seen: Seen) -> None:
             assert row[name] == (None if value is None else pytest.approx(float(value), rel=1e-9)), name
 
 
-def test_coordinates_in_words(seen: Seen) -> None:
-    parts = [f"{n} from {seen.shown(v[0], n)} to {seen.shown(v[-1], n)}" for n, v in seen.swept.items()]
-    assert swept_text(seen.space) == ", ".join(parts)
-    fixed = [name for name in NAMES if name not in seen.swept]
-    assert fixed_text(seen.space) == ", ".join(f"{name} {seen.shown(seen.space.fixed[name], name)}" for name in fixed)
-
-
 def test_the_maps_have_every_number(seen: Seen) -> None:
     """Expected: the grid in SI units, and by pose the limit, the clearance and all results, in slices and rows.
 
     Of a volume, the slice shown first is the one nearest to home, and the surface has its place, in the same units.
     """
-    report = workspace_report(seen.space)
+    report = seen.report
     names = list(seen.swept)
     first, *results = report.charts
     assert first.map is not None
     assert first.map.classes == tuple(limit.text for limit in Limit)
     assert [chart.title for chart in results] == [RESULTS[name][0] for name in seen.results()]
     of_page = {"limit": {index: float(q.limit) for index, q in seen.each.items()}, **seen.results()}
-    field = clearance(seen.space)
+    field = clearance(seen.space.platform, seen.space.qualities, seen.space.coordinates()[..., 4])
     for chart, (name, of_poses) in zip(report.charts, of_page.items(), strict=True):
         assert chart.map is not None
         assert chart.y is not None
@@ -359,8 +348,7 @@ def test_home_is_marked_where_a_map_goes_through_it() -> None:
 
 
 def _notice(platform: Platform, over: dict[str, tuple[float, float]], at: dict[str, float]) -> str:
-    *_, text = notices(sweep(platform, over, at, points=3))
-    return text
+    return workspace_report(sweep(platform, over, at, points=3), surface=False).notes[-1].text
 
 
 _NEAR = {"x": (-0.1, 0.1), "y": (0.0, 0.1)}
@@ -413,18 +401,23 @@ def test_what_leads_back_home_is_said_in_the_order_of_its_use() -> None:
     between = _notice(UNEVEN, {"z": (0.5, 7.0), "y": (-3.05, 3.1)}, {})
     assert between.endswith("but lies between two poses of this grid: use more points or smaller ranges.")
     assert _notice(UNEVEN, _NEAR, {"roll": 1.2}).split(": ")[1].startswith("beyond a singular pose. Home")
-    assert notices(sweep(UNEVEN, _NEAR, points=3)) == []
+    assert workspace_report(sweep(UNEVEN, _NEAR, points=3)).notes == ()
     for one in ("leg_length_min", "leg_length_max", "joint_angle_max"):
         without = dict.fromkeys({"leg_length_min", "leg_length_max", "joint_angle_max"} - {one})
-        assert notices(sweep(replace(UNEVEN, **without), _NEAR, points=3)) == []  # type: ignore[arg-type]
+        space = sweep(replace(UNEVEN, **without), _NEAR, points=3)  # type: ignore[arg-type]
+        assert workspace_report(space).notes == ()
 
 
 def test_the_report_says_each_thing_in_its_place(seen: Seen) -> None:
     """Expected: platform, ranges, share of the poses, worst values over those within reach, all tables, source."""
-    space, report = seen.space, workspace_report(seen.space, surface=False)
+    space, report = seen.space, seen.report
     assert report.title == f"Workspace of {space.platform.name}"
-    assert report.lead == f"{swept_text(space)}; at {fixed_text(space)}"
-    assert [note.text for note in report.notes] == notices(space)
+    swept = ", ".join(f"{n} from {seen.shown(v[0], n)} to {seen.shown(v[-1], n)}" for n, v in seen.swept.items())
+    fixed = ", ".join(f"{n} {seen.shown(space.fixed[n], n)}" for n in NAMES if n not in seen.swept)
+    assert report.lead == f"{swept}; at {fixed}"
+    # the published platform states no limits
+    unstated = "liu2000 states no leg_length_min, leg_length_max or joint_angle_max: only singular poses"
+    assert [note.text.startswith(unstated) for note in report.notes] == [True] * (seen.force == "")
     reached = seen.reached()
     share = report.number("reachable")
     assert share.value == pytest.approx(len(reached) / len(seen.each))
@@ -436,8 +429,7 @@ def test_the_report_says_each_thing_in_its_place(seen: Seen) -> None:
     # those at the border are 0 there, and say nothing
     told = [name for name in seen.results() if not RESULTS[name][2]]
     assert [each.path for each in report.verdict.numbers] == ["reachable", *(f"worst.{name}" for name in told)]
-    tables = [part for part in report.parts() if isinstance(part, Table)]
-    assert [table.title for table in tables] == [table.title for table in workspace_tables(space)]
+    assert len(seen.tables) == 3
     source = [part.text for part in report.parts() if isinstance(part, Note)]
     assert source == ([f"{space.platform.name}: {space.platform.source}"] if space.platform.source else [])
 
@@ -447,11 +439,10 @@ def test_an_empty_region_has_its_limits_and_no_results() -> None:
     space = sweep(replace(UNEVEN, source=""), _NEAR, {"z": 1.0}, points=3)
     report = workspace_report(space)
     assert [chart.title for chart in report.charts] == ["reachable region"]
-    assert len([part for part in report.parts() if isinstance(part, Table)]) == 2
-    assert [note.text for note in report.notes] == notices(space)
+    swept, limits = tables_of(report)
+    assert (swept.title, limits.title) == ("Swept", "Limits of the platform")
     assert not any(isinstance(part, Note) for part in report.parts())
-    rows = rows_of(workspace_tables(space)[0])
-    assert [row[4:6] for row in rows] == [("–", "–")] * 2
+    assert [row[4:6] for row in rows_of(swept)] == [("–", "–")] * 2
 
 
 @pytest.mark.parametrize("aside", [-2e-9, -0.5e-9, 0.5e-9, 2e-9, -0.2, 0.2])
@@ -476,14 +467,6 @@ def test_where_home_is_told_only_for_coordinates_that_are_away_from_it() -> None
         assert text.endswith("but lies between two poses of this grid: use more points or smaller ranges."), text
 
 
-def test_a_value_is_shown_with_its_unit_and_without_a_negative_zero() -> None:
-    """Expected: by hand; degrees without a space, numbers without a unit alone, and what is not finite."""
-    degrees, metres, plain = Shown("°", 180 / np.pi), Shown("mm", 1e3), Shown("", 1.0)
-    assert [degrees.text(x) for x in (np.pi / 6, -1e-14, -0.5)] == ["30°", "0°", "-28.65°"]
-    assert [metres.text(x, 3) for x in (0.123456, -0.0, 1e-13)] == ["123 mm", "0 mm", "0 mm"]
-    assert [plain.text(x) for x in (2.0, 1234.56, np.inf)] == ["2", "1235", "∞"]
-
-
 def test_the_clearance_is_the_least_of_its_margins_in_their_own_scales() -> None:
     """Expected: by hand, each margin the least in turn; lengths over the characteristic length, NaN passed over."""
     size = UNEVEN.characteristic_length
@@ -500,7 +483,7 @@ def test_the_clearance_is_the_least_of_its_margins_in_their_own_scales() -> None
     ]
     for (length, angle, singular), pitch, expected in cases:
         margins = {"leg_length_margin": length, "joint_angle_margin": angle, "singular_margin": singular}
-        found = clearance_of(UNEVEN, q._replace(**{k: np.array(v) for k, v in margins.items()}), np.array(pitch))
+        found = clearance(UNEVEN, q._replace(**{k: np.array(v) for k, v in margins.items()}), np.array(pitch))
         assert float(found) == pytest.approx(expected)
     alone = q._replace(leg_length_margin=None, joint_angle_margin=None, singular_margin=np.array(0.7))
-    assert float(clearance_of(UNEVEN, alone, np.array(0.0))) == 0.7
+    assert float(clearance(UNEVEN, alone, np.array(0.0))) == 0.7

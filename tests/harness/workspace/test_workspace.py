@@ -1,12 +1,10 @@
 """The command `workspace` as a user meets it: files, tables, pictures, a page, and clear errors."""
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import polars as pl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -20,15 +18,11 @@ from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.report.scene import Surface as SurfacePart
-from gough_stewart.harness.workspace.display import clearance
-from gough_stewart.harness.workspace.explained import notices
-from gough_stewart.harness.workspace.isosurface import Surface, isosurface, surface_of
+from gough_stewart.harness.workspace.isosurface import Isosurface, clearance, isosurface, surface_of
 from gough_stewart.harness.workspace.report import workspace_report
-from gough_stewart.harness.workspace.tables import extent_text, size_text, workspace_csv
-from gough_stewart.model.kinematics import conditioning, leg_geometry
+from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.workspace import Limit, Workspace, evaluate_poses, sweep
+from gough_stewart.model.workspace import evaluate_poses, sweep
 from tests.support.commands import invoke
 from tests.support.random_platforms import random_platform
 
@@ -94,54 +88,6 @@ def test_the_command_writes_its_files_and_no_others_and_tells_what_it_found(maps
         assert said in done.stdout
 
 
-def test_the_table_has_a_row_per_pose_as_evaluated(maps: tuple[Result, Path]) -> None:
-    """Expected: `evaluate_poses` and `conditioning` at the coordinates in the table."""
-    table = pl.read_csv(maps[1] / "workspace.csv")
-    assert table.height == 625
-    assert table["pitch"].unique().to_list() == pytest.approx([np.radians(5)])
-    assert (table["y"].min(), table["y"].max()) == (-1.2, 1.2)
-    pose = (table["x", "y", "z"].to_numpy(), table["roll", "pitch", "yaw"].to_numpy())
-    q = evaluate_poses(MOTION_BASE, *pose)
-    assert table["reachable"].to_list() == q.reachable.tolist()
-    assert table["limit"].to_list() == [Limit(code).name.lower() for code in q.limit]
-    assert np.allclose(table["condition_number"], conditioning(MOTION_BASE, *pose).condition_number, rtol=1e-12)
-    for name in ("leg_length_margin", "joint_angle_margin", "singular_margin", "payload", "force_margin"):
-        assert np.allclose(table[name], getattr(q, name), rtol=1e-9), name
-
-
-def test_columns_that_a_platform_has_no_limit_for_are_empty() -> None:
-    table = pl.read_csv(workspace_csv(sweep(PAPER, dict.fromkeys("xy"), points=5)))
-    for name in ("leg_length_margin", "joint_angle_margin", "payload", "force_margin"):
-        assert table[name].null_count() == 25
-    assert table["reachable"].all()
-
-
-_RESULTS = ("condition number", "largest payload", "force margin", "largest speed", "stroke left", "joint angle left")
-_KINDS: dict[str, tuple[Callable[[], Workspace], tuple[str, ...]]] = {
-    "maps": (lambda: sweep(MOTION_BASE, points=9), _RESULTS),
-    "volume": (lambda: sweep(DESKTOP, dict.fromkeys(("x", "roll", "z")), points=9), _RESULTS),
-    "nothing": (lambda: sweep(MOTION_BASE, at={"z": 5.0}, points=9), ()),
-    "without limits": (lambda: sweep(PAPER, {"yaw": (-2.0, 2.0), "z": None}, points=9), _RESULTS[:1]),
-}
-
-
-@pytest.mark.parametrize("kind", _KINDS)
-def test_there_is_a_map_of_every_result_that_the_platform_has_the_limits_for(
-    kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: by kind; of what limits the poses there is always one, of a volume all are in slices."""
-    monkeypatch.setattr("gough_stewart.harness.workspace.isosurface._CELLS", 10)
-    make, results = _KINDS[kind]
-    workspace = make()
-    report = workspace_report(workspace)
-    assert [chart.title for chart in report.charts] == ["reachable region", *results]
-    assert {chart.series[0].values.ndim for chart in report.charts} == {len(workspace.shape)}
-    surfaces = [part for part in report.parts() if isinstance(part, SurfacePart)]
-    assert len(surfaces) == (len(workspace.shape) == 3)
-    assert size_text(workspace).startswith(f"{workspace.qualities.reachable.sum()} of ")
-    assert workspace_report(workspace, surface=False).charts[0].title == "reachable region"
-
-
 @pytest.fixture(scope="module")
 def with_page(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     out = tmp_path_factory.mktemp("page")
@@ -185,47 +131,16 @@ def test_a_name_cannot_break_out_of_the_page() -> None:
     assert "<i>" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
 
 
-def test_an_area_is_that_of_the_cells_that_can_be_reached() -> None:
-    """Expected: all of a square of 1 m by 0.5 m, and of a box of 1 m by 0.5 m by 0.2 m."""
-    plane = sweep(PAPER, {"x": (-0.5, 0.5), "y": (0.0, 0.5)}, points=7)
-    assert size_text(plane) == "49 of 49 poses can be reached (100 %), an area of 0.5 m²"
-    box = sweep(PAPER, {"x": (-0.5, 0.5), "y": (0.0, 0.5), "z": (3.0, 3.2)}, points=4)
-    assert size_text(box).endswith("a volume of 0.1 m³")
-
-
-def test_a_size_is_in_a_unit_that_leaves_it_a_number_to_read() -> None:
-    """Expected: 1 m = 100 cm = 1000 mm, squared and cubed."""
-    assert extent_text(1.87e-4, 3) == "187 cm³"
-    assert extent_text(2e-9, 3) == "2 mm³"
-    assert extent_text(0.05, 2) == "500 cm²"
-    assert extent_text(12.3, 3) == "12.3 m³"
-
-
-def test_an_empty_region_names_the_limit_at_the_nearest_pose_and_what_leads_back() -> None:
-    """Expected: by inverse kinematics, leg for leg, |t + R p − b| at the pose named, which lies 3 m above home."""
-    workspace = sweep(MOTION_BASE, {"x": (-0.3, 0.5), "roll": (-0.2, 0.3)}, {"z": 5.0, "y": 0.1}, points=3)
-    (text,) = notices(workspace)
-    found = re.search(r"is x (\S+) m, roll (\S+)°: leg (\d) is (\S+) m long; leg_length_max is 4 m", text)
-    assert found
-    x, roll = float(found[1]), np.radians(float(found[2]))
-    R = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
-    vectors = np.array([x, 0.1, 5.0]) + MOTION_BASE.platform_points @ R.T - MOTION_BASE.base_points
-    lengths = np.linalg.norm(vectors, axis=1)
-    assert int(found[3]) == lengths.argmax() + 1
-    assert float(found[4]) == pytest.approx(lengths.max(), abs=2e-3)
-    assert "y at 0 m, z at 2 m" in text
-    assert "leg_length_min, leg_length_max or joint_angle_max" in notices(sweep(PAPER, points=3))[0]
-
-
 def test_clearance_is_positive_exactly_where_poses_can_be_reached() -> None:
     for over in (("x", "z"), ("roll", "yaw"), ("pitch", "z")):
         workspace = sweep(
             MOTION_BASE, {name: (-1.5, 1.5) if name in ("pitch", "yaw") else None for name in over}, points=41
         )
-        assert np.array_equal(clearance(workspace) > 0, workspace.qualities.reachable)
+        field = clearance(MOTION_BASE, workspace.qualities, workspace.coordinates()[..., 4])
+        assert np.array_equal(field > 0, workspace.qualities.reachable)
 
 
-def enclosed(surface: Surface) -> float:
+def enclosed(surface: Isosurface) -> float:
     """By Gauss's theorem; negative if normals point inward."""
     a, b, c = (surface.vertices[surface.triangles[:, k]] for k in range(3))
     return float((a * np.cross(b, c)).sum() / 6)

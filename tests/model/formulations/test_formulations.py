@@ -5,12 +5,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from gough_stewart import Platform, State, load_preset
-from gough_stewart.model import dynamics, interface, kinematics
+from gough_stewart import load_preset
+from gough_stewart.model import interface, kinematics
+from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.rotations import matrix_from_orientation
+from gough_stewart.model.variant import IDEAL
 from tests.support.random_platforms import Sample, relative_difference
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 
@@ -18,7 +20,7 @@ from tests.support.uneven import INPUTS, STATE, UNEVEN
 def by_kane(sample: Sample, axial_inertia: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Accelerations (n, 6) and joint forces (n, 6, 3)."""
     p, state, inputs = sample.parameters, sample.state, sample.inputs
-    start = kane.consistent_start(p, state.position, matrix_from_orientation(state.orientation), *state[2:])
+    start = kane.consistent_start(p, state)
     wrench = np.concatenate(inputs[1:], axis=-1)
     solution = kane.solve(p, *start, inputs.actuator_force, wrench, axial_inertia=axial_inertia)
     return solution.platform_acceleration, solution.joint_force
@@ -37,10 +39,10 @@ def test_accelerations_and_joint_forces_agree_with_task_space(thousand: Sample, 
     """The multipliers λ of eq. (30) are the forces that Newton and Euler find in the platform joints."""
     assert callable(formulation)
     p, state, inputs = thousand.parameters, thousand.state, thousand.inputs
-    a = dynamics.forward_dynamics(p, state, inputs)
+    rates, results = plant_equations(IDEAL, p, state.to_vector(), inputs)
     acceleration, joint_force = formulation(thousand)
-    assert relative_difference(acceleration, np.concatenate(a, axis=-1)) <= 1e-10
-    assert relative_difference(joint_force, dynamics.joint_forces(p, state, inputs.actuator_force, a)) <= 1e-10
+    assert relative_difference(acceleration, rates[:, 6:]) <= 1e-10
+    assert relative_difference(joint_force, results["joint_force"]) <= 1e-10
 
 
 @pytest.mark.parametrize("formulation", [by_kane, by_newton_euler])
@@ -59,6 +61,7 @@ def test_the_kernel_gives_derivatives_and_outputs_of_the_numpy_functions(thousan
     rates = np.array([kernel.derivatives(x[k], u[k], of_platforms[k]).copy() for k in range(1000)])
     outputs = np.array([kernel.outputs(x[k], u[k], of_platforms[k]).copy() for k in range(1000)])
     acceleration, joint_force = by_newton_euler(thousand)
+    _, by_numpy = plant_equations(IDEAL, p, x, thousand.inputs)
     assert relative_difference(rates[:, 6:], acceleration) <= 1e-10
     expected = {
         **state._asdict(),
@@ -67,8 +70,7 @@ def test_the_kernel_gives_derivatives_and_outputs_of_the_numpy_functions(thousan
         "acceleration": acceleration[:, :3],
         "angular_acceleration": acceleration[:, 3:],
         "joint_force": joint_force,
-        "kinetic_energy": dynamics.kinetic_energy(p, state),
-        "potential_energy": dynamics.potential_energy(p, state.position, state.orientation),
+        **{name: by_numpy[name] for name in ("kinetic_energy", "potential_energy")},
     }
     found = interface.unpack(interface.RESULTS, outputs)
     assert found.keys() == expected.keys()
@@ -76,16 +78,12 @@ def test_the_kernel_gives_derivatives_and_outputs_of_the_numpy_functions(thousan
         assert relative_difference(found[name], value) <= 1e-10, name
 
 
-def start_of(platform: Platform, state: State) -> tuple[kane.Configuration, np.ndarray]:
-    R = matrix_from_orientation(state.orientation)
-    return kane.consistent_start(platform, state.position, R, state.velocity, state.angular_velocity)
-
-
 def test_the_dae_takes_an_uneven_platform_where_the_kernel_does() -> None:
     """Expected: the task-space kernel under DOP853; joint forces by its outputs; no drift to speak of."""
     reached: list[float] = []
     times = np.array([0.0, 0.1, 0.25])
-    run = kane.simulate(UNEVEN, STATE, INPUTS, times, rtol=1e-9, progress=reached.append)
+    start = kane.consistent_start(UNEVEN, STATE)
+    run = kane.integrate(UNEVEN, *start, INPUTS, times, rtol=1e-9, progress=reached.append)
     kernel, p, u = Kernel(), parameter_vector(UNEVEN), INPUTS.to_vector()
     path = solve_ivp(
         lambda _t, x: kernel.derivatives(x, u, p).copy(),
@@ -113,7 +111,7 @@ def test_both_terms_of_baumgarte_have_their_own_number() -> None:
     Legs too long by six different gaps, with speeds that satisfy no constraint of the closures.
     """
     alpha, beta, times = 9.0, 3.5, np.array([0.0, 0.05, 0.2])
-    configuration, y = start_of(UNEVEN, STATE)
+    configuration, y = kane.consistent_start(UNEVEN, STATE)
     stretched = configuration._replace(slide=configuration.slide + 1e-5 * np.arange(1, 7))
     faster = y + 1e-5 * np.append(np.tile([0.0, 0.0, 0.0, 3.0], 6), np.zeros(6))
     run = kane.integrate(UNEVEN, stretched, faster, INPUTS, times, (alpha, beta))
