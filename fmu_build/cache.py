@@ -116,25 +116,12 @@ def state_of_sources() -> str:
 
 
 def cached_build(fmi_version: str, progress: StepProgress | None = None, variant: Variant = IDEAL) -> Path:
-    """The FMU of the paper's platform, or of another variant, for this machine.
-
-    A damaged FMU is rebuilt.
-
-    Parameters
-    ----------
-    fmi_version
-        "2.0" or "3.0".
-    progress
-        Called with the name of each step of a build.
-    variant
-        Whether its legs have stiction, and whether they are elastic.
+    """The FMU of the paper's platform, or of another variant, for this machine; built anew if it is damaged.
 
     Raises
     ------
-    BuildError
-        See `build`; or files in the cache differ from what was written.
-    OSError
-        The cache cannot be written.
+    BuildError, OSError
+        See `build` and `kept`.
     """
 
     def built() -> bytes:
