@@ -15,7 +15,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.fmu_build.cache import cached_build
+from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.ensemble.local import Workers, chunks_here
 from gough_stewart.harness.experiment.file import shipped_experiment

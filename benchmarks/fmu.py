@@ -21,7 +21,7 @@ from fmpy.fmi3 import FMU3Slave
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.fmu_build.cache import cached_build
+from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.toolchain import FLAGS, native

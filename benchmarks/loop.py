@@ -17,7 +17,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from gough_stewart.fmu_build.cache import cached_build
+from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import laws_of
 from gough_stewart.harness.experiment.file import shipped_experiment

@@ -233,17 +233,10 @@ _PROCESSORS = {"x86_64-darwin": (0x01000007, 3), "aarch64-darwin": (0x0100000C, 
 
 
 def stamped(library: bytes, blank: bytes, block: bytes) -> bytes:
-    """A library in which a block of the same size stands for the blank one.
+    """A library, ELF, PE or Mach-O, in which a block of the same size stands for the blank one, see `start_block`.
 
     Mach-O with an ad-hoc signature gets the digests of its new pages: Apple's arm64 systems do not load a page whose
     SHA-256 differs from that in the signature's code directory [xnu, osfmk/kern/cs_blobs.h].
-
-    Parameters
-    ----------
-    library
-        ELF, PE or Mach-O for one processor.
-    blank, block
-        See `sources.start_block`.
 
     Raises
     ------

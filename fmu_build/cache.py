@@ -1,13 +1,11 @@
 """The cache of what is built: each file is made once per state of the sources, and checked by its digest.
 
-Also the errors of the build, and the units that runs keep there.
+Also the errors of the build.
 """
 
 import hashlib
 import os
-import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 from importlib import resources
 from importlib.metadata import version
@@ -17,14 +15,10 @@ from pathlib import Path
 from platformdirs import user_cache_path
 
 from gough_stewart.model.errors import GoughStewartError, NotInstalledError
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process import installed
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import state_of_texts, this_machine
-from gough_stewart.model.process.progress import StepProgress
-from gough_stewart.model.variant import ELASTO_PLASTIC, IDEAL, Variant
+from gough_stewart.model.process.prebuilt import state_of_texts
 
 RUNNER, COMPILER = "fmpy", "ziglang"
 # Packages on which what is built depends, besides the files of this package.
@@ -113,45 +107,3 @@ def state_of_sources() -> str:
     installed = {name for name in _PACKAGES if find_spec(name.replace("-", "_")) is not None}
     versions = "".join(f"{name} {version(name) if name in installed else 'not installed'}\n" for name in _PACKAGES)
     return digest_of(f"{versions}{state_of_texts()}".encode())[:24]
-
-
-def cached_build(fmi_version: str, progress: StepProgress | None = None, variant: Variant = IDEAL) -> Path:
-    """The FMU of the paper's platform, or of another variant, for this machine.
-
-    A damaged FMU is rebuilt.
-
-    Parameters
-    ----------
-    fmi_version
-        "2.0" or "3.0".
-    progress
-        Called with the name of each step of a build.
-    variant
-        Whether its legs have stiction, and whether they are elastic.
-
-    Raises
-    ------
-    BuildError
-        See `build`; or files in the cache differ from what was written.
-    OSError
-        The cache cannot be written.
-    """
-
-    def built() -> bytes:
-        from gough_stewart.fmu_build.build import build  # imports what a cached unit does not need
-
-        with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
-            return build(folder, fmi=[fmi_version], platform=platform_of(variant), progress=progress)[0].read_bytes()
-
-    state = "-".join((state_of_sources(), this_machine(), *variant.parts))
-    return kept(cache_folder() / "fmus" / state / f"gough_stewart_fmi{fmi_version[0]}.fmu", built)
-
-
-def platform_of(variant: Variant) -> Platform:
-    """Any platform of a variant, the paper's if it is ideal: all its parameters are set when it runs."""
-    platform = load_preset("liu2000")
-    if variant.bristles:
-        platform = replace(platform, leg_friction_model=ELASTO_PLASTIC, leg_coulomb_friction=1.0)
-    if variant.springs:
-        platform = replace(platform, leg_stiffness=1e6, leg_armature=1.0)
-    return platform

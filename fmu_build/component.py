@@ -89,15 +89,7 @@ class Layout:
 
 
 def laid_out(variables: Iterable[Variable], rate_units: Mapping[str, str], appended: Iterable[Variable] = ()) -> Layout:
-    """The layout of variables in this order.
-
-    Parameters
-    ----------
-    rate_units
-        Units of the state derivatives by state name.
-    appended
-        Variables after time, in this order.
-    """
+    """The layout of variables, the derivatives of states with their units, time, and what was added later."""
     variables, rows = tuple(variables), list[LayoutRow]()
 
     def add(variable: Variable, role: Role, derivative_of: str | None = None) -> None:

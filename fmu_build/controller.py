@@ -27,6 +27,9 @@ MOST_OUTPUT_DELAY = 12
 OUTPUT_DELAY = "output_delay"
 _ACTUATOR = "actuator_force leg_length leg_velocity"
 _POSE = "position orientation velocity angular_velocity"
+_SLOTS_IN_C = (
+    "actuator_force force_limited rate_limited start_force sample_time output_delay input_status input_bad_time"
+)
 
 
 def _output(name: str, shape: tuple[int, ...], unit: str, description: str) -> Variable:
@@ -109,15 +112,7 @@ class SampledController:
 
 
 def controller_component(controller: SampledController, file_stem: str = "controller") -> UnitComponent:
-    """The controller as a sampled component: no continuous states; Co-Simulation only.
-
-    Parameters
-    ----------
-    controller
-        Its signals, parameters and plain C.
-    file_stem
-        Beginning of the archives' names.
-    """
+    """The controller as a sampled component: no continuous states; Co-Simulation only."""
     layout, code, c = controller.layout, controller.code, c_folder("controller")
     inputs = (row.variable for row in layout.rows if row.variable.causality == "input")
     starts: dict[str, Array] = {v.name: np.zeros(v.shape) for v in inputs}
@@ -173,16 +168,6 @@ def controller_component(controller: SampledController, file_stem: str = "contro
 def controller_header(controller: SampledController) -> str:
     """`controller_table.h`."""
     rows = controller.layout.by_name
-    named = (
-        "actuator_force",
-        "force_limited",
-        "rate_limited",
-        "start_force",
-        "sample_time",
-        "output_delay",
-        "input_status",
-        "input_bad_time",
-    )
     limits = [rows[p.variable.name].first for p in controller.parameters if p.is_none_at_zero]
     facts = {
         "HAS_REFERENCE_INPUTS": int(bool(controller.reference)),
@@ -193,7 +178,7 @@ def controller_header(controller: SampledController) -> str:
     }
     return filled(
         "controller/controller_table.h",
-        slots=defines({name.upper(): rows[name].first for name in named if name in rows}),
+        slots=defines({name.upper(): rows[name].first for name in _SLOTS_IN_C.split() if name in rows}),
         facts=defines(facts),
         most_output_delay=controller.most_output_delay,
         is_none_at_zero=" || ".join(f"(slot) == {slot}" for slot in limits) or "0",

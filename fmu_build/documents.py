@@ -79,15 +79,7 @@ class DescribedVariable(NamedTuple):
 
 
 def model_description(component: UnitComponent, fmi_version: str, token: str, source_files: Sequence[str]) -> bytes:
-    """modelDescription.xml, with the component's start values.
-
-    Parameters
-    ----------
-    token
-        The unit's `guid` or `instantiationToken`.
-    source_files
-        Names of the files to compile, which FMI 2.0 lists here.
-    """
+    """modelDescription.xml, with the component's start values; FMI 2.0 lists the files to compile there."""
     layout, in_scalars = component.layout, fmi_version == "2.0" or component.has_scalars_only
     variables, keys = list[DescribedVariable](), dict[int, int]()
     for row in layout.described(fmi_version):

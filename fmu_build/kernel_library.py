@@ -13,7 +13,8 @@ import sys
 from collections.abc import Mapping
 from itertools import accumulate
 
-from gough_stewart.fmu_build.cache import BuildError, platform_of, state_of_sources
+from gough_stewart.fmu_build.cache import BuildError, state_of_sources
+from gough_stewart.fmu_build.cached import platform_of
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.toolchain import compiler_of, native

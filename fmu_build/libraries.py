@@ -92,12 +92,7 @@ def state_of_c(sources: Sources) -> str:
 def vector_library(name: str, sources: Callable[[], Sources], state: str = "", variant: Variant = IDEAL) -> Library:
     """The description of a library that computes in vectors of members.
 
-    Parameters
-    ----------
-    state
-        Digest of sources outside of this package.
-    variant
-        Of its plant; the parts follow in its name.
+    `state` is a digest of sources outside of this package; the parts of the plant's variant follow in its name.
     """
     whole_state = digest_of(f"{state_of_texts()}\n{state}".encode())
     return Library("-".join([name, *variant.parts]), sources, whole_state, VECTOR_FLAGS)
@@ -275,10 +270,8 @@ def law_library(function: Any) -> LanesLibrary:
 
     Raises
     ------
-    BuildError, OSError
-        See `machine_code`.
-    RuntimeError
-        See `codegen.in_lanes`.
+    BuildError, OSError, RuntimeError
+        See `machine_code` and `codegen.in_lanes`.
     """
     sources = law_sources(function)
     state = digest_of(sources.headers["law_step.h"].encode())
@@ -346,17 +339,7 @@ static void step_{name}(const lanes row[], const lanes before[], const int64_t p
 def machine_sources(
     components: str, fields: str, plan: str, design: str, law: Any = None, variant: Variant = IDEAL
 ) -> Sources:
-    """The C of c/machine, one machine with its loop.
-
-    Parameters
-    ----------
-    components, fields, plan, design
-        `components.h` of c/loop, `machine_fields.h`, `plan.h`, the motions, and `design.h`, what turned gains give.
-    law
-        A user's, see `law_library`.
-    variant
-        Of the plant.
-    """
+    """The C of c/machine, one machine with its loop, from generated headers and a user's law, see `law_library`."""
     loop, machine = loop_sources(components, variant, alone=True), c_folder("machine")
     user = Sources({}, {}) if law is None else law_sources(law)
     headers = {**user.headers, **loop.headers, **machine.headers}

@@ -207,23 +207,33 @@ def compile_library(
     with compiling() as in_use, tempfile.TemporaryDirectory(prefix="gough-stewart-") as scratch:
         library, stop = Path(scratch, name + target.suffix), stop or Event()
         commands = (compiler or zig()).commands(str(library), files, include, target, flags)
-
-        def run_all() -> tuple[int, str]:
-            code, message = 0, ""
+        for is_last in (False, True):
             for command in commands:
                 code, message = _run(command, scratch, stop, in_use)
                 if code != 0:
                     break
-            return code, message
-
-        code, message = run_all()
-        # an error that neither the sources nor a full disk explain may be of the cache
-        if code != 0 and not (stop.is_set() or _is_about_sources(message) or _nearly_full(scratch)):
-            _empty_objects(in_use)
-            code, message = run_all()
-        if code != 0:
-            raise BuildError(f"the compiler failed for {target.name}:\n{_complaint(code, message, scratch)}")
-        return library.read_bytes()
+            else:
+                return library.read_bytes()
+            line_of_a_source = re.escape(str(cache_folder())) + r".*?:\d+:\d+: (?:fatal )?error: "
+            is_about_sources = re.search(line_of_a_source, message) is not None
+            places = {"TMPDIR": Path(scratch), "ZIG_GLOBAL_CACHE_DIR": cache_folder()}
+            full = next((name for name, place in places.items() if shutil.disk_usage(place).free < _SPACE), None)
+            # an error that neither the sources nor a full disk explain may be of the cache
+            if stop.is_set() or is_about_sources or full:
+                break
+            if not is_last:
+                _empty_objects(in_use)
+        text = message.strip() or f"exit code {code} without a message"
+        if full:
+            free = shutil.disk_usage(places[full]).free / 1e6
+            place = Path(scratch).parent if full == "TMPDIR" else cache_folder()
+            text += (
+                f"\nOnly {free:.3g} MB are free in {place}, set {full} to a folder with at least {_SPACE / 1e6:.0f} MB."
+            )
+        elif not is_about_sources:
+            text += "\nEmptying the cache did not help; if there is no other explanation, delete the folder "
+            text += str(cache_folder())
+    raise BuildError(f"the compiler failed for {target.name}:\n{text}")
 
 
 def object_cache() -> Path:
@@ -265,34 +275,6 @@ def _empty_objects(in_use: IO[str]) -> None:
 def _flock(in_use: IO[str], how: str) -> None:
     if fcntl is not None:
         fcntl.flock(in_use, getattr(fcntl, how))
-
-
-def _is_about_sources(message: str) -> bool:
-    """Whether the message refers to a line of a source file."""
-    return re.search(re.escape(str(cache_folder())) + r".*?:\d+:\d+: (?:fatal )?error: ", message) is not None
-
-
-def _nearly_full(scratch: str) -> Path | None:
-    """A folder without enough space for a build, if there is one."""
-    for folder in (Path(scratch), cache_folder()):
-        if shutil.disk_usage(folder).free < _SPACE:
-            return folder
-    return None
-
-
-def _complaint(code: int, message: str, scratch: str) -> str:
-    """The compiler's message and a remedy."""
-    text = message.strip() or f"exit code {code} without a message"
-    full = _nearly_full(scratch)
-    if full is not None:
-        free = shutil.disk_usage(full).free / 1e6
-        place = f"{full.parent}, set TMPDIR" if full == Path(scratch) else f"{full}, set ZIG_GLOBAL_CACHE_DIR"
-        return f"{text}\nOnly {free:.3g} MB are free in {place} to a folder with at least {_SPACE / 1e6:.0f} MB."
-    if _is_about_sources(message):
-        return text
-    return (
-        f"{text}\nEmptying the cache did not help; if there is no other explanation, delete the folder {cache_folder()}"
-    )
 
 
 def _run(command: Sequence[str], folder: str, stop: Event, in_use: IO[str]) -> tuple[int, str]:

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from gough_stewart.fmu_build.cache import cached_build
+from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind

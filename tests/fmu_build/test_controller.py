@@ -341,6 +341,8 @@ def test_terminals_hold_the_actuators_the_measured_pose_and_the_reference() -> N
             {name: name for name in ("reference_position", "reference_velocity")},
         ),
     }
+    scalars = uncompiled_unit(replace(component, has_scalars_only=True), "3.0")[1][place]
+    assert _terminals(scalars) == found["2.0"]  # for importers without arrays
     leg = {"actuator_force": "actuator_force[4]", "leg_length": "leg_length[4]"}
     assert found["2.0"]["actuator_4"] == ("actuator of leg 4", leg)
     assert list(found["2.0"]) == [*(f"actuator_{k}" for k in range(1, 7)), "pose", "reference"]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gough_stewart.fmu_build import codegen, libraries
-from gough_stewart.fmu_build.cache import platform_of
+from gough_stewart.fmu_build.cached import platform_of
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.plant import component

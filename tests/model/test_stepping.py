@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
 from gough_stewart import GoughStewartError, State, StepError, SteppingModel, leg_geometry, leg_jacobian, mass_matrix
-from gough_stewart.fmu_build.cache import cached_build
+from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.model import compiled_stepper
 from tests.support.documented_loop import accelerations, twist_of_rates
