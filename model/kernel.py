@@ -12,7 +12,6 @@ import ctypes
 import warnings
 from collections.abc import Callable, Mapping
 from functools import cache, partial
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -124,46 +123,37 @@ class Kernel:
         self._variant = variant
         self._block, self._parts = new_block(variant)
         self._x, self._u, self._p, self._xdot, self._y = (self._parts[name] for name in ("x", "u", "p", "xdot", "y"))
-        self._matrices = Linearisation(
-            *(
-                self._parts[name].reshape((m, n), order="F")
-                for name, (m, n) in zip(
-                    "ABCD", product((len(self._x), len(self._y)), (len(self._x), N_INPUTS)), strict=True
-                )
-            )
-        )
-        self._call_derivatives = self._call("derivatives")
-        self._call_outputs = self._call("outputs")
-        self._call_jacobians: Callable[[], object] | None = None  # may have to be traced
+        n, m = len(self._x), len(self._y)
+        shapes = {"A": (n, n), "B": (n, N_INPUTS), "C": (m, n), "D": (m, N_INPUTS)}
+        self._matrices = Linearisation(*(self._parts[name].reshape(shape, order="F") for name, shape in shapes.items()))
+        self._calls: dict[str, Callable[[], object]] = {}
 
     def derivatives(self, x: Array, u: Array, p: Array) -> FloatArray:
         """State derivatives ẋ (12,): velocity, rates of roll, pitch, yaw, acceleration, angular acceleration."""
-        self._x[:], self._u[:], self._p[:] = x, u, p
-        self._call_derivatives()
+        self._evaluate("derivatives", x, u, p)
         return self._xdot
 
     def outputs(self, x: Array, u: Array, p: Array) -> FloatArray:
         """Outputs and locals y (N_RESULTS,) in the order of `interface.RESULT_COLUMNS`."""
-        self._x[:], self._u[:], self._p[:] = x, u, p
-        self._call_outputs()
+        self._evaluate("outputs", x, u, p)
         return self._y
 
     def jacobians(self, x: Array, u: Array, p: Array) -> Linearisation:
         """Exact Jacobians at (x, u)."""
-        if self._call_jacobians is None:
-            self._call_jacobians = self._call("jacobians")
-        self._x[:], self._u[:], self._p[:] = x, u, p
-        self._call_jacobians()
+        self._evaluate("jacobians", x, u, p)
         return self._matrices
 
-    def _call(self, name: str) -> Callable[[], object]:
-        """A function on the block: machine code if there is any, else CasADi."""
-        library = kernel_library() if self._variant == IDEAL else None
-        if library is None:
-            return traced_call(name, self._parts, self._variant)
-        function = getattr(library, PREFIX + name)
-        function.restype = None
-        return partial(function, address_of(self._block))
+    def _evaluate(self, name: str, x: Array, u: Array, p: Array) -> None:
+        if name not in self._calls:
+            library = kernel_library() if self._variant == IDEAL else None
+            if library is None:
+                self._calls[name] = traced_call(name, self._parts, self._variant)
+            else:
+                function = getattr(library, PREFIX + name)
+                function.restype = None
+                self._calls[name] = partial(function, address_of(self._block))
+        self._x[:], self._u[:], self._p[:] = x, u, p
+        self._calls[name]()
 
 
 def traced_call(name: str, parts: Mapping[str, FloatArray], variant: Variant = IDEAL) -> Callable[[], object]:

@@ -6,13 +6,11 @@ The first four functions, `angles_of`, `nearest_angle` and `rotation_between` ar
 """
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from gough_stewart.model.errors import OrientationError
-from gough_stewart.model.operations import less, rounded, where
+from gough_stewart.model.operations import arctan2, less, rounded, where
 from gough_stewart.model.vectors import Array, Scalars, cross, dot, skew, transpose
 
 # Closer to ±90° than this, double precision cannot separate roll and yaw [rad].
@@ -105,8 +103,8 @@ def orientation_from_matrix(rotation: Array) -> Array:
     return angles_of(rotation)
 
 
-def angles_of(rotation: Array, arctan2: Callable[[Any, Any], Any] = np.arctan2) -> Array:
-    """Roll, pitch, yaw (..., 3) [rad] of rotation matrices, unchecked; of symbols with their own `arctan2`."""
+def angles_of(rotation: Array) -> Array:
+    """Roll, pitch, yaw (..., 3) [rad] of rotation matrices, unchecked."""
     cos_pitch = np.hypot(rotation[..., 0, 0], rotation[..., 1, 0])
     return np.stack(
         [

@@ -57,7 +57,7 @@ class Limit(IntEnum):
 
     text: str  # description
 
-    def __new__(cls, code: int, text: str) -> Self:
+    def __new__(cls, code: int, text: str = "") -> Self:
         """A member with its number and description."""
         limit = int.__new__(cls, code)
         limit._value_, limit.text = code, text

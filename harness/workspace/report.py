@@ -244,7 +244,7 @@ def _size_text(workspace: Workspace) -> str:
     # each pose represents a cell; those at the ends of the grid, a part of one
     size: FloatArray = workspace.qualities.reachable.astype(float)
     for values in reversed([*workspace.swept.values()]):
-        size = np.trapezoid(size, values, axis=-1)
+        size = np.asarray(np.trapezoid(size, values, axis=-1))
     unit, factor = next(
         (unit, factor)
         for unit, factor in (("m", 1.0), ("cm", 1e2), ("mm", 1e3))

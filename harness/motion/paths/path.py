@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.model.operations import arctan2, less, where
+from gough_stewart.model.operations import less, where
 from gough_stewart.model.rotations import angles_of, matrix_from_orientation, nearest_angle, orientation_from_matrix
 from gough_stewart.model.vectors import Array, FloatArray, cross, dot, real_array, skew
 
@@ -112,7 +112,7 @@ class GeometricPath:
         rho, rate, acceleration = (part[:, 3:] for part in (value, first, second))
         turning, turning_rate = turning_of(rho, rate, acceleration)
         rotation = rotation_of(rho) @ self._first
-        angles = angles_of(rotation, arctan2) if rotation.dtype == object else orientation_from_matrix(rotation)
+        angles = angles_of(rotation) if rotation.dtype == object else orientation_from_matrix(rotation)
         orientation = nearest_angle(angles, self.orientation[0])
         return PathPoint(value[:, :3], orientation, first[:, :3], turning, second[:, :3], turning_rate)
 
