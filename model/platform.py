@@ -307,7 +307,7 @@ class Platforms(Sequence[Platform]):
             if not row.is_optional or name in self._values or any(getattr(b, name) is not None for b in self._bases)
         ]
         arrays: dict[str, Any] = {name: self.field(name) for name in stated}
-        return np.asarray(wrong | platform_checks.doubtful(PlatformFields(**arrays), changed))
+        return np.asarray(wrong | platform_checks.check(PlatformFields(**arrays), changed))
 
 
 def platforms_with(
