@@ -20,9 +20,8 @@ from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compiler_of
-from gough_stewart.model.interface import N_INPUTS, N_RESULTS, N_STATES
+from gough_stewart.model.interface import IDEAL, N_INPUTS, N_RESULTS, N_STATES, Variant
 from gough_stewart.model.kernel import FUNCTIONS, PREFIX, sizes_of
-from gough_stewart.model.variant import IDEAL, Variant
 
 NAME = "kernel"
 FLAGS = (

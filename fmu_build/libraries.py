@@ -25,10 +25,10 @@ from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
 from gough_stewart.fmu_build.targets import WEB_ASSEMBLY, Target, native
 from gough_stewart.fmu_build.toolchain import FLAGS, Compiler, compile_library, zig
 from gough_stewart.model import interface
+from gough_stewart.model.interface import IDEAL, Variant
 from gough_stewart.model.kernel import processor_level
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_texts
-from gough_stewart.model.variant import IDEAL, Variant
 
 # Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
 WIDTH = 8

@@ -9,10 +9,9 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.errors import NotInstalledError, StepError
-from gough_stewart.model.interface import N_INPUTS
+from gough_stewart.model.interface import IDEAL, N_INPUTS, Variant
 from gough_stewart.model.kernel import address_of, kernel_library
 from gough_stewart.model.parameters import PlatformFields
-from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 
 _COMPILER = "gough_stewart.fmu_build.kernel_library"

@@ -1,13 +1,13 @@
 """The ONE table of variables: names, shapes, units, meaning. Stepping model, kernel, files and FMU share it.
 
-The ends of steps and the tolerances of the integration are also the same for the stepping model and the FMU.
-
-The module's constants are of the ideal plant, with rigid legs and smooth friction; `variant` adds those of its parts.
-
 Inputs, states, outputs and locals are declared here; a platform's parameters in `gough_stewart.model.parameters`.
-
 The names are part of the public interface. Elements of arrays have their FMI 2.0 names, 1-based:
 `leg_length[3]`, `joint_force[2,1]`.
+
+The ideal plant has rigid legs and friction that is a function of velocity; the module's constants are of it. Stiction
+needs the bristles' deflections as states, elastic legs the motors' positions and velocities: a `Variant` has these
+parts or not. Their variables follow those of the ideal plant, so the first states, results and parameters are the same
+in all variants.
 """
 
 import math
@@ -15,15 +15,15 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from functools import cached_property
 from itertools import product
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.model import parameters
 from gough_stewart.model.errors import InterfaceError, StepError
-from gough_stewart.model.parameters import Bound, ParameterRow, Part
+from gough_stewart.model.parameters import FRICTION_MODELS, PHYSICAL, Bound, Part
 from gough_stewart.model.vectors import Array, real_array
 
 Causality = Literal["input", "output", "local", "parameter"]
@@ -81,18 +81,22 @@ def _result(name: str, shape: tuple[int, ...], unit: str, causality: Causality, 
     return Variable(name, shape, unit, causality, "continuous", description)
 
 
-def _parameter(row: ParameterRow) -> Variable:
-    variability: Variability = "tunable" if row.is_tunable else "fixed"
-    return Variable(
-        row.name,
-        row.shape,
-        row.unit,
-        "parameter",
-        variability,
-        row.description,
-        start=row.name,
-        lower_bound=row.lower_bound,
-    )
+def _parameters(part: Part | None) -> list[Variable]:
+    """The physical parameters of a part; of the ideal plant for None."""
+    return [
+        Variable(
+            row.name,
+            row.shape,
+            row.unit,
+            "parameter",
+            "tunable" if row.is_tunable else "fixed",
+            row.description,
+            start=row.name,
+            lower_bound=row.lower_bound,
+        )
+        for row in PHYSICAL
+        if row.part == part
+    ]
 
 
 VARIABLES: tuple[Variable, ...] = (
@@ -114,7 +118,7 @@ VARIABLES: tuple[Variable, ...] = (
     _result(
         "potential_energy", (), "J", "local", "potential energy of platform and legs in gravity, zero at world z = 0"
     ),
-    *(_parameter(row) for row in parameters.PHYSICAL if row.part is None),
+    *_parameters(None),
     Variable(
         "fixed_step_size",
         (),
@@ -132,13 +136,13 @@ VARIABLES: tuple[Variable, ...] = (
 OF_PART: Mapping[Part, tuple[Variable, ...]] = {
     "bristles": (
         _state("leg_bristle", "m", "deflection of the bristle of each leg's friction", 0.0, shape=(6,), nominal=1e-5),
-        *(_parameter(row) for row in parameters.PHYSICAL if row.part == "bristles"),
+        *_parameters("bristles"),
     ),
     "springs": (
         _state("motor_position", "m", "length of each leg without its stretch", "home_motor_position", shape=(6,)),
         _state("motor_velocity", "m/s", "rate of motor_position", 0.0, shape=(6,)),
         _result("leg_force", (6,), "N", "output", "force of each leg's spring and damper, positive extends the leg"),
-        *(_parameter(row) for row in parameters.PHYSICAL if row.part == "springs"),
+        *_parameters("springs"),
     ),
 }
 
@@ -149,7 +153,7 @@ OUTPUTS = tuple(v for v in VARIABLES if v.causality == "output")
 LOCALS = tuple(v for v in VARIABLES if v.causality == "local")
 RESULTS = OUTPUTS + LOCALS
 # The parameters of the platform, arguments of the kernel; `fixed_step_size` belongs to the FMU only.
-PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in parameters.PHYSICAL if row.part is None)
+PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in PHYSICAL if row.part is None)
 # The first results, without direct feedthrough from the forces.
 SIGNALS = RESULTS[: RESULTS.index(BY_NAME["leg_velocity"]) + 1]
 # Lengths of the vectors from `pack`.
@@ -161,6 +165,79 @@ RESULT_COLUMNS = tuple(name for v in RESULTS for name in v.scalar_names)
 _ELEMENTS: Mapping[str, tuple[Variable, int]] = {
     name: (v, k) for v in BY_NAME.values() for k, name in enumerate(v.scalar_names)
 }
+
+
+# The nominal of states but bristles, for which a tolerance is absolute in SI units.
+NOMINAL = 1e-3
+# Values of `leg_friction_model`.
+SMOOTH, ELASTO_PLASTIC, LUGRE = (float(k) for k in range(len(FRICTION_MODELS)))
+
+
+@dataclass(frozen=True)
+class Variant:
+    """The parts of a plant, and its variables."""
+
+    bristles: bool = False
+    springs: bool = False
+
+    @classmethod
+    def of(cls, platform: Any) -> "Variant":
+        """Variant of a platform: bristles unless `leg_friction_model` is smooth, springs if `leg_stiffness` is > 0."""
+        return cls(platform.leg_friction_model != SMOOTH, platform.leg_stiffness > 0)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Names of its parts."""
+        return (*(("bristles",) if self.bristles else ()), *(("springs",) if self.springs else ()))
+
+    @property
+    def words(self) -> str:
+        """What such a platform has, for messages."""
+        friction = "with friction that sticks" if self.bristles else "with smooth friction"
+        return f"{friction} and {'legs that give' if self.springs else 'rigid legs'}"
+
+    @cached_property
+    def states(self) -> tuple[Variable, ...]:
+        """The states, in the order of x."""
+        return (*STATES, *(v for v in self._of_parts if v.is_state))
+
+    @cached_property
+    def results(self) -> tuple[Variable, ...]:
+        """Outputs and locals, in the order of y: those of the ideal plant first."""
+        return (*RESULTS, *(v for v in self._of_parts if v.causality == "output"))
+
+    @cached_property
+    def parameters(self) -> tuple[Variable, ...]:
+        """The platform's parameters that act, in the order of p."""
+        return (*PLATFORM_PARAMETERS, *(v for v in self._of_parts if v.causality == "parameter"))
+
+    @cached_property
+    def tunable(self) -> tuple[Variable, ...]:
+        """The parameters that may change during a run."""
+        return tuple(v for v in self.parameters if v.variability == "tunable")
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """Scalar names of the results."""
+        return tuple(name for v in self.results for name in v.scalar_names)
+
+    @cached_property
+    def scales(self) -> tuple[float, ...]:
+        """By which absolute tolerances of the states are scaled (n,): 1, less for bristles."""
+        return tuple(v.nominal / NOMINAL for v in self.states for _ in range(v.size))
+
+    @property
+    def _of_parts(self) -> tuple[Variable, ...]:
+        return tuple(v for part in self.parts for v in OF_PART[part])
+
+
+IDEAL = Variant()
+# The parameters that choose it.
+CHOOSING = ("leg_friction_model", "leg_stiffness")
+# Parameters of a plant whose legs slide without Coulomb friction, as a moving platform's do about its motion.
+SLIDING: Mapping[str, float] = {"leg_friction_model": SMOOTH, "leg_coulomb_friction": 0.0, "leg_static_friction": 0.0}
+# Of one with rigid legs.
+RIGID: Mapping[str, float] = {"leg_stiffness": 0.0, "leg_damping": 0.0}
 
 
 def start_values(variables: Iterable[Variable], platform: object) -> dict[str, Array]:

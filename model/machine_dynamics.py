@@ -37,12 +37,12 @@ from gough_stewart.model.friction import (
     bristles_of,
     friction_force,
 )
+from gough_stewart.model.interface import Variant
 from gough_stewart.model.kinematics import jacobian_of_legs, leg_geometry, leg_rates, rates_of_legs
 from gough_stewart.model.operations import greater, where
 from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import Array, concatenate, per_leg
 
 # Of critical, for a leg's spring between the motor and a sixth of the platform: screws and joints have 1 to 5 %.

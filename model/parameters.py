@@ -6,7 +6,7 @@ that the dynamics ignore is one entry in `PlatformFields`.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import partial
 from typing import Any, Generic, Literal, TypeVar
 
@@ -27,50 +27,38 @@ _Number_co = TypeVar("_Number_co", bound=Scalars, covariant=True)
 class ParameterRow:
     """One row of the table."""
 
-    name: str
-    shape: tuple[int, ...]
     unit: str
     description: str
     # Values below (or, for "> 0", at) this bound are rejected; None allows any finite number.
-    lower_bound: Bound
+    lower_bound: Bound = None
+    # A number or a tuple; None for a limit that is not stated.
+    default: Any = MISSING
+    shape: tuple[int, ...] = ()
     # Whether it may change during a run.
-    is_tunable: bool
-    # Whether it has a default value.
-    has_default: bool
-    # Whether it can be None: a limit that is not stated.
-    is_optional: bool
+    is_tunable: bool = False
     # The words that files have for the values 0, 1, 2 …; none for a quantity.
     words: tuple[str, ...] = ()
     # What a plant must have to use it; the ideal plant, rigid and with smooth friction, has none of these parts.
     part: Part | None = None
+    name: str = ""
+
+    @property
+    def has_default(self) -> bool:
+        """Whether it has a default value."""
+        return self.default is not MISSING
+
+    @property
+    def is_optional(self) -> bool:
+        """Whether it can be None: a limit that is not stated."""
+        return self.default is None
 
 
-def _row(
-    unit: str,
-    description: str,
-    lower_bound: Bound = None,
-    *,
-    default: Any = MISSING,
-    shape: tuple[int, ...] = (),
-    tunable: bool = False,
-    words: tuple[str, ...] = (),
-    part: Part | None = None,
-) -> Any:
-    """A field of a dataclass, with its row of the table as metadata; a default is a number, a tuple, or None."""
-    row = {
-        "unit": unit,
-        "description": description,
-        "lower_bound": lower_bound,
-        "shape": shape,
-        "is_tunable": tunable,
-        "has_default": default is not MISSING,
-        "is_optional": default is None,
-        "words": words,
-        "part": part,
-    }
-    if isinstance(default, tuple):
-        return field(default_factory=lambda: np.array(default), metadata={"row": row})
-    return field(default=default, metadata={"row": row})
+def _row(*cells: Any, **named: Any) -> Any:
+    """A field of a dataclass, with its row of the table as metadata."""
+    row = ParameterRow(*cells, **named)
+    if isinstance(row.default, tuple):
+        return field(default_factory=lambda: np.array(row.default), metadata={"row": row})
+    return field(default=row.default, metadata={"row": row})
 
 
 _bristle_row, _spring_row = partial(_row, default=0.0, part="bristles"), partial(_row, default=0.0, part="springs")
@@ -87,12 +75,12 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
 
     base_points: _Array_co = _row("m", "base joints in world", shape=(6, 3))
     platform_points: _Array_co = _row("m", "platform joints in platform axes, from Op", shape=(6, 3))
-    platform_mass: _Number_co = _row("kg", "mass of the platform with payload", "> 0", tunable=True)
+    platform_mass: _Number_co = _row("kg", "mass of the platform with payload", "> 0", is_tunable=True)
     platform_com: _Array_co = _row(
-        "m", "platform's centre of mass in platform axes, from Op", default=(0.0, 0.0, 0.0), shape=(3,), tunable=True
+        "m", "platform's centre of mass in platform axes, from Op", default=(0.0, 0.0, 0.0), shape=(3,), is_tunable=True
     )
     platform_inertia: _Array_co = _row(
-        "kg.m2", "platform's inertia about its centre of mass, platform axes", shape=(3, 3), tunable=True
+        "kg.m2", "platform's inertia about its centre of mass, platform axes", shape=(3, 3), is_tunable=True
     )
     leg_lower_mass: _Number_co = _row("kg", "mass of a leg's lower part", "> 0")
     leg_upper_mass: _Number_co = _row("kg", "mass of a leg's upper part", "> 0")
@@ -101,16 +89,16 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
     leg_lower_inertia: _Number_co = _row("kg.m2", "lower part's transverse inertia about its centre of mass", ">= 0")
     leg_upper_inertia: _Number_co = _row("kg.m2", "upper part's transverse inertia about its centre of mass", ">= 0")
     leg_viscous_friction: _Number_co = _row(
-        "N.s/m", "viscous friction between the leg parts", ">= 0", default=0.0, tunable=True
+        "N.s/m", "viscous friction between the leg parts", ">= 0", default=0.0, is_tunable=True
     )
     leg_coulomb_friction: _Number_co = _row(
-        "N", "Coulomb friction between the leg parts", ">= 0", default=0.0, tunable=True
+        "N", "Coulomb friction between the leg parts", ">= 0", default=0.0, is_tunable=True
     )
     leg_friction_velocity: _Number_co = _row(
-        "m/s", "velocity over which Coulomb friction is smoothed", "> 0", default=1e-3, tunable=True
+        "m/s", "velocity over which Coulomb friction is smoothed", "> 0", default=1e-3, is_tunable=True
     )
     gravity: _Array_co = _row(
-        "m/s2", "acceleration of gravity in world", default=(0.0, 0.0, -9.81), shape=(3,), tunable=True
+        "m/s2", "acceleration of gravity in world", default=(0.0, 0.0, -9.81), shape=(3,), is_tunable=True
     )
     leg_armature: _Number_co = _row(
         "kg", "inertia J of rotor and screw reflected along the leg, J (2 pi/lead)^2", ">= 0", default=0.0
@@ -121,7 +109,7 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
         ">= 0",
         default=(1.0,) * 6,
         shape=(6,),
-        tunable=True,
+        is_tunable=True,
     )
     leg_coulomb_friction_factor: _Array_co = _row(
         "1",
@@ -129,29 +117,29 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
         ">= 0",
         default=(1.0,) * 6,
         shape=(6,),
-        tunable=True,
+        is_tunable=True,
     )
     # a word of `FRICTION_MODELS`, or its number, which a platform keeps
     leg_friction_model: Any = _bristle_row(
         "1", "law of friction: 0 smooth, 1 elasto_plastic, 2 lugre", words=FRICTION_MODELS
     )
     leg_static_friction: _Number_co = _bristle_row(
-        "N", "friction to overcome at rest, 0 for leg_coulomb_friction", ">= 0", tunable=True
+        "N", "friction to overcome at rest, 0 for leg_coulomb_friction", ">= 0", is_tunable=True
     )
     leg_stribeck_velocity: _Number_co = _bristle_row(
-        "m/s", "velocity over which static friction falls to Coulomb's", "> 0", default=1e-3, tunable=True
+        "m/s", "velocity over which static friction falls to Coulomb's", "> 0", default=1e-3, is_tunable=True
     )
     leg_bristle_stiffness: _Number_co = _bristle_row(
-        "N/m", "stiffness of a leg that sticks, 0 for presliding of 10 um", ">= 0", tunable=True
+        "N/m", "stiffness of a leg that sticks, 0 for presliding of 10 um", ">= 0", is_tunable=True
     )
     leg_bristle_damping: _Number_co = _bristle_row(
-        "N.s/m", "damping of a leg that sticks, 0 for half of critical", ">= 0", tunable=True
+        "N.s/m", "damping of a leg that sticks, 0 for half of critical", ">= 0", is_tunable=True
     )
     leg_breakaway_share: _Number_co = _bristle_row(
         "1",
         "share of Coulomb friction up to which a bristle is elastic, 0 for 0.8; lugre has none",
         ">= 0",
-        tunable=True,
+        is_tunable=True,
     )
     leg_stiffness: _Number_co = _spring_row(
         "N/m", "stiffness between motor and platform's side of a leg, 0 for rigid", ">= 0"
@@ -192,7 +180,7 @@ class PlatformFields(ParametersOf[FloatArray, float]):
 
 # All numeric fields of a platform by name.
 TABLE: Mapping[str, ParameterRow] = {
-    f.name: ParameterRow(f.name, **f.metadata["row"]) for f in fields(PlatformFields) if "row" in f.metadata
+    f.name: replace(f.metadata["row"], name=f.name) for f in fields(PlatformFields) if "row" in f.metadata
 }
 LIMITS = tuple(row for row in TABLE.values() if row.is_optional)
 TEXTS = tuple(f.name for f in fields(PlatformFields) if f.name not in TABLE)

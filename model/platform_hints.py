@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from gough_stewart.model.interface import LUGRE, Variant
 from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
 from gough_stewart.model.machine_dynamics import law_of_bristles
 from gough_stewart.model.parameters import PlatformFields
-from gough_stewart.model.variant import LUGRE, Variant
 from gough_stewart.model.vectors import FloatArray, dot
 
 # Mass of the platform over the cube of its joints' radius [kg/m³]: machines have 10 to 1e5, in mm a billionth of it.

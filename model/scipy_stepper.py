@@ -6,11 +6,10 @@ import numpy as np
 
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
-from gough_stewart.model.interface import MOST_INTERNAL_STEPS, N_INPUTS
+from gough_stewart.model.interface import MOST_INTERNAL_STEPS, N_INPUTS, Variant
 from gough_stewart.model.kernel import Kernel
 from gough_stewart.model.parameters import PlatformFields
 from gough_stewart.model.pose_limits import check_pose
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Below this tolerance, LSODA's multistep formulas do not reach it where bristles are stiff; Radau's do.

@@ -14,7 +14,15 @@ from numpy.typing import NDArray
 from gough_stewart.model import interface
 from gough_stewart.model.compiled_stepper import CompiledStepper
 from gough_stewart.model.errors import InterfaceError
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, N_INPUTS, TOLERANCES, Variable, end_of_step
+from gough_stewart.model.interface import (
+    CHOOSING,
+    DEFAULT_TOLERANCE,
+    N_INPUTS,
+    TOLERANCES,
+    Variable,
+    Variant,
+    end_of_step,
+)
 from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.machine_dynamics import MachineState, motors_at
@@ -23,7 +31,6 @@ from gough_stewart.model.platform_checks import LARGEST_STRETCH, check_leg_com_o
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SHORTEST_LEG
 from gough_stewart.model.scipy_stepper import ScipyStepper
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import CHOOSING, Variant
 from gough_stewart.model.vectors import real_array
 
 Integrator = Literal["compiled", "scipy"]

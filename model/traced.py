@@ -19,13 +19,12 @@ import numpy as np
 
 from gough_stewart.model import dynamics, interface, kinematics, machine_dynamics
 from gough_stewart.model.friction import Grip
-from gough_stewart.model.interface import N_INPUTS, N_STATES
+from gough_stewart.model.interface import IDEAL, N_INPUTS, N_STATES, Variant
 from gough_stewart.model.machine_dynamics import MachineState
 from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.process.progress import interrupts_held_back
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import Array, cross, dot
 
 

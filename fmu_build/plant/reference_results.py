@@ -12,13 +12,12 @@ import numpy as np
 from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import case_of
-from gough_stewart.model.interface import DEFAULT_TOLERANCE
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.scipy_stepper import ScipyStepper
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import Array, FloatArray
 
 # Ten thousand times smaller than the unit's default.

@@ -21,7 +21,7 @@ from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, SingularPoseError, StepError
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, SMOOTH, TOLERANCES, Variant, end_of_step
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.machine_dynamics import motors_at
 from gough_stewart.model.parameters import Parameters
@@ -29,7 +29,6 @@ from gough_stewart.model.platform import Platform, Platforms
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import IDEAL, SMOOTH, Variant
 from gough_stewart.model.vectors import FloatArray, real_array
 
 # The largest number of substeps; a motion that needs more is unsuited to fixed steps.

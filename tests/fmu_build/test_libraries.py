@@ -13,7 +13,7 @@ from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.plant import component
 from gough_stewart.fmu_build.targets import BY_NAME, WEB_ASSEMBLY
 from gough_stewart.fmu_build.toolchain import Compiler
-from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.interface import IDEAL, Variant
 
 STICKING = Variant(bristles=True)
 

@@ -11,11 +11,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from gough_stewart.model.interface import size_of
+from gough_stewart.model.interface import LUGRE, Variant, size_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.machine_dynamics import law_of_bristles, leg_damping
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.variant import LUGRE, Variant
 from gough_stewart.model.vectors import FloatArray
 
 _NO_INPUTS = np.zeros(12)
