@@ -24,7 +24,7 @@ class ModelPlant(Plant):
         integrator: Integrator = "compiled",
     ) -> None:
         self._model = model = SteppingModel(platform, tolerance, fixed_step_size, integrator)
-        self.columns = model.interface.columns
+        self.columns = model.variant.columns
         if start is not None:
             model.set_many(start._asdict())
 

@@ -68,7 +68,7 @@ def test_it_starts_at_home_at_rest_at_time_zero_and_stands_still(name: str, inte
     model.do_step(0.0, 0.02)
     assert np.abs(model.state - home)[:6].max() < 1e-10
     # springs keep the rounding of their stretch
-    assert np.abs(model.state - home).max() < (1e-7 if model.interface.springs else 1e-10)
+    assert np.abs(model.state - home).max() < (1e-7 if model.variant.springs else 1e-10)
 
 
 REFUSED: list[tuple[Any, Any, str]] = [
@@ -171,7 +171,7 @@ def test_results_are_those_of_independent_equations_under_the_present_inputs(int
     lengths = np.linalg.norm(STATE.position + arm - UNEVEN.base_points, axis=1)
     assert found["leg_length"] == pytest.approx(lengths, rel=1e-12)
     assert np.concatenate([np.ravel(value) for value in found.values()]).tolist() == vector.tolist()
-    assert [model.get(name) for name in model.interface.columns] == vector.tolist()
+    assert [model.get(name) for name in model.variant.columns] == vector.tolist()
     change = np.array([20.0, -30.0, 100.0])
     model.set("external_force", force + change)
     names = ("acceleration", "angular_acceleration")
@@ -214,7 +214,7 @@ def test_compiled_steps_have_the_bits_of_the_unit(name: str, fixed: float) -> No
     start = start._replace(**{key: np.array(value) for key, value in MOTION.items()})
     model = SteppingModel(platform, 1e-7, fixed)
     model.set_many(start._asdict())
-    with FmuPlant(cached_build("3.0", None, model.interface), platform, start, 1e-7, fixed) as unit:
+    with FmuPlant(cached_build("3.0", None, model.variant), platform, start, 1e-7, fixed) as unit:
         for k in range(40):
             for plant in (model, unit):
                 if k % 3 == 0:
@@ -484,7 +484,7 @@ def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str
     snapshot = model.save_state()
     assert (snapshot.time, snapshot.x, snapshot.started) == (model.time, tuple(model.state.tolist()), True)
     # LSODA chooses its first step anew
-    restarts = integrator == "scipy" and model.interface.bristles
+    restarts = integrator == "scipy" and model.variant.bristles
     assert snapshot.internal_step is None if restarts else snapshot.internal_step > 1e-5  # type: ignore[operator]
     copies = [deepcopy(model), copy(model), pickle.loads(pickle.dumps(model))]
     other = SteppingModel(model.platform, integrator=integrator)
