@@ -31,8 +31,8 @@ class ParameterRow:
     description: str
     # Values below (or, for "> 0", at) this bound are rejected; None allows any finite number.
     lower_bound: Bound = None
-    # A number or a tuple; None for a limit that is not stated.
-    default: Any = MISSING
+    # A number or a tuple; None for a limit that is not stated, ... for what must be.
+    default: Any = ...
     shape: tuple[int, ...] = ()
     # Whether it may change during a run.
     is_tunable: bool = False
@@ -45,7 +45,7 @@ class ParameterRow:
     @property
     def has_default(self) -> bool:
         """Whether it has a default value."""
-        return self.default is not MISSING
+        return self.default is not ...
 
     @property
     def is_optional(self) -> bool:
@@ -58,7 +58,7 @@ def _row(*cells: Any, **named: Any) -> Any:
     row = ParameterRow(*cells, **named)
     if isinstance(row.default, tuple):
         return field(default_factory=lambda: np.array(row.default), metadata={"row": row})
-    return field(default=row.default, metadata={"row": row})
+    return field(default=row.default if row.has_default else MISSING, metadata={"row": row})
 
 
 _bristle_row, _spring_row = partial(_row, default=0.0, part="bristles"), partial(_row, default=0.0, part="springs")
