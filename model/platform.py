@@ -4,7 +4,7 @@ import html
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from inspect import cleandoc
-from typing import Any, Self, overload
+from typing import Any, Literal, Self, get_args, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from gough_stewart.model import platform_checks
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import nearest, unit_text
-from gough_stewart.model.joint_circles import REPLACED, Pairing, joints_on_circles
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.machine_dynamics import holding_motor_position
 from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, TEXTS, Parameters, PlatformFields, in_words
@@ -23,6 +22,13 @@ from gough_stewart.model.vectors import FloatArray, real_array
 
 # Far beyond any real machine, but its square and cube do not overflow.
 LARGEST_NUMBER = 1e30
+
+Pairing = Literal["near", "far"]
+# What states joints on circles, in the order of files, and the parameters that it determines.
+CIRCLE_KEYS = ("base_radius", "platform_radius", "base_angle", "platform_angle", "pairing", "home_leg_length")
+_LENGTHS, _ANGLES = ("base_radius", "platform_radius", "home_leg_length"), ("base_angle", "platform_angle")
+_ON_CIRCLES = ("base_points", "platform_points", "home_position", "home_orientation")
+_THIRD = 2 * np.pi / 3
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -176,10 +182,10 @@ class Platform(PlatformFields):
         >>> angle = np.radians(30)
         >>> platform = gs.Platform.from_radii(2.0, 1.0, angle, angle, home_leg_length=3.2459, **others)
         """
-        if repeated := [name for name in REPLACED if name in parameters]:
+        if repeated := [name for name in _ON_CIRCLES if name in parameters]:
             raise PlatformError(repeated[0], "is determined by the radii and angles; leave it out")
-        joints: dict[str, Any] = dict(
-            joints_on_circles(base_radius, platform_radius, base_angle, platform_angle, home_leg_length, pairing)
+        joints: dict[str, Any] = _joints_on_circles(
+            base_radius, platform_radius, base_angle, platform_angle, home_leg_length, pairing
         )
         for name in parameters:
             if name not in TABLE and name not in TEXTS:
@@ -233,6 +239,75 @@ class Platform(PlatformFields):
 Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n----------\n" + "\n".join(
     f"{name} : {row.shape or 'number'} [{row.unit}]\n    {row.description}" for name, row in TABLE.items()
 )
+
+
+def joints_of_keys(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of a table with the keys of circles replaced by the joints and the home pose.
+
+    Without any of these keys the values are unchanged.
+
+    Raises
+    ------
+    PlatformError
+        A missing key, a key beside what it determines, or impossible values.
+    """
+    circles = {key: values[key] for key in CIRCLE_KEYS if key in values}
+    if not circles:
+        return dict(values)
+    first = next(iter(circles))
+    if missing := [key for key in CIRCLE_KEYS if key not in circles and key != "pairing"]:
+        expected = ", ".join(_LENGTHS + _ANGLES)
+        raise PlatformError(first, f"needs {', '.join(missing)} beside it; expected all of {expected}")
+    if repeated := [name for name in _ON_CIRCLES if name in values]:
+        raise PlatformError(repeated[0], f"is also determined by {first}; expected only one of the two")
+    return {name: value for name, value in values.items() if name not in CIRCLE_KEYS} | _joints_on_circles(**circles)
+
+
+def _joints_on_circles(
+    base_radius: float,
+    platform_radius: float,
+    base_angle: float,
+    platform_angle: float,
+    home_leg_length: float,
+    pairing: Pairing = "near",
+) -> dict[str, FloatArray]:
+    """Joints (6, 3) and home pose (3,) of `Platform.from_radii`, by the names of its parameters."""
+    numbers = []
+    for name, value in zip(
+        (*_LENGTHS, *_ANGLES),
+        (base_radius, platform_radius, home_leg_length, base_angle, platform_angle),
+        strict=True,
+    ):
+        try:
+            number = float(real_array(value, ()))
+        except ValueError as error:
+            raise PlatformError(name, str(error)) from None
+        is_angle = name in _ANGLES
+        if not number > 0 or (is_angle and not number < _THIRD):
+            expected = "in radians, above 0 and below 2.0944 (120°)" if is_angle else "above 0"
+            raise PlatformError(name, f"is {number:g} {'rad' if is_angle else 'm'}; expected a number {expected}")
+        numbers.append(number)
+    R, r, L, a, b = numbers
+    if pairing not in get_args(Pairing):
+        raise PlatformError("pairing", f"is {pairing!r}; expected 'near' or 'far'")
+    turn = np.pi / 3 - (a + b) / 2 if pairing == "near" else np.pi / 3 - (a - b) / 2
+    across = R * R + r * r - 2 * R * r * np.cos(turn)
+    if not across < L * L:
+        raise PlatformError(
+            "home_leg_length",
+            f"is {L:g} m; expected more than the {np.sqrt(across):g} m between a base joint and the platform joint "
+            "above it, seen from above",
+        )
+    # leg 2k + 1 turns to the left, leg 2k + 2, from the other end of the next pair of the base, to the right
+    pairs = _THIRD * np.arange(3)
+    base = np.stack([pairs + a / 2, pairs + _THIRD - a / 2], axis=-1).reshape(6)
+    tips = base + np.tile([turn, -turn], 3)
+    return {
+        "base_points": R * np.stack([np.cos(base), np.sin(base), np.zeros(6)], axis=-1),
+        "platform_points": r * np.stack([np.cos(tips), np.sin(tips), np.zeros(6)], axis=-1),
+        "home_position": np.array([0.0, 0.0, np.sqrt(L * L - across)]),
+        "home_orientation": np.zeros(3),
+    }
 
 
 class Platforms(Sequence[Platform]):

@@ -4,28 +4,21 @@ A file is flat: the parameters of `gough_stewart.model.parameters` by name, in S
 fewest digits that give the same float, so TOML → Platform → TOML is lossless.
 """
 
-from collections.abc import Mapping
-from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import tomlkit
 
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.joint_circles import ANGLES, LENGTHS, PAIRING, REPLACED, joints_on_circles
-from gough_stewart.model.joint_circles import KEYS as CIRCLE_KEYS
-from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS, PlatformFields
-from gough_stewart.model.platform import Platform
+from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS
+from gough_stewart.model.platform import CIRCLE_KEYS, Platform, joints_of_keys
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.toml import toml_item, toml_names, toml_text, toml_values
 
-KEYS = (*TEXTS, *TABLE)
-DEFAULTS = {field.name: field.default for field in fields(PlatformFields)}
-_FILE_KEYS = (*KEYS, *CIRCLE_KEYS)
+_KEYS = (*TEXTS, *TABLE, *CIRCLE_KEYS)
 _PRESETS = ("gough_stewart.model", "presets")
 
 
@@ -49,51 +42,20 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
             where, "is an experiment; expected a platform file, as printed by `gough-stewart presets`"
         )
     for key in values:
-        if key not in _FILE_KEYS:
-            raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, _FILE_KEYS)}")
+        if key not in _KEYS:
+            raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, _KEYS)}")
     try:
         values = joints_of_keys(values)
-    except PlatformError as error:
-        raise PlatformFileError(where, str(error)) from error
-    missing = [name for name, row in TABLE.items() if name not in values and not row.has_default]
-    if missing:
-        raise PlatformFileError(where, f"missing {', '.join(missing)}; see a preset for a complete file")
-    for key, value in values.items():
-        if (
-            key in TABLE
-            and not TABLE[key].words
-            and not isinstance(value, np.ndarray)
-            and _holds_other_than_numbers(value)
-        ):
-            raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
-    try:
+        missing = [name for name, row in TABLE.items() if name not in values and not row.has_default]
+        if missing:
+            raise PlatformFileError(where, f"missing {', '.join(missing)}; see a preset for a complete file")
+        for key, value in values.items():
+            is_number = key in TABLE and not TABLE[key].words
+            if is_number and not isinstance(value, np.ndarray) and _holds_other_than_numbers(value):
+                raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
         return Platform(**by_leg(values))
     except PlatformError as error:
         raise PlatformFileError(where, str(error)) from error
-
-
-def joints_of_keys(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of a table with the keys of `joint_circles` replaced by the joints and the home pose.
-
-    Without any of these keys the values are unchanged.
-
-    Raises
-    ------
-    PlatformError
-        A missing key, a key beside what it determines, or impossible values.
-    """
-    circles = {key: values[key] for key in CIRCLE_KEYS if key in values}
-    if not circles:
-        return dict(values)
-    first = next(iter(circles))
-    if missing := [key for key in CIRCLE_KEYS if key not in circles and key != PAIRING]:
-        raise PlatformError(
-            first,
-            f"needs {', '.join(missing)} beside it; expected all of {', '.join(LENGTHS + ANGLES)}",
-        )
-    if repeated := [name for name in REPLACED if name in values]:
-        raise PlatformError(repeated[0], f"is also determined by {first}; expected only one of the two")
-    return {name: value for name, value in values.items() if name not in CIRCLE_KEYS} | joints_on_circles(**circles)
 
 
 def platform_to_toml(platform: Platform) -> str:
@@ -105,7 +67,7 @@ def platform_to_toml(platform: Platform) -> str:
     for key, value in platform.as_dict().items():
         if key in FACTOR_OF.values() and np.all(value == 1):
             continue  # identical legs
-        if key in TABLE and TABLE[key].part is not None and getattr(platform, key) == DEFAULTS[key]:
+        if key in TABLE and TABLE[key].part is not None and getattr(platform, key) == TABLE[key].default:
             continue
         item = toml_item(value)
         if key in TABLE:
