@@ -30,7 +30,7 @@ from gough_stewart.fmu_build.toolchain import FLAGS, compiler_of
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
-from gough_stewart.model.process.prebuilt import prebuilt_content
+from gough_stewart.model.process.installed import prebuilt_content
 from gough_stewart.model.process.progress import StepProgress
 
 VERSIONS = ("2.0", "3.0")

@@ -13,7 +13,7 @@ from platformdirs import user_cache_path
 
 from gough_stewart.fmu_build.errors import COMPILER, RUNNER, BuildError
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.prebuilt import state_of_texts
+from gough_stewart.model.process.installed import state_of_texts
 
 # Packages on which what is built depends, besides the files of this package.
 _PACKAGES = ("gough-stewart", "casadi", RUNNER, "latex2mathml", "numpy", "scipy", COMPILER)

@@ -28,7 +28,7 @@ from gough_stewart.model import interface
 from gough_stewart.model.interface import IDEAL, Variant
 from gough_stewart.model.kernel import processor_level
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_texts
+from gough_stewart.model.process.installed import prebuilt_content, state_of_texts
 
 # Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
 WIDTH = 8

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.model.process.prebuilt import this_machine
+from gough_stewart.model.process.installed import this_machine
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from gough_stewart.fmu_build.cache import cache_folder, digest_of
 from gough_stewart.fmu_build.errors import COMPILER, BuildError
 from gough_stewart.fmu_build.targets import Target
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.prebuilt import this_machine
+from gough_stewart.model.process.installed import this_machine
 
 try:
     import fcntl

@@ -5,7 +5,7 @@ the code that steps many members, their loop and their folds, for several levels
 kernel and the table of dependencies, which units carry, and the WebAssembly of live pages, so that nothing has to be
 traced. The wheel's build makes all;
 `make` makes the kernel of the machine at hand, and what else it needs is compiled at first use and kept.
-`gough_stewart.model.process.prebuilt` finds the files.
+`gough_stewart.model.process.installed` finds the files.
 """
 
 import argparse
@@ -41,10 +41,10 @@ from gough_stewart.harness.results.metric_folds import folds_code
 from gough_stewart.model.kernel import FUNCTIONS, new_block, parameter_vector, traced_call
 from gough_stewart.model.platform_toml import load_preset
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import (
+from gough_stewart.model.process.installed import (
     MANIFEST,
     PACKED,
+    TRACER,
     manifest_line,
     packed,
     prebuilt_folder,

@@ -20,8 +20,14 @@ import numpy as np
 from gough_stewart.model import interface
 from gough_stewart.model.interface import IDEAL, N_INPUTS, Variant
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.process.installed import TRACER, check_installed
-from gough_stewart.model.process.prebuilt import prebuilt, prebuilt_numbers, state_of_texts, this_machine
+from gough_stewart.model.process.installed import (
+    TRACER,
+    check_installed,
+    prebuilt,
+    prebuilt_numbers,
+    state_of_texts,
+    this_machine,
+)
 from gough_stewart.model.vectors import Array, FloatArray
 
 PREFIX = "evaluate_"

@@ -32,8 +32,7 @@ from gough_stewart.model import interface
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, MOST_INTERNAL_STEPS, TOLERANCES, Variant
 from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_texts
+from gough_stewart.model.process.installed import TRACER, prebuilt_content, state_of_texts
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import Array
 

@@ -11,7 +11,7 @@ import secrets
 import shutil
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -88,7 +88,7 @@ def reserved(folder: Path) -> Iterator[None]:
 def write_whole(path: Path, content: Content) -> None:
     """Create or replace a file atomically; an interrupted write leaves the old file unchanged."""
     try:
-        with temporary_file(path) as temporary:
+        with _temporary(path.parent, f".{path.name}", Path.touch) as temporary:
             if isinstance(content, bytes):
                 temporary.write_bytes(content)
             else:
@@ -135,13 +135,12 @@ def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> I
     """
     expected = tuple(names)
     folder.mkdir(parents=True, exist_ok=True)
-    with temporary_folder(folder) as temporary:
+    with _temporary(folder, "", Path.mkdir) as temporary:
         files = FileSet(folder, temporary)
         try:
             yield files
         except BaseException as error:
-            missing = [name for name in expected if name not in files.names]
-            if files.names and missing:
+            if files.names and (missing := [name for name in expected if name not in files.names]):
                 error.add_note(f"{folder} has {', '.join(files.names)}; missing: {', '.join(missing)}")
             raise
         finally:
@@ -176,16 +175,6 @@ def _swap_in(files: FileSet, older: set[str]) -> None:
         raise
 
 
-def temporary_file(path: Path) -> AbstractContextManager[Path]:
-    """A new, empty file beside a path, removed at the end unless it was renamed."""
-    return _locked(path.parent, f".{path.name}", Path.touch)
-
-
-def temporary_folder(folder: Path) -> AbstractContextManager[Path]:
-    """A new folder in a folder, removed at the end unless it was renamed."""
-    return _locked(folder, "", Path.mkdir)
-
-
 def remove_leftovers(folder: Path) -> None:
     """Remove what processes that have ended left in a folder, and log it; what a living process writes stays."""
     if fcntl is None:
@@ -195,8 +184,8 @@ def remove_leftovers(folder: Path) -> None:
 
 
 @contextmanager
-def _locked(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterator[Path]:
-    """Make a temporary file or folder, hold its lock, and remove it."""
+def _temporary(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterator[Path]:
+    """A new, empty file or folder, locked, and removed at the end unless it was renamed."""
     while True:
         path, descriptor = folder / f"{stem}.{secrets.token_hex(4)}.part", None
         try:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.model.process import prebuilt as module
-from gough_stewart.model.process.prebuilt import (
+from gough_stewart.model.process import installed as module
+from gough_stewart.model.process.installed import (
     MANIFEST,
     manifest_line,
     packed,
