@@ -28,7 +28,6 @@ from gough_stewart.model.vectors import Array, real_array
 
 Causality = Literal["input", "output", "local", "parameter"]
 Variability = Literal["continuous", "discrete", "fixed", "tunable"]
-_RAISED = str.maketrans("23", "²³")
 
 
 @dataclass(frozen=True)
@@ -71,10 +70,8 @@ def _input(name: str, shape: tuple[int, ...], unit: str, description: str, start
     return Variable(name, shape, unit, "input", "continuous", description, start)
 
 
-def _state(
-    name: str, unit: str, description: str, start: float | str, *, shape: tuple[int, ...] = (3,), nominal: float = 1e-3
-) -> Variable:
-    return Variable(name, shape, unit, "output", "continuous", description, start, True, nominal=nominal)
+def _state(name: str, shape: tuple[int, ...], unit: str, description: str, start: float | str = 0.0) -> Variable:
+    return Variable(name, shape, unit, "output", "continuous", description, start, True)
 
 
 def _result(name: str, shape: tuple[int, ...], unit: str, causality: Causality, description: str) -> Variable:
@@ -103,10 +100,12 @@ VARIABLES: tuple[Variable, ...] = (
     _input("actuator_force", (6,), "N", "force of each actuator, positive extends the leg", "home_actuator_force"),
     _input("external_force", (3,), "N", "external force at Op, world components"),
     _input("external_torque", (3,), "N.m", "external torque about Op, world components"),
-    _state("position", "m", "origin Op of the platform frame in world", "home_position"),
-    _state("orientation", "rad", "roll, pitch, yaw about the fixed world axes X, then Y, then Z", "home_orientation"),
-    _state("velocity", "m/s", "velocity of Op in world", 0.0),
-    _state("angular_velocity", "rad/s", "angular velocity of the platform, world components", 0.0),
+    _state("position", (3,), "m", "origin Op of the platform frame in world", "home_position"),
+    _state(
+        "orientation", (3,), "rad", "roll, pitch, yaw about the fixed world axes X, then Y, then Z", "home_orientation"
+    ),
+    _state("velocity", (3,), "m/s", "velocity of Op in world"),
+    _state("angular_velocity", (3,), "rad/s", "angular velocity of the platform, world components"),
     _result("leg_length", (6,), "m", "output", "distance from base joint to platform joint"),
     _result("leg_velocity", (6,), "m/s", "output", "rate of the leg length"),
     _result("acceleration", (3,), "m/s2", "output", "acceleration of Op in world"),
@@ -135,12 +134,12 @@ VARIABLES: tuple[Variable, ...] = (
 # What a plant with a part has in addition, states in the order of the state vector; see `Variant`.
 OF_PART: Mapping[Part, tuple[Variable, ...]] = {
     "bristles": (
-        _state("leg_bristle", "m", "deflection of the bristle of each leg's friction", 0.0, shape=(6,), nominal=1e-5),
+        replace(_state("leg_bristle", (6,), "m", "deflection of the bristle of each leg's friction"), nominal=1e-5),
         *_parameters("bristles"),
     ),
     "springs": (
-        _state("motor_position", "m", "length of each leg without its stretch", "home_motor_position", shape=(6,)),
-        _state("motor_velocity", "m/s", "rate of motor_position", 0.0, shape=(6,)),
+        _state("motor_position", (6,), "m", "length of each leg without its stretch", "home_motor_position"),
+        _state("motor_velocity", (6,), "m/s", "rate of motor_position"),
         _result("leg_force", (6,), "N", "output", "force of each leg's spring and damper, positive extends the leg"),
         *_parameters("springs"),
     ),
@@ -288,7 +287,7 @@ def find(name: str) -> tuple[Variable, int | None]:
 
 def unit_text(unit: str) -> str:
     """A unit as people write it: N·m and m/s² for N.m and m/s2."""
-    return re.sub(r"(?<=[a-z])[23]", lambda power: power[0].translate(_RAISED), unit.replace(".", "·"))
+    return re.sub(r"(?<=[a-z])[23]", lambda power: "²³"[int(power[0]) - 2], unit.replace(".", "·"))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

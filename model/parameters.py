@@ -61,7 +61,9 @@ def _row(*cells: Any, **named: Any) -> Any:
     return field(default=row.default if row.has_default else MISSING, metadata={"row": row})
 
 
-_bristle_row, _spring_row = partial(_row, default=0.0, part="bristles"), partial(_row, default=0.0, part="springs")
+_tunable = partial(_row, is_tunable=True)
+_factor = partial(_tunable, lower_bound=">= 0", default=(1.0,) * 6, shape=(6,))
+_bristle, _spring = partial(_tunable, default=0.0, part="bristles"), partial(_row, default=0.0, part="springs")
 _limit = partial(_row, lower_bound="> 0", default=None)
 
 
@@ -75,12 +77,12 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
 
     base_points: _Array_co = _row("m", "base joints in world", shape=(6, 3))
     platform_points: _Array_co = _row("m", "platform joints in platform axes, from Op", shape=(6, 3))
-    platform_mass: _Number_co = _row("kg", "mass of the platform with payload", "> 0", is_tunable=True)
-    platform_com: _Array_co = _row(
-        "m", "platform's centre of mass in platform axes, from Op", default=(0.0, 0.0, 0.0), shape=(3,), is_tunable=True
+    platform_mass: _Number_co = _tunable("kg", "mass of the platform with payload", "> 0")
+    platform_com: _Array_co = _tunable(
+        "m", "platform's centre of mass in platform axes, from Op", None, (0.0, 0.0, 0.0), (3,)
     )
-    platform_inertia: _Array_co = _row(
-        "kg.m2", "platform's inertia about its centre of mass, platform axes", shape=(3, 3), is_tunable=True
+    platform_inertia: _Array_co = _tunable(
+        "kg.m2", "platform's inertia about its centre of mass, platform axes", shape=(3, 3)
     )
     leg_lower_mass: _Number_co = _row("kg", "mass of a leg's lower part", "> 0")
     leg_upper_mass: _Number_co = _row("kg", "mass of a leg's upper part", "> 0")
@@ -88,63 +90,34 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
     leg_upper_com: _Number_co = _row("m", "upper part's centre of mass, from the platform joint along the leg", ">= 0")
     leg_lower_inertia: _Number_co = _row("kg.m2", "lower part's transverse inertia about its centre of mass", ">= 0")
     leg_upper_inertia: _Number_co = _row("kg.m2", "upper part's transverse inertia about its centre of mass", ">= 0")
-    leg_viscous_friction: _Number_co = _row(
-        "N.s/m", "viscous friction between the leg parts", ">= 0", default=0.0, is_tunable=True
-    )
-    leg_coulomb_friction: _Number_co = _row(
-        "N", "Coulomb friction between the leg parts", ">= 0", default=0.0, is_tunable=True
-    )
-    leg_friction_velocity: _Number_co = _row(
-        "m/s", "velocity over which Coulomb friction is smoothed", "> 0", default=1e-3, is_tunable=True
-    )
-    gravity: _Array_co = _row(
-        "m/s2", "acceleration of gravity in world", default=(0.0, 0.0, -9.81), shape=(3,), is_tunable=True
-    )
+    leg_viscous_friction: _Number_co = _tunable("N.s/m", "viscous friction between the leg parts", ">= 0", 0.0)
+    leg_coulomb_friction: _Number_co = _tunable("N", "Coulomb friction between the leg parts", ">= 0", 0.0)
+    leg_friction_velocity: _Number_co = _tunable("m/s", "velocity over which Coulomb friction is smoothed", "> 0", 1e-3)
+    gravity: _Array_co = _tunable("m/s2", "acceleration of gravity in world", None, (0.0, 0.0, -9.81), (3,))
     leg_armature: _Number_co = _row(
-        "kg", "inertia J of rotor and screw reflected along the leg, J (2 pi/lead)^2", ">= 0", default=0.0
+        "kg", "inertia J of rotor and screw reflected along the leg, J (2 pi/lead)^2", ">= 0", 0.0
     )
-    leg_viscous_friction_factor: _Array_co = _row(
-        "1",
-        "each leg's viscous friction over leg_viscous_friction",
-        ">= 0",
-        default=(1.0,) * 6,
-        shape=(6,),
-        is_tunable=True,
-    )
-    leg_coulomb_friction_factor: _Array_co = _row(
-        "1",
-        "each leg's Coulomb friction over leg_coulomb_friction",
-        ">= 0",
-        default=(1.0,) * 6,
-        shape=(6,),
-        is_tunable=True,
-    )
+    leg_viscous_friction_factor: _Array_co = _factor("1", "each leg's viscous friction over leg_viscous_friction")
+    leg_coulomb_friction_factor: _Array_co = _factor("1", "each leg's Coulomb friction over leg_coulomb_friction")
     # a word of `FRICTION_MODELS`, or its number, which a platform keeps
-    leg_friction_model: Any = _bristle_row(
-        "1", "law of friction: 0 smooth, 1 elasto_plastic, 2 lugre", words=FRICTION_MODELS
+    leg_friction_model: Any = _bristle(
+        "1", "law of friction: 0 smooth, 1 elasto_plastic, 2 lugre", words=FRICTION_MODELS, is_tunable=False
     )
-    leg_static_friction: _Number_co = _bristle_row(
-        "N", "friction to overcome at rest, 0 for leg_coulomb_friction", ">= 0", is_tunable=True
+    leg_static_friction: _Number_co = _bristle("N", "friction to overcome at rest, 0 for leg_coulomb_friction", ">= 0")
+    leg_stribeck_velocity: _Number_co = _bristle(
+        "m/s", "velocity over which static friction falls to Coulomb's", "> 0", default=1e-3
     )
-    leg_stribeck_velocity: _Number_co = _bristle_row(
-        "m/s", "velocity over which static friction falls to Coulomb's", "> 0", default=1e-3, is_tunable=True
+    leg_bristle_stiffness: _Number_co = _bristle(
+        "N/m", "stiffness of a leg that sticks, 0 for presliding of 10 um", ">= 0"
     )
-    leg_bristle_stiffness: _Number_co = _bristle_row(
-        "N/m", "stiffness of a leg that sticks, 0 for presliding of 10 um", ">= 0", is_tunable=True
+    leg_bristle_damping: _Number_co = _bristle("N.s/m", "damping of a leg that sticks, 0 for half of critical", ">= 0")
+    leg_breakaway_share: _Number_co = _bristle(
+        "1", "share of Coulomb friction up to which a bristle is elastic, 0 for 0.8; lugre has none", ">= 0"
     )
-    leg_bristle_damping: _Number_co = _bristle_row(
-        "N.s/m", "damping of a leg that sticks, 0 for half of critical", ">= 0", is_tunable=True
-    )
-    leg_breakaway_share: _Number_co = _bristle_row(
-        "1",
-        "share of Coulomb friction up to which a bristle is elastic, 0 for 0.8; lugre has none",
-        ">= 0",
-        is_tunable=True,
-    )
-    leg_stiffness: _Number_co = _spring_row(
+    leg_stiffness: _Number_co = _spring(
         "N/m", "stiffness between motor and platform's side of a leg, 0 for rigid", ">= 0"
     )
-    leg_damping: _Number_co = _spring_row("N.s/m", "damping of leg_stiffness, 0 for 2 % of critical", ">= 0")
+    leg_damping: _Number_co = _spring("N.s/m", "damping of leg_stiffness, 0 for 2 % of critical", ">= 0")
 
 
 # The argument of the equations: a `Platform`, a batch of platforms, or CasADi symbols.
@@ -160,7 +133,7 @@ class PlatformFields(ParametersOf[FloatArray, float]):
 
     home_position: FloatArray = _row("m", "Op in the home pose, the start value of position", shape=(3,))
     home_orientation: FloatArray = _row(
-        "rad", "roll, pitch, yaw in the home pose, the start value of orientation", default=(0.0, 0.0, 0.0), shape=(3,)
+        "rad", "roll, pitch, yaw in the home pose, the start value of orientation", None, (0.0, 0.0, 0.0), (3,)
     )
     leg_length_min: float | None = _limit("m", "shortest leg")
     leg_length_max: float | None = _limit("m", "longest leg")
