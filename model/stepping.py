@@ -358,15 +358,12 @@ class SteppingModel:
         self._x[:], self._u[:] = snapshot.x, snapshot.u
         self._begin(snapshot.platform, snapshot.internal_step, snapshot.largest_step)
 
-    def __getstate__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[Any, ...]:
         """The arguments and the state, for copies and pickles: models do not share memory."""
-        return (self._initial_platform, self._tolerance, self._fixed, self._integrator), self.save_state()
+        arguments = self._initial_platform, self._tolerance, self._fixed, self._integrator
+        return type(self), arguments, self.save_state()
 
-    def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """A new model with these arguments in this state."""
-        arguments, snapshot = state
-        SteppingModel.__init__(self, *arguments)
-        self.restore_state(snapshot)
+    __setstate__ = restore_state
 
     # --- private -----------------------------------------------------------------------------------------------
 
@@ -397,24 +394,19 @@ class SteppingModel:
 
     def _refuse_unsettable(self, variable: Variable) -> None:
         name = variable.name
-        if variable.name == "fixed_step_size":
+        if name == "fixed_step_size":
             raise InterfaceError(name, "is a parameter of the FMU; of the stepping model it is an argument")
         self._refuse_absent(variable)
         if variable in self._variant.results and not variable.is_state:
             raise InterfaceError(name, f"is computed ({variable.causality}); set inputs, parameters or states instead")
-        if self._started and variable.is_state:
-            raise InterfaceError(name, "is a state, which can only be set before the first step; call reset() first")
-        if self._started and variable.variability == "fixed":
-            raise InterfaceError(
-                name, "is a fixed parameter, which can only be set before the first step; call reset() first"
-            )
+        if self._started and (variable.is_state or variable.variability == "fixed"):
+            kind = "state" if variable.is_state else "fixed parameter"
+            raise InterfaceError(name, f"is a {kind}, which can only be set before the first step; call reset() first")
 
     def _refuse_absent(self, variable: Variable) -> None:
-        """Refuse a variable of a part that the platform does not have."""
-        if variable.name in CHOOSING:
-            return
+        """Refuse a variable of a part that the platform does not have, but for those that choose its parts."""
         for part, variables in interface.OF_PART.items():
-            if variable in variables and part not in self._variant.parts:
+            if variable in variables and part not in self._variant.parts and variable.name not in CHOOSING:
                 raise InterfaceError(variable.name, f"is nothing that this platform has: {_ABSENT[part]}")
 
 
@@ -429,24 +421,14 @@ class CompiledStepper:
         library = stepper_library(variant)
         layout = (c_size_t * 13)()
         library.stepper_layout(layout)
-        memory = np.zeros(-(-layout[0] // 8))
+        self._memory = memory = np.zeros(-(-layout[0] // 8))
         n, q, m = (interface.size_of(variables) for variables in (variant.states, variant.parameters, variant.results))
-        # in the order of c/stepper/stepper.c
+        # in the order of c/stepper/stepper.c: time, internal step, handedness, largest step; u, x, p, y; failure
         sizes = (1, 1, 1, 1, N_INPUTS, n, q, m, 1, 1)
         views = [memory[place // 8 : place // 8 + size] for place, size in zip(layout[1:11], sizes, strict=True)]
-        (
-            self._time,
-            self._internal_step,
-            self._handedness,
-            self._largest_step,
-            self.u,
-            self.x,
-            self.p,
-            self.y,
-            *failure,
-        ) = views
-        self._failed_at, self._failed_value = failure
-        self._memory, self._texts = memory, (layout[11], layout[12])
+        self._time, self._internal_step, _, self._largest_step = views[:4]
+        self.u, self.x, self.p, self.y, self._failed_at, self._failed_value = views[4:]
+        self._texts = layout[11], layout[12]
         address, self._times = address_of(memory), (c_double(), c_double())
         library.stepper_reset(address, c_double(tolerance), c_double(fixed_step_size))
         self._step = partial(library.stepper_step, address, *self._times)
@@ -456,8 +438,7 @@ class CompiledStepper:
         # a unit has its states first, then other outputs, then locals
         outputs = [v for v in variant.results if v.causality == "output" and not v.is_state]
         of_unit = (*variant.states, *outputs, *interface.LOCALS)
-        self.results = interface.unpack(of_unit, self.y)
-        places = interface.unpack(of_unit, np.arange(m))
+        self.results, places = (interface.unpack(of_unit, vector) for vector in (self.y, np.arange(m)))
         # of the variant's results in y
         self.order = np.concatenate([places[v.name].ravel() for v in variant.results])
 
@@ -471,7 +452,7 @@ class CompiledStepper:
         """The largest fixed step that is stable, found in the first one under the present parameters [s]; 0 before."""
         return float(self._largest_step[0])
 
-    def begin(self, _platform: Platform, time: float, internal_step: float | None, largest_step: float = 0.0) -> None:
+    def begin(self, _platform: Platform, time: float, internal_step: float | None, largest_step: float) -> None:
         """Go on from the state and the parameters in x and p."""
         self._time[0], self._internal_step[0], self._largest_step[0] = time, internal_step or 0.0, largest_step
         self._forget()
