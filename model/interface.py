@@ -269,13 +269,7 @@ def unpack(variables: Iterable[Variable], vector: Array) -> dict[str, Array]:
 
 
 def find(name: str) -> tuple[Variable, int | None]:
-    """The variable of a name, and the flat index of an element, or None for the whole variable.
-
-    Raises
-    ------
-    InterfaceError
-        Unknown name; the nearest known one is suggested.
-    """
+    """The variable of a name, and the flat index of an element or None; an unknown name is an `InterfaceError`."""
     if not isinstance(name, str):
         raise InterfaceError(repr(name), "expected the name of a variable, a text")
     if name in BY_NAME:
@@ -300,13 +294,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def checked_value(variable: Variable, value: object) -> Array:
-    """The value as a float array of the variable's shape.
-
-    Raises
-    ------
-    InterfaceError
-        Not real numbers, another shape, or not finite.
-    """
+    """The value as a float array of the variable's shape; `InterfaceError` if it is not that of finite numbers."""
     try:
         return real_array(value, variable.shape)
     except ValueError as error:

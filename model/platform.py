@@ -242,14 +242,9 @@ Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n---------
 
 
 def joints_of_keys(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of a table with the keys of circles replaced by the joints and the home pose.
+    """Values of a table with `CIRCLE_KEYS` replaced by the joints and the home pose; without such keys, unchanged.
 
-    Without any of these keys the values are unchanged.
-
-    Raises
-    ------
-    PlatformError
-        A missing key, a key beside what it determines, or impossible values.
+    `PlatformError` if a key is missing, stands beside what it determines, or has an impossible value.
     """
     circles = {key: values[key] for key in CIRCLE_KEYS if key in values}
     if not circles:

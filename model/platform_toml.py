@@ -24,15 +24,7 @@ _PRESETS = ("gough_stewart.model", "presets")
 
 @lru_cache(maxsize=16)
 def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
-    """The platform in a TOML text; errors refer to the text as `where`.
-
-    Raises
-    ------
-    PlatformFileError
-        Not TOML, an unknown key (with a suggestion), or a missing one.
-    PlatformError
-        Invalid values.
-    """
+    """The platform in a TOML text; a `PlatformFileError`, also of invalid values, refers to the text as `where`."""
     try:
         values = toml_values(text)
     except ValueError as error:
@@ -131,13 +123,7 @@ def preset_names() -> tuple[str, ...]:
 
 
 def preset_text(name: str) -> str:
-    """The TOML file of a preset with its comments, as a template for your own platform file.
-
-    Raises
-    ------
-    PlatformFileError
-        No preset of that name.
-    """
+    """The TOML file of a preset with its comments, as a template for your own platform file."""
     if name not in preset_names():
         raise PlatformFileError(f"preset '{name}'", f"no such preset{nearest(name, preset_names())}")
     return toml_text(*_PRESETS, name)

@@ -30,14 +30,9 @@ _log = logging.getLogger(__name__)
 
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
-    """Check that files of these names can be written to a folder, before anything is computed.
+    """Raise `OutputError` if files of these names cannot be written to a folder, before anything is computed.
 
     Temporary files of processes that were killed there are removed.
-
-    Raises
-    ------
-    OutputError
-        The folder is a file, is not writable, cannot be created, or has a subfolder with one of the names.
     """
     place = folder.absolute()
     while not os.path.lexists(place) and place != place.parent:
@@ -57,10 +52,7 @@ def check_output_folder(folder: Path, names: Iterable[str]) -> None:
 def reserved(folder: Path) -> Iterator[None]:
     """Keep an output folder, created if needed, for this thread while a block lasts; may be nested.
 
-    Raises
-    ------
-    OutputError
-        The folder cannot be written to, or another process or thread writes there.
+    `OutputError` if it cannot be written to, or another process or thread writes there.
     """
     check_output_folder(folder, ())
     is_new = not folder.exists()
@@ -122,16 +114,8 @@ def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> I
 
     New files are temporary until the end. Then the files of the older set are deleted, and the new ones are moved to
     their places. If an error or an interrupt ends the set early, the new files written so far are kept, no old file
-    is left beside them, and a note on the error lists the missing files. An empty set does not change the folder.
-
-    Parameters
-    ----------
-    folder
-        The output folder.
-    names
-        Names of the files to be added.
-    owned
-        Names of further files that an older set can have.
+    is left beside them, and a note on the error lists the missing files. An empty set does not change the folder. The
+    files to be added have these `names`, `owned` are further ones that an older set can have.
     """
     expected = tuple(names)
     folder.mkdir(parents=True, exist_ok=True)

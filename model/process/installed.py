@@ -127,18 +127,7 @@ def _warn(text: str) -> None:
 
 
 def check_installed(uses: Mapping[str, str]) -> None:
-    """Check that packages are installed, without importing them.
-
-    Parameters
-    ----------
-    uses
-        What each is needed for, by its name.
-
-    Raises
-    ------
-    NotInstalledError
-        One is missing; the message tells what for, and how to install it.
-    """
+    """Raise `NotInstalledError` if one of these packages is missing, by name with what it is needed for."""
     missing = [package for package in uses if find_spec(package) is None]
     if missing:
         raise _not_installed(" and ".join(f"{package} ({uses[package]})" for package in missing))
@@ -146,13 +135,7 @@ def check_installed(uses: Mapping[str, str]) -> None:
 
 @contextmanager
 def tracer_is_named() -> Iterator[None]:
-    """Context for importing and running what traces equations from its first line on.
-
-    Raises
-    ------
-    NotInstalledError
-        CasADi is not installed.
-    """
+    """Context for what traces equations from its first line on: `NotInstalledError` if CasADi is missing."""
     try:
         yield
     except ModuleNotFoundError as error:
@@ -163,13 +146,7 @@ def tracer_is_named() -> Iterator[None]:
 
 @cache
 def check_environment() -> None:
-    """Refuse values that Polars and NumPy cannot read; replace a backend of matplotlib that is not there.
-
-    Raises
-    ------
-    EnvironmentVariableError
-        POLARS_MAX_THREADS or SOURCE_DATE_EPOCH is not a number of their kind.
-    """
+    """Raise `EnvironmentVariableError` for values that Polars and NumPy cannot read; replace a missing backend."""
     for name, least, expected in (
         ("POLARS_MAX_THREADS", 1, "a number of threads of at least 1"),
         ("SOURCE_DATE_EPOCH", 0, "a whole number of seconds since 1970"),

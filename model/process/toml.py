@@ -14,13 +14,7 @@ _KEY = re.compile(r"\s*([^=#]+?)\s*=")
 
 
 def toml_values(text: str) -> dict[str, Any]:
-    """The values of a TOML text.
-
-    Raises
-    ------
-    ValueError
-        Not TOML, or a duplicate key; the message is one line with the place and the text found there.
-    """
+    """The values of a TOML text; `ValueError` has one line with the place and the text found there."""
     try:
         # with a final newline, so that errors in the last line have a position, too
         return tomllib.loads(f"{text}\n")
