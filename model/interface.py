@@ -16,96 +16,37 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cached_property
-from itertools import product
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.model.errors import InterfaceError, StepError
-from gough_stewart.model.parameters import FRICTION_MODELS, PHYSICAL, Bound, Part
+from gough_stewart.model.parameters import FRICTION_MODELS, PHYSICAL, Causality, Part, Variable
 from gough_stewart.model.vectors import Array, real_array
-
-Causality = Literal["input", "output", "local", "parameter"]
-Variability = Literal["continuous", "discrete", "fixed", "tunable"]
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One row of the table."""
-
-    name: str
-    shape: tuple[int, ...]
-    unit: str
-    causality: Causality
-    variability: Variability
-    description: str
-    # A number for all elements, the name of a `Platform` attribute, or None for computed variables.
-    start: float | str | None = None
-    is_state: bool = False
-    # Values below (or, for "> 0", at) this bound are rejected when set; None allows any finite number.
-    lower_bound: Bound = None
-    # Size of a state's usual changes, by which integrators scale absolute tolerances: a millimetre, a milliradian.
-    nominal: float = 1e-3
-
-    @property
-    def size(self) -> int:
-        """Number of scalars."""
-        return math.prod(self.shape)
-
-    @property
-    def scalar_names(self) -> tuple[str, ...]:
-        """FMI 2.0 names of the elements in row-major order; the name itself for a scalar."""
-        if not self.shape:
-            return (self.name,)
-        indices = product(*(range(1, n + 1) for n in self.shape))
-        return tuple(f"{self.name}[{','.join(map(str, index))}]" for index in indices)
-
-    def element(self, flat_index: int) -> "Variable":
-        """One element as a scalar variable with its FMI 2.0 name."""
-        return replace(self, name=self.scalar_names[flat_index], shape=())
 
 
 def _input(name: str, shape: tuple[int, ...], unit: str, description: str, start: float | str = 0.0) -> Variable:
     return Variable(name, shape, unit, "input", "continuous", description, start)
 
 
-def _state(name: str, shape: tuple[int, ...], unit: str, description: str, start: float | str = 0.0) -> Variable:
-    return Variable(name, shape, unit, "output", "continuous", description, start, True)
+def _state(name: str, unit: str, description: str, start: float | str = 0.0, **named: Any) -> Variable:
+    shape = (3,) if named.get("part") is None else (6,)
+    return Variable(name, shape, unit, "output", "continuous", description, start, True, **named)
 
 
 def _result(name: str, shape: tuple[int, ...], unit: str, causality: Causality, description: str) -> Variable:
     return Variable(name, shape, unit, causality, "continuous", description)
 
 
-def _parameters(part: Part | None) -> list[Variable]:
-    """The physical parameters of a part; of the ideal plant for None."""
-    return [
-        Variable(
-            row.name,
-            row.shape,
-            row.unit,
-            "parameter",
-            "tunable" if row.is_tunable else "fixed",
-            row.description,
-            start=row.name,
-            lower_bound=row.lower_bound,
-        )
-        for row in PHYSICAL
-        if row.part == part
-    ]
-
-
 VARIABLES: tuple[Variable, ...] = (
     _input("actuator_force", (6,), "N", "force of each actuator, positive extends the leg", "home_actuator_force"),
     _input("external_force", (3,), "N", "external force at Op, world components"),
     _input("external_torque", (3,), "N.m", "external torque about Op, world components"),
-    _state("position", (3,), "m", "origin Op of the platform frame in world", "home_position"),
-    _state(
-        "orientation", (3,), "rad", "roll, pitch, yaw about the fixed world axes X, then Y, then Z", "home_orientation"
-    ),
-    _state("velocity", (3,), "m/s", "velocity of Op in world"),
-    _state("angular_velocity", (3,), "rad/s", "angular velocity of the platform, world components"),
+    _state("position", "m", "origin Op of the platform frame in world", "home_position"),
+    _state("orientation", "rad", "roll, pitch, yaw about the fixed world axes X, then Y, then Z", "home_orientation"),
+    _state("velocity", "m/s", "velocity of Op in world"),
+    _state("angular_velocity", "rad/s", "angular velocity of the platform, world components"),
     _result("leg_length", (6,), "m", "output", "distance from base joint to platform joint"),
     _result("leg_velocity", (6,), "m/s", "output", "rate of the leg length"),
     _result("acceleration", (3,), "m/s2", "output", "acceleration of Op in world"),
@@ -117,7 +58,7 @@ VARIABLES: tuple[Variable, ...] = (
     _result(
         "potential_energy", (), "J", "local", "potential energy of platform and legs in gravity, zero at world z = 0"
     ),
-    *_parameters(None),
+    *(row for row in PHYSICAL if row.part is None),
     Variable(
         "fixed_step_size",
         (),
@@ -131,28 +72,26 @@ VARIABLES: tuple[Variable, ...] = (
 )
 """Every variable of the plant: `name`, `shape`, `unit`, `causality`, `variability`, `description`; see notation."""
 
-# What a plant with a part has in addition, states in the order of the state vector; see `Variant`.
-OF_PART: Mapping[Part, tuple[Variable, ...]] = {
-    "bristles": (
-        replace(_state("leg_bristle", (6,), "m", "deflection of the bristle of each leg's friction"), nominal=1e-5),
-        *_parameters("bristles"),
-    ),
-    "springs": (
-        _state("motor_position", (6,), "m", "length of each leg without its stretch", "home_motor_position"),
-        _state("motor_velocity", (6,), "m/s", "rate of motor_position"),
+# What a plant with parts has in addition, states in the order of the state vector; see `Variant`.
+OF_PARTS: tuple[Variable, ...] = (
+    _state("leg_bristle", "m", "deflection of the bristle of each leg's friction", nominal=1e-5, part="bristles"),
+    _state("motor_position", "m", "length of each leg without its stretch", "home_motor_position", part="springs"),
+    _state("motor_velocity", "m/s", "rate of motor_position", part="springs"),
+    replace(
         _result("leg_force", (6,), "N", "output", "force of each leg's spring and damper, positive extends the leg"),
-        *_parameters("springs"),
+        part="springs",
     ),
-}
+    *(row for row in PHYSICAL if row.part is not None),
+)
 
-BY_NAME: Mapping[str, Variable] = {v.name: v for v in (*VARIABLES, *OF_PART["bristles"], *OF_PART["springs"])}
+BY_NAME: Mapping[str, Variable] = {v.name: v for v in (*VARIABLES, *OF_PARTS)}
 INPUTS = tuple(v for v in VARIABLES if v.causality == "input")
 STATES = tuple(v for v in VARIABLES if v.is_state)
 OUTPUTS = tuple(v for v in VARIABLES if v.causality == "output")
 LOCALS = tuple(v for v in VARIABLES if v.causality == "local")
 RESULTS = OUTPUTS + LOCALS
 # The parameters of the platform, arguments of the kernel; `fixed_step_size` belongs to the FMU only.
-PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in PHYSICAL if row.part is None)
+PLATFORM_PARAMETERS = tuple(row for row in PHYSICAL if row.part is None)
 # The first results, without direct feedthrough from the forces.
 SIGNALS = RESULTS[: RESULTS.index(BY_NAME["leg_velocity"]) + 1]
 # Lengths of the vectors from `pack`.
@@ -227,7 +166,7 @@ class Variant:
 
     @property
     def _of_parts(self) -> tuple[Variable, ...]:
-        return tuple(v for part in self.parts for v in OF_PART[part])
+        return tuple(v for v in OF_PARTS if v.part in self.parts)
 
 
 IDEAL = Variant()

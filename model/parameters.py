@@ -5,15 +5,19 @@ FMU. Its physics belongs in `dynamics`, `friction` or `machine_dynamics`, and th
 that the dynamics ignore is one entry in `PlatformFields`.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import partial
+from itertools import product
 from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
 
 from gough_stewart.model.vectors import Array, FloatArray, Scalars
 
+Causality = Literal["input", "output", "local", "parameter"]
+Variability = Literal["continuous", "discrete", "fixed", "tunable"]
 Bound = Literal["> 0", ">= 0"] | None
 # Parts of a plant that not every platform has: bristles, which model stiction, and springs between motor and leg.
 Part = Literal["bristles", "springs"]
@@ -24,44 +28,71 @@ _Number_co = TypeVar("_Number_co", bound=Scalars, covariant=True)
 
 
 @dataclass(frozen=True)
-class ParameterRow:
-    """One row of the table."""
+class Variable:
+    """One row of a table: a parameter of a platform, or a variable of the plant."""
 
+    name: str
+    shape: tuple[int, ...]
     unit: str
+    causality: Causality
+    variability: Variability
     description: str
-    # Values below (or, for "> 0", at) this bound are rejected; None allows any finite number.
+    # A number for all elements, the name of a `Platform` attribute, or None for computed variables.
+    start: float | str | None = None
+    is_state: bool = False
+    # Values below (or, for "> 0", at) this bound are rejected when set; None allows any finite number.
     lower_bound: Bound = None
-    # A number or a tuple; None for a limit that is not stated, ... for what must be.
+    # Size of a state's usual changes, by which integrators scale absolute tolerances: a millimetre, a milliradian.
+    nominal: float = 1e-3
+    # Of a parameter: a number or a tuple; None for a limit that need not be stated, ... for what must be.
     default: Any = ...
-    shape: tuple[int, ...] = ()
-    # Whether it may change during a run.
-    is_tunable: bool = False
     # The words that files have for the values 0, 1, 2 …; none for a quantity.
     words: tuple[str, ...] = ()
     # What a plant must have to use it; the ideal plant, rigid and with smooth friction, has none of these parts.
     part: Part | None = None
-    name: str = ""
-
-    @property
-    def has_default(self) -> bool:
-        """Whether it has a default value."""
-        return self.default is not ...
 
     @property
     def is_optional(self) -> bool:
         """Whether it can be None: a limit that is not stated."""
         return self.default is None
 
+    @property
+    def size(self) -> int:
+        """Number of scalars."""
+        return math.prod(self.shape)
 
-def _row(*cells: Any, **named: Any) -> Any:
-    """A field of a dataclass, with its row of the table as metadata."""
-    row = ParameterRow(*cells, **named)
-    if isinstance(row.default, tuple):
-        return field(default_factory=lambda: np.array(row.default), metadata={"row": row})
-    return field(default=row.default if row.has_default else MISSING, metadata={"row": row})
+    @property
+    def scalar_names(self) -> tuple[str, ...]:
+        """FMI 2.0 names of the elements in row-major order; the name itself for a scalar."""
+        if not self.shape:
+            return (self.name,)
+        indices = product(*(range(1, n + 1) for n in self.shape))
+        return tuple(f"{self.name}[{','.join(map(str, index))}]" for index in indices)
+
+    def element(self, flat_index: int) -> "Variable":
+        """One element as a scalar variable with its FMI 2.0 name."""
+        return replace(self, name=self.scalar_names[flat_index], shape=())
 
 
-_tunable = partial(_row, is_tunable=True)
+def _row(
+    unit: str,
+    description: str,
+    lower_bound: Bound = None,
+    default: Any = ...,
+    shape: tuple[int, ...] = (),
+    variability: Variability = "fixed",
+    **named: Any,
+) -> Any:
+    """A field of a dataclass, with its row of the table, but for the name, as metadata."""
+    row = Variable(
+        "", shape, unit, "parameter", variability, description, lower_bound=lower_bound, default=default, **named
+    )
+    if isinstance(default, tuple):
+        return field(default_factory=lambda: np.array(default), metadata={"row": row})
+    return field(default=MISSING if default is ... else default, metadata={"row": row})
+
+
+_tunable = partial(_row, variability="tunable")
 _factor = partial(_tunable, lower_bound=">= 0", default=(1.0,) * 6, shape=(6,))
 _bristle, _spring = partial(_tunable, default=0.0, part="bristles"), partial(_row, default=0.0, part="springs")
 _limit = partial(_row, lower_bound="> 0", default=None)
@@ -101,7 +132,7 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
     leg_coulomb_friction_factor: _Array_co = _factor("1", "each leg's Coulomb friction over leg_coulomb_friction")
     # a word of `FRICTION_MODELS`, or its number, which a platform keeps
     leg_friction_model: Any = _bristle(
-        "1", "law of friction: 0 smooth, 1 elasto_plastic, 2 lugre", words=FRICTION_MODELS, is_tunable=False
+        "1", "law of friction: 0 smooth, 1 elasto_plastic, 2 lugre", words=FRICTION_MODELS, variability="fixed"
     )
     leg_static_friction: _Number_co = _bristle("N", "friction to overcome at rest, 0 for leg_coulomb_friction", ">= 0")
     leg_stribeck_velocity: _Number_co = _bristle(
@@ -152,9 +183,10 @@ class PlatformFields(ParametersOf[FloatArray, float]):
 
 
 # All numeric fields of a platform by name.
-TABLE: Mapping[str, ParameterRow] = {
-    f.name: replace(f.metadata["row"], name=f.name) for f in fields(PlatformFields) if "row" in f.metadata
+TABLE: Mapping[str, Variable] = {
+    f.name: replace(f.metadata["row"], name=f.name, start=f.name) for f in fields(PlatformFields) if "row" in f.metadata
 }
+NEEDED = tuple(name for name, row in TABLE.items() if row.default is ...)
 LIMITS = tuple(row for row in TABLE.values() if row.is_optional)
 TEXTS = tuple(f.name for f in fields(PlatformFields) if f.name not in TABLE)
 PHYSICAL = tuple(TABLE[f.name] for f in fields(ParametersOf))

@@ -15,7 +15,16 @@ from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.interface import nearest, unit_text
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.machine_dynamics import holding_motor_position
-from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, TEXTS, Parameters, PlatformFields, in_words
+from gough_stewart.model.parameters import (
+    FACTOR_OF,
+    NEEDED,
+    PHYSICAL,
+    TABLE,
+    TEXTS,
+    Parameters,
+    PlatformFields,
+    in_words,
+)
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_hints import platform_hints
 from gough_stewart.model.vectors import FloatArray, real_array
@@ -190,7 +199,7 @@ class Platform(PlatformFields):
         for name in parameters:
             if name not in TABLE and name not in TEXTS:
                 raise PlatformError(name, f"no such parameter{nearest(name, (*TABLE, *TEXTS))}")
-        missing = [name for name, row in TABLE.items() if name not in {*joints, *parameters} and not row.has_default]
+        missing = [name for name in NEEDED if name not in {*joints, *parameters}]
         if missing:
             raise PlatformError(missing[0], f"missing; expected {', '.join(missing)} beside the radii and angles")
         return cls(**joints, **parameters)

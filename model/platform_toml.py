@@ -12,7 +12,7 @@ import tomlkit
 
 from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.parameters import FACTOR_OF, TABLE, TEXTS
+from gough_stewart.model.parameters import FACTOR_OF, NEEDED, TABLE, TEXTS
 from gough_stewart.model.platform import CIRCLE_KEYS, Platform, joints_of_keys
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.process.files import write_whole
@@ -38,8 +38,7 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
             raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, _KEYS)}")
     try:
         values = joints_of_keys(values)
-        missing = [name for name, row in TABLE.items() if name not in values and not row.has_default]
-        if missing:
+        if missing := [name for name in NEEDED if name not in values]:
             raise PlatformFileError(where, f"missing {', '.join(missing)}; see a preset for a complete file")
         for key, value in values.items():
             is_number = key in TABLE and not TABLE[key].words

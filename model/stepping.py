@@ -23,13 +23,13 @@ from gough_stewart.model.interface import (
     MOST_INTERNAL_STEPS,
     N_INPUTS,
     TOLERANCES,
-    Variable,
     Variant,
     end_of_step,
 )
 from gough_stewart.model.kernel import Kernel, Linearisation, address_of, kernel_library, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.machine_dynamics import motors_at
+from gough_stewart.model.parameters import Variable
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import LARGEST_STRETCH, check_leg_com_offsets
 from gough_stewart.model.pose_limits import LARGEST_PITCH, SHORTEST_LEG, check_pose
@@ -405,9 +405,9 @@ class SteppingModel:
 
     def _refuse_absent(self, variable: Variable) -> None:
         """Refuse a variable of a part that the platform does not have, but for those that choose its parts."""
-        for part, variables in interface.OF_PART.items():
-            if variable in variables and part not in self._variant.parts and variable.name not in CHOOSING:
-                raise InterfaceError(variable.name, f"is nothing that this platform has: {_ABSENT[part]}")
+        part = variable.part
+        if part is not None and part not in self._variant.parts and variable.name not in CHOOSING:
+            raise InterfaceError(variable.name, f"is nothing that this platform has: {_ABSENT[part]}")
 
 
 class CompiledStepper:

@@ -24,7 +24,7 @@ from gough_stewart.model.errors import InterfaceError, MembersError, PlatformErr
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, SMOOTH, TOLERANCES, Variant, end_of_step
 from gough_stewart.model.kinematics import conditioning, leg_geometry
 from gough_stewart.model.machine_dynamics import motors_at
-from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.parameters import Parameters, Variable
 from gough_stewart.model.platform import Platform, Platforms
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
@@ -437,7 +437,7 @@ def _of_plants_alone(variant: Variant) -> CompiledLanes:
     return CompiledLanes(lanes_library(variant))
 
 
-def _first_not_finite(variables: Sequence[interface.Variable], values: FloatArray) -> tuple[str, float]:
+def _first_not_finite(variables: Sequence[Variable], values: FloatArray) -> tuple[str, float]:
     """Name and value of the first element that is not finite."""
     names = [name for variable in variables for name in variable.scalar_names]
     at = int(np.flatnonzero(~np.isfinite(values))[0])
