@@ -44,10 +44,10 @@ from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.installed import (
     MANIFEST,
     PACKED,
+    PREBUILT,
     TRACER,
     manifest_line,
     packed,
-    prebuilt_folder,
     state_of_texts,
 )
 
@@ -149,7 +149,7 @@ def write_prebuilt(
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m gough_stewart.harness.prebuilt", description=__doc__)
-    parser.add_argument("--out", type=Path, default=prebuilt_folder(), help="folder; the package's by default")
+    parser.add_argument("--out", type=Path, default=PREBUILT, help="folder; the package's by default")
     parser.add_argument("--target", action="append", help="native, all, or a name; native by default")
     parser.add_argument("--only-here", action="store_true", help="for the processor at hand")
     parser.add_argument("--only-kernel", action="store_true", help="without units and what steps many members")

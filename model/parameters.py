@@ -52,11 +52,6 @@ class Variable:
     part: Part | None = None
 
     @property
-    def is_optional(self) -> bool:
-        """Whether it can be None: a limit that is not stated."""
-        return self.default is None
-
-    @property
     def size(self) -> int:
         """Number of scalars."""
         return math.prod(self.shape)
@@ -187,7 +182,7 @@ TABLE: Mapping[str, Variable] = {
     f.name: replace(f.metadata["row"], name=f.name, start=f.name) for f in fields(PlatformFields) if "row" in f.metadata
 }
 NEEDED = tuple(name for name, row in TABLE.items() if row.default is ...)
-LIMITS = tuple(row for row in TABLE.values() if row.is_optional)
+LIMITS = tuple(row for row in TABLE.values() if row.default is None)
 TEXTS = tuple(f.name for f in fields(PlatformFields) if f.name not in TABLE)
 PHYSICAL = tuple(TABLE[f.name] for f in fields(ParametersOf))
 # Numbers that can also be given per leg, with the parameter of their factors: see `by_leg`.

@@ -71,7 +71,7 @@ class Platform(PlatformFields):
                 object.__setattr__(self, key, value)
         for name, row in TABLE.items():
             value = getattr(self, name)
-            if value is not None or not row.is_optional:
+            if value is not None or row.default is not None:
                 object.__setattr__(self, name, _frozen(name, value, row.shape))
         platform_checks.check(self)
 
@@ -91,7 +91,7 @@ class Platform(PlatformFields):
         limits = [
             f"{name} {_shown(getattr(self, name))} {unit_text(row.unit)}"
             for name, row in TABLE.items()
-            if row.is_optional and getattr(self, name) is not None
+            if row.default is None and getattr(self, name) is not None
         ]
         base, joints = (
             _range(np.linalg.norm(points - points.mean(axis=0), axis=1))
@@ -235,7 +235,7 @@ class Platform(PlatformFields):
             if name not in TABLE:
                 raise PlatformError(name, f"no such parameter{nearest(name, TABLE)}")
             row = TABLE[name]
-            new.__dict__[name] = None if value is None and row.is_optional else _frozen(name, value, row.shape)
+            new.__dict__[name] = None if value is None and row.default is None else _frozen(name, value, row.shape)
         return new
 
     def as_dict(self) -> dict[str, Any]:
@@ -383,7 +383,7 @@ class Platforms(Sequence[Platform]):
         stated = [
             name
             for name, row in TABLE.items()
-            if not row.is_optional or name in self._values or any(getattr(b, name) is not None for b in self._bases)
+            if row.default is not None or name in self._values or any(getattr(b, name) is not None for b in self._bases)
         ]
         arrays: dict[str, Any] = {name: self.field(name) for name in stated}
         return np.asarray(wrong | platform_checks.check(PlatformFields(**arrays), changed))

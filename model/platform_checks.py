@@ -198,7 +198,7 @@ def check_bound(name: str, value: float | FloatArray) -> None:
     row, numbers = TABLE[name], np.ravel(value)
     for k in np.flatnonzero(_is_beyond_bound(name, numbers)).tolist():
         which = f"{name}[{k + 1}]" if numbers.size > 1 else name
-        unit, remedy = "" if row.unit == "1" else f" {row.unit}", ", or leave it out" if row.is_optional else ""
+        unit, remedy = "" if row.unit == "1" else f" {row.unit}", ", or leave it out" if row.default is None else ""
         raise PlatformError(which, f"is {numbers[k]:g}{unit}; expected {row.lower_bound}{remedy}: {row.description}")
 
 

@@ -26,6 +26,8 @@ from typing import Any
 from gough_stewart.model.errors import EnvironmentVariableError, NotInstalledError
 
 TRACER = "casadi"
+# Where the files are, if there are any.
+PREBUILT = Path(str(resources.files("gough_stewart").joinpath("prebuilt")))
 MANIFEST = "manifest.json"
 # Ending of files that are not loaded where they are: xz makes them a fifth smaller than the wheel's deflate.
 PACKED = ".xz"
@@ -36,11 +38,6 @@ def this_machine() -> str:
     """Processor and system of this machine, such as `x86_64-linux`: FMI 3.0's platform tuple, if it is supported."""
     processor = platform.machine().lower()
     return f"{_PROCESSORS.get(processor, processor)}-{platform.system().lower()}"
-
-
-def prebuilt_folder() -> Path:
-    """Where the files are, if there are any."""
-    return Path(str(resources.files("gough_stewart").joinpath("prebuilt")))
 
 
 def manifest_line(file: str, content: bytes, state: str) -> dict[str, str]:
@@ -56,7 +53,7 @@ def prebuilt(name: str, state: str) -> Path | None:
     line: Mapping[str, str] | None = _manifest().get("files", {}).get(name)
     if line is None or line["state"] != state:
         return None
-    path = Path(prebuilt_folder(), line["file"])
+    path = PREBUILT / line["file"]
     try:
         is_whole = sha256(path.read_bytes()).hexdigest() == line["sha256"]
     except OSError:
@@ -115,7 +112,7 @@ def _digest_of_files(paths: Iterable[Path]) -> str:
 @cache
 def _manifest() -> Mapping[str, Any]:
     try:
-        manifest: Mapping[str, Any] = json.loads((prebuilt_folder() / MANIFEST).read_bytes())
+        manifest: Mapping[str, Any] = json.loads((PREBUILT / MANIFEST).read_bytes())
     except (OSError, ValueError):
         return {}
     return manifest

@@ -43,7 +43,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def folder(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A copy of it, which the package takes for its own."""
-    monkeypatch.setattr(installed, "prebuilt_folder", lambda: tmp_path)
+    monkeypatch.setattr(installed, "PREBUILT", tmp_path)
     for path in (path for path in made.rglob("*") if path.is_file()):
         (tmp_path / path.relative_to(made)).parent.mkdir(exist_ok=True)
         (tmp_path / path.relative_to(made)).write_bytes(path.read_bytes())

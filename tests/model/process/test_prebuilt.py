@@ -23,7 +23,7 @@ CONTENT = bytes(range(256)) * 40
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder with one file, made of sources of the state `now`."""
-    monkeypatch.setattr(module, "prebuilt_folder", lambda: tmp_path)
+    monkeypatch.setattr(module, "PREBUILT", tmp_path)
     (tmp_path / "code.so").write_bytes(CONTENT)
     (tmp_path / MANIFEST).write_text(json.dumps({"files": {"code": manifest_line("code.so", CONTENT, "now")}}))
     module._manifest.cache_clear()
