@@ -44,7 +44,7 @@ class OpenLoopCase:
     @property
     def inputs(self) -> Inputs:
         """Actuator forces without an external wrench."""
-        return Inputs.from_actuators(self.actuator_force)
+        return Inputs(self.actuator_force, np.zeros(3), np.zeros(3))
 
 
 def paper_case(minus_first: bool = False) -> OpenLoopCase:

@@ -99,13 +99,14 @@ class FileSet:
     temporary: Path
     names: list[str] = field(default_factory=list)
 
-    def add(self, name: str, content: Content) -> None:
-        """Add a complete file."""
-        try:
-            write_whole(self.temporary / name, content)
-        except OSError as error:
-            raise OSError(error.errno, error.strerror, str(self.folder / name)) from error
-        self.names.append(name)
+    def add(self, contents: Mapping[str, Content]) -> None:
+        """Add complete files by name, one after the other."""
+        for name, content in contents.items():
+            try:
+                write_whole(self.temporary / name, content)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(self.folder / name)) from error
+            self.names.append(name)
 
 
 @contextmanager
@@ -139,8 +140,7 @@ def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> I
 def write_files(folder: Path, files: Mapping[str, Content], owned: Iterable[str] = ()) -> None:
     """Write files by name as one set to a folder, which is created if needed; see `file_set`."""
     with file_set(folder, files, owned) as new:
-        for name, content in files.items():
-            new.add(name, content)
+        new.add(files)
 
 
 def _swap_in(files: FileSet, older: set[str]) -> None:

@@ -52,7 +52,7 @@ def test_a_set_that_fails_later_keeps_what_came_first_and_names_what_is_missing(
 
     def fail_after_the_table() -> None:
         with file_set(older, ["table", "figure"], ["page"]) as new:
-            new.add("table", b"new")
+            new.add({"table": b"new"})
             assert (older / "table").read_bytes() == b"old"
             raise error
 
@@ -149,7 +149,7 @@ def half(figure):
     print("ready", flush=True)
     time.sleep(60)
 with file_set(Path("."), ["table"]) as new:
-    new.add("table", b"whole")
+    new.add({"table": b"whole"})
     write_whole(Path("figure"), half)
 """
 
