@@ -29,8 +29,7 @@ from gough_stewart.fmu_build.toolchain import FLAGS
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.interface import Variant
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.stepping import SteppingModel
 
 ROUNDS = 300

@@ -27,8 +27,7 @@ from gough_stewart.fmu_build.plant.component import PLANT_STEM, plant_component
 from gough_stewart.fmu_build.sources import sources, standard_license, start_block, start_source
 from gough_stewart.fmu_build.targets import Target, chosen_targets
 from gough_stewart.fmu_build.toolchain import FLAGS, compiler_of
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.installed import prebuilt_content
 from gough_stewart.model.process.progress import StepProgress

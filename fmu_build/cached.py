@@ -7,8 +7,7 @@ from pathlib import Path
 from gough_stewart.fmu_build.cache import cache_folder, kept, state_of_sources
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.model.interface import ELASTO_PLASTIC, IDEAL, Variant
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.progress import StepProgress
 
 

@@ -39,7 +39,7 @@ from gough_stewart.harness.export.machine import MACHINE, machine_c, machine_tex
 from gough_stewart.harness.loop.loop_library import loop_code
 from gough_stewart.harness.results.metric_folds import folds_code
 from gough_stewart.model.kernel import FUNCTIONS, new_block, parameter_vector, traced_call
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.installed import (
     MANIFEST,

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import gough_stewart as gs
 from gough_stewart.model import dynamics
 from gough_stewart.model.kernel import Kernel, parameter_vector
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
 from tests.model.formulations.test_formulations import by_kane, by_newton_euler

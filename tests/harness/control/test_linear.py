@@ -13,8 +13,7 @@ from gough_stewart.model.dynamics import forward_dynamics
 from gough_stewart.model.errors import InterfaceError, SingularPoseError
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_jacobian
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
 from gough_stewart.model.stepping import SteppingModel

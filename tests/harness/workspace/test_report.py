@@ -7,7 +7,7 @@ import pytest
 
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.workspace.report import workspace_report
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.workspace import Limit, limits_at, sweep
 
 

@@ -27,7 +27,7 @@ from gough_stewart.harness.workspace.isosurface import Surface, isosurface, surf
 from gough_stewart.harness.workspace.report import workspace_report
 from gough_stewart.harness.workspace.tables import extent_text, size_text, workspace_csv
 from gough_stewart.model.kinematics import conditioning, leg_geometry
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.workspace import Limit, Workspace, evaluate_poses, sweep
 from tests.support.commands import invoke
 from tests.support.random_platforms import random_platform
