@@ -35,7 +35,7 @@ from gough_stewart.model.parameters import (
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_hints import platform_hints
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.toml import toml_item, toml_names, toml_text, toml_values
+from gough_stewart.model.process.toml import toml_files, toml_item, toml_values
 from gough_stewart.model.vectors import FloatArray, real_array
 
 # Far beyond any real machine, but its square and cube do not overflow.
@@ -204,9 +204,8 @@ class Platform(PlatformFields):
         """
         if repeated := [name for name in _ON_CIRCLES if name in parameters]:
             raise PlatformError(repeated[0], "is determined by the radii and angles; leave it out")
-        joints: dict[str, Any] = _joints_on_circles(
-            base_radius, platform_radius, base_angle, platform_angle, home_leg_length, pairing
-        )
+        circles = base_radius, platform_radius, base_angle, platform_angle, pairing, home_leg_length
+        joints: dict[str, Any] = _joints_on_circles(dict(zip(CIRCLE_KEYS, circles, strict=True)))
         for name in parameters:
             if name not in TABLE and name not in TEXTS:
                 raise PlatformError(name, f"no such parameter{nearest(name, (*TABLE, *TEXTS))}")
@@ -275,26 +274,15 @@ def joints_of_keys(values: Mapping[str, Any]) -> dict[str, Any]:
         raise PlatformError(first, f"needs {', '.join(missing)} beside it; expected all of {expected}")
     if repeated := [name for name in _ON_CIRCLES if name in values]:
         raise PlatformError(repeated[0], f"is also determined by {first}; expected only one of the two")
-    return {name: value for name, value in values.items() if name not in CIRCLE_KEYS} | _joints_on_circles(**circles)
+    return {name: value for name, value in values.items() if name not in CIRCLE_KEYS} | _joints_on_circles(circles)
 
 
-def _joints_on_circles(
-    base_radius: float,
-    platform_radius: float,
-    base_angle: float,
-    platform_angle: float,
-    home_leg_length: float,
-    pairing: Pairing = "near",
-) -> dict[str, FloatArray]:
-    """Joints (6, 3) and home pose (3,) of `Platform.from_radii`, by the names of its parameters."""
-    numbers = []
-    for name, value in zip(
-        (*_LENGTHS, *_ANGLES),
-        (base_radius, platform_radius, home_leg_length, base_angle, platform_angle),
-        strict=True,
-    ):
+def _joints_on_circles(circles: Mapping[str, Any]) -> dict[str, FloatArray]:
+    """Joints (6, 3) and home pose (3,) of `Platform.from_radii` by name, from values of `CIRCLE_KEYS`."""
+    numbers, pairing = [], circles.get("pairing", "near")
+    for name in (*_LENGTHS, *_ANGLES):
         try:
-            number = float(real_array(value, ()))
+            number = float(real_array(circles[name], ()))
         except ValueError as error:
             raise PlatformError(name, str(error)) from None
         is_angle = name in _ANGLES
@@ -421,14 +409,15 @@ def preset_names() -> tuple[str, ...]:
     tuple of str
         In alphabetical order.
     """
-    return toml_names(*_PRESETS)
+    return tuple(toml_files(*_PRESETS))
 
 
 def preset_text(name: str) -> str:
     """The TOML file of a preset with its comments, as a template for your own platform file."""
-    if name not in preset_names():
-        raise PlatformFileError(f"preset '{name}'", f"no such preset{nearest(name, preset_names())}")
-    return toml_text(*_PRESETS, name)
+    presets = toml_files(*_PRESETS)
+    if name not in presets:
+        raise PlatformFileError(f"preset '{name}'", f"no such preset{nearest(name, presets)}")
+    return presets[name].read_text(encoding="utf-8")
 
 
 def load_preset(name: str) -> Platform:
