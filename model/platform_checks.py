@@ -203,7 +203,7 @@ def check_bound(name: str, value: float | FloatArray) -> None:
 
 
 def _is_beyond_bound(name: str, value: Any) -> NDArray[np.bool_]:
-    return ~(np.greater(value, 0) if TABLE[name].lower_bound == "> 0" else np.greater_equal(value, 0))
+    return np.asarray(~(np.greater(value, 0) if TABLE[name].lower_bound == "> 0" else np.greater_equal(value, 0)))
 
 
 def check_leg_com_offsets(platform: PlatformFields, shortest: float, pose: str) -> None:

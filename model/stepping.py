@@ -543,14 +543,15 @@ class ScipyStepper:
         def derivatives(time: float, x: FloatArray) -> FloatArray:
             return self._kernel.derivatives(x, self.u + self.input_rates * (time - start), self.p).copy()
 
-        rule, options = DOP853, {"rtol": tolerance, "atol": tolerance * np.array(self._variant.scales)}
+        rule: Any = DOP853
+        options: dict[str, Any] = {"rtol": tolerance, "atol": tolerance * np.array(self._variant.scales)}
         if self._variant.bristles:
             rule = LSODA if tolerance >= _TIGHT else Radau
         elif self.internal_step is not None:
             options["first_step"] = min(self.internal_step, end - start)
         # a trial step can reach a pole: infinities there mean a rejected step and need no warning
         with np.errstate(all="ignore"):
-            solver: Any = rule(derivatives, start, self.x.copy(), end, **options)
+            solver = rule(derivatives, start, self.x.copy(), end, **options)
             while solver.t < end:
                 steps += 1
                 if steps > MOST_INTERNAL_STEPS:
