@@ -479,7 +479,7 @@ def test_the_side_of_singular_poses_is_forgotten_with_what_is_set_or_restored(in
 @of_both
 def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str, integrator: Integrator) -> None:
     """Expected: the same bytes from a snapshot, of this and another model, from each kind of copy; no effect back."""
-    model = moving(name, integrator=integrator)
+    model = moving(name, 1e-6, integrator=integrator)
     stepped(model, 3)
     snapshot = model.save_state()
     assert (snapshot.time, snapshot.x, snapshot.started) == (model.time, tuple(model.state.tolist()), True)
@@ -487,7 +487,7 @@ def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str
     restarts = integrator == "scipy" and model.variant.bristles
     assert snapshot.internal_step is None if restarts else snapshot.internal_step > 1e-5  # type: ignore[operator]
     copies = [deepcopy(model), copy(model), pickle.loads(pickle.dumps(model))]
-    other = SteppingModel(model.platform, integrator=integrator)
+    other = SteppingModel(model.platform, 1e-6, integrator=integrator)
     other.restore_state(snapshot)
 
     def future(model: SteppingModel) -> bytes:
