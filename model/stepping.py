@@ -257,8 +257,8 @@ class SteppingModel:
                 targets[name][:] = motors
         self._u[:] = u
         if moved or parameters:
-            self._x[:] = x
-            self._begin(platform, self._stepper.internal_step)
+            self._x[:], self._platform = x, platform
+            self._stepper.begin(platform, self._time, self._stepper.internal_step)
 
     def set_inputs(self, inputs: FloatArray) -> None:
         """`set` all inputs as one vector (12,), in the order of `interface.INPUTS`.
@@ -355,8 +355,8 @@ class SteppingModel:
                 "model's",
             )
         self._time, self._started = snapshot.time, snapshot.started
-        self._x[:], self._u[:] = snapshot.x, snapshot.u
-        self._begin(snapshot.platform, snapshot.internal_step, snapshot.largest_step)
+        self._x[:], self._u[:], self._platform = snapshot.x, snapshot.u, snapshot.platform
+        self._stepper.begin(self._platform, self._time, snapshot.internal_step, snapshot.largest_step)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """The arguments and the state, for copies and pickles: models do not share memory."""
@@ -366,12 +366,6 @@ class SteppingModel:
     __setstate__ = restore_state
 
     # --- private -----------------------------------------------------------------------------------------------
-
-    def _begin(self, platform: Platform, internal_step: float | None, largest_step: float = 0.0) -> None:
-        """Go on with a platform from the state and the time that have been written."""
-        self._platform = platform
-        self._stepper.p[:] = parameter_vector(platform, self._variant)
-        self._stepper.begin(platform, self._time, internal_step, largest_step)
 
     def _check_start(self) -> None:
         """At the start the parts of each leg fit into it, and motors are near their legs: others are of another pose.
@@ -413,12 +407,12 @@ class SteppingModel:
 class CompiledStepper:
     """A plant's state in the memory of a unit's component, and its steps.
 
-    The vectors are views of that memory, to be read and written in place; after x, p or the time have been written,
-    `begin` is called.
+    The vectors are views of that memory, to be read, and x and u to be written in place; `begin` is called after that
+    of x.
     """
 
     def __init__(self, variant: Variant, tolerance: float, fixed_step_size: float) -> None:
-        library = stepper_library(variant)
+        library, self._variant = stepper_library(variant), variant
         layout = (c_size_t * 13)()
         library.stepper_layout(layout)
         self._memory = memory = np.zeros(-(-layout[0] // 8))
@@ -452,8 +446,9 @@ class CompiledStepper:
         """The largest fixed step that is stable, found in the first one under the present parameters [s]; 0 before."""
         return float(self._largest_step[0])
 
-    def begin(self, _platform: Platform, time: float, internal_step: float | None, largest_step: float) -> None:
-        """Go on from the state and the parameters in x and p."""
+    def begin(self, platform: Platform, time: float, internal_step: float | None, largest_step: float = 0.0) -> None:
+        """Go on with a platform from the state in x."""
+        self.p[:] = parameter_vector(platform, self._variant)
         self._time[0], self._internal_step[0], self._largest_step[0] = time, internal_step or 0.0, largest_step
         self._forget()
 
@@ -501,9 +496,9 @@ def stepper_library(variant: Variant) -> PyDLL:
 class ScipyStepper:
     """The judge of compiled integration: the kernel's derivatives, integrated by SciPy under error control.
 
-    By DOP853, or LSODA for bristles, which are stiff, and Radau if the tolerance is tight. The vectors x, u, p are read
-    and written in place; after x, p or the time have been written, `begin` is called. Inputs are u at the begin of a
-    step and change at `input_rates` within it, 0 unless they are written.
+    By DOP853, or LSODA for bristles, which are stiff, and Radau if the tolerance is tight. The vectors x and u are read
+    and written in place; `begin` is called after x has been written. Inputs are u at the begin of a step and change at
+    `input_rates` within it, 0 unless they are written.
     """
 
     largest_step = 0.0
@@ -519,7 +514,8 @@ class ScipyStepper:
         self.results = interface.unpack(variant.results, self.y)
 
     def begin(self, platform: Platform, time: float, internal_step: float | None, _largest_step: float = 0.0) -> None:
-        """Go on from the state and the parameters in x and p."""
+        """Go on with a platform from the state in x."""
+        self.p[:] = parameter_vector(platform, self._variant)
         self._platform, self._time, self.internal_step = platform, time, internal_step
         self._handedness: float | None = None
 

@@ -13,7 +13,6 @@ from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import case_of
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
-from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.machine_dynamics import states_at
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
@@ -78,7 +77,6 @@ def _results(case: ReferenceCase) -> FloatArray:
     variant, judge = case.variant, ScipyStepper(case.variant, TOLERANCE)
     judge.x[:] = interface.pack(variant.states, case.states)
     judge.u[:] = case.inputs[0]
-    judge.p[:] = parameter_vector(case.platform, variant)
     judge.begin(case.platform, float(case.time[0]), None)
     rows = [judge.find_results().copy()]
     for (start, end), (first, last) in zip(pairwise(case.time.tolist()), pairwise(case.inputs), strict=True):
