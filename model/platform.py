@@ -333,7 +333,7 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
             raise PlatformFileError(where, f"missing {', '.join(missing)}; see a preset for a complete file")
         for key, value in values.items():
             is_number = key in TABLE and not TABLE[key].words
-            if is_number and not isinstance(value, np.ndarray) and _holds_other_than_numbers(value):
+            if is_number and not isinstance(value, np.ndarray) and not _are_numbers(value):
                 raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
         return Platform(**by_leg(values))
     except PlatformError as error:
@@ -440,11 +440,9 @@ def load_preset(name: str) -> Platform:
     return platform_from_toml(preset_text(name), f"preset '{name}'")
 
 
-def _holds_other_than_numbers(value: object) -> bool:
+def _are_numbers(value: object) -> bool:
     """Whether a value consists of numbers: NumPy would convert TOML's texts, booleans and dates, or fail obscurely."""
-    if isinstance(value, list):
-        return any(_holds_other_than_numbers(v) for v in value)
-    return isinstance(value, bool) or not isinstance(value, int | float)
+    return all(map(_are_numbers, value)) if isinstance(value, list) else type(value) in (int, float)
 
 
 class Platforms(Sequence[Platform]):

@@ -39,10 +39,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
     From the fields of N platforms, with a leading axis, it raises none, and returns which of them (N,) it may refuse
     one by one; a limit that one of them lacks is NaN.
     """
-    wrong = np.zeros(np.shape(platform.platform_mass), dtype=bool)
-
-    def concern(*names: str) -> bool:
-        return any(name in changed for name in names)
+    wrong, concerned = np.zeros(np.shape(platform.platform_mass), dtype=bool), set(changed)
 
     def refused(is_violated: Any) -> bool:
         nonlocal wrong
@@ -50,13 +47,13 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
         return wrong.ndim == 0 and bool(wrong)
 
     for name, row in TABLE.items():
-        value = getattr(platform, name) if row.lower_bound and name in changed else None
+        value = getattr(platform, name) if row.lower_bound and name in concerned else None
         if value is not None:
             is_beyond = _is_beyond_bound(name, value)
             if refused(is_beyond.any(axis=-1) if row.shape else is_beyond):
                 check_bound(name, value)
 
-    if concern("platform_inertia"):
+    if "platform_inertia" in concerned:
         J = platform.platform_inertia
         asymmetry = np.abs(J - transpose(J))
         if refused(asymmetry.max(axis=(-2, -1)) > INERTIA_SLACK * np.abs(J).max(axis=(-2, -1))):
@@ -80,7 +77,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
                 "(triangle inequality); check the units and that they are about the centre of mass",
             )
 
-    if concern("base_points", "platform_points"):
+    if concerned & {"base_points", "platform_points"}:
         for field in ("base_points", "platform_points"):
             points = getattr(platform, field)
             distance = np.linalg.norm(points[..., :, None, :] - points[..., None, :, :], axis=-1)
@@ -94,7 +91,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
                 )
 
     home = cache(lambda: leg_geometry(platform, platform.home_position, platform.home_orientation))
-    if concern(*_GEOMETRY):
+    if concerned & {*_GEOMETRY}:
         pitch, lengths = platform.home_orientation[..., 1], home().length
         if refused(~(np.abs(pitch) < LARGEST_PITCH)):
             raise PlatformError("home_orientation", f"has pitch {pitch:g} rad; expected less than ±90°")
@@ -113,7 +110,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
                 "for base and platform joints or another home pose",
             )
 
-    if concern(*_GEOMETRY, "leg_lower_com", "leg_upper_com", "platform_com"):
+    if concerned & {*_GEOMETRY, "leg_lower_com", "leg_upper_com", "platform_com"}:
         shortest = home().length.min(axis=-1)
         if refused(np.maximum(platform.leg_lower_com, platform.leg_upper_com) > shortest):
             check_leg_com_offsets(platform, shortest, "home")
@@ -125,7 +122,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
                 f"is {offset:g} m from Op, more than ten times the farthest platform joint ({reach:g} m); check units",
             )
 
-    if concern(*_GEOMETRY, "leg_length_min", "leg_length_max", "joint_angle_max"):
+    if concerned & {*_GEOMETRY, "leg_length_min", "leg_length_max", "joint_angle_max"}:
         low, high, angle = platform.leg_length_min, platform.leg_length_max, platform.joint_angle_max
         shortest, longest = home().length.min(axis=-1), home().length.max(axis=-1)
         if low is not None and high is not None and refused(~np.less(low, high)):
@@ -137,7 +134,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
         if angle is not None and refused(angle > np.pi):
             raise PlatformError("joint_angle_max", f"is {angle:g} rad; expected at most π (radians, not degrees)")
 
-    if concern("leg_coulomb_friction", "leg_coulomb_friction_factor", *_OF_BRISTLES):
+    if concerned & {"leg_coulomb_friction", "leg_coulomb_friction_factor", *_OF_BRISTLES}:
         model, coulomb = np.asarray(platform.leg_friction_model), np.asarray(platform.leg_coulomb_friction)
         static, stiffness = np.asarray(platform.leg_static_friction), np.asarray(platform.leg_bristle_stiffness)
         words, sticks, share = TABLE["leg_friction_model"].words, model != 0, platform.leg_breakaway_share
@@ -170,7 +167,7 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
                 "leg_breakaway_share", f"is {share:g}; expected at most {LARGEST_SHARE:g}, or 0 for the default"
             )
 
-    if concern("leg_stiffness", "leg_damping", "leg_armature", "leg_upper_mass", "platform_mass"):
+    if concerned & {"leg_stiffness", "leg_damping", "leg_armature", "leg_upper_mass", "platform_mass"}:
         stiffness, damping = np.asarray(platform.leg_stiffness), np.asarray(platform.leg_damping)
         is_elastic, mass = stiffness > 0, platform.leg_upper_mass + platform.platform_mass / 6
         if refused(is_elastic & ~np.greater(platform.leg_armature, 0)):
