@@ -151,7 +151,7 @@ class SteppingModel:
             )
         self._integrator = integrator
         self._time, self._started = 0.0, False
-        self._initial_platform = platform
+        self._platform = self._initial_platform = platform
         self._variant = variant = Variant.of(platform)
         self._stepper: CompiledStepper | ScipyStepper = (
             CompiledStepper(variant, self._tolerance, self._fixed)
