@@ -1,5 +1,6 @@
-"""What a Platform accepts, refuses, and promises."""
+"""What a Platform accepts, refuses, promises and shows, alone and among many."""
 
+import inspect
 import pickle
 import re
 from copy import deepcopy
@@ -8,9 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lxml import html
+from scipy.spatial.transform import Rotation
 
-from gough_stewart import GoughStewartError, Platform, leg_geometry, load_preset, preset_names
+from gough_stewart import GoughStewartError, Platform, SteppingModel, leg_geometry, load_preset, preset_names
 from gough_stewart.model.kinematics import conditioning
+from gough_stewart.model.parameters import PHYSICAL, TABLE
+from gough_stewart.model.platform import platforms_with
 from tests.support.lagrangian import FloatArray
 from tests.support.uneven import UNEVEN
 
@@ -259,3 +266,127 @@ def test_a_platform_and_its_copies_are_read_only_and_share_no_memory_with_what_t
         for array in (copied.base_points, copied.gravity):
             with pytest.raises(ValueError, match="read-only"):
                 array[-1] = 1.0
+
+
+@given(
+    names=st.sets(st.sampled_from(sorted(TABLE)), min_size=1, max_size=4),
+    factor=st.floats(0.999, 1.001, exclude_min=True),
+)
+@settings(max_examples=60)
+def test_other_values_give_the_platform_that_replace_gives(names: set[str], factor: float) -> None:
+    """Expected: all numbers of `replace`; the original stays as it was, and arrays are read-only."""
+    before = UNEVEN.as_dict()
+    known = {name: getattr(UNEVEN, name) for name in names}
+    values: dict[str, Any] = {
+        name: None if value is None else np.asarray(value) * factor for name, value in known.items()
+    }
+    found, expected = UNEVEN.with_parameters(values), replace(UNEVEN, **values)
+    assert found == expected
+    with pytest.raises(GoughStewartError, match=r"platform_mas: no such parameter.*platform_mass"):
+        UNEVEN.with_parameters({"platform_mas": 3.0})
+    assert all(np.array_equal(UNEVEN.as_dict()[name], value) for name, value in before.items())
+    for name in names:
+        value = getattr(found, name)
+        assert not isinstance(value, np.ndarray) or not value.flags.writeable
+
+
+# Between the shortest and the longest leg in the home pose.
+MIDDLE_LEGS = np.quantile(HOME_LEGS, [0.3, 0.7]).tolist()
+# Values of six members, and which of them are impossible, by the messages of a platform alone.
+VARIED: dict[str, list[Any]] = {
+    "platform_mass": [3.0, 4.0, 0.0, 5.0, -1.0, 2e30],
+    "leg_coulomb_friction_factor": [np.arange(6.0), np.ones(6), -np.eye(6)[4], np.zeros(6), -np.ones(6), np.ones(6)],
+    "platform_inertia": [
+        np.diag(each) for each in ([2.0, 2, 3], [2.0, 2, 3.9], [2.0, 2, 4.1], [1.0, 0, 1], [3.0, 3, 3], [9.0, 8, 16])
+    ],
+    "platform_points": [
+        UNEVEN.platform_points * scale + shift * np.eye(6, 3)
+        for scale, shift in ((1, 0), (1, 1e-3), (1e-9, 0), (0.9, 0), (-1, 0), (1.1, 0))
+    ],
+    "base_points": [UNEVEN.base_points[[0, 1, 2, 3, 4, k]] for k in (5, 0, 5, 4, 3, 5)],
+    "home_position": [UNEVEN.home_position + z * np.eye(3)[2] for z in (0.0, 0.01, -10.0, -2.0, 5.0, 0.1)],
+    "home_orientation": [[0.0, pitch, 0.1] for pitch in (0.0, 0.1, 1.6, -1.57, 0.2, 3.0)],
+    "leg_lower_com": [0.1, 0.2, 50.0, 3.0, 0.3, -0.1],
+    "platform_com": [[0, 0, z] for z in (0.0, 0.5, 1e3, -1e3, 0.2, 9.0)],
+    "leg_length_max": [30.0, 40.0, 1e-3, *MIDDLE_LEGS, 31.0],
+    "leg_length_min": [0.1, 0.2, 30.0, *MIDDLE_LEGS, 0.3],
+    "joint_angle_max": [0.5, 3.1, 3.2, 1.0, 4.0, 2.0],
+    # of other kinds than numbers of one shape
+    "platform_com ": [[0, 0, 0.1], [0, np.inf, 0], [0, 0, "1 m"], [0, 0], [0, 0, 1e3], [0, 0, 0.2]],
+    "leg_length_max ": [30.0, 40.0, None, 1e-3, np.nan, 31.0],
+    "leg_viscous_friction": [1.0, [1.0, 2, 3, 4, 5, 6], 2.0, 3.0, -1.0, 4.0],
+    "platform_mas": [1.0] * 6,
+}
+
+
+@pytest.mark.parametrize("number", [1, 6, 13])
+@pytest.mark.parametrize("fixed", [FREE, {}, {"leg_coulomb_friction": [1.0, 2, 3, 4, 5, 6], "leg_armature": 3.0}])
+@pytest.mark.parametrize("name", VARIED)
+def test_many_platforms_are_those_that_are_made_alone(name: str, fixed: dict[str, Any], number: int) -> None:
+    """Expected: the same numbers, or the same message, as `with_parameters` of each base, one after the other."""
+    bases = [UNEVEN, replace(UNEVEN, platform_mass=2.5, **FREE)]
+    of = np.arange(number) % 3 // 2
+    parameters = [{**fixed, name.strip(): VARIED[name][k % 6]} for k in range(number)]
+    found, errors = platforms_with(bases, of, parameters)
+    assert len(found) == number
+    for k, each in enumerate(parameters):
+        if k in errors:
+            with pytest.raises(GoughStewartError) as caught:
+                bases[of[k]].with_parameters(each)
+            assert str(errors[k]) == str(caught.value)
+            continue
+        alone = bases[of[k]].with_parameters(each)
+        assert found[k] == alone
+        for row in PHYSICAL:
+            assert np.array_equal(getattr(found.parameters, row.name)[k], getattr(alone, row.name)), row.name
+            assert np.array_equal(found[np.array([k, 0])].field(row.name)[0], getattr(alone, row.name)), row.name
+
+
+def test_a_platform_is_told_in_exactly_these_lines() -> None:
+    """Expected: written by hand from the numbers of the uneven platform; ranges by NumPy from the joints."""
+    base, top = UNEVEN.base_points, UNEVEN.platform_points
+    R = Rotation.from_euler("xyz", UNEVEN.home_orientation).as_matrix()
+    legs = np.linalg.norm(UNEVEN.home_position + top @ R.T - base, axis=1)
+    radii = [np.linalg.norm(points - np.mean(points, axis=0), axis=1) for points in (base, top)]
+    assert repr(UNEVEN).splitlines() == [
+        "Platform uneven",
+        "  masses   platform 11.5 kg, legs 6 × (2.3 + 1.2) kg",
+        f"  joints   {min(radii[0]):.4g} to {max(radii[0]):.4g} m about the base's middle, {min(radii[1]):.4g} to "
+        f"{max(radii[1]):.4g} m about the platform's",
+        f"  home     position (0.08, -0.05, 2.9) m, orientation (0.04, -0.07, 0.11) rad, legs {min(legs):.4g} to "
+        f"{max(legs):.4g} m",
+        "  limits   leg_length_min 2.3 m, leg_length_max 3.9 m, actuator_force_max 640 N, joint_angle_max 0.7 rad",
+    ]
+    alike = load_preset("liu2000")
+    assert "2 m about the base's middle, 1 m about the platform's" in repr(alike)
+    assert repr(alike).splitlines()[3].endswith("rad, legs 3.246 m")
+
+
+def test_a_notebook_shows_each_number_with_unit_and_meaning() -> None:
+    """Expected: the numbers by hand, in the rows of their names; texts that are markup stay texts."""
+    page = html.fragment_fromstring(replace(UNEVEN, name="<b>", source="a & b")._repr_html_())
+    rows = {row[0].text_content(): [cell.text_content() for cell in row[1:]] for row in page.findall(".//tbody/tr")}
+    assert [cell.text_content() for cell in page.findall(".//thead/tr/th")] == ["parameter", "value", "unit", "meaning"]
+    assert page.findtext("caption") == "Platform <b> – a & b"
+    assert rows["platform_inertia"][:2] == ["4.6, 0.35, -0.28; 0.35, 5.7, 0.41; -0.28, 0.41, 8.1", "kg·m²"]
+    assert rows["leg_upper_com"] == ["0.58", "m", "upper part's centre of mass, from the platform joint along the leg"]
+    assert rows["leg_viscous_friction_factor"][:2] == ["0.7, 1.4, 0.9, 1.6, 0.5, 1.1", "1"]
+    assert list(rows) == list(UNEVEN.as_dict())[2:]
+    assert html.fragment_fromstring(replace(UNEVEN, source="")._repr_html_()).findtext("caption") == "Platform uneven"
+
+
+def test_help_lists_the_parameters_of_a_platform() -> None:
+    """Expected: every number of a platform with its unit, as the file of a platform has them."""
+    text = inspect.getdoc(Platform) or ""
+    assert [name for name in UNEVEN.as_dict() if f"\n{name} : " not in text] == ["name", "source"]
+    assert "\nplatform_inertia : (3, 3) [kg.m2]\n" in text
+
+
+def test_a_stepping_model_says_where_it_is() -> None:
+    """Expected: home at 0 s; later the state's own numbers."""
+    plant = SteppingModel(UNEVEN)
+    at_home = "<SteppingModel of uneven at 0 s: position (0.08, -0.05, 2.9) m, orientation (0.04, -0.07, 0.11) rad>"
+    assert repr(plant) == at_home
+    plant.do_step(0.0, 0.125)
+    x = ", ".join(f"{value:.6g}" for value in plant.state[:3])
+    assert repr(plant).startswith(f"<SteppingModel of uneven at 0.125 s: position ({x}) m")
