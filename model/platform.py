@@ -524,8 +524,22 @@ def platforms_with(
     bases: Sequence[Platform], base_of: NDArray[np.intp], parameters: Sequence[Mapping[str, Any]]
 ) -> tuple[Platforms, dict[int, PlatformError]]:
     """N platforms `bases[base_of[k]].with_parameters(parameters[k])`, and the errors of those that are impossible."""
-    platforms, names = _at_once(bases, base_of, parameters)
-    doubtful = platforms.doubtful(names) if platforms is not None else np.ones(len(base_of), dtype=bool)
+    platforms: Platforms | None = None
+    first, doubtful = parameters[0], np.ones(len(base_of), dtype=bool)
+    names = dict.fromkeys(name for values in parameters for name in values)
+    varied = [name for name in names if any(values.get(name, ...) is not first.get(name, ...) for values in parameters)]
+    try:
+        common = by_leg(first)
+        arrays = {
+            name: real_array([values[name] for values in parameters], (len(base_of), *TABLE[name].shape))
+            for name in varied
+        }
+        started = [base.unchecked({name: common[name] for name in common if name not in varied}) for base in bases]
+    except (PlatformError, ValueError, KeyError):  # not of one kind: one by one
+        pass
+    else:
+        platforms = Platforms(started, base_of, arrays)
+        doubtful = platforms.doubtful(common)
     errors, one_by_one = dict[int, PlatformError](), dict[int, Platform]()
     for k in np.flatnonzero(doubtful).tolist():
         try:
@@ -535,27 +549,6 @@ def platforms_with(
     if platforms is None:
         platforms = Platforms([one_by_one.get(k, bases[i]) for k, i in enumerate(base_of.tolist())])
     return platforms, errors
-
-
-def _at_once(
-    bases: Sequence[Platform], base_of: NDArray[np.intp], parameters: Sequence[Mapping[str, Any]]
-) -> tuple[Platforms | None, Collection[str]]:
-    """The platforms, unchecked, and the names of what has changed; None if their parameters are not of one kind."""
-    first = parameters[0]
-    if any(values.keys() != first.keys() for values in parameters):
-        return None, ()
-    varied = [name for name in first if any(values[name] is not first[name] for values in parameters)]
-    try:
-        common = by_leg(first)
-        arrays = {
-            name: real_array([values[name] for values in parameters], (len(base_of), *TABLE[name].shape))
-            for name in varied
-            if name in TABLE
-        }
-        started = [base.unchecked({name: common[name] for name in common if name not in varied}) for base in bases]
-    except (PlatformError, ValueError):
-        return None, ()
-    return (Platforms(started, base_of, arrays), common) if len(arrays) == len(varied) else (None, ())
 
 
 def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | float:
