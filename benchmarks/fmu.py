@@ -27,10 +27,9 @@ from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.toolchain import FLAGS, native
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import paper_case
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.interface import Variant
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.stepping import SteppingModel
-from gough_stewart.model.variant import Variant
 
 ROUNDS = 300
 # Of the loops in Python: steps of 1 ms, and alternating pairs.

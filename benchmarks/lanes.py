@@ -22,7 +22,7 @@ from gough_stewart.fmu_build.toolchain import compile_library, native
 from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
 from gough_stewart.model import interface, traced
 from gough_stewart.model.interface import N_INPUTS, N_PARAMETERS, N_STATES
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.state import State
 
 MEMBERS = 4096

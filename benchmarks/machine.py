@@ -28,8 +28,7 @@ from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.vectors import FloatArray
 
 STICKING: dict[str, Any] = {"leg_friction_model": "elasto_plastic", "leg_static_friction": 150.0}

@@ -20,9 +20,9 @@ from rich.table import Table
 from gough_stewart.model import interface, traced
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations.cases import paper_case
+from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.stepping import SteppingModel
-from gough_stewart.model.variant import IDEAL
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.support.pinocchio_platform import PinocchioPlatform

@@ -14,8 +14,7 @@ from rich.table import Table
 
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import conditioning, joint_angles, leg_geometry, leg_jacobian
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import evaluate_poses
 

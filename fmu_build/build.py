@@ -21,10 +21,9 @@ from gough_stewart.fmu_build.libraries import Library, state_of_c
 from gough_stewart.fmu_build.plant.component import PLANT_STEM, plant_component
 from gough_stewart.fmu_build.sources import model_source, sources, standard_license, start_block
 from gough_stewart.fmu_build.toolchain import FLAGS, Target, chosen_targets, compiler_of
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
-from gough_stewart.model.process.prebuilt import prebuilt_content
+from gough_stewart.model.process.installed import prebuilt_content
 from gough_stewart.model.process.progress import StepProgress
 
 VERSIONS = ("2.0", "3.0")

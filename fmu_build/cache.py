@@ -17,8 +17,7 @@ from platformdirs import user_cache_path
 from gough_stewart.model.errors import GoughStewartError, NotInstalledError
 from gough_stewart.model.process import installed
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import state_of_texts
+from gough_stewart.model.process.installed import TRACER, state_of_texts
 
 RUNNER, COMPILER = "fmpy", "ziglang"
 # Packages on which what is built depends, besides the files of this package.

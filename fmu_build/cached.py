@@ -5,11 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from gough_stewart.fmu_build.cache import cache_folder, kept, state_of_sources
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
-from gough_stewart.model.process.prebuilt import this_machine
+from gough_stewart.model.interface import ELASTO_PLASTIC, IDEAL, Variant
+from gough_stewart.model.platform import Platform, load_preset
+from gough_stewart.model.process.installed import this_machine
 from gough_stewart.model.process.progress import StepProgress
-from gough_stewart.model.variant import ELASTO_PLASTIC, IDEAL, Variant
 
 
 def cached_build(fmi_version: str, progress: StepProgress | None = None, variant: Variant = IDEAL) -> Path:

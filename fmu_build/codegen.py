@@ -9,7 +9,7 @@ import casadi
 import numpy as np
 
 from gough_stewart.model import traced
-from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.interface import IDEAL, Variant
 
 _NUMBER = r"[0-9]+"
 _BODY = re.compile(r"static int casadi_f(\d+)\([^{]*\{\n(.*?)\n  return 0;\n\}\n", re.S)

@@ -6,7 +6,7 @@ from enum import Enum
 from functools import cached_property
 from typing import Literal, NamedTuple
 
-from gough_stewart.model.interface import Variable
+from gough_stewart.model.parameters import Variable
 from gough_stewart.model.vectors import Array
 
 Kind = Literal["dependent", "constant"]

@@ -16,7 +16,7 @@ from gough_stewart.fmu_build.component import (
 )
 from gough_stewart.fmu_build.documents import rendered
 from gough_stewart.fmu_build.sources import c_folder, defines, filled
-from gough_stewart.model.interface import Variable
+from gough_stewart.model.parameters import Variable
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = "gough_stewart_controller"

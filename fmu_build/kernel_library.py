@@ -1,7 +1,7 @@
 """The library of a plant's functions for Python: its unit's stepper, and for the ideal plant the kernel's functions.
 
 The stepper is the unit's own code with c/stepper as its face, and the kernel's functions call the unit's equations;
-`gough_stewart.model.compiled_stepper` and `kernel` load them. A wheel carries the library of the ideal plant,
+`gough_stewart.model.stepping` and `kernel` load them. A wheel carries the library of the ideal plant,
 others are compiled at first use and kept in the cache:
 
     python -m gough_stewart.fmu_build.kernel_library bristles springs
@@ -18,9 +18,8 @@ from gough_stewart.fmu_build.cached import platform_of
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.toolchain import compiler_of, native
-from gough_stewart.model.interface import N_INPUTS, N_RESULTS, N_STATES
+from gough_stewart.model.interface import IDEAL, N_INPUTS, N_RESULTS, N_STATES, Variant
 from gough_stewart.model.kernel import FUNCTIONS, PREFIX, sizes_of
-from gough_stewart.model.variant import IDEAL, Variant
 
 NAME = "kernel"
 FLAGS = (

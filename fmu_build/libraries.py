@@ -23,10 +23,10 @@ from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.sources import GENERATED, c_folder, defines, filled
 from gough_stewart.fmu_build.toolchain import FLAGS, WEB_ASSEMBLY, Compiler, Target, compile_library, native, zig
 from gough_stewart.model import interface
+from gough_stewart.model.interface import IDEAL, Variant
 from gough_stewart.model.kernel import processor_level
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_texts
-from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.process.installed import prebuilt_content, state_of_texts
 
 # Members per vector: the number of doubles in an AVX-512 register; other processors use several registers.
 WIDTH = 8

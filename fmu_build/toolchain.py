@@ -24,7 +24,7 @@ from typing import IO, Any, NamedTuple
 
 from gough_stewart.fmu_build.cache import COMPILER, BuildError, cache_folder, digest_of
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.prebuilt import this_machine
+from gough_stewart.model.process.installed import this_machine
 
 try:
     import fcntl

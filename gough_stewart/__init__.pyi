@@ -63,10 +63,10 @@ from gough_stewart.model.kinematics import leg_geometry as leg_geometry
 from gough_stewart.model.kinematics import leg_jacobian as leg_jacobian
 from gough_stewart.model.parameters import stack as stack
 from gough_stewart.model.platform import Platform as Platform
-from gough_stewart.model.platform_toml import load_platform as load_platform
-from gough_stewart.model.platform_toml import load_preset as load_preset
-from gough_stewart.model.platform_toml import preset_names as preset_names
-from gough_stewart.model.platform_toml import save_platform as save_platform
+from gough_stewart.model.platform import load_platform as load_platform
+from gough_stewart.model.platform import load_preset as load_preset
+from gough_stewart.model.platform import preset_names as preset_names
+from gough_stewart.model.platform import save_platform as save_platform
 from gough_stewart.model.state import State as State
 from gough_stewart.model.stepping import SteppingModel as SteppingModel
 from gough_stewart.model.workspace import compliance as compliance

@@ -114,7 +114,7 @@ _logs = _unchanged(
 def _platform(name: str, value: Any) -> Any:
     """A platform or many of them, the name of a preset, or a file."""
     if _is_path(value):
-        from gough_stewart.model.platform_toml import load_platform, load_preset, preset_names
+        from gough_stewart.model.platform import load_platform, load_preset, preset_names
 
         return load_preset(str(value)) if value in preset_names() else load_platform(Path(value))
     if not hasattr(value, "platform_points"):

@@ -5,7 +5,7 @@ the code that steps many members, their loop and their folds, for several levels
 kernel and the table of dependencies, which units carry, and the WebAssembly of live pages, so that nothing has to be
 traced. The wheel's build makes all;
 `make` makes the kernel of the machine at hand, and what else it needs is compiled at first use and kept.
-`gough_stewart.model.process.prebuilt` finds the files.
+`gough_stewart.model.process.installed` finds the files.
 """
 
 import argparse
@@ -39,15 +39,15 @@ from gough_stewart.harness.export.machine import MACHINE, machine_c, machine_tex
 from gough_stewart.harness.loop.loop_library import loop_code
 from gough_stewart.harness.results.metric_folds import folds_code
 from gough_stewart.model.kernel import FUNCTIONS, new_block, parameter_vector, traced_call
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.process.files import write_whole
-from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import (
+from gough_stewart.model.process.installed import (
     MANIFEST,
     PACKED,
+    PREBUILT,
+    TRACER,
     manifest_line,
     packed,
-    prebuilt_folder,
     state_of_texts,
 )
 
@@ -149,7 +149,7 @@ def write_prebuilt(
 def main() -> None:
     """The command."""
     parser = argparse.ArgumentParser(prog="python -m gough_stewart.harness.prebuilt", description=__doc__)
-    parser.add_argument("--out", type=Path, default=prebuilt_folder(), help="folder; the package's by default")
+    parser.add_argument("--out", type=Path, default=PREBUILT, help="folder; the package's by default")
     parser.add_argument("--target", action="append", help="native, all, or a name; native by default")
     parser.add_argument("--only-here", action="store_true", help="for the processor at hand")
     parser.add_argument("--only-kernel", action="store_true", help="without units and what steps many members")

@@ -35,6 +35,7 @@ import numpy as np
 from gough_stewart.model import interface
 from gough_stewart.model.errors import SingularPoseError
 from gough_stewart.model.friction import Grip, bristle_decay, bristle_friction, friction_force, law_of_bristles
+from gough_stewart.model.interface import Variant
 from gough_stewart.model.kinematics import (
     LegGeometry,
     LegRates,
@@ -49,7 +50,6 @@ from gough_stewart.model.operations import greater, where
 from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.rotations import matrix_from_orientation, orientation_rate_from_angular_velocity
 from gough_stewart.model.state import Inputs, State
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import (
     Array,
     apply,

@@ -1,5 +1,6 @@
 """The errors of this project, with the data of the failure as attributes."""
 
+import copyreg
 from typing import Any
 
 
@@ -8,14 +9,8 @@ class GoughStewartError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Keep text and data in copies and pickles, for instance from another process."""
-        return _rebuilt, (type(self), self.args, self.__dict__)
-
-
-def _rebuilt(kind: type[GoughStewartError], args: tuple[Any, ...], data: dict[str, Any]) -> GoughStewartError:
-    error = kind.__new__(kind)
-    error.args = args
-    error.__dict__.update(data)
-    return error
+        # as without a constructor, whose arguments are other ones than the text
+        return copyreg.__newobj__, (type(self), *self.args), self.__dict__  # type: ignore[attr-defined]
 
 
 class PlatformError(GoughStewartError, ValueError):

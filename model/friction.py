@@ -21,9 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gough_stewart.model.interface import LUGRE, Variant
 from gough_stewart.model.operations import clip, greater, maximum, reached, sign, where
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.variant import LUGRE, Variant
 from gough_stewart.model.vectors import Array, Scalars, per_leg
 
 # Presliding distance F_s/σ0 of ball screws and linear guides, a few to some ten micrometres.

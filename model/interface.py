@@ -1,13 +1,13 @@
 """The ONE table of variables: names, shapes, units, meaning. Stepping model, kernel, files and FMU share it.
 
-The ends of steps and the tolerances of the integration are also the same for the stepping model and the FMU.
-
-The module's constants are of the ideal plant, with rigid legs and smooth friction; `variant` adds those of its parts.
-
 Inputs, states, outputs and locals are declared here; a platform's parameters in `gough_stewart.model.parameters`.
-
 The names are part of the public interface. Elements of arrays have their FMI 2.0 names, 1-based:
 `leg_length[3]`, `joint_force[2,1]`.
+
+The ideal plant has rigid legs and friction that is a function of velocity; the module's constants are of it. Stiction
+needs the bristles' deflections as states, elastic legs the motors' positions and velocities: a `Variant` has these
+parts or not. Their variables follow those of the ideal plant, so the first states, results and parameters are the same
+in all variants.
 """
 
 import math
@@ -15,84 +15,28 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from itertools import product
-from typing import Literal
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.model import parameters
 from gough_stewart.model.errors import InterfaceError, StepError
-from gough_stewart.model.parameters import Bound, ParameterRow, Part
+from gough_stewart.model.parameters import FRICTION_MODELS, PHYSICAL, Causality, Part, Variable
 from gough_stewart.model.vectors import Array, real_array
-
-Causality = Literal["input", "output", "local", "parameter"]
-Variability = Literal["continuous", "discrete", "fixed", "tunable"]
-_RAISED = str.maketrans("23", "²³")
-
-
-@dataclass(frozen=True)
-class Variable:
-    """One row of the table."""
-
-    name: str
-    shape: tuple[int, ...]
-    unit: str
-    causality: Causality
-    variability: Variability
-    description: str
-    # A number for all elements, the name of a `Platform` attribute, or None for computed variables.
-    start: float | str | None = None
-    is_state: bool = False
-    # Values below (or, for "> 0", at) this bound are rejected when set; None allows any finite number.
-    lower_bound: Bound = None
-    # Size of a state's usual changes, by which integrators scale absolute tolerances: a millimetre, a milliradian.
-    nominal: float = 1e-3
-
-    @property
-    def size(self) -> int:
-        """Number of scalars."""
-        return math.prod(self.shape)
-
-    @property
-    def scalar_names(self) -> tuple[str, ...]:
-        """FMI 2.0 names of the elements in row-major order; the name itself for a scalar."""
-        if not self.shape:
-            return (self.name,)
-        indices = product(*(range(1, n + 1) for n in self.shape))
-        return tuple(f"{self.name}[{','.join(map(str, index))}]" for index in indices)
-
-    def element(self, flat_index: int) -> "Variable":
-        """One element as a scalar variable with its FMI 2.0 name."""
-        return replace(self, name=self.scalar_names[flat_index], shape=())
 
 
 def _input(name: str, shape: tuple[int, ...], unit: str, description: str, start: float | str = 0.0) -> Variable:
     return Variable(name, shape, unit, "input", "continuous", description, start)
 
 
-def _state(
-    name: str, unit: str, description: str, start: float | str, *, shape: tuple[int, ...] = (3,), nominal: float = 1e-3
-) -> Variable:
-    return Variable(name, shape, unit, "output", "continuous", description, start, True, nominal=nominal)
+def _state(name: str, unit: str, description: str, start: float | str = 0.0, **named: Any) -> Variable:
+    shape = (3,) if named.get("part") is None else (6,)
+    return Variable(name, shape, unit, "output", "continuous", description, start, True, **named)
 
 
 def _result(name: str, shape: tuple[int, ...], unit: str, causality: Causality, description: str) -> Variable:
     return Variable(name, shape, unit, causality, "continuous", description)
-
-
-def _parameter(row: ParameterRow) -> Variable:
-    variability: Variability = "tunable" if row.is_tunable else "fixed"
-    return Variable(
-        row.name,
-        row.shape,
-        row.unit,
-        "parameter",
-        variability,
-        row.description,
-        start=row.name,
-        lower_bound=row.lower_bound,
-    )
 
 
 VARIABLES: tuple[Variable, ...] = (
@@ -101,8 +45,8 @@ VARIABLES: tuple[Variable, ...] = (
     _input("external_torque", (3,), "N.m", "external torque about Op, world components"),
     _state("position", "m", "origin Op of the platform frame in world", "home_position"),
     _state("orientation", "rad", "roll, pitch, yaw about the fixed world axes X, then Y, then Z", "home_orientation"),
-    _state("velocity", "m/s", "velocity of Op in world", 0.0),
-    _state("angular_velocity", "rad/s", "angular velocity of the platform, world components", 0.0),
+    _state("velocity", "m/s", "velocity of Op in world"),
+    _state("angular_velocity", "rad/s", "angular velocity of the platform, world components"),
     _result("leg_length", (6,), "m", "output", "distance from base joint to platform joint"),
     _result("leg_velocity", (6,), "m/s", "output", "rate of the leg length"),
     _result("acceleration", (3,), "m/s2", "output", "acceleration of Op in world"),
@@ -114,7 +58,7 @@ VARIABLES: tuple[Variable, ...] = (
     _result(
         "potential_energy", (), "J", "local", "potential energy of platform and legs in gravity, zero at world z = 0"
     ),
-    *(_parameter(row) for row in parameters.PHYSICAL if row.part is None),
+    *(row for row in PHYSICAL if row.part is None),
     Variable(
         "fixed_step_size",
         (),
@@ -128,28 +72,26 @@ VARIABLES: tuple[Variable, ...] = (
 )
 """Every variable of the plant: `name`, `shape`, `unit`, `causality`, `variability`, `description`; see notation."""
 
-# What a plant with a part has in addition, states in the order of the state vector; see `Variant`.
-OF_PART: Mapping[Part, tuple[Variable, ...]] = {
-    "bristles": (
-        _state("leg_bristle", "m", "deflection of the bristle of each leg's friction", 0.0, shape=(6,), nominal=1e-5),
-        *(_parameter(row) for row in parameters.PHYSICAL if row.part == "bristles"),
-    ),
-    "springs": (
-        _state("motor_position", "m", "length of each leg without its stretch", "home_motor_position", shape=(6,)),
-        _state("motor_velocity", "m/s", "rate of motor_position", 0.0, shape=(6,)),
+# What a plant with parts has in addition, states in the order of the state vector; see `Variant`.
+OF_PARTS: tuple[Variable, ...] = (
+    _state("leg_bristle", "m", "deflection of the bristle of each leg's friction", nominal=1e-5, part="bristles"),
+    _state("motor_position", "m", "length of each leg without its stretch", "home_motor_position", part="springs"),
+    _state("motor_velocity", "m/s", "rate of motor_position", part="springs"),
+    replace(
         _result("leg_force", (6,), "N", "output", "force of each leg's spring and damper, positive extends the leg"),
-        *(_parameter(row) for row in parameters.PHYSICAL if row.part == "springs"),
+        part="springs",
     ),
-}
+    *(row for row in PHYSICAL if row.part is not None),
+)
 
-BY_NAME: Mapping[str, Variable] = {v.name: v for v in (*VARIABLES, *OF_PART["bristles"], *OF_PART["springs"])}
+BY_NAME: Mapping[str, Variable] = {v.name: v for v in (*VARIABLES, *OF_PARTS)}
 INPUTS = tuple(v for v in VARIABLES if v.causality == "input")
 STATES = tuple(v for v in VARIABLES if v.is_state)
 OUTPUTS = tuple(v for v in VARIABLES if v.causality == "output")
 LOCALS = tuple(v for v in VARIABLES if v.causality == "local")
 RESULTS = OUTPUTS + LOCALS
 # The parameters of the platform, arguments of the kernel; `fixed_step_size` belongs to the FMU only.
-PLATFORM_PARAMETERS = tuple(BY_NAME[row.name] for row in parameters.PHYSICAL if row.part is None)
+PLATFORM_PARAMETERS = tuple(row for row in PHYSICAL if row.part is None)
 # The first results, without direct feedthrough from the forces.
 SIGNALS = RESULTS[: RESULTS.index(BY_NAME["leg_velocity"]) + 1]
 # Lengths of the vectors from `pack`.
@@ -161,6 +103,79 @@ RESULT_COLUMNS = tuple(name for v in RESULTS for name in v.scalar_names)
 _ELEMENTS: Mapping[str, tuple[Variable, int]] = {
     name: (v, k) for v in BY_NAME.values() for k, name in enumerate(v.scalar_names)
 }
+
+
+# The nominal of states but bristles, for which a tolerance is absolute in SI units.
+NOMINAL = 1e-3
+# Values of `leg_friction_model`.
+SMOOTH, ELASTO_PLASTIC, LUGRE = (float(k) for k in range(len(FRICTION_MODELS)))
+
+
+@dataclass(frozen=True)
+class Variant:
+    """The parts of a plant, and its variables."""
+
+    bristles: bool = False
+    springs: bool = False
+
+    @classmethod
+    def of(cls, platform: Any) -> "Variant":
+        """Variant of a platform: bristles unless `leg_friction_model` is smooth, springs if `leg_stiffness` is > 0."""
+        return cls(platform.leg_friction_model != SMOOTH, platform.leg_stiffness > 0)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Names of its parts."""
+        return (*(("bristles",) if self.bristles else ()), *(("springs",) if self.springs else ()))
+
+    @property
+    def words(self) -> str:
+        """What such a platform has, for messages."""
+        friction = "with friction that sticks" if self.bristles else "with smooth friction"
+        return f"{friction} and {'legs that give' if self.springs else 'rigid legs'}"
+
+    @cached_property
+    def states(self) -> tuple[Variable, ...]:
+        """The states, in the order of x."""
+        return (*STATES, *(v for v in self._of_parts if v.is_state))
+
+    @cached_property
+    def results(self) -> tuple[Variable, ...]:
+        """Outputs and locals, in the order of y: those of the ideal plant first."""
+        return (*RESULTS, *(v for v in self._of_parts if v.causality == "output"))
+
+    @cached_property
+    def parameters(self) -> tuple[Variable, ...]:
+        """The platform's parameters that act, in the order of p."""
+        return (*PLATFORM_PARAMETERS, *(v for v in self._of_parts if v.causality == "parameter"))
+
+    @cached_property
+    def tunable(self) -> tuple[Variable, ...]:
+        """The parameters that may change during a run."""
+        return tuple(v for v in self.parameters if v.variability == "tunable")
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """Scalar names of the results."""
+        return tuple(name for v in self.results for name in v.scalar_names)
+
+    @cached_property
+    def scales(self) -> tuple[float, ...]:
+        """By which absolute tolerances of the states are scaled (n,): 1, less for bristles."""
+        return tuple(v.nominal / NOMINAL for v in self.states for _ in range(v.size))
+
+    @property
+    def _of_parts(self) -> tuple[Variable, ...]:
+        return tuple(v for v in OF_PARTS if v.part in self.parts)
+
+
+IDEAL = Variant()
+# The parameters that choose it.
+CHOOSING = ("leg_friction_model", "leg_stiffness")
+# Parameters of a plant whose legs slide without Coulomb friction, as a moving platform's do about its motion.
+SLIDING: Mapping[str, float] = {"leg_friction_model": SMOOTH, "leg_coulomb_friction": 0.0, "leg_static_friction": 0.0}
+# Of one with rigid legs.
+RIGID: Mapping[str, float] = {"leg_stiffness": 0.0, "leg_damping": 0.0}
 
 
 def start_values(variables: Iterable[Variable], platform: object) -> dict[str, Array]:
@@ -193,13 +208,7 @@ def unpack(variables: Iterable[Variable], vector: Array) -> dict[str, Array]:
 
 
 def find(name: str) -> tuple[Variable, int | None]:
-    """The variable of a name, and the flat index of an element, or None for the whole variable.
-
-    Raises
-    ------
-    InterfaceError
-        Unknown name; the nearest known one is suggested.
-    """
+    """The variable of a name, and the flat index of an element or None; an unknown name is an `InterfaceError`."""
     if not isinstance(name, str):
         raise InterfaceError(repr(name), "expected the name of a variable, a text")
     if name in BY_NAME:
@@ -211,7 +220,7 @@ def find(name: str) -> tuple[Variable, int | None]:
 
 def unit_text(unit: str) -> str:
     """A unit as people write it: N·m and m/s² for N.m and m/s2."""
-    return re.sub(r"(?<=[a-z])[23]", lambda power: power[0].translate(_RAISED), unit.replace(".", "·"))
+    return re.sub(r"(?<=[a-z])[23]", lambda power: "²³"[int(power[0]) - 2], unit.replace(".", "·"))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -224,13 +233,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def checked_value(variable: Variable, value: object) -> Array:
-    """The value as a float array of the variable's shape.
-
-    Raises
-    ------
-    InterfaceError
-        Not real numbers, another shape, or not finite.
-    """
+    """The value as a float array of the variable's shape; `InterfaceError` if it is not that of finite numbers."""
     try:
         return real_array(value, variable.shape)
     except ValueError as error:

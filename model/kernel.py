@@ -4,7 +4,7 @@
 
 The functions, and what is in x, u, p and y, are those of `gough_stewart.model.traced`. Those of the ideal plant come
 with the package as machine code, made by `gough_stewart.fmu_build.kernel_library`: each as `evaluate_NAME(block)` on a
-block of numbers, in one library with the stepper of `compiled_stepper`. The library counts if it was made of the
+block of numbers, in one library with the stepper of `stepping`. The library counts if it was made of the
 sources that are here and computes what it should; without it, CasADi evaluates the functions.
 """
 
@@ -17,11 +17,16 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.model import interface
-from gough_stewart.model.interface import N_INPUTS
+from gough_stewart.model.interface import IDEAL, N_INPUTS, Variant
 from gough_stewart.model.parameters import Parameters
-from gough_stewart.model.process.installed import TRACER, check_installed
-from gough_stewart.model.process.prebuilt import prebuilt, prebuilt_numbers, state_of_texts, this_machine
-from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.process.installed import (
+    TRACER,
+    check_installed,
+    prebuilt,
+    prebuilt_numbers,
+    state_of_texts,
+    this_machine,
+)
 from gough_stewart.model.vectors import Array, FloatArray
 
 PREFIX = "evaluate_"

@@ -5,15 +5,19 @@ FMU. Its physics belongs in `dynamics` or `friction`, and the formulations that 
 that the dynamics ignore is one entry in `PlatformFields`.
 """
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import partial
+from itertools import product
 from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
 
 from gough_stewart.model.vectors import Array, FloatArray, Scalars
 
+Causality = Literal["input", "output", "local", "parameter"]
+Variability = Literal["continuous", "discrete", "fixed", "tunable"]
 Bound = Literal["> 0", ">= 0"] | None
 # Parts of a plant that not every platform has: bristles, which model stiction, and springs between motor and leg.
 Part = Literal["bristles", "springs"]
@@ -24,56 +28,68 @@ _Number_co = TypeVar("_Number_co", bound=Scalars, covariant=True)
 
 
 @dataclass(frozen=True)
-class ParameterRow:
-    """One row of the table."""
+class Variable:
+    """One row of a table: a parameter of a platform, or a variable of the plant."""
 
     name: str
     shape: tuple[int, ...]
     unit: str
+    causality: Causality
+    variability: Variability
     description: str
-    # Values below (or, for "> 0", at) this bound are rejected; None allows any finite number.
-    lower_bound: Bound
-    # Whether it may change during a run.
-    is_tunable: bool
-    # Whether it has a default value.
-    has_default: bool
-    # Whether it can be None: a limit that is not stated.
-    is_optional: bool
+    # A number for all elements, the name of a `Platform` attribute, or None for computed variables.
+    start: float | str | None = None
+    is_state: bool = False
+    # Values below (or, for "> 0", at) this bound are rejected when set; None allows any finite number.
+    lower_bound: Bound = None
+    # Size of a state's usual changes, by which integrators scale absolute tolerances: a millimetre, a milliradian.
+    nominal: float = 1e-3
+    # Of a parameter: a number or a tuple; None for a limit that need not be stated, ... for what must be.
+    default: Any = ...
     # The words that files have for the values 0, 1, 2 …; none for a quantity.
     words: tuple[str, ...] = ()
     # What a plant must have to use it; the ideal plant, rigid and with smooth friction, has none of these parts.
     part: Part | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of scalars."""
+        return math.prod(self.shape)
+
+    @property
+    def scalar_names(self) -> tuple[str, ...]:
+        """FMI 2.0 names of the elements in row-major order; the name itself for a scalar."""
+        if not self.shape:
+            return (self.name,)
+        indices = product(*(range(1, n + 1) for n in self.shape))
+        return tuple(f"{self.name}[{','.join(map(str, index))}]" for index in indices)
+
+    def element(self, flat_index: int) -> "Variable":
+        """One element as a scalar variable with its FMI 2.0 name."""
+        return replace(self, name=self.scalar_names[flat_index], shape=())
 
 
 def _row(
     unit: str,
     description: str,
     lower_bound: Bound = None,
-    *,
-    default: Any = MISSING,
+    default: Any = ...,
     shape: tuple[int, ...] = (),
-    tunable: bool = False,
-    words: tuple[str, ...] = (),
-    part: Part | None = None,
+    variability: Variability = "fixed",
+    **named: Any,
 ) -> Any:
-    """A field of a dataclass, with its row of the table as metadata; a default is a number, a tuple, or None."""
-    row = {
-        "unit": unit,
-        "description": description,
-        "lower_bound": lower_bound,
-        "shape": shape,
-        "is_tunable": tunable,
-        "has_default": default is not MISSING,
-        "is_optional": default is None,
-        "words": words,
-        "part": part,
-    }
+    """A field of a dataclass, with its row of the table, but for the name, as metadata."""
+    row = Variable(
+        "", shape, unit, "parameter", variability, description, lower_bound=lower_bound, default=default, **named
+    )
     if isinstance(default, tuple):
         return field(default_factory=lambda: np.array(default), metadata={"row": row})
-    return field(default=default, metadata={"row": row})
+    return field(default=MISSING if default is ... else default, metadata={"row": row})
 
 
-_bristle_row, _spring_row = partial(_row, default=0.0, part="bristles"), partial(_row, default=0.0, part="springs")
+_tunable = partial(_row, variability="tunable")
+_factor = partial(_tunable, lower_bound=">= 0", default=(1.0,) * 6, shape=(6,))
+_bristle, _spring = partial(_tunable, default=0.0, part="bristles"), partial(_row, default=0.0, part="springs")
 _limit = partial(_row, lower_bound="> 0", default=None)
 
 
@@ -87,12 +103,12 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
 
     base_points: _Array_co = _row("m", "base joints in world", shape=(6, 3))
     platform_points: _Array_co = _row("m", "platform joints in platform axes, from Op", shape=(6, 3))
-    platform_mass: _Number_co = _row("kg", "mass of the platform with payload", "> 0", tunable=True)
-    platform_com: _Array_co = _row(
-        "m", "platform's centre of mass in platform axes, from Op", default=(0.0, 0.0, 0.0), shape=(3,), tunable=True
+    platform_mass: _Number_co = _tunable("kg", "mass of the platform with payload", "> 0")
+    platform_com: _Array_co = _tunable(
+        "m", "platform's centre of mass in platform axes, from Op", None, (0.0, 0.0, 0.0), (3,)
     )
-    platform_inertia: _Array_co = _row(
-        "kg.m2", "platform's inertia about its centre of mass, platform axes", shape=(3, 3), tunable=True
+    platform_inertia: _Array_co = _tunable(
+        "kg.m2", "platform's inertia about its centre of mass, platform axes", shape=(3, 3)
     )
     leg_lower_mass: _Number_co = _row("kg", "mass of a leg's lower part", "> 0")
     leg_upper_mass: _Number_co = _row("kg", "mass of a leg's upper part", "> 0")
@@ -100,63 +116,34 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
     leg_upper_com: _Number_co = _row("m", "upper part's centre of mass, from the platform joint along the leg", ">= 0")
     leg_lower_inertia: _Number_co = _row("kg.m2", "lower part's transverse inertia about its centre of mass", ">= 0")
     leg_upper_inertia: _Number_co = _row("kg.m2", "upper part's transverse inertia about its centre of mass", ">= 0")
-    leg_viscous_friction: _Number_co = _row(
-        "N.s/m", "viscous friction between the leg parts", ">= 0", default=0.0, tunable=True
-    )
-    leg_coulomb_friction: _Number_co = _row(
-        "N", "Coulomb friction between the leg parts", ">= 0", default=0.0, tunable=True
-    )
-    leg_friction_velocity: _Number_co = _row(
-        "m/s", "velocity over which Coulomb friction is smoothed", "> 0", default=1e-3, tunable=True
-    )
-    gravity: _Array_co = _row(
-        "m/s2", "acceleration of gravity in world", default=(0.0, 0.0, -9.81), shape=(3,), tunable=True
-    )
+    leg_viscous_friction: _Number_co = _tunable("N.s/m", "viscous friction between the leg parts", ">= 0", 0.0)
+    leg_coulomb_friction: _Number_co = _tunable("N", "Coulomb friction between the leg parts", ">= 0", 0.0)
+    leg_friction_velocity: _Number_co = _tunable("m/s", "velocity over which Coulomb friction is smoothed", "> 0", 1e-3)
+    gravity: _Array_co = _tunable("m/s2", "acceleration of gravity in world", None, (0.0, 0.0, -9.81), (3,))
     leg_armature: _Number_co = _row(
-        "kg", "inertia J of rotor and screw reflected along the leg, J (2 pi/lead)^2", ">= 0", default=0.0
+        "kg", "inertia J of rotor and screw reflected along the leg, J (2 pi/lead)^2", ">= 0", 0.0
     )
-    leg_viscous_friction_factor: _Array_co = _row(
-        "1",
-        "each leg's viscous friction over leg_viscous_friction",
-        ">= 0",
-        default=(1.0,) * 6,
-        shape=(6,),
-        tunable=True,
-    )
-    leg_coulomb_friction_factor: _Array_co = _row(
-        "1",
-        "each leg's Coulomb friction over leg_coulomb_friction",
-        ">= 0",
-        default=(1.0,) * 6,
-        shape=(6,),
-        tunable=True,
-    )
+    leg_viscous_friction_factor: _Array_co = _factor("1", "each leg's viscous friction over leg_viscous_friction")
+    leg_coulomb_friction_factor: _Array_co = _factor("1", "each leg's Coulomb friction over leg_coulomb_friction")
     # a word of `FRICTION_MODELS`, or its number, which a platform keeps
-    leg_friction_model: Any = _bristle_row(
-        "1", "law of friction: 0 smooth, 1 elasto_plastic, 2 lugre", words=FRICTION_MODELS
+    leg_friction_model: Any = _bristle(
+        "1", "law of friction: 0 smooth, 1 elasto_plastic, 2 lugre", words=FRICTION_MODELS, variability="fixed"
     )
-    leg_static_friction: _Number_co = _bristle_row(
-        "N", "friction to overcome at rest, 0 for leg_coulomb_friction", ">= 0", tunable=True
+    leg_static_friction: _Number_co = _bristle("N", "friction to overcome at rest, 0 for leg_coulomb_friction", ">= 0")
+    leg_stribeck_velocity: _Number_co = _bristle(
+        "m/s", "velocity over which static friction falls to Coulomb's", "> 0", default=1e-3
     )
-    leg_stribeck_velocity: _Number_co = _bristle_row(
-        "m/s", "velocity over which static friction falls to Coulomb's", "> 0", default=1e-3, tunable=True
+    leg_bristle_stiffness: _Number_co = _bristle(
+        "N/m", "stiffness of a leg that sticks, 0 for presliding of 10 um", ">= 0"
     )
-    leg_bristle_stiffness: _Number_co = _bristle_row(
-        "N/m", "stiffness of a leg that sticks, 0 for presliding of 10 um", ">= 0", tunable=True
+    leg_bristle_damping: _Number_co = _bristle("N.s/m", "damping of a leg that sticks, 0 for half of critical", ">= 0")
+    leg_breakaway_share: _Number_co = _bristle(
+        "1", "share of Coulomb friction up to which a bristle is elastic, 0 for 0.8; lugre has none", ">= 0"
     )
-    leg_bristle_damping: _Number_co = _bristle_row(
-        "N.s/m", "damping of a leg that sticks, 0 for half of critical", ">= 0", tunable=True
-    )
-    leg_breakaway_share: _Number_co = _bristle_row(
-        "1",
-        "share of Coulomb friction up to which a bristle is elastic, 0 for 0.8; lugre has none",
-        ">= 0",
-        tunable=True,
-    )
-    leg_stiffness: _Number_co = _spring_row(
+    leg_stiffness: _Number_co = _spring(
         "N/m", "stiffness between motor and platform's side of a leg, 0 for rigid", ">= 0"
     )
-    leg_damping: _Number_co = _spring_row("N.s/m", "damping of leg_stiffness, 0 for 2 % of critical", ">= 0")
+    leg_damping: _Number_co = _spring("N.s/m", "damping of leg_stiffness, 0 for 2 % of critical", ">= 0")
 
 
 # The argument of the equations: a `Platform`, a batch of platforms, or CasADi symbols.
@@ -172,7 +159,7 @@ class PlatformFields(ParametersOf[FloatArray, float]):
 
     home_position: FloatArray = _row("m", "Op in the home pose, the start value of position", shape=(3,))
     home_orientation: FloatArray = _row(
-        "rad", "roll, pitch, yaw in the home pose, the start value of orientation", default=(0.0, 0.0, 0.0), shape=(3,)
+        "rad", "roll, pitch, yaw in the home pose, the start value of orientation", None, (0.0, 0.0, 0.0), (3,)
     )
     leg_length_min: float | None = _limit("m", "shortest leg")
     leg_length_max: float | None = _limit("m", "longest leg")
@@ -191,10 +178,11 @@ class PlatformFields(ParametersOf[FloatArray, float]):
 
 
 # All numeric fields of a platform by name.
-TABLE: Mapping[str, ParameterRow] = {
-    f.name: ParameterRow(f.name, **f.metadata["row"]) for f in fields(PlatformFields) if "row" in f.metadata
+TABLE: Mapping[str, Variable] = {
+    f.name: replace(f.metadata["row"], name=f.name, start=f.name) for f in fields(PlatformFields) if "row" in f.metadata
 }
-LIMITS = tuple(row for row in TABLE.values() if row.is_optional)
+NEEDED = tuple(name for name, row in TABLE.items() if row.default is ...)
+LIMITS = tuple(row for row in TABLE.values() if row.default is None)
 TEXTS = tuple(f.name for f in fields(PlatformFields) if f.name not in TABLE)
 PHYSICAL = tuple(TABLE[f.name] for f in fields(ParametersOf))
 # Numbers that can also be given per leg, with the parameter of their factors: see `by_leg`.

@@ -1,27 +1,53 @@
-"""The platform: geometry, masses, friction, gravity, home pose and limits; frozen and validated. One, and N at once."""
+"""The platform: geometry, masses, friction, gravity, home pose and limits; frozen and validated. One, and N at once.
+
+Its file is flat TOML: the parameters of `gough_stewart.model.parameters` by name, in SI units. Numbers are written with
+the fewest digits that give the same float, so TOML → Platform → TOML is lossless. Presets ship with the package.
+"""
 
 import html
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from inspect import cleandoc
-from typing import Any, Self, overload
+from pathlib import Path
+from typing import Any, Literal, Self, get_args, overload
 
 import numpy as np
+import tomlkit
 from numpy.typing import NDArray
 
 from gough_stewart.model import platform_checks
 from gough_stewart.model.dynamics import holding_motor_position, static_leg_forces
-from gough_stewart.model.errors import PlatformError
+from gough_stewart.model.errors import PlatformError, PlatformFileError
 from gough_stewart.model.interface import nearest, unit_text
-from gough_stewart.model.joint_circles import REPLACED, Pairing, joints_on_circles
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.parameters import FACTOR_OF, PHYSICAL, TABLE, TEXTS, Parameters, PlatformFields, in_words
+from gough_stewart.model.parameters import (
+    FACTOR_OF,
+    NEEDED,
+    PHYSICAL,
+    TABLE,
+    TEXTS,
+    Parameters,
+    PlatformFields,
+    in_words,
+)
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_hints import platform_hints
+from gough_stewart.model.process.files import write_whole
+from gough_stewart.model.process.toml import toml_files, toml_item, toml_values
 from gough_stewart.model.vectors import FloatArray, real_array
 
 # Far beyond any real machine, but its square and cube do not overflow.
 LARGEST_NUMBER = 1e30
+
+Pairing = Literal["near", "far"]
+# What states joints on circles, in the order of files, and the parameters that it determines.
+CIRCLE_KEYS = ("base_radius", "platform_radius", "base_angle", "platform_angle", "pairing", "home_leg_length")
+_LENGTHS, _ANGLES = ("base_radius", "platform_radius", "home_leg_length"), ("base_angle", "platform_angle")
+_ON_CIRCLES = ("base_points", "platform_points", "home_position", "home_orientation")
+_THIRD = 2 * np.pi / 3
+_FILE_KEYS = (*TEXTS, *TABLE, *CIRCLE_KEYS)
+_PRESETS = ("gough_stewart.model", "presets")
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -55,7 +81,7 @@ class Platform(PlatformFields):
                 object.__setattr__(self, key, value)
         for name, row in TABLE.items():
             value = getattr(self, name)
-            if value is not None or not row.is_optional:
+            if value is not None or row.default is not None:
                 object.__setattr__(self, name, _frozen(name, value, row.shape))
         platform_checks.check(self)
 
@@ -75,7 +101,7 @@ class Platform(PlatformFields):
         limits = [
             f"{name} {_shown(getattr(self, name))} {unit_text(row.unit)}"
             for name, row in TABLE.items()
-            if row.is_optional and getattr(self, name) is not None
+            if row.default is None and getattr(self, name) is not None
         ]
         base, joints = (
             _range(np.linalg.norm(points - points.mean(axis=0), axis=1))
@@ -175,15 +201,14 @@ class Platform(PlatformFields):
         >>> angle = np.radians(30)
         >>> platform = gs.Platform.from_radii(2.0, 1.0, angle, angle, home_leg_length=3.2459, **others)
         """
-        if repeated := [name for name in REPLACED if name in parameters]:
+        if repeated := [name for name in _ON_CIRCLES if name in parameters]:
             raise PlatformError(repeated[0], "is determined by the radii and angles; leave it out")
-        joints: dict[str, Any] = dict(
-            joints_on_circles(base_radius, platform_radius, base_angle, platform_angle, home_leg_length, pairing)
-        )
+        circles = base_radius, platform_radius, base_angle, platform_angle, pairing, home_leg_length
+        joints: dict[str, Any] = _joints_on_circles(dict(zip(CIRCLE_KEYS, circles, strict=True)))
         for name in parameters:
             if name not in TABLE and name not in TEXTS:
                 raise PlatformError(name, f"no such parameter{nearest(name, (*TABLE, *TEXTS))}")
-        missing = [name for name, row in TABLE.items() if name not in {*joints, *parameters} and not row.has_default]
+        missing = [name for name in NEEDED if name not in {*joints, *parameters}]
         if missing:
             raise PlatformError(missing[0], f"missing; expected {', '.join(missing)} beside the radii and angles")
         return cls(**joints, **parameters)
@@ -219,7 +244,7 @@ class Platform(PlatformFields):
             if name not in TABLE:
                 raise PlatformError(name, f"no such parameter{nearest(name, TABLE)}")
             row = TABLE[name]
-            new.__dict__[name] = None if value is None and row.is_optional else _frozen(name, value, row.shape)
+            new.__dict__[name] = None if value is None and row.default is None else _frozen(name, value, row.shape)
         return new
 
     def as_dict(self) -> dict[str, Any]:
@@ -232,6 +257,191 @@ class Platform(PlatformFields):
 Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n----------\n" + "\n".join(
     f"{name} : {row.shape or 'number'} [{row.unit}]\n    {row.description}" for name, row in TABLE.items()
 )
+
+
+def joints_of_keys(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of a table with `CIRCLE_KEYS` replaced by the joints and the home pose; without such keys, unchanged.
+
+    `PlatformError` if a key is missing, stands beside what it determines, or has an impossible value.
+    """
+    circles = {key: values[key] for key in CIRCLE_KEYS if key in values}
+    if not circles:
+        return dict(values)
+    first = next(iter(circles))
+    if missing := [key for key in CIRCLE_KEYS if key not in circles and key != "pairing"]:
+        expected = ", ".join(_LENGTHS + _ANGLES)
+        raise PlatformError(first, f"needs {', '.join(missing)} beside it; expected all of {expected}")
+    if repeated := [name for name in _ON_CIRCLES if name in values]:
+        raise PlatformError(repeated[0], f"is also determined by {first}; expected only one of the two")
+    return {name: value for name, value in values.items() if name not in CIRCLE_KEYS} | _joints_on_circles(circles)
+
+
+def _joints_on_circles(circles: Mapping[str, Any]) -> dict[str, FloatArray]:
+    """Joints (6, 3) and home pose (3,) of `Platform.from_radii` by name, from values of `CIRCLE_KEYS`."""
+    numbers, pairing = [], circles.get("pairing", "near")
+    for name in (*_LENGTHS, *_ANGLES):
+        try:
+            number = float(real_array(circles[name], ()))
+        except ValueError as error:
+            raise PlatformError(name, str(error)) from None
+        is_angle = name in _ANGLES
+        if not number > 0 or (is_angle and not number < _THIRD):
+            expected = "in radians, above 0 and below 2.0944 (120°)" if is_angle else "above 0"
+            raise PlatformError(name, f"is {number:g} {'rad' if is_angle else 'm'}; expected a number {expected}")
+        numbers.append(number)
+    R, r, L, a, b = numbers
+    if pairing not in get_args(Pairing):
+        raise PlatformError("pairing", f"is {pairing!r}; expected 'near' or 'far'")
+    turn = np.pi / 3 - (a + b) / 2 if pairing == "near" else np.pi / 3 - (a - b) / 2
+    across = R * R + r * r - 2 * R * r * np.cos(turn)
+    if not across < L * L:
+        raise PlatformError(
+            "home_leg_length",
+            f"is {L:g} m; expected more than the {np.sqrt(across):g} m between a base joint and the platform joint "
+            "above it, seen from above",
+        )
+    # leg 2k + 1 turns to the left, leg 2k + 2, from the other end of the next pair of the base, to the right
+    pairs = _THIRD * np.arange(3)
+    base = np.stack([pairs + a / 2, pairs + _THIRD - a / 2], axis=-1).reshape(6)
+    tips = base + np.tile([turn, -turn], 3)
+    return {
+        "base_points": R * np.stack([np.cos(base), np.sin(base), np.zeros(6)], axis=-1),
+        "platform_points": r * np.stack([np.cos(tips), np.sin(tips), np.zeros(6)], axis=-1),
+        "home_position": np.array([0.0, 0.0, np.sqrt(L * L - across)]),
+        "home_orientation": np.zeros(3),
+    }
+
+
+@lru_cache(maxsize=16)
+def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
+    """The platform in a TOML text; a `PlatformFileError`, also of invalid values, refers to the text as `where`."""
+    try:
+        values = toml_values(text)
+    except ValueError as error:
+        raise PlatformFileError(where, str(error)) from error
+    if "controller" in values and "loop" in values:
+        raise PlatformFileError(
+            where, "is an experiment; expected a platform file, as printed by `gough-stewart presets`"
+        )
+    for key in values:
+        if key not in _FILE_KEYS:
+            raise PlatformFileError(where, f"unknown key '{key}'{nearest(key, _FILE_KEYS)}")
+    try:
+        values = joints_of_keys(values)
+        if missing := [name for name in NEEDED if name not in values]:
+            raise PlatformFileError(where, f"missing {', '.join(missing)}; see a preset for a complete file")
+        for key, value in values.items():
+            is_number = key in TABLE and not TABLE[key].words
+            if is_number and not isinstance(value, np.ndarray) and not _are_numbers(value):
+                raise PlatformFileError(where, f"{key} is {value!r}; expected numbers")
+        return Platform(**by_leg(values))
+    except PlatformError as error:
+        raise PlatformFileError(where, str(error)) from error
+
+
+def platform_to_toml(platform: Platform) -> str:
+    """TOML text of a platform, with units and descriptions as comments; lossless.
+
+    Factors of 1 are left out, and parameters of stiction and compliance that have their defaults.
+    """
+    document = tomlkit.document()
+    for key, value in platform.as_dict().items():
+        if key in FACTOR_OF.values() and np.all(value == 1):
+            continue  # identical legs
+        if key in TABLE and TABLE[key].part is not None and getattr(platform, key) == TABLE[key].default:
+            continue
+        item = toml_item(value)
+        if key in TABLE:
+            item.comment(f"[{TABLE[key].unit}] {TABLE[key].description}")
+        document.add(key, item)
+    return tomlkit.dumps(document)
+
+
+def load_platform(path: Path | str) -> Platform:
+    """Read a platform from a TOML file: the fields of `Platform` by name, in SI units.
+
+    Returns
+    -------
+    Platform
+        Validated, with arrays that are read-only.
+
+    Raises
+    ------
+    PlatformFileError
+        The file cannot be read, is not TOML, has an unknown or a missing key, or describes an invalid platform.
+
+    Examples
+    --------
+    >>> gs.save_platform(gs.load_preset("motion_base"), "mine.toml")
+    >>> platform = gs.load_platform("mine.toml")
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
+        raise PlatformFileError(str(path), f"cannot read this platform file: {reason}") from error
+    return platform_from_toml(text, str(path))
+
+
+def save_platform(platform: Platform, path: Path | str) -> None:
+    """Write a platform as a TOML file, which `load_platform` reads without loss; atomic.
+
+    Raises
+    ------
+    PlatformFileError
+        The file cannot be written.
+    """
+    if Path(path).is_dir():
+        raise PlatformFileError(str(path), f"is a folder; expected a file, such as {Path(path, 'platform.toml')}")
+    try:
+        write_whole(Path(path), platform_to_toml(platform).encode())
+    except OSError as error:
+        raise PlatformFileError(str(path), f"cannot write this platform file: {error.strerror}") from error
+
+
+def preset_names() -> tuple[str, ...]:
+    """Names of the presets for `load_preset`.
+
+    Returns
+    -------
+    tuple of str
+        In alphabetical order.
+    """
+    return tuple(toml_files(*_PRESETS))
+
+
+def preset_text(name: str) -> str:
+    """The TOML file of a preset with its comments, as a template for your own platform file."""
+    presets = toml_files(*_PRESETS)
+    if name not in presets:
+        raise PlatformFileError(f"preset '{name}'", f"no such preset{nearest(name, presets)}")
+    return presets[name].read_text(encoding="utf-8")
+
+
+def load_preset(name: str) -> Platform:
+    """A preset by name: `liu2000`, the paper's, `desktop_hexapod`, `motion_base` or `motion_base_screws`, which sticks.
+
+    Returns
+    -------
+    Platform
+        Validated, with arrays that are read-only.
+
+    Raises
+    ------
+    PlatformFileError
+        No preset has this name; the nearest one is suggested.
+
+    Examples
+    --------
+    >>> gs.load_preset("motion_base").platform_mass
+    """
+    return platform_from_toml(preset_text(name), f"preset '{name}'")
+
+
+def _are_numbers(value: object) -> bool:
+    """Whether a value consists of numbers: NumPy would convert TOML's texts, booleans and dates, or fail obscurely."""
+    return all(map(_are_numbers, value)) if isinstance(value, list) else type(value) in (int, float)
 
 
 class Platforms(Sequence[Platform]):
@@ -303,18 +513,32 @@ class Platforms(Sequence[Platform]):
         stated = [
             name
             for name, row in TABLE.items()
-            if not row.is_optional or name in self._values or any(getattr(b, name) is not None for b in self._bases)
+            if row.default is not None or name in self._values or any(getattr(b, name) is not None for b in self._bases)
         ]
         arrays: dict[str, Any] = {name: self.field(name) for name in stated}
-        return np.asarray(wrong | platform_checks.doubtful(PlatformFields(**arrays), changed))
+        return np.asarray(wrong | platform_checks.check(PlatformFields(**arrays), changed))
 
 
 def platforms_with(
     bases: Sequence[Platform], base_of: NDArray[np.intp], parameters: Sequence[Mapping[str, Any]]
 ) -> tuple[Platforms, dict[int, PlatformError]]:
     """N platforms `bases[base_of[k]].with_parameters(parameters[k])`, and the errors of those that are impossible."""
-    platforms, names = _at_once(bases, base_of, parameters)
-    doubtful = platforms.doubtful(names) if platforms is not None else np.ones(len(base_of), dtype=bool)
+    platforms: Platforms | None = None
+    first, doubtful = parameters[0], np.ones(len(base_of), dtype=bool)
+    names = dict.fromkeys(name for values in parameters for name in values)
+    varied = [name for name in names if any(values.get(name, ...) is not first.get(name, ...) for values in parameters)]
+    try:
+        common = by_leg(first)
+        arrays = {
+            name: real_array([values[name] for values in parameters], (len(base_of), *TABLE[name].shape))
+            for name in varied
+        }
+        started = [base.unchecked({name: common[name] for name in common if name not in varied}) for base in bases]
+    except (PlatformError, ValueError, KeyError):  # not of one kind: one by one
+        pass
+    else:
+        platforms = Platforms(started, base_of, arrays)
+        doubtful = platforms.doubtful(common)
     errors, one_by_one = dict[int, PlatformError](), dict[int, Platform]()
     for k in np.flatnonzero(doubtful).tolist():
         try:
@@ -324,27 +548,6 @@ def platforms_with(
     if platforms is None:
         platforms = Platforms([one_by_one.get(k, bases[i]) for k, i in enumerate(base_of.tolist())])
     return platforms, errors
-
-
-def _at_once(
-    bases: Sequence[Platform], base_of: NDArray[np.intp], parameters: Sequence[Mapping[str, Any]]
-) -> tuple[Platforms | None, Collection[str]]:
-    """The platforms, unchecked, and the names of what has changed; None if their parameters are not of one kind."""
-    first = parameters[0]
-    if any(values.keys() != first.keys() for values in parameters):
-        return None, ()
-    varied = [name for name in first if any(values[name] is not first[name] for values in parameters)]
-    try:
-        common = by_leg(first)
-        arrays = {
-            name: real_array([values[name] for values in parameters], (len(base_of), *TABLE[name].shape))
-            for name in varied
-            if name in TABLE
-        }
-        started = [base.unchecked({name: common[name] for name in common if name not in varied}) for base in bases]
-    except (PlatformError, ValueError):
-        return None, ()
-    return (Platforms(started, base_of, arrays), common) if len(arrays) == len(varied) else (None, ())
 
 
 def _frozen(name: str, value: object, shape: tuple[int, ...]) -> FloatArray | float:

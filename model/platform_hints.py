@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.model.friction import law_of_bristles
+from gough_stewart.model.interface import LUGRE, Variant
 from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
 from gough_stewart.model.parameters import PlatformFields
-from gough_stewart.model.variant import LUGRE, Variant
 from gough_stewart.model.vectors import FloatArray, dot
 
 # Mass of the platform over the cube of its joints' radius [kg/m³]: machines have 10 to 1e5, in mm a billionth of it.
@@ -99,25 +99,16 @@ def _joint_order_hints(platform: PlatformFields) -> list[str]:
 def _closest(base: FloatArray, tip: FloatArray) -> tuple[FloatArray, float]:
     """The pair of legs, from base to tip (6, 3), that come nearest, and that distance over the length of the shorter.
 
-    For p + s d and q + t e with s, t in [0, 1]: the least of the distance between the lines, where both feet are on
-    the segments, and of the four distances of an end from the other segment.
+    The least |r + s d − t e| for s, t in [0, 1]: s of the common perpendicular, clipped, then t for it, then s for t.
     """
-
-    def from_segment(point: FloatArray, start: FloatArray, along: FloatArray) -> FloatArray:
-        share = np.clip(dot(point - start, along) / dot(along, along), 0.0, 1.0)
-        return np.asarray(np.linalg.norm(point - start - share[:, None] * along, axis=-1))
-
     i, j = _PAIRS.T
-    p, d, q, e = base[i], (tip - base)[i], base[j], (tip - base)[j]
-    ends = [from_segment(p, q, e), from_segment(p + d, q, e), from_segment(q, p, d), from_segment(q + e, p, d)]
-    # feet of the common perpendicular: [d·d −d·e; d·e −e·e] [s; t] = [d·(q − p); e·(q − p)]
-    dd, de, ee, r = dot(d, d), dot(d, e), dot(e, e), q - p
+    d, e, r = (tip - base)[i], (tip - base)[j], base[i] - base[j]
+    dd, de, ee, dr, er = dot(d, d), dot(d, e), dot(e, e), dot(d, r), dot(e, r)
     with np.errstate(divide="ignore", invalid="ignore"):  # parallel legs have no single foot
-        s = (ee * dot(d, r) - de * dot(e, r)) / (dd * ee - de * de)
-        t = (de * dot(d, r) - dd * dot(e, r)) / (dd * ee - de * de)
-    on_both = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-    between = np.where(on_both, np.linalg.norm(p + s[:, None] * d - q - t[:, None] * e, axis=-1), np.inf)
-    shares = np.minimum(np.min(ends, axis=0), between) / np.sqrt(np.minimum(dd, ee))
+        s = np.clip(np.nan_to_num((de * er - dr * ee) / (dd * ee - de * de)), 0.0, 1.0)
+    t = np.clip((de * s + er) / ee, 0.0, 1.0)
+    s = np.clip((de * t - dr) / dd, 0.0, 1.0)
+    shares = np.linalg.norm(r + s[:, None] * d - t[:, None] * e, axis=-1) / np.sqrt(np.minimum(dd, ee))
     k = int(shares.argmin())
     return _PAIRS[k], float(shares[k])
 

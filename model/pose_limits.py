@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.kinematics import LegGeometry, conditioning_of_legs, handedness_of_legs, leg_geometry
 from gough_stewart.model.parameters import PlatformFields
@@ -17,31 +16,15 @@ SINGULAR_CONDITION_NUMBER = 1e8
 
 
 def check_pose(platform: PlatformFields, x: Array, time: float, handedness: float | None = None) -> float:
-    """Check the pose limits at a state x (12,), or longer; returns the sign of det J, which changes at singular poses.
+    """Raise `StepError` if the pose of a state x (12,), or longer, is beyond a limit.
 
-    Parameters
-    ----------
-    time
-        Time for the error message [s].
-    handedness
-        The sign at an earlier state of the same motion, if any: a change means that the motion has passed a singular
-        pose.
-
-    Raises
-    ------
-    StepError
-        The pose is beyond a limit, or a state is not finite; has the quantity and its value.
+    Returns the sign of det J, which changes at singular poses; `handedness` is the one at an earlier state of the same
+    motion, if any.
     """
-    if not np.isfinite(x).all():
-        k = int(np.argmin(np.isfinite(x)))
-        names = [name for variable in interface.STATES for name in variable.scalar_names]
-        name = names[k] if k < len(names) else f"state[{k + 1}]"
-        raise StepError(name, float(x[k]), time, "the motion is not finite")
     position, orientation = x[:3], x[3:6]
     if not abs(orientation[1]) < LARGEST_PITCH:
         raise pitch_reached(float(orientation[1]), time)
-    with np.errstate(all="ignore"):  # a leg of length 0 has no direction; checked below
-        legs = leg_geometry(platform, position, orientation)
+    legs = leg_geometry(platform, position, orientation)
     leg = int(legs.length.argmin())
     if not legs.length[leg] > SHORTEST_LEG * platform.characteristic_length:
         raise leg_collapsed(leg, float(legs.length[leg]), time)

@@ -2,8 +2,6 @@
 
 from typing import NamedTuple, Self
 
-import numpy as np
-
 from gough_stewart.model.vectors import Array, concatenate
 
 
@@ -36,12 +34,6 @@ class Inputs(NamedTuple):
     def from_vector(cls, u: Array) -> Self:
         """Split a (..., 12) vector."""
         return cls(u[..., :6], u[..., 6:9], u[..., 9:])
-
-    @classmethod
-    def from_actuators(cls, actuator_force: Array) -> Self:
-        """Actuator forces (..., 6) without an external wrench."""
-        f = np.asarray(actuator_force)
-        return cls(f, 0 * f[..., :3], 0 * f[..., :3])
 
     def to_vector(self) -> Array:
         """Join to a (..., 12) vector; leading axes broadcast."""

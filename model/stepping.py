@@ -4,31 +4,44 @@ It has the same variable names, semantics and failure behaviour as the FMU.
 """
 
 import math
+import subprocess
+import sys
 from collections.abc import Mapping
+from ctypes import PyDLL, c_double, c_size_t
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gough_stewart.model import interface
-from gough_stewart.model.compiled_stepper import CompiledStepper
 from gough_stewart.model.dynamics import motors_at
-from gough_stewart.model.errors import InterfaceError
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, N_INPUTS, TOLERANCES, Variable, end_of_step
-from gough_stewart.model.kernel import Kernel, Linearisation, parameter_vector
+from gough_stewart.model.errors import InterfaceError, NotInstalledError, StepError
+from gough_stewart.model.interface import (
+    CHOOSING,
+    DEFAULT_TOLERANCE,
+    IDEAL,
+    MOST_INTERNAL_STEPS,
+    N_INPUTS,
+    TOLERANCES,
+    Variant,
+    end_of_step,
+)
+from gough_stewart.model.kernel import Kernel, Linearisation, address_of, kernel_library, parameter_vector
 from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.parameters import Variable
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.platform_checks import LARGEST_STRETCH, check_leg_com_offsets
-from gough_stewart.model.pose_limits import LARGEST_PITCH, SHORTEST_LEG
-from gough_stewart.model.scipy_stepper import ScipyStepper
+from gough_stewart.model.pose_limits import LARGEST_PITCH, SHORTEST_LEG, check_pose
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import CHOOSING, Variant
-from gough_stewart.model.vectors import real_array
+from gough_stewart.model.vectors import FloatArray, real_array
 
 Integrator = Literal["compiled", "scipy"]
 _MOTOR = {"motor_position", "motor_velocity"}
 _ABSENT = {"bristles": "leg_friction_model is 'smooth'", "springs": "leg_stiffness is 0, which is rigid"}
+_COMPILER = "gough_stewart.fmu_build.kernel_library"
+# Below this tolerance, LSODA's multistep formulas do not reach it where bristles are stiff; Radau's do.
+_TIGHT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -138,7 +151,7 @@ class SteppingModel:
             )
         self._integrator = integrator
         self._time, self._started = 0.0, False
-        self._initial_platform = platform
+        self._platform = self._initial_platform = platform
         self._variant = variant = Variant.of(platform)
         self._stepper: CompiledStepper | ScipyStepper = (
             CompiledStepper(variant, self._tolerance, self._fixed)
@@ -184,7 +197,7 @@ class SteppingModel:
         return self._platform
 
     @property
-    def state(self) -> NDArray[np.float64]:
+    def state(self) -> FloatArray:
         """State vector x (n,): position, orientation, velocity, angular velocity, those of rule 11; a copy."""
         return self._x.copy()
 
@@ -244,10 +257,10 @@ class SteppingModel:
                 targets[name][:] = motors
         self._u[:] = u
         if moved or parameters:
-            self._x[:] = x
-            self._begin(platform, self._stepper.internal_step)
+            self._x[:], self._platform = x, platform
+            self._stepper.begin(platform, self._time, self._stepper.internal_step)
 
-    def set_inputs(self, inputs: NDArray[np.float64]) -> None:
+    def set_inputs(self, inputs: FloatArray) -> None:
         """`set` all inputs as one vector (12,), in the order of `interface.INPUTS`.
 
         Raises
@@ -261,7 +274,7 @@ class SteppingModel:
             self.set_many(interface.unpack(interface.INPUTS, inputs))  # names the value
         self._u[:] = inputs
 
-    def get(self, name: str) -> NDArray[np.float64] | float:
+    def get(self, name: str) -> FloatArray | float:
         """Value of a variable: an array of its shape, or a float for a scalar or an element (rules 2, 4).
 
         Returns
@@ -291,13 +304,14 @@ class SteppingModel:
             return float(values.reshape(-1)[element])
         return values.copy() if variable.shape else float(values)
 
-    def results(self) -> dict[str, NDArray[np.float64]]:
+    def results(self) -> dict[str, FloatArray]:
         """All outputs and locals at the current time, by name, in one evaluation."""
         return interface.unpack(self._variant.results, self.result_vector())
 
-    def result_vector(self) -> NDArray[np.float64]:
+    def result_vector(self) -> FloatArray:
         """`results` as one vector, in the order of `Variant.columns`, first `interface.RESULT_COLUMNS`."""
-        return self._stepper.result_vector()
+        self._stepper.find_results()
+        return np.asarray(self._stepper.y[self._stepper.order])
 
     def linearise(self) -> Linearisation:
         """Exact Jacobians of state derivatives and results with respect to states and inputs, at the current state."""
@@ -320,12 +334,7 @@ class SteppingModel:
         if time != self._time or not end > time:
             end = end_of_step(time, step, self._time)
         if not self._started:
-            lengths = leg_geometry(self._platform, self._x[:3], self._x[3:6]).length
-            # a leg that has collapsed fails the step
-            if lengths.min() > SHORTEST_LEG * self._platform.characteristic_length:
-                check_leg_com_offsets(self._platform, float(lengths.min()), "start")
-                if self._variant.springs:
-                    self._refuse_stretched(lengths)
+            self._check_start()
         self._stepper.step(time, step)
         self._time, self._started = end, True
 
@@ -346,30 +355,28 @@ class SteppingModel:
                 "model's",
             )
         self._time, self._started = snapshot.time, snapshot.started
-        self._x[:], self._u[:] = snapshot.x, snapshot.u
-        self._begin(snapshot.platform, snapshot.internal_step, snapshot.largest_step)
+        self._x[:], self._u[:], self._platform = snapshot.x, snapshot.u, snapshot.platform
+        self._stepper.begin(self._platform, self._time, snapshot.internal_step, snapshot.largest_step)
 
-    def __getstate__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[Any, ...]:
         """The arguments and the state, for copies and pickles: models do not share memory."""
-        return (self._initial_platform, self._tolerance, self._fixed, self._integrator), self.save_state()
+        arguments = self._initial_platform, self._tolerance, self._fixed, self._integrator
+        return type(self), arguments, self.save_state()
 
-    def __setstate__(self, state: tuple[Any, ...]) -> None:
-        """A new model with these arguments in this state."""
-        arguments, snapshot = state
-        SteppingModel.__init__(self, *arguments)
-        self.restore_state(snapshot)
+    __setstate__ = restore_state
 
     # --- private -----------------------------------------------------------------------------------------------
 
-    def _begin(self, platform: Platform, internal_step: float | None, largest_step: float = 0.0) -> None:
-        """Go on with a platform from the state and the time that have been written."""
-        self._platform = platform
-        self._stepper.p[:] = parameter_vector(platform, self._variant)
-        self._stepper.begin(platform, self._time, internal_step, largest_step)
+    def _check_start(self) -> None:
+        """At the start the parts of each leg fit into it, and motors are near their legs: others are of another pose.
 
-    def _refuse_stretched(self, lengths: NDArray[np.float64]) -> None:
-        """Motors far from their legs at the start belong to another pose."""
-        motors = interface.unpack(self._variant.states, self._x)["motor_position"]
+        A leg that has collapsed fails the step.
+        """
+        lengths = leg_geometry(self._platform, self._x[:3], self._x[3:6]).length
+        if not lengths.min() > SHORTEST_LEG * self._platform.characteristic_length:
+            return
+        check_leg_com_offsets(self._platform, float(lengths.min()), "start")
+        motors = self._current.get("motor_position", lengths)
         leg = int(np.argmax(np.abs(motors - lengths) / lengths))
         if not abs(motors[leg] - lengths[leg]) <= LARGEST_STRETCH * lengths[leg]:
             raise InterfaceError(
@@ -381,25 +388,191 @@ class SteppingModel:
 
     def _refuse_unsettable(self, variable: Variable) -> None:
         name = variable.name
-        if variable.name == "fixed_step_size":
+        if name == "fixed_step_size":
             raise InterfaceError(name, "is a parameter of the FMU; of the stepping model it is an argument")
         self._refuse_absent(variable)
         if variable in self._variant.results and not variable.is_state:
             raise InterfaceError(name, f"is computed ({variable.causality}); set inputs, parameters or states instead")
-        if self._started and variable.is_state:
-            raise InterfaceError(name, "is a state, which can only be set before the first step; call reset() first")
-        if self._started and variable.variability == "fixed":
-            raise InterfaceError(
-                name, "is a fixed parameter, which can only be set before the first step; call reset() first"
-            )
+        if self._started and (variable.is_state or variable.variability == "fixed"):
+            kind = "state" if variable.is_state else "fixed parameter"
+            raise InterfaceError(name, f"is a {kind}, which can only be set before the first step; call reset() first")
 
     def _refuse_absent(self, variable: Variable) -> None:
-        """Refuse a variable of a part that the platform does not have."""
-        if variable.name in CHOOSING:
-            return
-        for part, variables in interface.OF_PART.items():
-            if variable in variables and part not in self._variant.parts:
-                raise InterfaceError(variable.name, f"is nothing that this platform has: {_ABSENT[part]}")
+        """Refuse a variable of a part that the platform does not have, but for those that choose its parts."""
+        part = variable.part
+        if part is not None and part not in self._variant.parts and variable.name not in CHOOSING:
+            raise InterfaceError(variable.name, f"is nothing that this platform has: {_ABSENT[part]}")
+
+
+class CompiledStepper:
+    """A plant's state in the memory of a unit's component, and its steps.
+
+    The vectors are views of that memory, to be read, and x and u to be written in place; `begin` is called after that
+    of x.
+    """
+
+    def __init__(self, variant: Variant, tolerance: float, fixed_step_size: float) -> None:
+        library, self._variant = stepper_library(variant), variant
+        layout = (c_size_t * 13)()
+        library.stepper_layout(layout)
+        self._memory = memory = np.zeros(-(-layout[0] // 8))
+        n, q, m = (interface.size_of(variables) for variables in (variant.states, variant.parameters, variant.results))
+        # in the order of c/stepper/stepper.c: time, internal step, handedness, largest step; u, x, p, y; failure
+        sizes = (1, 1, 1, 1, N_INPUTS, n, q, m, 1, 1)
+        views = [memory[place // 8 : place // 8 + size] for place, size in zip(layout[1:11], sizes, strict=True)]
+        self._time, self._internal_step, _, self._largest_step = views[:4]
+        self.u, self.x, self.p, self.y, self._failed_at, self._failed_value = views[4:]
+        self._texts = layout[11], layout[12]
+        address, self._times = address_of(memory), (c_double(), c_double())
+        library.stepper_reset(address, c_double(tolerance), c_double(fixed_step_size))
+        self._step = partial(library.stepper_step, address, *self._times)
+        # writes the `results` of the present state and inputs
+        self.find_results = partial(library.stepper_results, address)
+        self._forget = partial(library.stepper_forget, address)
+        # a unit has its states first, then other outputs, then locals
+        outputs = [v for v in variant.results if v.causality == "output" and not v.is_state]
+        of_unit = (*variant.states, *outputs, *interface.LOCALS)
+        self.results, places = (interface.unpack(of_unit, vector) for vector in (self.y, np.arange(m)))
+        # of the variant's results in y
+        self.order = np.concatenate([places[v.name].ravel() for v in variant.results])
+
+    @property
+    def internal_step(self) -> float | None:
+        """Size of the next internal step [s]; None before the first."""
+        return float(self._internal_step[0]) or None
+
+    @property
+    def largest_step(self) -> float:
+        """The largest fixed step that is stable, found in the first one under the present parameters [s]; 0 before."""
+        return float(self._largest_step[0])
+
+    def begin(self, platform: Platform, time: float, internal_step: float | None, largest_step: float = 0.0) -> None:
+        """Go on with a platform from the state in x."""
+        self.p[:] = parameter_vector(platform, self._variant)
+        self._time[0], self._internal_step[0], self._largest_step[0] = time, internal_step or 0.0, largest_step
+        self._forget()
+
+    def step(self, time: float, step: float) -> None:
+        """Integrate from the component's time to `time + step`.
+
+        Raises
+        ------
+        StepError
+            The plant cannot; it is as it was.
+        """
+        times = self._times
+        times[0].value, times[1].value = time, step
+        if not self._step():
+            quantity, reason = (
+                self._memory.view(np.uint8)[at:].tobytes().partition(b"\0")[0].decode() for at in self._texts
+            )
+            raise StepError(quantity, float(self._failed_value[0]), float(self._failed_at[0]), reason)
+
+
+@cache
+def stepper_library(variant: Variant) -> PyDLL:
+    """The library of a variant: what came with the package, else what was compiled here.
+
+    Raises
+    ------
+    NotInstalledError
+        It did not come with the package, and cannot be compiled.
+    """
+    library = kernel_library() if variant == IDEAL else None
+    if library is not None:
+        return library
+    # in a process of its own: the model does not know what builds it
+    command = [sys.executable, "-m", _COMPILER, *variant.parts]
+    compilation = subprocess.run(command, capture_output=True, text=True, check=False)
+    if compilation.returncode != 0:
+        reason = compilation.stderr.strip().rpartition("\n")[2]
+        raise NotInstalledError(
+            f"no machine code steps a platform {variant.words} on this machine, and it cannot be compiled ({reason}); "
+            "pip install 'gough-stewart[compile]', or choose integrator=\"scipy\""
+        )
+    return PyDLL(compilation.stdout.strip())
+
+
+class ScipyStepper:
+    """The judge of compiled integration: the kernel's derivatives, integrated by SciPy under error control.
+
+    By DOP853, or LSODA for bristles, which are stiff, and Radau if the tolerance is tight. The vectors x and u are read
+    and written in place; `begin` is called after x has been written. Inputs are u at the begin of a step and change at
+    `input_rates` within it, 0 unless they are written.
+    """
+
+    largest_step = 0.0
+
+    def __init__(self, variant: Variant, tolerance: float) -> None:
+        n, q = interface.size_of(variant.states), interface.size_of(variant.parameters)
+        self.x, self.u, self.p = np.zeros(n), np.zeros(N_INPUTS), np.zeros(q)
+        self.input_rates = np.zeros(N_INPUTS)
+        self.internal_step: float | None = None
+        self._variant, self._tolerance, self._kernel = variant, tolerance, Kernel(variant)
+        self.y = self.find_results()
+        self.order = np.arange(len(self.y))
+        self.results = interface.unpack(variant.results, self.y)
+
+    def begin(self, platform: Platform, time: float, internal_step: float | None, _largest_step: float = 0.0) -> None:
+        """Go on with a platform from the state in x."""
+        self.p[:] = parameter_vector(platform, self._variant)
+        self._platform, self._time, self.internal_step = platform, time, internal_step
+        self._handedness: float | None = None
+
+    def find_results(self) -> FloatArray:
+        """Write the results of the present state and inputs to y."""
+        return self._kernel.outputs(self.x, self.u, self.p)
+
+    def step(self, time: float, step: float) -> None:
+        """Integrate from the present time to `time + step`.
+
+        Raises
+        ------
+        StepError
+            The pose is beyond a limit at the end of an internal step, or the tolerance cannot be met.
+        """
+        from scipy.integrate import DOP853, LSODA, Radau  # a third of a second of imports
+
+        start, end, tolerance, steps = self._time, time + step, self._tolerance, 0
+        side = self._handedness or check_pose(self._platform, self.x, start)
+
+        def derivatives(time: float, x: FloatArray) -> FloatArray:
+            return self._kernel.derivatives(x, self.u + self.input_rates * (time - start), self.p).copy()
+
+        rule: Any = DOP853
+        options: dict[str, Any] = {"rtol": tolerance, "atol": tolerance * np.array(self._variant.scales)}
+        if self._variant.bristles:
+            rule = LSODA if tolerance >= _TIGHT else Radau
+        elif self.internal_step is not None:
+            options["first_step"] = min(self.internal_step, end - start)
+        # a trial step can reach a pole: infinities there mean a rejected step and need no warning
+        with np.errstate(all="ignore"):
+            solver = rule(derivatives, start, self.x.copy(), end, **options)
+            while solver.t < end:
+                steps += 1
+                if steps > MOST_INTERNAL_STEPS:
+                    raise StepError(
+                        "internal steps",
+                        steps,
+                        float(solver.t),
+                        f"too many internal steps for one step to time {end:g} s at tolerance {tolerance:g}; forces "
+                        "too large, leg_friction_velocity too small, or step too long",
+                    )
+                # LSODA only tells the last one
+                proposed = float(getattr(solver, "h_abs", solver.step_size or end - solver.t))
+                # if ẋ overflows, SciPy finds no first step size and would reduce it for ever
+                if not proposed > 0 or solver.step() is not None or not np.isfinite(solver.y).all():
+                    raise StepError(
+                        "internal step size",
+                        proposed,
+                        float(solver.t),
+                        f"the tolerance {tolerance:g} cannot be met; forces too large, or pose nearly singular",
+                    )
+                check_pose(self._platform, solver.y, float(solver.t), side)
+        self.x[:], self._time, self._handedness = solver.y, end, side
+        if not self._variant.bristles:
+            # the last step was shortened to end on time; its original size carries over
+            self.internal_step = max(proposed, float(solver.h_abs))
 
 
 def _number(name: str, value: object) -> float:

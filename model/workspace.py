@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER, mass_matrix, platform_side, static_leg_forces
 from gough_stewart.model.errors import PlatformError, WorkspaceError
+from gough_stewart.model.interface import Variant
 from gough_stewart.model.kinematics import (
     LegGeometry,
     conditioning_of_legs,
@@ -28,7 +29,6 @@ from gough_stewart.model.parameters import Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import LARGEST_PITCH, side_of_singular_poses
 from gough_stewart.model.rotations import matrix_from_orientation, nearest_angle
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import Array, FloatArray, apply, per_leg, transpose
 
 # Poses per chunk: enough for fast NumPy loops, with tens of MB of intermediate results.

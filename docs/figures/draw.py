@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from saving import save_svg
 
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "path", "svg.hashsalt": "gough-stewart"}
 INK, BASE, TOP, LOWER, UPPER, FORCE = "#222222", "#6B7785", "#0072B2", "#8A6D3B", "#D9A441", "#C0392B"

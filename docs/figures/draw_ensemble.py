@@ -9,7 +9,7 @@ from saving import save_svg
 from gough_stewart.harness.ensemble.ensemble import ensemble
 from gough_stewart.harness.output.plotting import COLOURS, pictures
 from gough_stewart.model.kinematics import leg_jacobian
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 
 SPREADS = (0.02, 0.05, 0.1, 0.15, 0.2)  # [mm]
 TARGET = 0.1  # [mm]

@@ -7,7 +7,7 @@ from saving import save_svg
 
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.motion.limits.shares import shares_along
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "path", "svg.hashsalt": "gough-stewart"}
 LIMITS = {

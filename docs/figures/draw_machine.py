@@ -13,8 +13,8 @@ from gough_stewart.harness.control.linear import linear_matrices
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.output.plotting import COLOURS, pictures
 from gough_stewart.model.friction import Bristles, bristle_friction, law_of_bristles
+from gough_stewart.model.interface import Variant
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 STICKS = {"leg_coulomb_friction": 100.0, "leg_static_friction": 150.0, "leg_viscous_friction": 500.0}

@@ -8,7 +8,7 @@ from saving import save_svg
 from gough_stewart.harness.motion.recorded.low_pass import smoothed
 from gough_stewart.harness.motion.recorded.table import FromTable
 from gough_stewart.harness.motion.references import FromFile
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 
 STYLE = {"font.family": "DejaVu Sans", "font.size": 10, "svg.fonttype": "path", "svg.hashsalt": "gough-stewart"}
 NOISE, RATE, CUTOFF = 2e-5, 200.0, 8.0  # [m], [Hz], [Hz]

@@ -28,12 +28,10 @@ from gough_stewart.fmu_build.plant.reference_results import (
 from gough_stewart.fmu_build.sources import c_folder
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import states_at
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, MOST_INTERNAL_STEPS, TOLERANCES
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, MOST_INTERNAL_STEPS, TOLERANCES, Variant
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_texts
+from gough_stewart.model.process.installed import TRACER, prebuilt_content, state_of_texts
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import Array
 
 IDENTIFIER = PLANT_STEM = "gough_stewart"

@@ -10,8 +10,7 @@ from functools import cache
 from gough_stewart.fmu_build.component import Layout, Role, laid_out
 from gough_stewart.fmu_build.sources import defines, filled, places
 from gough_stewart.model import interface, platform_checks, pose_limits
-from gough_stewart.model.interface import MOST_INTERNAL_STEPS, TOLERANCES
-from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.interface import IDEAL, MOST_INTERNAL_STEPS, TOLERANCES, Variant
 
 # 1 s in steps of 1 µs; takes 4 s.
 MOST_FIXED_STEPS = 1_000_000

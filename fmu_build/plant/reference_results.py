@@ -13,12 +13,10 @@ from gough_stewart.model import interface
 from gough_stewart.model.dynamics import states_at
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import case_of
-from gough_stewart.model.interface import DEFAULT_TOLERANCE
-from gough_stewart.model.kernel import parameter_vector
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.scipy_stepper import ScipyStepper
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import Variant
+from gough_stewart.model.stepping import ScipyStepper
 from gough_stewart.model.vectors import Array, FloatArray
 
 # Ten thousand times smaller than the unit's default.
@@ -79,9 +77,8 @@ def _results(case: ReferenceCase) -> FloatArray:
     variant, judge = case.variant, ScipyStepper(case.variant, TOLERANCE)
     judge.x[:] = interface.pack(variant.states, case.states)
     judge.u[:] = case.inputs[0]
-    judge.p[:] = parameter_vector(case.platform, variant)
     judge.begin(case.platform, float(case.time[0]), None)
-    rows = [judge.result_vector()]
+    rows = [judge.find_results().copy()]
     for (start, end), (first, last) in zip(pairwise(case.time.tolist()), pairwise(case.inputs), strict=True):
         judge.input_rates[:] = (last - first) / (end - start)
         try:
@@ -89,7 +86,7 @@ def _results(case: ReferenceCase) -> FloatArray:
         except StepError:
             break
         judge.u[:] = last
-        rows.append(judge.result_vector())
+        rows.append(judge.find_results().copy())
     return np.array(rows)
 
 

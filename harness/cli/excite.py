@@ -79,7 +79,7 @@ def excite_command(
             from gough_stewart.harness.identify.excite import excite, experiment_text
             from gough_stewart.harness.identify.excite_report import excite_report
             from gough_stewart.harness.identify.names import expanded
-            from gough_stewart.model.platform_toml import platform_to_toml
+            from gough_stewart.model.platform import platform_to_toml
             from gough_stewart.model.process.files import Content, check_output_folder, write_files
 
         check_output_folder(out, ("excitation.toml", "platform.toml"))

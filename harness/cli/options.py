@@ -50,7 +50,7 @@ def path(text: str) -> Path:
 
 def presets(begun: str) -> list[str]:
     """Platforms that ship with the package."""
-    from gough_stewart.model.platform_toml import preset_names
+    from gough_stewart.model.platform import preset_names
 
     return [name for name in preset_names() if name.startswith(begun)]
 
@@ -145,7 +145,7 @@ def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
         raise UsageError("--preset and --platform exclude each other; give one")
     with preparing():
         from gough_stewart.model.formulations import cases
-        from gough_stewart.model.platform_toml import load_platform, load_preset
+        from gough_stewart.model.platform import load_platform, load_preset
 
         if platform is None:
             with wrong_use_if(PlatformFileError):
@@ -223,7 +223,7 @@ def results_folder(command: str, experiment: str, suffix: str = "") -> Path:
 def platform_folder(command: str, preset: str | None, platform: Path | None) -> Path:
     """The same for a preset or a platform file; the paper's preset by default."""
     from gough_stewart.model.formulations import cases
-    from gough_stewart.model.platform_toml import preset_names
+    from gough_stewart.model.platform import preset_names
 
     chosen = preset or cases.PAPER_PRESET if platform is None else str(platform)
     return _folder_of(command, chosen, preset_names())

@@ -22,7 +22,7 @@ def presets_command(
         from gough_stewart.harness.report.quantities import MASS, NUMBER, POSITION
         from gough_stewart.harness.report.table import Column, Table
         from gough_stewart.model import kinematics
-        from gough_stewart.model.platform_toml import load_preset, preset_names, preset_text
+        from gough_stewart.model.platform import load_preset, preset_names, preset_text
 
         if name is not None:
             with wrong_use_if(PlatformFileError):

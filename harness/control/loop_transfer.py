@@ -11,10 +11,9 @@ from gough_stewart.harness.control.linear_law import MapsOfPose, displacements, 
 from gough_stewart.harness.control.state_space import StateSpace, beside, discretised, matrices_of, series
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
-from gough_stewart.model.interface import size_of
+from gough_stewart.model.interface import SLIDING, Variant, size_of
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.variant import SLIDING, Variant
 from gough_stewart.model.vectors import Array, FloatArray
 
 # Doubling the number multiplies the time for eigenvalues by ten, to half a minute.

@@ -9,8 +9,8 @@ from gough_stewart.harness.control.component import Clock, Parameter, Signals, S
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES, Side
 from gough_stewart.harness.quantities import PositiveTime, number
 from gough_stewart.harness.section import Section
-from gough_stewart.model.interface import Variable
 from gough_stewart.model.operations import greater, rounded, where
+from gough_stewart.model.parameters import Variable
 
 # Smaller noise and steps are rounding, and their inverse overflows.
 FINEST = 1e-15

@@ -13,7 +13,7 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.isolated import Isolated
 from gough_stewart.model import interface
-from gough_stewart.model.interface import Variable
+from gough_stewart.model.parameters import Variable
 from gough_stewart.model.vectors import FloatArray
 
 REFERENCE = "reference_"

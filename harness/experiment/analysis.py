@@ -23,8 +23,8 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.interface import RIGID
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.variant import RIGID
 
 # Of an eigenvalue, and the largest exponent of a growth that is told.
 _ROUNDING, _MOST = 1e-7, 300.0

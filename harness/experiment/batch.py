@@ -24,9 +24,9 @@ from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.harness.motion.motion import Motion, Reference
 from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, Stepping
 from gough_stewart.harness.plants.members import PerMember, stacked
+from gough_stewart.model.interface import Variant
 from gough_stewart.model.platform import Platform, Platforms
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 T = TypeVar("T")

@@ -27,7 +27,7 @@ from gough_stewart.harness.motion.recorded.recording import recording_path
 from gough_stewart.harness.motion.references import FromFile
 from gough_stewart.harness.section import complaints, file_names
 from gough_stewart.model.interface import nearest
-from gough_stewart.model.process.toml import toml_names, toml_text, toml_values
+from gough_stewart.model.process.toml import toml_files, toml_values
 
 _SHIPPED = ("gough_stewart.harness.experiment", "shipped")
 
@@ -116,7 +116,7 @@ def experiment_names() -> tuple[str, ...]:
     tuple of str
         In alphabetical order.
     """
-    return toml_names(*_SHIPPED)
+    return tuple(toml_files(*_SHIPPED))
 
 
 def shipped_text(name: str) -> str:
@@ -127,9 +127,10 @@ def shipped_text(name: str) -> str:
     ExperimentError
         No such experiment; the nearest name is suggested.
     """
-    if name not in experiment_names():
-        raise ExperimentError(f"experiment '{name}'", "", f"no such experiment{nearest(name, experiment_names())}")
-    return toml_text(*_SHIPPED, name)
+    shipped = toml_files(*_SHIPPED)
+    if name not in shipped:
+        raise ExperimentError(f"experiment '{name}'", "", f"no such experiment{nearest(name, shipped)}")
+    return shipped[name].read_text(encoding="utf-8")
 
 
 def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:

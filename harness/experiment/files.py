@@ -1,6 +1,6 @@
 """The files of a run: record, metadata, metrics, figures, page; written as one set."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,7 @@ from gough_stewart.harness.results.metric_folds import METRICS
 from gough_stewart.harness.results.metrics import metrics, metrics_json
 from gough_stewart.harness.results.record import Record, platform_of
 from gough_stewart.harness.results.run_report import Robustness
-from gough_stewart.model.process.files import Content, FileSet, check_output_folder, file_set
+from gough_stewart.model.process.files import Content, check_output_folder, file_set
 
 # Of the groups of charts that a run shows at first, in their order.
 _FIGURES = [f"{name}.{kind}" for name in ("errors", "pose", "actuators", "legs") for kind in ("pdf", "png", "svg")]
@@ -68,7 +68,7 @@ def write_results(
             "record.csv": record.write_csv,
             "metadata.json": record.to_metadata(),
         }
-        written = aside.submit(_add, files, first)
+        written = aside.submit(files.add, first)
         measured = metrics(record)
         report = record.report(measured=measured, robustness=robustness, charts=page or figures or charts)
         report = replace(report, notes=(*report.notes, *notes))
@@ -82,7 +82,7 @@ def write_results(
         if page:
             more[PAGE] = page_of(report)
         written.result()
-        _add(files, more)
+        files.add(more)
     return Written(files.names, report)
 
 
@@ -91,11 +91,6 @@ def _with_undefined(report: Report, requirements: Sequence[Required]) -> Report:
     required, known = ({part.path for part in parts} for parts in (requirements, report.numbers))
     missing = [Number(m.path, m.text, None, m.quantity) for m in METRICS if m.path in required - known]
     return replace(report, numbers=(*report.numbers, *missing))
-
-
-def _add(files: FileSet, contents: Mapping[str, Content]) -> None:
-    for name, content in contents.items():
-        files.add(name, content)
 
 
 def save_record(record: Record, folder: Path | str, report: bool = False, figures: bool = False) -> list[Path]:

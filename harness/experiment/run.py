@@ -33,8 +33,8 @@ from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.results.oscillation import FAULTS
 from gough_stewart.harness.results.record import Record, columns, plain
 from gough_stewart.model import interface
+from gough_stewart.model.interface import Variant
 from gough_stewart.model.process.progress import StepProgress, TimeProgress
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 FORMAT = 1

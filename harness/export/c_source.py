@@ -25,8 +25,8 @@ from gough_stewart.harness.export.texts import EXAMPLE, HEADER, SOURCE, comment,
 from gough_stewart.harness.export.trace import Traced, traced
 from gough_stewart.harness.motion.motion import Piecewise
 from gough_stewart.model import interface
-from gough_stewart.model.interface import Variable
 from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.parameters import Variable
 from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 

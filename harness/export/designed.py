@@ -28,7 +28,7 @@ from gough_stewart.harness.export.settings import Setting, setting, setting_of
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
-from gough_stewart.model.interface import Variable
+from gough_stewart.model.parameters import Variable
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 

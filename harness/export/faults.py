@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from gough_stewart.harness.errors import ExportError
-from gough_stewart.model.interface import Variable
+from gough_stewart.model.parameters import Variable
 
 SafeForce = Literal["feedforward", "zero"]
 SAFE_FORCES: tuple[SafeForce, ...] = get_args(SafeForce)

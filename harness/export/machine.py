@@ -44,9 +44,8 @@ from gough_stewart.harness.plants.plant import seen
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError
-from gough_stewart.model.process.installed import TRACER
-from gough_stewart.model.process.prebuilt import prebuilt_content, state_of_package, state_of_texts
-from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.interface import IDEAL, Variant
+from gough_stewart.model.process.installed import TRACER, prebuilt_content, state_of_package, state_of_texts
 from gough_stewart.model.vectors import FloatArray
 
 # In the manifest of prebuilt files.

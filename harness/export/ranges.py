@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.harness.motion.limits.reach import LegMotion
-from gough_stewart.model.interface import Variable
 from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.parameters import Variable
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.pose_limits import SHORTEST_LEG
 from gough_stewart.model.vectors import FloatArray

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gough_stewart.harness.control.component import Parameter
-from gough_stewart.model.interface import Variability, Variable
-from gough_stewart.model.parameters import Bound
+from gough_stewart.model.parameters import Bound, Variability, Variable
 from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 

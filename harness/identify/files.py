@@ -1,8 +1,7 @@
 """The files of an identification, which other commands read."""
 
 from gough_stewart.harness.identify.estimate import Estimate
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import platform_to_toml
+from gough_stewart.model.platform import Platform, platform_to_toml
 
 FILES = ("platform.toml", "estimate.json")
 

@@ -26,8 +26,8 @@ from gough_stewart.harness.identify.physical import BestFit
 from gough_stewart.harness.identify.rows.regression import cutoff_of
 from gough_stewart.harness.identify.smoothing import edge, smoothed
 from gough_stewart.model.dynamics import inverse_dynamics, leg_damping, platform_side
+from gough_stewart.model.interface import Variant
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 SPRINGS = ("leg_stiffness", "leg_damping")

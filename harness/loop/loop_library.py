@@ -19,9 +19,9 @@ from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.folds import AT, ROW_PARTS
 from gough_stewart.harness.plants.lanes import CompiledLanes
 from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model.interface import IDEAL, Variant
 from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.rotations import rotation_between
-from gough_stewart.model.variant import IDEAL, Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Of c/loop: its name, the component, and how many channels one call computes.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.loop_library import loop_kernel
 from gough_stewart.harness.loop.seeds import Seeds
-from gough_stewart.model.variant import IDEAL
+from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.vectors import FloatArray
 
 

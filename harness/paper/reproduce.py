@@ -21,8 +21,7 @@ from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray

@@ -17,10 +17,9 @@ from gough_stewart.harness.plants.unit import FmuInstance, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import states_at
 from gough_stewart.model.errors import InterfaceError, StepError
-from gough_stewart.model.interface import DEFAULT_TOLERANCE
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 _DISCARD = 2

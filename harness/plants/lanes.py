@@ -21,14 +21,13 @@ from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import motors_at, static_leg_forces
 from gough_stewart.model.errors import InterfaceError, MembersError, PlatformError, SingularPoseError, StepError
-from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES, end_of_step
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, IDEAL, SMOOTH, TOLERANCES, Variant, end_of_step
 from gough_stewart.model.kinematics import conditioning, leg_geometry
-from gough_stewart.model.parameters import Parameters
+from gough_stewart.model.parameters import Parameters, Variable
 from gough_stewart.model.platform import Platform, Platforms
 from gough_stewart.model.platform_checks import check_leg_com_offsets
 from gough_stewart.model.pose_limits import leg_collapsed, pitch_reached, singular_pose
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import IDEAL, SMOOTH, Variant
 from gough_stewart.model.vectors import FloatArray, real_array
 
 # The largest number of substeps; a motion that needs more is unsuited to fixed steps.
@@ -437,7 +436,7 @@ def _of_plants_alone(variant: Variant) -> CompiledLanes:
     return CompiledLanes(lanes_library(variant))
 
 
-def _first_not_finite(variables: Sequence[interface.Variable], values: FloatArray) -> tuple[str, float]:
+def _first_not_finite(variables: Sequence[Variable], values: FloatArray) -> tuple[str, float]:
     """Name and value of the first element that is not finite."""
     names = [name for variable in variables for name in variable.scalar_names]
     at = int(np.flatnonzero(~np.isfinite(values))[0])

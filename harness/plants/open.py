@@ -15,11 +15,10 @@ from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.isolated import IsolatedFmu
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 from gough_stewart.harness.plants.plant import Plant
-from gough_stewart.model.interface import DEFAULT_TOLERANCE
+from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.state import State
-from gough_stewart.model.variant import Variant
 
 if TYPE_CHECKING:
     from gough_stewart.harness.plants.unit import UnitFile

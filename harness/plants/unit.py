@@ -26,7 +26,7 @@ from gough_stewart.fmu_build.component import Layout
 from gough_stewart.fmu_build.plant.layout import PLANT, plant_layout
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.variant import Variant
+from gough_stewart.model.interface import Variant
 
 FmiType = Literal["CoSimulation", "ModelExchange"]
 _WELL = (0, 1)  # fmi2OK and fmi2Warning, as in FMI 3.0; others are failures, also those that no standard knows

@@ -20,7 +20,7 @@ from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.unit import FmiType, FmuInstance, UnitFile, check_archive
 from gough_stewart.model import interface
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.variant import IDEAL, NOMINAL
+from gough_stewart.model.interface import IDEAL, NOMINAL
 from gough_stewart.model.vectors import FloatArray
 
 # Of a variable's largest value, or of 1 in its SI unit. Sound units differ by 2e-6 at most: with stiction and

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.state import Inputs, State
 
 PAPER_PRESET = "liu2000"
@@ -44,7 +43,7 @@ class OpenLoopCase:
     @property
     def inputs(self) -> Inputs:
         """Actuator forces without an external wrench."""
-        return Inputs.from_actuators(self.actuator_force)
+        return Inputs(self.actuator_force, np.zeros(3), np.zeros(3))
 
 
 def paper_case(minus_first: bool = False) -> OpenLoopCase:

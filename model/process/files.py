@@ -11,7 +11,7 @@ import secrets
 import shutil
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -30,14 +30,9 @@ _log = logging.getLogger(__name__)
 
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
-    """Check that files of these names can be written to a folder, before anything is computed.
+    """Raise `OutputError` if files of these names cannot be written to a folder, before anything is computed.
 
     Temporary files of processes that were killed there are removed.
-
-    Raises
-    ------
-    OutputError
-        The folder is a file, is not writable, cannot be created, or has a subfolder with one of the names.
     """
     place = folder.absolute()
     while not os.path.lexists(place) and place != place.parent:
@@ -57,10 +52,7 @@ def check_output_folder(folder: Path, names: Iterable[str]) -> None:
 def reserved(folder: Path) -> Iterator[None]:
     """Keep an output folder, created if needed, for this thread while a block lasts; may be nested.
 
-    Raises
-    ------
-    OutputError
-        The folder cannot be written to, or another process or thread writes there.
+    `OutputError` if it cannot be written to, or another process or thread writes there.
     """
     check_output_folder(folder, ())
     is_new = not folder.exists()
@@ -88,7 +80,7 @@ def reserved(folder: Path) -> Iterator[None]:
 def write_whole(path: Path, content: Content) -> None:
     """Create or replace a file atomically; an interrupted write leaves the old file unchanged."""
     try:
-        with temporary_file(path) as temporary:
+        with _temporary(path.parent, f".{path.name}", Path.touch) as temporary:
             if isinstance(content, bytes):
                 temporary.write_bytes(content)
             else:
@@ -107,13 +99,14 @@ class FileSet:
     temporary: Path
     names: list[str] = field(default_factory=list)
 
-    def add(self, name: str, content: Content) -> None:
-        """Add a complete file."""
-        try:
-            write_whole(self.temporary / name, content)
-        except OSError as error:
-            raise OSError(error.errno, error.strerror, str(self.folder / name)) from error
-        self.names.append(name)
+    def add(self, contents: Mapping[str, Content]) -> None:
+        """Add complete files by name, one after the other."""
+        for name, content in contents.items():
+            try:
+                write_whole(self.temporary / name, content)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(self.folder / name)) from error
+            self.names.append(name)
 
 
 @contextmanager
@@ -122,26 +115,17 @@ def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> I
 
     New files are temporary until the end. Then the files of the older set are deleted, and the new ones are moved to
     their places. If an error or an interrupt ends the set early, the new files written so far are kept, no old file
-    is left beside them, and a note on the error lists the missing files. An empty set does not change the folder.
-
-    Parameters
-    ----------
-    folder
-        The output folder.
-    names
-        Names of the files to be added.
-    owned
-        Names of further files that an older set can have.
+    is left beside them, and a note on the error lists the missing files. An empty set does not change the folder. The
+    files to be added have these `names`, `owned` are further ones that an older set can have.
     """
     expected = tuple(names)
     folder.mkdir(parents=True, exist_ok=True)
-    with temporary_folder(folder) as temporary:
+    with _temporary(folder, "", Path.mkdir) as temporary:
         files = FileSet(folder, temporary)
         try:
             yield files
         except BaseException as error:
-            missing = [name for name in expected if name not in files.names]
-            if files.names and missing:
+            if files.names and (missing := [name for name in expected if name not in files.names]):
                 error.add_note(f"{folder} has {', '.join(files.names)}; missing: {', '.join(missing)}")
             raise
         finally:
@@ -156,8 +140,7 @@ def file_set(folder: Path, names: Iterable[str], owned: Iterable[str] = ()) -> I
 def write_files(folder: Path, files: Mapping[str, Content], owned: Iterable[str] = ()) -> None:
     """Write files by name as one set to a folder, which is created if needed; see `file_set`."""
     with file_set(folder, files, owned) as new:
-        for name, content in files.items():
-            new.add(name, content)
+        new.add(files)
 
 
 def _swap_in(files: FileSet, older: set[str]) -> None:
@@ -176,16 +159,6 @@ def _swap_in(files: FileSet, older: set[str]) -> None:
         raise
 
 
-def temporary_file(path: Path) -> AbstractContextManager[Path]:
-    """A new, empty file beside a path, removed at the end unless it was renamed."""
-    return _locked(path.parent, f".{path.name}", Path.touch)
-
-
-def temporary_folder(folder: Path) -> AbstractContextManager[Path]:
-    """A new folder in a folder, removed at the end unless it was renamed."""
-    return _locked(folder, "", Path.mkdir)
-
-
 def remove_leftovers(folder: Path) -> None:
     """Remove what processes that have ended left in a folder, and log it; what a living process writes stays."""
     if fcntl is None:
@@ -195,8 +168,8 @@ def remove_leftovers(folder: Path) -> None:
 
 
 @contextmanager
-def _locked(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterator[Path]:
-    """Make a temporary file or folder, hold its lock, and remove it."""
+def _temporary(folder: Path, stem: str, make: Callable[[Path], None]) -> Iterator[Path]:
+    """A new, empty file or folder, locked, and removed at the end unless it was renamed."""
     while True:
         path, descriptor = folder / f"{stem}.{secrets.token_hex(4)}.part", None
         try:

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from importlib import resources
+from importlib.resources.abc import Traversable
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,7 @@ _KEY = re.compile(r"\s*([^=#]+?)\s*=")
 
 
 def toml_values(text: str) -> dict[str, Any]:
-    """The values of a TOML text.
-
-    Raises
-    ------
-    ValueError
-        Not TOML, or a duplicate key; the message is one line with the place and the text found there.
-    """
+    """The values of a TOML text; `ValueError` has one line with the place and the text found there."""
     try:
         # with a final newline, so that errors in the last line have a position, too
         return tomllib.loads(f"{text}\n")
@@ -41,15 +36,10 @@ def toml_item(value: Any) -> tomlkit.items.Item:
     return array
 
 
-def toml_names(package: str, folder: str) -> tuple[str, ...]:
-    """Names of the TOML files in a folder of a package, without .toml."""
+def toml_files(package: str, folder: str) -> dict[str, Traversable]:
+    """The TOML files in a folder of a package by their names without .toml, in alphabetical order."""
     files = resources.files(package).joinpath(folder).iterdir()
-    return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
-
-
-def toml_text(package: str, folder: str, name: str) -> str:
-    """The text of such a file, with its comments."""
-    return resources.files(package).joinpath(folder, f"{name}.toml").read_text(encoding="utf-8")
+    return dict(sorted((f.name.removesuffix(".toml"), f) for f in files if f.name.endswith(".toml")))
 
 
 def _explained(message: str, text: str) -> str:

@@ -15,7 +15,7 @@ from gough_stewart.fmu_build.toolchain import BY_NAME, Target, compile_library, 
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.model.formulations.cases import paper_case
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from tests.support.c_hosts import (
     FUZZ,
     HOSTS,

@@ -7,7 +7,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.results.record import machine_of
-from gough_stewart.model.variant import Variant
+from gough_stewart.model.interface import Variant
 from tests.support.energy_balance import Balance, energy_balance
 
 pytestmark = pytest.mark.evidence

@@ -11,8 +11,7 @@ from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.harness.motion.paths.polynomials import polynomials_of
 from gough_stewart.harness.motion.paths.time_law import TimedPath
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from tests.support.direct_transcription import least_time
 
 pytestmark = pytest.mark.evidence

@@ -15,7 +15,7 @@ from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.scene import FRAMES, frame_rows
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.formulations.cases import case_of, paper_case
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.browser import CHROMIUM, open_report, until
 from tests.support.fmu_plants import Fmu

@@ -12,7 +12,7 @@ import pytest
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.log import Log, log_of
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 
 pytestmark = pytest.mark.evidence
 LEGS = np.array([1.0, 1.2, 0.9, 1.1, 1.1, 0.7])

@@ -17,7 +17,7 @@ from gough_stewart.fmu_build.build import build_units, uncompiled_unit
 from gough_stewart.fmu_build.component import Icon, Sources, UnitComponent
 from gough_stewart.fmu_build.controller import ControllerParameter, SampledController, controller_component
 from gough_stewart.harness.plants.unit import FmuFile
-from gough_stewart.model.interface import Variable
+from gough_stewart.model.parameters import Variable
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fmu_plants import DISCARD, Plant, refused
 from tests.support.sampled_unit import run_unit

@@ -27,8 +27,8 @@ from gough_stewart.model.kernel import (
     processor_level,
     traced_call,
 )
-from gough_stewart.model.process import prebuilt
-from gough_stewart.model.process.prebuilt import MANIFEST, state_of_texts
+from gough_stewart.model.process import installed
+from gough_stewart.model.process.installed import MANIFEST, state_of_texts
 from tests.support.uneven import UNEVEN
 
 
@@ -43,14 +43,14 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def folder(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A copy of it, which the package takes for its own."""
-    monkeypatch.setattr(prebuilt, "prebuilt_folder", lambda: tmp_path)
+    monkeypatch.setattr(installed, "PREBUILT", tmp_path)
     for path in (path for path in made.rglob("*") if path.is_file()):
         (tmp_path / path.relative_to(made)).parent.mkdir(exist_ok=True)
         (tmp_path / path.relative_to(made)).write_bytes(path.read_bytes())
-    for cached in (prebuilt._manifest, kernel_library):
+    for cached in (installed._manifest, kernel_library):
         cached.cache_clear()
     yield tmp_path
-    for cached in (prebuilt._manifest, kernel_library):
+    for cached in (installed._manifest, kernel_library):
         cached.cache_clear()
 
 
@@ -101,7 +101,7 @@ def test_a_library_that_does_not_load_is_named_and_not_used(folder: Path) -> Non
     manifest = json.loads((folder / MANIFEST).read_text())
     ((name, line),) = manifest["files"].items()
     (folder / line["file"]).write_bytes(b"no library")
-    manifest["files"][name] = prebuilt.manifest_line(line["file"], b"no library", line["state"])
+    manifest["files"][name] = installed.manifest_line(line["file"], b"no library", line["state"])
     (folder / MANIFEST).write_text(json.dumps(manifest))
     with pytest.warns(UserWarning, match=r"kernel\.\w+ does not load here, and CasADi evaluates the equations"):
         assert kernel_library() is None
@@ -151,7 +151,7 @@ def test_a_library_counts_only_for_its_sources(folder: Path, monkeypatch: pytest
     assert line["state"] == state_of_texts()
     manifest["files"][name] = {**line, "state": "0" * 64}
     (folder / MANIFEST).write_text(json.dumps(manifest))
-    for cached in (prebuilt._manifest, kernel_library):
+    for cached in (installed._manifest, kernel_library):
         cached.cache_clear()
     assert kernel_library() is None
     copy = folder / "sources"

@@ -12,7 +12,7 @@ from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import Library
 from gough_stewart.fmu_build.plant import component
 from gough_stewart.fmu_build.toolchain import BY_NAME, WEB_ASSEMBLY, Compiler
-from gough_stewart.model.variant import IDEAL, Variant
+from gough_stewart.model.interface import IDEAL, Variant
 
 STICKING = Variant(bristles=True)
 

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 
 from gough_stewart import Platform
 from gough_stewart.model.dynamics import plant_equations
+from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.state import Inputs
-from gough_stewart.model.variant import IDEAL
 from tests.support.random_platforms import random_inputs, random_platform, random_state
 
 KERNEL = Kernel()

@@ -9,11 +9,11 @@ import pytest
 from gough_stewart import GoughStewartError, Platform, State, leg_geometry
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations import newton_euler
+from gough_stewart.model.interface import Variant
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_rates
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs
-from gough_stewart.model.variant import Variant
 from tests.support.lagrangian import FloatArray
 from tests.support.random_platforms import random_inputs, random_state
 from tests.support.real_platforms import SPRINGS, VARIANTS, printed_law, real_platform

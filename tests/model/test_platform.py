@@ -1,5 +1,6 @@
-"""What a Platform accepts, refuses, and promises."""
+"""What a Platform accepts, refuses, promises and shows, alone and among many."""
 
+import inspect
 import pickle
 import re
 from copy import deepcopy
@@ -8,11 +9,32 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lxml import html
+from scipy.spatial.transform import Rotation
 
-from gough_stewart import GoughStewartError, Platform, leg_geometry, load_preset, preset_names
+from gough_stewart import GoughStewartError, Platform, SteppingModel, leg_geometry, load_preset, preset_names
 from gough_stewart.model.kinematics import conditioning
+from gough_stewart.model.parameters import PHYSICAL, TABLE
+from gough_stewart.model.platform import platforms_with
 from tests.support.lagrangian import FloatArray
 from tests.support.uneven import UNEVEN
+
+
+def refused(platform: Platform, message: str, **change: Any) -> str:
+    """The field of the error of a change, which is the same by `replace` and, for numbers, by `with_parameters`."""
+    with pytest.raises(GoughStewartError, match=message) as caught:
+        replace(platform, **change)
+    if not {"name", "source"} & {*change}:
+        with pytest.raises(GoughStewartError, match=f"^{re.escape(str(caught.value))}$"):
+            platform.with_parameters(change)
+    return str(vars(caught.value)["field"])
+
+
+def says(text: str, **change: Any) -> None:
+    """The change of the uneven platform is refused in exactly these words."""
+    assert refused(UNEVEN, f"^{re.escape(text)}$", **change) == text.partition(": ")[0]
 
 
 @pytest.mark.parametrize(
@@ -34,10 +56,7 @@ from tests.support.uneven import UNEVEN
     ],
 )
 def test_an_impossible_parameter_is_refused_by_name(paper: Platform, field: str, value: Any, message: str) -> None:
-    with pytest.raises(GoughStewartError, match=message) as caught:
-        replace(paper, **{field: value})
-    assert field in vars(caught.value)["field"]
-    assert isinstance(caught.value, GoughStewartError)
+    assert field in refused(paper, message, **{field: value})
 
 
 @pytest.mark.parametrize("name", preset_names())
@@ -79,24 +98,11 @@ def test_motion_base_masses_are_those_of_the_sources_cylinders() -> None:
     assert platform.leg_lower_com == pytest.approx(0.375 * L, abs=0.001)
 
 
-def changed(**change: Any) -> Platform:
-    """The uneven platform with what a user may give."""
-    return replace(UNEVEN, **change)
-
-
-def says(text: str, **change: Any) -> None:
-    """The change of the uneven platform is refused in exactly these words."""
-    with pytest.raises(GoughStewartError, match=f"^{re.escape(text)}$") as caught:
-        changed(**change)
-    assert vars(caught.value)["field"] == text.partition(": ")[0]
-
-
 def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
     """Expected: the pair of joints, the elements, the moments by hand; legs and elements that are not the first."""
     base, top = UNEVEN.base_points.copy(), UNEVEN.platform_points.copy()
     base[4], top[5] = base[2], top[1]
-    with pytest.raises(GoughStewartError, match=r"^base_points: joints 1 and 2 coincide at \(1, 2, 3\) m"):
-        changed(base_points=np.tile([1.0, 2.0, 3.0], (6, 1)))
+    refused(UNEVEN, r"^base_points: joints 1 and 2 coincide at \(1, 2, 3\) m", base_points=np.tile([1.0, 2, 3], (6, 1)))
     different = "m; expected six different points (an idealised double joint needs a small offset)"
     says(f"base_points: joints 3 and 5 coincide at (1.47, -1.32, 0.07) {different}", base_points=base)
     says(f"platform_points: joints 2 and 6 coincide at (-0.69, 0.75, 0.03) {different}", platform_points=top)
@@ -176,28 +182,35 @@ BOUNDS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
 ]
 
 
-@pytest.mark.parametrize(("accepted", "refused", "text"), BOUNDS)
-def test_bounds_hold_from_both_sides(accepted: dict[str, Any], refused: dict[str, Any], text: str) -> None:
+@pytest.mark.parametrize(("inside", "outside", "text"), BOUNDS)
+def test_bounds_hold_from_both_sides(inside: dict[str, Any], outside: dict[str, Any], text: str) -> None:
     """Expected: a millionth of the largest distance, 1e-9 of an inertia, ten radii, π, 1e30, home legs, 1e-3 of 90°."""
-    for name, value in accepted.items():
-        assert np.array_equal(getattr(changed(**accepted), name), value)
-    with pytest.raises(GoughStewartError, match=text):
-        changed(**refused)
+    for name, value in inside.items():
+        assert np.array_equal(getattr(replace(UNEVEN, **inside), name), value)
+    refused(UNEVEN, text, **outside)
+
+
+def test_a_change_may_contradict_what_stays() -> None:
+    """Expected: legs of the new home pose beyond the stroke, and shorter than a part's centre of mass."""
+    home = UNEVEN.home_position
+    refused(UNEVEN, "^leg_length_max: is 3.9 m, but a home leg is", home_position=home * [1, 1, 1.4])
+    refused(UNEVEN, "^leg_length_max: is 3.9 m, but a home leg is", base_points=UNEVEN.base_points - [0, 0, 0.9])
+    refused(UNEVEN, "^leg_lower_com: is 2 m", home_position=home * [1, 1, 0.5], leg_lower_com=2.0, **FREE)
 
 
 def test_a_home_pose_is_singular_from_a_condition_number_of_1e8_on(paper: Platform) -> None:
     """Expected: NumPy's condition number with scaled angles of yaws beside Fichter's singular pose at 90°."""
-    for off, refused in ((5e-8, False), (3e-8, True)):
+    for off, is_singular in ((5e-8, False), (3e-8, True)):
         orientation = np.array([0.0, 0.0, np.pi / 2 - off])
         turn = np.array([[np.sin(off), -np.cos(off), 0], [np.cos(off), np.sin(off), 0], [0, 0, 1]])
         arm = paper.platform_points @ turn.T
         l = paper.home_position + arm - paper.base_points
         u = l / np.linalg.norm(l, axis=1)[:, None]
         number = np.linalg.cond(np.hstack([u, np.cross(arm, u)]))  # all joints 1 m from Op
-        assert (number > 1e8) == refused
-        if refused:
-            with pytest.raises(GoughStewartError, match=r"singular at the home pose \(condition number .*below 1e\+08"):
-                replace(paper, home_orientation=orientation)
+        assert (number > 1e8) == is_singular
+        if is_singular:
+            text = r"singular at the home pose \(condition number .*below 1e\+08"
+            refused(paper, text, home_orientation=orientation)
         else:
             assert replace(paper, home_orientation=orientation).home_orientation[2] == orientation[2]
 
@@ -253,3 +266,127 @@ def test_a_platform_and_its_copies_are_read_only_and_share_no_memory_with_what_t
         for array in (copied.base_points, copied.gravity):
             with pytest.raises(ValueError, match="read-only"):
                 array[-1] = 1.0
+
+
+@given(
+    names=st.sets(st.sampled_from(sorted(TABLE)), min_size=1, max_size=4),
+    factor=st.floats(0.999, 1.001, exclude_min=True),
+)
+@settings(max_examples=60)
+def test_other_values_give_the_platform_that_replace_gives(names: set[str], factor: float) -> None:
+    """Expected: all numbers of `replace`; the original stays as it was, and arrays are read-only."""
+    before = UNEVEN.as_dict()
+    known = {name: getattr(UNEVEN, name) for name in names}
+    values: dict[str, Any] = {
+        name: None if value is None else np.asarray(value) * factor for name, value in known.items()
+    }
+    found, expected = UNEVEN.with_parameters(values), replace(UNEVEN, **values)
+    assert found == expected
+    with pytest.raises(GoughStewartError, match=r"platform_mas: no such parameter.*platform_mass"):
+        UNEVEN.with_parameters({"platform_mas": 3.0})
+    assert all(np.array_equal(UNEVEN.as_dict()[name], value) for name, value in before.items())
+    for name in names:
+        value = getattr(found, name)
+        assert not isinstance(value, np.ndarray) or not value.flags.writeable
+
+
+# Between the shortest and the longest leg in the home pose.
+MIDDLE_LEGS = np.quantile(HOME_LEGS, [0.3, 0.7]).tolist()
+# Values of six members, and which of them are impossible, by the messages of a platform alone.
+VARIED: dict[str, list[Any]] = {
+    "platform_mass": [3.0, 4.0, 0.0, 5.0, -1.0, 2e30],
+    "leg_coulomb_friction_factor": [np.arange(6.0), np.ones(6), -np.eye(6)[4], np.zeros(6), -np.ones(6), np.ones(6)],
+    "platform_inertia": [
+        np.diag(each) for each in ([2.0, 2, 3], [2.0, 2, 3.9], [2.0, 2, 4.1], [1.0, 0, 1], [3.0, 3, 3], [9.0, 8, 16])
+    ],
+    "platform_points": [
+        UNEVEN.platform_points * scale + shift * np.eye(6, 3)
+        for scale, shift in ((1, 0), (1, 1e-3), (1e-9, 0), (0.9, 0), (-1, 0), (1.1, 0))
+    ],
+    "base_points": [UNEVEN.base_points[[0, 1, 2, 3, 4, k]] for k in (5, 0, 5, 4, 3, 5)],
+    "home_position": [UNEVEN.home_position + z * np.eye(3)[2] for z in (0.0, 0.01, -10.0, -2.0, 5.0, 0.1)],
+    "home_orientation": [[0.0, pitch, 0.1] for pitch in (0.0, 0.1, 1.6, -1.57, 0.2, 3.0)],
+    "leg_lower_com": [0.1, 0.2, 50.0, 3.0, 0.3, -0.1],
+    "platform_com": [[0, 0, z] for z in (0.0, 0.5, 1e3, -1e3, 0.2, 9.0)],
+    "leg_length_max": [30.0, 40.0, 1e-3, *MIDDLE_LEGS, 31.0],
+    "leg_length_min": [0.1, 0.2, 30.0, *MIDDLE_LEGS, 0.3],
+    "joint_angle_max": [0.5, 3.1, 3.2, 1.0, 4.0, 2.0],
+    # of other kinds than numbers of one shape
+    "platform_com ": [[0, 0, 0.1], [0, np.inf, 0], [0, 0, "1 m"], [0, 0], [0, 0, 1e3], [0, 0, 0.2]],
+    "leg_length_max ": [30.0, 40.0, None, 1e-3, np.nan, 31.0],
+    "leg_viscous_friction": [1.0, [1.0, 2, 3, 4, 5, 6], 2.0, 3.0, -1.0, 4.0],
+    "platform_mas": [1.0] * 6,
+}
+
+
+@pytest.mark.parametrize("number", [1, 6, 13])
+@pytest.mark.parametrize("fixed", [FREE, {}, {"leg_coulomb_friction": [1.0, 2, 3, 4, 5, 6], "leg_armature": 3.0}])
+@pytest.mark.parametrize("name", VARIED)
+def test_many_platforms_are_those_that_are_made_alone(name: str, fixed: dict[str, Any], number: int) -> None:
+    """Expected: the same numbers, or the same message, as `with_parameters` of each base, one after the other."""
+    bases = [UNEVEN, replace(UNEVEN, platform_mass=2.5, **FREE)]
+    of = np.arange(number) % 3 // 2
+    parameters = [{**fixed, name.strip(): VARIED[name][k % 6]} for k in range(number)]
+    found, errors = platforms_with(bases, of, parameters)
+    assert len(found) == number
+    for k, each in enumerate(parameters):
+        if k in errors:
+            with pytest.raises(GoughStewartError) as caught:
+                bases[of[k]].with_parameters(each)
+            assert str(errors[k]) == str(caught.value)
+            continue
+        alone = bases[of[k]].with_parameters(each)
+        assert found[k] == alone
+        for row in PHYSICAL:
+            assert np.array_equal(getattr(found.parameters, row.name)[k], getattr(alone, row.name)), row.name
+            assert np.array_equal(found[np.array([k, 0])].field(row.name)[0], getattr(alone, row.name)), row.name
+
+
+def test_a_platform_is_told_in_exactly_these_lines() -> None:
+    """Expected: written by hand from the numbers of the uneven platform; ranges by NumPy from the joints."""
+    base, top = UNEVEN.base_points, UNEVEN.platform_points
+    R = Rotation.from_euler("xyz", UNEVEN.home_orientation).as_matrix()
+    legs = np.linalg.norm(UNEVEN.home_position + top @ R.T - base, axis=1)
+    radii = [np.linalg.norm(points - np.mean(points, axis=0), axis=1) for points in (base, top)]
+    assert repr(UNEVEN).splitlines() == [
+        "Platform uneven",
+        "  masses   platform 11.5 kg, legs 6 × (2.3 + 1.2) kg",
+        f"  joints   {min(radii[0]):.4g} to {max(radii[0]):.4g} m about the base's middle, {min(radii[1]):.4g} to "
+        f"{max(radii[1]):.4g} m about the platform's",
+        f"  home     position (0.08, -0.05, 2.9) m, orientation (0.04, -0.07, 0.11) rad, legs {min(legs):.4g} to "
+        f"{max(legs):.4g} m",
+        "  limits   leg_length_min 2.3 m, leg_length_max 3.9 m, actuator_force_max 640 N, joint_angle_max 0.7 rad",
+    ]
+    alike = load_preset("liu2000")
+    assert "2 m about the base's middle, 1 m about the platform's" in repr(alike)
+    assert repr(alike).splitlines()[3].endswith("rad, legs 3.246 m")
+
+
+def test_a_notebook_shows_each_number_with_unit_and_meaning() -> None:
+    """Expected: the numbers by hand, in the rows of their names; texts that are markup stay texts."""
+    page = html.fragment_fromstring(replace(UNEVEN, name="<b>", source="a & b")._repr_html_())
+    rows = {row[0].text_content(): [cell.text_content() for cell in row[1:]] for row in page.findall(".//tbody/tr")}
+    assert [cell.text_content() for cell in page.findall(".//thead/tr/th")] == ["parameter", "value", "unit", "meaning"]
+    assert page.findtext("caption") == "Platform <b> – a & b"
+    assert rows["platform_inertia"][:2] == ["4.6, 0.35, -0.28; 0.35, 5.7, 0.41; -0.28, 0.41, 8.1", "kg·m²"]
+    assert rows["leg_upper_com"] == ["0.58", "m", "upper part's centre of mass, from the platform joint along the leg"]
+    assert rows["leg_viscous_friction_factor"][:2] == ["0.7, 1.4, 0.9, 1.6, 0.5, 1.1", "1"]
+    assert list(rows) == list(UNEVEN.as_dict())[2:]
+    assert html.fragment_fromstring(replace(UNEVEN, source="")._repr_html_()).findtext("caption") == "Platform uneven"
+
+
+def test_help_lists_the_parameters_of_a_platform() -> None:
+    """Expected: every number of a platform with its unit, as the file of a platform has them."""
+    text = inspect.getdoc(Platform) or ""
+    assert [name for name in UNEVEN.as_dict() if f"\n{name} : " not in text] == ["name", "source"]
+    assert "\nplatform_inertia : (3, 3) [kg.m2]\n" in text
+
+
+def test_a_stepping_model_says_where_it_is() -> None:
+    """Expected: home at 0 s; later the state's own numbers."""
+    plant = SteppingModel(UNEVEN)
+    at_home = "<SteppingModel of uneven at 0 s: position (0.08, -0.05, 2.9) m, orientation (0.04, -0.07, 0.11) rad>"
+    assert repr(plant) == at_home
+    plant.do_step(0.0, 0.125)
+    x = ", ".join(f"{value:.6g}" for value in plant.state[:3])
+    assert repr(plant).startswith(f"<SteppingModel of uneven at 0.125 s: position ({x}) m")

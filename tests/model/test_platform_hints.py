@@ -87,15 +87,13 @@ def test_lugre_friction_that_is_not_passive_is_said() -> None:
     assert not any("passive" in each for each in real_platform("elasto_plastic", **one).hints)
 
 
-def _crossing(share: float, **limits: Any) -> gs.Platform:
-    """The uneven platform with the tip of leg 4 moved until that leg passes leg 5 at a share of the shorter one."""
+def _crossing(share: float, leg: int, aim: FloatArray) -> gs.Platform:
+    """The uneven platform with the tip of leg 4 or 5 moved until it is from the other at a share of the shorter one."""
     base, home = UNEVEN.base_points, UNEVEN.home_position
-    R = Rotation.from_euler("xyz", UNEVEN.home_orientation)
-    tips = home + R.apply(UNEVEN.platform_points.copy())
 
     def moved(t: float) -> FloatArray:
         points = UNEVEN.platform_points.copy()
-        points[3] = R.inv().apply(tips[3] + t * (tips[4] + np.array([-0.8, 0.0, 0.0]) - tips[3]) - home)
+        points[leg] = R.inv().apply(TIPS[leg] + t * (aim - TIPS[leg]) - home)
         return points
 
     def gap(t: float) -> float:
@@ -104,7 +102,8 @@ def _crossing(share: float, **limits: Any) -> gs.Platform:
     grid = np.linspace(0, 1, 80)
     gaps = [gap(t) for t in grid]
     k = next(k for k in range(1, 80) if gaps[k] < 0)
-    return replace(UNEVEN, platform_points=moved(brentq(gap, grid[k - 1], grid[k], xtol=1e-7)), **limits)
+    points = moved(brentq(gap, grid[k - 1], grid[k], xtol=1e-7))
+    return replace(UNEVEN, platform_points=points, leg_length_min=None, leg_length_max=None)
 
 
 def _measured(base: FloatArray, tip: FloatArray, i: int, j: int) -> float:
@@ -114,16 +113,22 @@ def _measured(base: FloatArray, tip: FloatArray, i: int, j: int) -> float:
     return float(np.sqrt(2 * found.cost) / min(np.linalg.norm(d), np.linalg.norm(e)))
 
 
-def test_legs_that_nearly_touch_are_named_with_their_distance_from_5_percent_on() -> None:
+R = Rotation.from_euler("xyz", UNEVEN.home_orientation)
+TIPS = UNEVEN.home_position + R.apply(UNEVEN.platform_points.copy())
+# Past the tip of the other leg, so that they cross, or to a point of it, from which the tip itself is nearest.
+AIMS = [(3, TIPS[4] + [-0.8, 0, 0]), *((leg, (0.4 * UNEVEN.base_points + 0.6 * TIPS)[7 - leg]) for leg in (3, 4))]
+
+
+@pytest.mark.parametrize(("leg", "aim"), AIMS)
+def test_legs_that_nearly_touch_are_named_with_their_distance_from_5_percent_on(leg: int, aim: FloatArray) -> None:
     """Expected: the distance by another method, the numbers of the legs; nothing from just above 5 % on."""
-    close = _crossing(0.031, leg_length_min=None, leg_length_max=None)
-    (first, *_) = close.hints
+    (first, *_) = _crossing(0.031, leg, aim).hints
     assert first == (
         "legs 4 and 5 come within 3.1 % of their length of each other at home, so real legs would collide; check the "
         "order of base_points and platform_points: joint i of one belongs to joint i of the other"
     )
     for share, is_hinted in ((0.0495, True), (0.0505, False)):
-        hints = _crossing(share, leg_length_min=None, leg_length_max=None).hints
+        hints = _crossing(share, leg, aim).hints
         assert any(hint.startswith("legs 4 and 5") for hint in hints) == is_hinted
 
 
@@ -132,8 +137,6 @@ def test_a_better_order_is_named_only_if_its_legs_fit_and_keep_their_distance() 
     order = [1, 0, 3, 4, 5, 2]
     exchanged = replace(UNEVEN, platform_points=UNEVEN.platform_points[order], leg_length_min=None, leg_length_max=None)
     base, home = exchanged.base_points, exchanged.home_position
-    R = Rotation.from_euler("xyz", exchanged.home_orientation)
-
     orders = np.array(list(permutations(range(6))))
     arms = R.apply(exchanged.platform_points.copy())[orders]
     l = home + arms - base

@@ -20,7 +20,7 @@ import gough_stewart as gs
 from gough_stewart import GoughStewartError, State, StepError, SteppingModel, leg_geometry, leg_jacobian, mass_matrix
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.plants.fmu import FmuPlant
-from gough_stewart.model import compiled_stepper
+from gough_stewart.model import stepping
 from tests.support.documented_loop import accelerations, twist_of_rates
 from tests.support.energy_balance import energy_balance
 from tests.support.plain_motion import trajectory
@@ -479,7 +479,7 @@ def test_the_side_of_singular_poses_is_forgotten_with_what_is_set_or_restored(in
 @of_both
 def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str, integrator: Integrator) -> None:
     """Expected: the same bytes from a snapshot, of this and another model, from each kind of copy; no effect back."""
-    model = moving(name, integrator=integrator)
+    model = moving(name, 1e-6, integrator=integrator)
     stepped(model, 3)
     snapshot = model.save_state()
     assert (snapshot.time, snapshot.x, snapshot.started) == (model.time, tuple(model.state.tolist()), True)
@@ -487,7 +487,7 @@ def test_a_restored_or_copied_model_repeats_its_future_to_the_last_bit(name: str
     restarts = integrator == "scipy" and model.variant.bristles
     assert snapshot.internal_step is None if restarts else snapshot.internal_step > 1e-5  # type: ignore[operator]
     copies = [deepcopy(model), copy(model), pickle.loads(pickle.dumps(model))]
-    other = SteppingModel(model.platform, integrator=integrator)
+    other = SteppingModel(model.platform, 1e-6, integrator=integrator)
     other.restore_state(snapshot)
 
     def future(model: SteppingModel) -> bytes:
@@ -663,11 +663,11 @@ def test_stiff_legs_are_the_rigid_plant_to_first_order() -> None:
 
 def test_without_library_and_compiler_the_error_names_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: the extra that brings a compiler, and the other integrator, which steps."""
-    compiled_stepper.stepper_library.cache_clear()
-    monkeypatch.setattr(compiled_stepper, "kernel_library", lambda: None)
-    monkeypatch.setattr(compiled_stepper, "_COMPILER", "gough_stewart.no_such_module")
+    stepping.stepper_library.cache_clear()
+    monkeypatch.setattr(stepping, "kernel_library", lambda: None)
+    monkeypatch.setattr(stepping, "_COMPILER", "gough_stewart.no_such_module")
     for platform in (UNEVEN, PLATFORMS["both"]):
         with pytest.raises(GoughStewartError, match=r"gough-stewart\[compile\]', or choose integrator=\"scipy\"$"):
             SteppingModel(platform)
         stepped(SteppingModel(platform, integrator="scipy"), 1)
-    compiled_stepper.stepper_library.cache_clear()
+    stepping.stepper_library.cache_clear()

@@ -10,7 +10,7 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants.model import ModelPlant
-from gough_stewart.model.platform_toml import save_platform
+from gough_stewart.model.platform import save_platform
 from tests.support.uneven import UNEVEN
 
 SAMPLE_TIME = 0.004  # [s]

@@ -13,10 +13,9 @@ from scipy.integrate import solve_ivp
 
 from gough_stewart.model.dynamics import leg_damping
 from gough_stewart.model.friction import law_of_bristles
-from gough_stewart.model.interface import size_of
+from gough_stewart.model.interface import LUGRE, Variant, size_of
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.variant import LUGRE, Variant
 from gough_stewart.model.vectors import FloatArray
 
 _NO_INPUTS = np.zeros(12)

@@ -17,8 +17,7 @@ from scipy.signal import lfilter
 
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.vectors import FloatArray
 from tests.support.lagrangian import Pose, forces_along, legs_along
 

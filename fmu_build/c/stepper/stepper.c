@@ -9,7 +9,7 @@
 #include "processor.h"
 
 /* Bytes of a component, then the offsets in bytes of what a host reads and writes, in the order of
-   gough_stewart.model.compiled_stepper. */
+   gough_stewart.model.stepping. */
 OFFERED void stepper_layout(size_t layout[])
 {
     const size_t places[] = {

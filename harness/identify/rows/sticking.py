@@ -19,10 +19,10 @@ import numpy as np
 
 from gough_stewart.harness.identify.names import place_of, value_of
 from gough_stewart.model.friction import Bristles, bristle_decay, law_of_bristles
+from gough_stewart.model.interface import RIGID, SLIDING, Variant
 from gough_stewart.model.parameters import PHYSICAL, Parameters
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import interrupts_held_back
-from gough_stewart.model.variant import RIGID, SLIDING, Variant
 from gough_stewart.model.vectors import FloatArray
 
 # Parameters of the law that a log can show; presliding, and how a leg breaks away, are the platform's.

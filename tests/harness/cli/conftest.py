@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.model.platform_toml import platform_to_toml
+from gough_stewart.model.platform import platform_to_toml
 from tests.support.noted_calls import Notes
 from tests.support.uneven import UNEVEN
 

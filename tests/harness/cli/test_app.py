@@ -17,7 +17,7 @@ from gough_stewart.harness.paper.report import to_markdown
 from gough_stewart.harness.paper.reproduce import Reproduction
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import OpenLoopCase
-from gough_stewart.model.platform_toml import preset_names, preset_text
+from gough_stewart.model.platform import preset_names, preset_text
 from tests.support.commands import invoke
 from tests.support.demo import Demo
 from tests.support.interpreter import Interpreter

@@ -21,7 +21,7 @@ from gough_stewart.harness.experiment.files import Written
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.results.record import Record
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from tests.support.commands import invoke
 from tests.support.noted_calls import Notes, made_report, said
 from tests.support.records import oscillating, waving_record

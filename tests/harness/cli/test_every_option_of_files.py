@@ -15,8 +15,7 @@ from gough_stewart.fmu_build.build import number_of_steps
 from gough_stewart.harness.cli import terminal
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.document import Note, Report
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset, platform_to_toml, preset_text
+from gough_stewart.model.platform import Platform, load_preset, platform_to_toml, preset_text
 from tests.support.commands import invoke
 from tests.support.noted_calls import Notes, made_report, said
 from tests.support.uneven import UNEVEN

@@ -30,7 +30,7 @@ from gough_stewart.harness.cli.options import (
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.harness.experiment.file import experiment_names
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.platform_toml import load_preset, platform_to_toml, preset_names
+from gough_stewart.model.platform import load_preset, platform_to_toml, preset_names
 from tests.support.commands import invoke
 from tests.support.uneven import UNEVEN
 

@@ -80,6 +80,6 @@ def test_building_a_unit_does_without_casadi_and_scipy_if_its_code_is_there(tmp_
     sources, dependencies = c.Sources({}, {}), {}
     c._code, c.slot_dependencies = (lambda _: sources), (lambda _: dependencies)
     import gough_stewart.fmu_build.build, gough_stewart.model.kernel
-    from gough_stewart.model.platform_toml import load_preset
+    from gough_stewart.model.platform import load_preset
     c.plant_component(load_preset('liu2000'))"""
     assert not loaded_after(given, str(tmp_path)) & {"casadi", "control", "matplotlib", "scipy"}

@@ -9,10 +9,10 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations import newton_euler
+from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import Inputs
-from gough_stewart.model.variant import IDEAL
 from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN
 

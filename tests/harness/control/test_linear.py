@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 from gough_stewart.harness.control.linear import leg_space_mass, linearise, modes, plant_system, trim
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.errors import InterfaceError, SingularPoseError
+from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.kinematics import leg_jacobian
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.state import Inputs
 from gough_stewart.model.stepping import SteppingModel
-from gough_stewart.model.variant import IDEAL
 from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_platform
 from tests.support.uneven import UNEVEN

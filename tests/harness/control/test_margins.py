@@ -26,7 +26,7 @@ from gough_stewart.harness.control.structured import bounds_of_the_largest, scal
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.analysis import margins as margins_of
 from gough_stewart.model.kinematics import leg_jacobian
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from tests.support.laws import law_of
 from tests.support.uneven import UNEVEN
 

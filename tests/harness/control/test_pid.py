@@ -16,7 +16,7 @@ from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.references import Circle
 from gough_stewart.harness.plants.signals import SIZE
 from gough_stewart.model.kinematics import leg_jacobian
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.vectors import FloatArray
 from tests.support.laws import law_of
 

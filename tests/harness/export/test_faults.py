@@ -18,7 +18,7 @@ from gough_stewart.harness.export.ranges import ranges_of
 from gough_stewart.harness.motion.limits.reach import LegMotion, legs_of
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.vectors import FloatArray
 from tests.harness.export.test_controllers import CIRCLE, HOLD, PD, PID, SINE
 from tests.support.exported import KP, Exported, commanded, measured_by, run_in_python, uneven_experiment

@@ -18,8 +18,7 @@ from gough_stewart.harness.motion.motion import Motion, Reference
 from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
 

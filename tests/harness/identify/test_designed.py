@@ -13,7 +13,7 @@ from gough_stewart.harness.identify.retuned import before_and_after
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.report.terminal import tables_text
 from gough_stewart.model.errors import ArgumentError
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from tests.support.information import with_changes
 from tests.support.lagrangian import Pose, forces_along
 from tests.support.tables_shown import heads_of, rows_of

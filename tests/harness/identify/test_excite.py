@@ -10,7 +10,7 @@ from gough_stewart.harness.identify.excite import criteria, excite, within_limit
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.references import Circle
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from tests.harness.identify.machine import excitation
 from tests.support.uneven import UNEVEN
 

@@ -19,7 +19,7 @@ from gough_stewart.harness.identify.rows.linear_parameters import (
 from gough_stewart.harness.motion.references import Circle
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.platform_toml import platform_from_toml, platform_to_toml
+from gough_stewart.model.platform import platform_from_toml, platform_to_toml
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.harness.identify.machine import NOMINAL, RATE, TRUE, frictionless_forces, legs, lugre, machine_log
 from tests.support.uneven import INPUTS, STATE, UNEVEN

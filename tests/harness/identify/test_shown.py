@@ -22,7 +22,7 @@ from gough_stewart.harness.identify.report import estimate_report
 from gough_stewart.harness.identify.tables import estimate_tables
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.table import Column, Table
-from gough_stewart.model.platform_toml import platform_from_toml
+from gough_stewart.model.platform import platform_from_toml
 from tests.support.page_arrays import data_of, unpacked
 from tests.support.tables_shown import heads_of, rows_of
 from tests.support.uneven import UNEVEN

@@ -15,8 +15,8 @@ from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.results.record import machine_of
 from gough_stewart.model.dynamics import plant_equations
+from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.state import Inputs
-from gough_stewart.model.variant import IDEAL
 from tests.support.uneven_loops import experiment_of as uneven_experiment
 
 MOTION = {"type": "sine", "position_amplitude": ["8 mm", "-5 mm", "6 mm"], "frequency": "4 Hz"}

@@ -25,8 +25,7 @@ from gough_stewart.harness.motion.references import (
 from gough_stewart.harness.quantities import Velocity
 from gough_stewart.harness.section import ByType, Section
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
 from tests.support.reference_motions import (

@@ -16,7 +16,7 @@ from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case, with_pairs_swapped
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 
 
 @pytest.fixture(scope="module")

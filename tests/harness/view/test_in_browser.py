@@ -11,8 +11,7 @@ from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.scene import leg_parts
 from gough_stewart.harness.view.page import view_page
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.browser import Watched, open_report, until, watched
 from tests.support.records import waving_record

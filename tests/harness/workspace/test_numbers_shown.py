@@ -17,8 +17,7 @@ from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.workspace.isosurface import clearance, surface_of
 from gough_stewart.harness.workspace.report import workspace_csv, workspace_report
 from gough_stewart.model.kinematics import joint_angles
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import FloatArray
 from gough_stewart.model.workspace import Limit, PoseQualities, Workspace, evaluate_poses, limits_at, sweep

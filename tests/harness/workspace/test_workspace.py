@@ -21,7 +21,7 @@ from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.workspace.isosurface import Isosurface, clearance, isosurface, surface_of
 from gough_stewart.harness.workspace.report import workspace_report
 from gough_stewart.model.kinematics import leg_geometry
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.workspace import evaluate_poses, sweep
 from tests.support.commands import invoke
 from tests.support.random_platforms import random_platform

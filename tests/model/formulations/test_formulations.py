@@ -10,9 +10,9 @@ from gough_stewart.model import interface, kinematics
 from gough_stewart.model.dynamics import plant_equations
 from gough_stewart.model.formulations import kane, newton_euler
 from gough_stewart.model.formulations.cases import paper_case
+from gough_stewart.model.interface import IDEAL
 from gough_stewart.model.kernel import Kernel, parameter_vector
 from gough_stewart.model.rotations import matrix_from_orientation
-from gough_stewart.model.variant import IDEAL
 from tests.support.random_platforms import Sample, relative_difference
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 

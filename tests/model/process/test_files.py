@@ -52,7 +52,7 @@ def test_a_set_that_fails_later_keeps_what_came_first_and_names_what_is_missing(
 
     def fail_after_the_table() -> None:
         with file_set(older, ["table", "figure"], ["page"]) as new:
-            new.add("table", b"new")
+            new.add({"table": b"new"})
             assert (older / "table").read_bytes() == b"old"
             raise error
 
@@ -141,14 +141,16 @@ def test_a_reserved_folder_is_of_one_thread_at_a_time(tmp_path: Path) -> None:
 
 # Holds a set with one file, and another file that is half written, until it is killed.
 _WRITER = """
-import sys, time
+import time
 from pathlib import Path
-from gough_stewart.model.process.files import file_set, temporary_file
-with file_set(Path("."), ["table"]) as new, temporary_file(Path("figure")) as figure:
-    new.add("table", b"whole")
+from gough_stewart.model.process.files import file_set, write_whole
+def half(figure):
     figure.write_bytes(b"ha")
     print("ready", flush=True)
     time.sleep(60)
+with file_set(Path("."), ["table"]) as new:
+    new.add({"table": b"whole"})
+    write_whole(Path("figure"), half)
 """
 
 

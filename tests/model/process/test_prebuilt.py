@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from gough_stewart.model.process import prebuilt as module
-from gough_stewart.model.process.prebuilt import (
+from gough_stewart.model.process import installed as module
+from gough_stewart.model.process.installed import (
     MANIFEST,
     manifest_line,
     packed,
@@ -23,7 +23,7 @@ CONTENT = bytes(range(256)) * 40
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder with one file, made of sources of the state `now`."""
-    monkeypatch.setattr(module, "prebuilt_folder", lambda: tmp_path)
+    monkeypatch.setattr(module, "PREBUILT", tmp_path)
     (tmp_path / "code.so").write_bytes(CONTENT)
     (tmp_path / MANIFEST).write_text(json.dumps({"files": {"code": manifest_line("code.so", CONTENT, "now")}}))
     module._manifest.cache_clear()

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, Page
 import gough_stewart as gs
 from gough_stewart.harness.export.live.machine import live_machine
 from gough_stewart.harness.export.live.page import live_page
-from gough_stewart.model.platform_toml import save_platform
+from gough_stewart.model.platform import save_platform
 from tests.harness.export.test_machine import Machine
 from tests.support.axe import violations
 from tests.support.browser import Watched, until, watched

@@ -12,7 +12,7 @@ from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.report import estimate_report
 from gough_stewart.harness.identify.tables import estimate_tables
 from gough_stewart.harness.report.page import page_of
-from gough_stewart.model.platform_toml import platform_to_toml
+from gough_stewart.model.platform import platform_to_toml
 from tests.harness.identify import machine as logs_of_another
 from tests.support.identification_campaign import LISTED, NAMED, Draw, run
 from tests.support.machine_logs import NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine

@@ -16,8 +16,7 @@ from gough_stewart.harness.identify.geometry import equations as eq
 from gough_stewart.harness.identify.geometry.joints import GEOMETRY, PoseAccuracy, identify_geometry
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.model.forward_kinematics import forward_kinematics
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_platform, save_platform
+from gough_stewart.model.platform import Platform, load_platform, save_platform
 from tests.support.commands import invoke
 from tests.support.uneven import UNEVEN
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.identify.rows.sticking import StickingFriction, resolved, sliding_rows, unit_friction
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.vectors import FloatArray
 from tests.support.sticking_logs import LEGS, Law
 

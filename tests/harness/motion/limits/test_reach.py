@@ -16,8 +16,7 @@ from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.references import Hold, PointToPoint, Sine
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.kinematics import joint_angles, leg_jacobian
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.pose_limits import LARGEST_PITCH
 from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_platform

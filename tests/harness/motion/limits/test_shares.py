@@ -16,8 +16,7 @@ from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER, S
 from gough_stewart.harness.motion.motion import Motion, Scaled, slower, smaller
 from gough_stewart.harness.motion.references import Sine
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 from tests.support.random_platforms import random_platform

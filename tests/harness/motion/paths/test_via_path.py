@@ -20,7 +20,7 @@ from gough_stewart.harness.motion.paths.polynomials import polynomials_of
 from gough_stewart.harness.motion.paths.time_law import Quintic, TimedPath, TimeLaw
 from gough_stewart.harness.motion.paths.via_path import ViaPath
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import State
 from tests.support.uneven import UNEVEN

@@ -11,7 +11,7 @@ from gough_stewart.harness.experiment.checking import check
 from gough_stewart.harness.motion.recorded.plausible_speed import check_speed
 from gough_stewart.harness.motion.recorded.table import FromTable
 from gough_stewart.harness.motion.references import FromFile
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.vectors import FloatArray
 
 MS = "times look like milliseconds"

@@ -26,7 +26,7 @@ from gough_stewart.harness.motion.recorded.low_pass import resampled
 from gough_stewart.harness.motion.recorded.recording import read_recording
 from gough_stewart.harness.motion.recorded.table import FromTable
 from gough_stewart.harness.motion.references import FromFile
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.vectors import FloatArray
 
 PLATFORM = load_preset("motion_base")

@@ -20,7 +20,7 @@ from gough_stewart.harness.motion.references import (
     FromFile,
     Sine,
 )
-from gough_stewart.model.platform_toml import load_preset
+from gough_stewart.model.platform import load_preset
 from gough_stewart.model.vectors import FloatArray
 from tests.support.reference_motions import (
     AMPLITUDE,
