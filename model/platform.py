@@ -533,7 +533,7 @@ def platforms_with(
             name: real_array([values[name] for values in parameters], (len(base_of), *TABLE[name].shape))
             for name in varied
         }
-        started = [base.unchecked({name: common[name] for name in common if name not in varied}) for base in bases]
+        started = [base.unchecked(common) for base in bases]
     except (PlatformError, ValueError, KeyError):  # not of one kind: one by one
         pass
     else:

@@ -295,6 +295,7 @@ MIDDLE_LEGS = np.quantile(HOME_LEGS, [0.3, 0.7]).tolist()
 # Values of six members, and which of them are impossible, by the messages of a platform alone.
 VARIED: dict[str, list[Any]] = {
     "platform_mass": [3.0, 4.0, 0.0, 5.0, -1.0, 2e30],
+    "leg_upper_mass": [1.3, 1.3, 1.3, 1.4, 1.3, 1.3],
     "leg_coulomb_friction_factor": [np.arange(6.0), np.ones(6), -np.eye(6)[4], np.zeros(6), -np.ones(6), np.ones(6)],
     "platform_inertia": [
         np.diag(each) for each in ([2.0, 2, 3], [2.0, 2, 3.9], [2.0, 2, 4.1], [1.0, 0, 1], [3.0, 3, 3], [9.0, 8, 16])
