@@ -1,4 +1,4 @@
-"""Controllers as python-control systems: continuous PD and PID in six channels, then sampled.
+"""PD and PID in six channels: their gains, also from bandwidth and damping, and their systems, continuous and sampled.
 
 Channel i of a leg-space controller, with e = r − y [m], F [N]:
 
@@ -9,16 +9,21 @@ kp, kd, ki in N/m, N s/m, N/(m s); the last term (back-calculation) keeps x from
 error as e [m, rad] and a wrench [N, N m] instead of F.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gough_stewart.harness.control.laws import Space
+from gough_stewart.harness.control.linear import leg_space_mass
 from gough_stewart.harness.control.state_space import Method, StateSpace, discretised, is_control_system, matrices_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface
+from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.operations import greater, less, minimum, where
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array, FloatArray
 
 if TYPE_CHECKING:
@@ -28,6 +33,7 @@ DerivativeOn = Literal["error", "measurement"]
 N_CHANNELS = 6
 # By this factor the derivative filter is faster than the derivative itself (N in textbooks).
 FILTER_RATIO = 20.0
+DAMPING_RATIO = 0.7
 
 
 @dataclass(frozen=True)
@@ -81,6 +87,79 @@ class Gains:
         )
 
 
+def gains_from_bandwidth(
+    platform: Platform,
+    bandwidth: float,
+    damping_ratio: float = DAMPING_RATIO,
+    space: Space = "leg",
+    integral_time: float | None = None,
+    derivative_filter: float | None = None,
+    anti_windup_time: float | None = None,
+) -> Gains:
+    """Gains for equal behaviour in all channels: kp = m ωn², kd = 2 ζ m ωn, and with an integral time ki = kp / Ti.
+
+    ωn = 2π · bandwidth. In leg space m is the largest eigenvalue of J⁻ᵀ M J⁻¹, the mass at the legs in the heaviest
+    mode at home. Mode k then has ωn √(m/m_k) and ζ √(m/m_k): lighter modes are better damped, and where that exceeds 1
+    their slow pole tends to ωn/(2 ζ). In task space each axis has its own m, the diagonal of M, and all behave alike.
+
+    Parameters
+    ----------
+    bandwidth
+        Undamped natural frequency of the heaviest mode [Hz].
+    damping_ratio
+        ζ of that mode.
+    space
+        "leg", or "task" for control of the pose.
+    integral_time
+        Ti [s]; the loop is stable for Ti > 1 / (2 ζ ωn). None: no integral action.
+    derivative_filter, anti_windup_time
+        As in `Gains` [s].
+
+    Returns
+    -------
+    Gains
+        Each (6,): kp [N/m], kd [N s/m] and ki [N/(m s)], equal for all legs; in task space of x, y, z and, per rad, of
+        the rotations.
+
+    Raises
+    ------
+    ControllerError
+        Not positive, or an integral time that makes the loop unstable.
+
+    Examples
+    --------
+    >>> gains = gs.gains_from_bandwidth(gs.load_preset("motion_base"), bandwidth=2.0, damping_ratio=0.8)
+    >>> gains.proportional[0], gains.derivative[0]
+    """
+    for name, value in (("bandwidth", bandwidth), ("damping_ratio", damping_ratio)):
+        if not (math.isfinite(value) and value > 0):
+            raise ControllerError(f"{name} is {value!r}; expected a number > 0")
+    omega = 2 * math.pi * bandwidth
+    shortest = 1 / (2 * damping_ratio * omega)
+    if integral_time is not None and not integral_time > shortest:
+        raise ControllerError(
+            f"integral_time is {integral_time:g} s; expected more than {shortest:.3g} s = 1/(2 ζ ωn), below which the "
+            f"loop is unstable, say {10 * shortest:.2g} s"
+        )
+    m = modal_masses(platform, space)
+    kp, kd, ki = gains_of_masses(m, bandwidth, damping_ratio, math.inf if integral_time is None else integral_time)
+    return Gains(kp, kd, ki, derivative_filter, anti_windup_time)
+
+
+def modal_masses(platform: Platform, space: Space) -> FloatArray:
+    """The mass m of each channel (6,) [kg], or of task space [kg, kg m²], see `gains_from_bandwidth`."""
+    if space == "task":
+        return np.diag(mass_matrix(platform, platform.home_position, platform.home_orientation))
+    return np.full(6, np.linalg.eigvalsh(leg_space_mass(platform)).max())
+
+
+def gains_of_masses(m: Any, bandwidth: Any, damping_ratio: Any, integral_time: Any) -> tuple[Any, Any, Any]:
+    """Gains kp = m ωn², kd = 2 ζ m ωn, ki = kp/Ti, of numbers or symbols; an infinite Ti is no integral action."""
+    omega = 2 * math.pi * bandwidth
+    kp = m * omega**2
+    return kp, 2 * damping_ratio * m * omega, kp / integral_time
+
+
 def filter_time_of(kp: Array, kd: Array) -> Array:
     """Tf (1,) [s] by default, of numbers or of symbols: a share of the fastest channel's kd/kp."""
     times = where(greater(kd, 0.0), kd / kp, np.inf)
@@ -97,7 +176,7 @@ def tracking_time_of(kp: Array, kd: Array, ki: Array) -> Array:
     return where(greater(kd, 0.0), np.sqrt(integral_time * kd / kp), integral_time)
 
 
-class Channels(NamedTuple):
+class ChannelGains(NamedTuple):
     """Gains and times of six channels, each (6,): numbers, or CasADi symbols."""
 
     proportional: Array  # [N/m]
@@ -170,10 +249,10 @@ def pid_matrices(gains: Gains, derivative_on: DerivativeOn = "error") -> StateSp
     return channel_matrices(channels_of(gains), derivative_on, actions_of(gains))
 
 
-def channels_of(gains: Gains) -> Channels:
+def channels_of(gains: Gains) -> ChannelGains:
     """The gains and times of every channel."""
     kp, kd, ki = (np.asarray(v) for v in (gains.proportional, gains.derivative, gains.integral))
-    return Channels(kp, kd, ki, np.full(N_CHANNELS, gains.filter_time), gains.tracking_time)
+    return ChannelGains(kp, kd, ki, np.full(N_CHANNELS, gains.filter_time), gains.tracking_time)
 
 
 def actions_of(gains: Gains) -> Actions:
@@ -181,7 +260,7 @@ def actions_of(gains: Gains) -> Actions:
     return Actions(np.asarray(gains.derivative) > 0, np.asarray(gains.integral) > 0)
 
 
-def channel_matrices(channels: Channels, derivative_on: DerivativeOn, actions: Actions) -> StateSpace:
+def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn, actions: Actions) -> StateSpace:
     """`pid_matrices` of numbers, or of CasADi symbols in object arrays; of any number of channels."""
     size = len(channels.proportional)
     with_integral = bool(actions.integrate.any())

@@ -8,10 +8,8 @@ from typing import Any
 import casadi
 import numpy as np
 
-from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
-from gough_stewart.harness.control.drive import Drive
-from gough_stewart.harness.control.feedforward import Feedforward
-from gough_stewart.harness.control.force_limits import ForceLimits
+from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice, Feedforward
+from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.laws import LinearController, fresh_controller
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.unit_controller import UnitController

@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.control.component import Link, with_links
 from gough_stewart.harness.control.laws import LinearController, Space
-from gough_stewart.harness.control.linear_law import integrating_modes, integrators, rest
+from gough_stewart.harness.control.laws_of_members import integrating_modes, integrators, rest
 from gough_stewart.harness.control.pid import (
     Actions,
-    Channels,
+    ChannelGains,
     DerivativeOn,
     Gains,
     actions_of,
     channel_matrices,
     channels_of,
 )
-from gough_stewart.harness.control.python.casadi_function import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
 from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at
+from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.settings import Setting, setting, setting_of
@@ -124,7 +124,7 @@ class PidLaw:
             return np.asarray(symbols.elements(inputs[name]) + zeros)  # one value for all, or one each
 
         names = ("proportional_gain", "derivative_gain", "integral_gain", "derivative_filter", "anti_windup_time")
-        continuous = channel_matrices(Channels(*map(channel, names)), self.derivative_on, self._actions)
+        continuous = channel_matrices(ChannelGains(*map(channel, names)), self.derivative_on, self._actions)
         T = symbols.elements(inputs["sample_time"])
         of_links = [
             (type(link), {each.key: symbols.elements(inputs[each.name]) for each in link.parameters()})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.control.feedforward import feedforward
+from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model import dynamics

@@ -5,8 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.harness.control.frequency_response import response_of_periods
-from gough_stewart.harness.control.injections import MODES, InjectionChoice, Multisine, Prbs, Sweep
+from gough_stewart.harness.control.frequency_response import (
+    MODES,
+    InjectionChoice,
+    Multisine,
+    Prbs,
+    Sweep,
+    response_of_periods,
+)
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from tests.support.uneven import STATE, UNEVEN

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.control.laws import LinearController, controller_of
-from gough_stewart.harness.control.python.sample import Sample
+from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.vectors import FloatArray

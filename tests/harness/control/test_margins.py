@@ -9,20 +9,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from gough_stewart.harness.control.gains import gains_from_bandwidth
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.linear import leg_space_mass, linearise, modes
 from gough_stewart.harness.control.loop_transfer import feedback_part, loop_transfer
 from gough_stewart.harness.control.margins import (
     Margins,
+    bounds_of_the_largest,
     closed_loop,
     frequency_range,
     loop_margins,
     response,
+    scaled_norm,
 )
-from gough_stewart.harness.control.pid import Gains, pid, sampled
-from gough_stewart.harness.control.state_space import control_system
-from gough_stewart.harness.control.structured import bounds_of_the_largest, scaled_norm
+from gough_stewart.harness.control.pid import Gains, gains_from_bandwidth, pid, sampled
+from gough_stewart.harness.control.state_space import StateSpace, control_system, matrices_of
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.analysis import margins as margins_of
 from gough_stewart.model.kinematics import leg_jacobian
@@ -48,15 +48,15 @@ def L() -> Any:
 
 @pytest.fixture(scope="module")
 def margins(L: Any) -> Margins:
-    return loop_margins(L)
+    return loop_margins(matrices_of(L))
 
 
-def diagonal(one: Any) -> Any:
-    return control.append(*[control.ss(one)] * 6)
+def diagonal(one: Any) -> StateSpace:
+    return matrices_of(control.append(*[control.ss(one)] * 6))
 
 
 def largest_pole(loop: Any) -> float:
-    return float(np.abs(closed_loop(loop).poles()).max())
+    return float(np.abs(closed_loop(matrices_of(loop)).poles()).max())
 
 
 def test_a_double_integrator_under_pd_has_its_closed_form() -> None:
@@ -157,11 +157,11 @@ def test_the_response_is_python_controls(L: Any) -> None:
     """Expected: the system called at z = e^(iωT)."""
     omega = np.array([0.3, 20.0, 900.0])
     for k, each in enumerate(omega):
-        assert response(L, omega)[k] == pytest.approx(L(np.exp(1j * each * T)), rel=1e-8)
+        assert response(matrices_of(L), omega)[k] == pytest.approx(L(np.exp(1j * each * T)), rel=1e-8)
 
 
 def test_the_frequency_range_ends_at_half_the_sample_rate(L: Any) -> None:
-    low, high = frequency_range(L)
+    low, high = frequency_range(matrices_of(L))
     assert high == pytest.approx(np.pi / T)
     assert low < 0.1
 
@@ -245,7 +245,7 @@ def test_the_response_of_many_states_is_that_of_the_equations(count: int) -> Non
     loop = control.ss(A, rng.normal(size=(90, 6)), rng.normal(size=(6, 90)), rng.normal(size=(6, 6)), T)
     omega = np.geomspace(1, 3000, count)
     expected = [loop.C @ np.linalg.solve(np.exp(1j * w * T) * np.eye(90) - A, loop.B) + loop.D for w in omega]
-    assert np.abs(response(loop, omega) - expected).max() < 1e-10 * np.abs(expected).max()
+    assert np.abs(response(matrices_of(loop), omega) - expected).max() < 1e-10 * np.abs(expected).max()
 
 
 def test_loops_that_are_none_are_refused() -> None:
@@ -257,12 +257,12 @@ def test_loops_that_are_none_are_refused() -> None:
         (np.diag([5, 0, 0, 0, 0, 4 * np.finfo(float).eps - 1]), "expected a delay or a lag"),
     ):
         with pytest.raises(ControllerError, match=message):
-            loop_margins(control.ss([], [], [], loop))
+            loop_margins(matrices_of(control.ss([], [], [], loop)))
 
 
 def test_a_static_loop_has_the_margins_of_a_number() -> None:
     """Expected for L = 2: S = 1/3, T = 2/3, α = 2/|S − T| = 6; no gain > 0 and no delay makes it unstable."""
-    margins = loop_margins(control.ss([], [], [], 2 * np.eye(6)))
+    margins = loop_margins(matrices_of(control.ss([], [], [], 2 * np.eye(6))))
     assert margins.disk.alpha == pytest.approx(6)
     assert margins.disk.gain == (0, np.inf)
     assert (margins.sensitivity_peak, margins.complementary_peak) == pytest.approx((1 / 3, 2 / 3))

@@ -61,7 +61,9 @@ def biquad(frequency: float, damping: float, depth: float, step: float) -> tuple
 @settings(max_examples=50)
 def test_a_channel_is_the_biquad_of_its_formula(frequency: float, damping: float, depth: float, at: float) -> None:
     """Expected: the polynomials by hand; its depth at the frequency, 1 at 0 Hz and half the sampling rate."""
-    system = Notch.linear(Notch(frequency=frequency, damping=damping, depth=depth).values(), T)
+    system = Notch.linear(
+        {"frequency": np.array([frequency]), "damping": np.array([damping]), "depth": np.array([depth])}, T
+    )
     response = control.ss(system.A, system.B, system.C, system.D, T)
     b, a = biquad(frequency, damping, depth, T)
     z = np.exp(2j * np.pi * at * T)

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.control import structure as structure_module
-from gough_stewart.harness.control.loop_transfer import loop_transfer
+from gough_stewart.harness.control import loop_transfer as loop_module
+from gough_stewart.harness.control.loop_transfer import largest_bandwidth, loop_transfer, structural_modes
 from gough_stewart.harness.control.margins import DiskMargin, disk_margin, loop_margins
 from gough_stewart.harness.control.state_space import StateSpace
-from gough_stewart.harness.control.structure import largest_bandwidth, structural_modes
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.margins_report import LoopMargins
 from gough_stewart.harness.report.table import Table
@@ -131,7 +130,7 @@ def test_it_is_found_from_any_bandwidth_of_the_design(own: float, monkeypatch: p
         return DiskMargin(2 * (1 - g) / (1 + g), (0.0, math.inf), 0.0, 0.0)
 
     assert disk_margin(made(2.0)).alpha == pytest.approx(closed_form(made(2.0)).alpha, rel=1e-6)
-    monkeypatch.setattr(structure_module, "disk_margin", closed_form)
+    monkeypatch.setattr(loop_module, "disk_margin", closed_form)
     # α = 2/3 at 2 Hz; kept up to the first mode; never
     assert largest_bandwidth(made, 2 / 3, 10.0, own) == pytest.approx(2.0, rel=0.0101)
     assert largest_bandwidth(made, 1e-3, 1.5, own) == pytest.approx(1.5, rel=0.0101)

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.control import margins
-from gough_stewart.harness.control.margins import Margins, check_stable, closed_loop, loop_margins
-from gough_stewart.harness.control.state_space import control_system
-from gough_stewart.harness.control.structured import scaled_norm
+from gough_stewart.harness.control.margins import Margins, check_stable, closed_loop, scaled_norm
+from gough_stewart.harness.control.state_space import control_system, matrices_of
 from gough_stewart.harness.errors import UnstableLoopError
 
 # k/(s/ω + 1)³ in a channel, or with ω/s in the place of s/ω: passes low frequencies, or high ones
@@ -22,6 +21,10 @@ def third_order(gain: float, corner: float, lags: bool) -> Any:
     s = control.tf("s")
     x = s / corner if lags else corner / s
     return control.ss(control.tf(gain / (x + 1) ** 3))
+
+
+def loop_margins(system: Any) -> Margins:
+    return margins.loop_margins(matrices_of(system))
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +82,7 @@ def test_the_closed_loop_is_the_complementary_sensitivity() -> None:
         [[0.5, 0.2], [-0.3, 0.4]], [[1.0, 0.3], [-0.2, 0.7]], [[0.6, -0.1], [0.2, 0.9]], np.diag([0.1, 0]), 0.1
     )
     z = np.exp(0.7j)
-    assert control_system(closed_loop(L))(z) == pytest.approx(L(z) @ np.linalg.inv(np.eye(2) + L(z)))
+    assert control_system(closed_loop(matrices_of(L)))(z) == pytest.approx(L(z) @ np.linalg.inv(np.eye(2) + L(z)))
 
 
 @pytest.mark.parametrize(
@@ -98,7 +101,7 @@ def test_the_worst_eigenvalue_is_named_with_its_frequency(pole: complex, T: floa
     A = np.zeros((n + 1, n + 1))
     A[:n, :n], A[n, n] = mode, 0.3 if T else -4.0
     with pytest.raises(UnstableLoopError, match=message):
-        check_stable(control.ss(A, np.zeros((n + 1, 1)), np.zeros((1, n + 1)), 0.5, T))
+        check_stable(matrices_of(control.ss(A, np.zeros((n + 1, 1)), np.zeros((1, n + 1)), 0.5, T)))
 
 
 @pytest.mark.parametrize("way", [1, -1])
@@ -110,7 +113,7 @@ def test_a_peak_is_refined_between_the_neighbours_of_the_highest_point(way: int)
         x = way * np.log(np.abs(S / T)[:, 0, 0])
         return 2 / (1 + ((x - 0.32) / 0.04) ** 2) + 1.2 / (1 + ((x + 0.5) / 0.15) ** 2)
 
-    integrator = control.ss(control.tf([1], [1, 0]))
+    integrator = matrices_of(control.tf([1], [1, 0]))
     grid = np.sort(np.exp(way * np.array([-2.0, -1.0, 0.0, 0.3, 0.6, 2.0])))
     height, at = margins._peak(two_peaks, integrator, grid, margins.sensitivities(integrator, grid))
     assert height == pytest.approx(2 + 1.2 / (1 + (0.82 / 0.15) ** 2), rel=1e-4)

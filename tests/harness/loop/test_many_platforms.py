@@ -9,11 +9,10 @@ import pytest
 from numpy.random import SeedSequence
 from scipy.linalg import solve_discrete_lyapunov
 
-from gough_stewart.harness.control.gains import gains_from_bandwidth
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.linear import linearise
-from gough_stewart.harness.control.pid import pid_matrices
+from gough_stewart.harness.control.pid import gains_from_bandwidth, pid_matrices
 from gough_stewart.harness.control.state_space import discretised
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Loop
