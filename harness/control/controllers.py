@@ -5,10 +5,9 @@ all that a new kind needs; its `type` makes it known to experiment files.
 """
 
 import inspect
-from abc import abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -17,7 +16,14 @@ from gough_stewart.harness.control.component import Link, with_links
 from gough_stewart.harness.control.laws import Controller, LinearController, Space, controller_of
 from gough_stewart.harness.control.makers import Design, UserFolder, constructed, is_maker, name_of
 from gough_stewart.harness.control.notch import Notch
-from gough_stewart.harness.control.pid import DAMPING_RATIO, DerivativeOn, Gains, gains_from_bandwidth, pid_matrices
+from gough_stewart.harness.control.pid import (
+    DAMPING_RATIO,
+    DerivativeOn,
+    Gains,
+    channel_matrices,
+    channels_of,
+    gains_from_bandwidth,
+)
 from gough_stewart.harness.control.state_space import Method, discretised, is_control_system
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
@@ -52,13 +58,12 @@ def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatA
     """
     if kind == "none":
         return np.zeros((len(motion.position), 6))
-
-    def held(rows: Motion) -> list[FloatArray]:
-        if kind == "gravity":
-            return [static_leg_forces(platform, rows.position, rows.orientation)]
-        return [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))]
-
-    (forces,) = once_at_rest(held, motion)
+    if kind == "gravity":
+        (forces,) = once_at_rest(lambda rows: [static_leg_forces(platform, rows.position, rows.orientation)], motion)
+    else:
+        (forces,) = once_at_rest(
+            lambda rows: [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))], motion
+        )
     return forces
 
 
@@ -82,15 +87,13 @@ class ControllerChoice(Kind):
             No controller for this platform and sample time, or a file without one.
         """
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether the loop has feedback."""
-        return True
+    is_closed: ClassVar[bool] = True  # whether the loop has feedback
 
     @property
     def code(self) -> tuple[str, ...]:
         """Files that it names and a run executes."""
-        return ()
+        file = getattr(self, "file", None)
+        return () if file is None else (file,)
 
     def design(self, platform: Platform, sample_time: float) -> Design:
         """What a class or factory, also one that replaces the controller, designs from."""
@@ -123,13 +126,9 @@ class ControllerChoice(Kind):
 class OpenLoop(ControllerChoice):
     """Constant forces, with optional feedforward."""
 
+    is_closed: ClassVar[bool] = False
     type: Literal["open_loop"] = "open_loop"
     force: LegForces = (0.0,) * 6
-
-    @property
-    def is_closed(self) -> bool:
-        """An open loop has no feedback."""
-        return False
 
     def planned(self, feedforward: FloatArray) -> FloatArray:
         """The constant forces plus the feedforward."""
@@ -154,7 +153,11 @@ class SixChannels(ControllerChoice):
         """The links after the six channels, in the order of their fields."""
         return tuple(value for _, value in self if isinstance(value, Link))
 
-    @abstractmethod
+    @property
+    def _integral(self) -> tuple[Any, float | None, float | None]:
+        """Integral gain, or time [s], and anti-windup time [s]."""
+        return 0.0, None, None
+
     def gains(self, platform: Platform) -> Gains:
         """The stated gains, or gains from bandwidth and damping ratio on this platform.
 
@@ -163,19 +166,7 @@ class SixChannels(ControllerChoice):
         ControllerError
             Impossible gains.
         """
-
-    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:  # noqa: ARG002
-        """Discretised by `discretisation`, followed by its links."""
-        discrete = discretised(pid_matrices(self.gains(platform), self.derivative_on), sample_time, self.discretisation)
-        links = []
-        for link in self.links:
-            link.check(sample_time)
-            links.append((type(link), {key: np.array([getattr(link, key)]) for key in link.keys}))
-        return LinearController(with_links(discrete, links, sample_time), space=self.space)
-
-    def _gains(
-        self, platform: Platform, integral_gain: Any, integral_time: float | None, anti_windup_time: float | None
-    ) -> Gains:
+        integral_gain, integral_time, anti_windup_time = self._integral
         if self.bandwidth is not None:
             damping_ratio = DAMPING_RATIO if self.damping_ratio is None else self.damping_ratio
             times = (integral_time, self.derivative_filter, anti_windup_time)
@@ -183,6 +174,16 @@ class SixChannels(ControllerChoice):
         kp = np.array(self.proportional_gain)
         ki = integral_gain if integral_time is None else kp / integral_time
         return Gains(kp, np.array(self.derivative_gain), ki, self.derivative_filter, anti_windup_time)
+
+    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:  # noqa: ARG002
+        """Discretised by `discretisation`, followed by its links."""
+        continuous = channel_matrices(channels_of(self.gains(platform)), self.derivative_on)
+        discrete = discretised(continuous, sample_time, self.discretisation)
+        links = []
+        for link in self.links:
+            link.check(sample_time)
+            links.append((type(link), {key: np.array([getattr(link, key)]) for key in link.keys}))
+        return LinearController(with_links(discrete, links, sample_time), space=self.space)
 
     @model_validator(mode="after")
     def _gains_or_bandwidth(self) -> "SixChannels":
@@ -213,10 +214,6 @@ class PD(SixChannels):
 
     type: Literal["pd"] = "pd"
 
-    def gains(self, platform: Platform) -> Gains:
-        """Without integral action."""
-        return self._gains(platform, 0.0, None, None)
-
 
 class PID(SixChannels):
     """A PD with integral action; anti-windup by back-calculation.
@@ -234,9 +231,9 @@ class PID(SixChannels):
     integral_time: PositiveTime | None = None
     anti_windup_time: PositiveTime | None = None
 
-    def gains(self, platform: Platform) -> Gains:
-        """With integral action in the channels whose integral gain is not 0."""
-        return self._gains(platform, self.integral_gain, self.integral_time, self.anti_windup_time)
+    @property
+    def _integral(self) -> tuple[Any, float | None, float | None]:
+        return self.integral_gain, self.integral_time, self.anti_windup_time
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:
         """Discretised by `discretisation`, with an anti-windup time of at least one sample."""
@@ -274,11 +271,6 @@ class PythonController(ControllerChoice):
     name: str | None = None
     factory: str | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
-
-    @property
-    def code(self) -> tuple[str, ...]:
-        """The file."""
-        return () if self.file is None else (self.file,)
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller:
         """The linear controller, or the maker of controllers, of that name in the file. The file is executed."""
@@ -328,11 +320,6 @@ class UnitChoice(ControllerChoice):
     file: FileName
     names: dict[str, str] = Field(default_factory=dict)
     parameters: dict[str, Any] = Field(default_factory=dict)
-
-    @property
-    def code(self) -> tuple[str, ...]:
-        """The FMU."""
-        return (self.file,)
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> UnitController:  # noqa: ARG002
         """The FMU, in its own process."""

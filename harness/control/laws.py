@@ -2,8 +2,7 @@
 
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import BuiltinFunctionType, FunctionType
 from typing import Any, Literal, cast
@@ -43,6 +42,8 @@ class LinearController:
     system: Any
     signals: tuple[str, ...] = ("leg_length",)
     space: Space = "leg"
+    kinds: int = field(init=False, repr=False, compare=False)
+    """How many kinds of inputs it has: 1 (errors), 2 (references, measurements) or 3 (also the excess)."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "system", state_space_of(self.system))
@@ -51,7 +52,8 @@ class LinearController:
             raise ControllerError(f"space is {self.space!r}; expected 'leg' or 'task'")
         if self.space == "task" and self.signals != ("leg_length",):
             raise ControllerError("a controller in task space needs the signal leg_length to compute the pose")
-        sizes = self._sizes
+        n = len(signals.positions(self.signals))
+        sizes = [n, 2 * n, 2 * n + N_LEGS]
         if self.system.ninputs not in sizes or self.system.noutputs != N_LEGS:
             raise ControllerError(
                 f"controller has {self.system.ninputs} inputs and {self.system.noutputs} outputs; expected for the "
@@ -59,6 +61,7 @@ class LinearController:
                 f"or {sizes[2]} (also what the limits cut off), and {N_LEGS} outputs (forces); of one channel for "
                 f"{N_LEGS} legs: control.append(*[control.ss(controller)] * {N_LEGS})"
             )
+        object.__setattr__(self, "kinds", 1 + sizes.index(self.system.ninputs))
         for name in "ABCD":
             if not np.isfinite(getattr(self.system, name)).all():
                 raise ControllerError(f"the controller's matrix {name} has elements that are not finite")
@@ -67,16 +70,6 @@ class LinearController:
                 "controller is in continuous time; expected discrete time: sample it, for instance by "
                 "control.sample_system(controller, 1e-3, method='tustin')"
             )
-
-    @property
-    def _sizes(self) -> tuple[int, int, int]:
-        n = len(signals.positions(self.signals))
-        return n, 2 * n, 2 * n + N_LEGS
-
-    @cached_property
-    def kinds(self) -> int:
-        """How many kinds of inputs it has: 1 (errors), 2 (references, measurements) or 3 (also the excess)."""
-        return 1 + self._sizes.index(self.system.ninputs)
 
     @property
     def sample_time(self) -> float | None:

@@ -159,29 +159,28 @@ def laws_of(
 
     def law_from(reference: FloatArray, measured: FloatArray) -> Law:
         failures = dict[int, ControllerError]()
-        fresh = list[LinearController | ControlFunction | None]()
+        fresh: list[Controller | None] = [None] * len(controllers)
         for member, controller in enumerate(controllers):
             try:
                 law = fresh_controller(controller)
                 _check(law, sample_time)
+                fresh[member] = law
             except ControllerError as error:
                 failures[member] = error
-                fresh.append(None)
-            else:
-                fresh.append(law)
         if has_makers:
             _check_alike([law for law in fresh if law is not None])
         linear = [law for law in fresh if isinstance(law, LinearController)]
         if not linear:
             _check_unshared(controllers, fresh)
-            told = known or [None] * len(fresh)
+            told: Sequence[KnownAhead | None] = known or [None] * len(fresh)
             laws = [None if law is None else CalledLaw(law, ahead) for law, ahead in zip(fresh, told, strict=True)]
             return SeparateLaws(laws, failures, copies)
         # a member without a controller ends at once; until then it counts with that of another
         together = [law if isinstance(law, LinearController) else linear[0] for law in fresh]
         together += [together[-1]] * copies
         law_of_all = LinearLaw(together, jacobians, reference, measured)
-        law_of_all.failures = _with_copies(failures, len(fresh), copies)
+        if failures:
+            law_of_all.failures = _with_copies(failures, len(fresh), copies)
         return law_of_all
 
     linear = [controller for controller in controllers if isinstance(controller, LinearController)]
@@ -212,9 +211,7 @@ def _check_alike(controllers: Sequence[Controller]) -> None:
         )
 
 
-def _check_unshared(
-    controllers: Sequence[Controller], fresh: Sequence[LinearController | ControlFunction | None]
-) -> None:
+def _check_unshared(controllers: Sequence[Controller], fresh: Sequence[Controller | None]) -> None:
     """Refuse a factory that gives two members the same object; a CasADi function keeps nothing itself.
 
     Raises
@@ -248,7 +245,7 @@ def _with_copies(failures: Mapping[int, ControllerError], members: int, copies: 
 
 
 class MemberLaw(Protocol):
-    """The controller of one member, with its memory, during a run; the properties as of `Law`, of one member."""
+    """The controller of one member, with its memory, during a run; the properties are those of `Law`."""
 
     @property
     def used(self) -> tuple[str, ...]: ...
@@ -437,7 +434,16 @@ class LinearLaw:
         self._numbers, self._factors = self._xu.reshape(-1), self._xu[:, np.newaxis]
         self._terms: FloatArray = np.zeros(np.broadcast_shapes(self._columns.shape, self._factors.shape))
         self._output: FloatArray = np.zeros(self._terms.shape[1:])
-        self._start(reference, measured)
+        # the steady state under constant inputs
+        self._feed(0, reference, measured, np.zeros((N_LEGS, 1)), None)
+        forcing = self._force_and_state()[N_LEGS:].T  # (N, n)
+        A = np.broadcast_to(A, (n_members, n, n))
+        poles = np.diagonal(A, axis1=1, axis2=2)
+        is_integrator = (1 - poles) ** 2 < _INTEGRATES
+        x = np.where(is_integrator, 0.0, forcing / np.where(is_integrator, 1.0, 1 - poles))
+        for member in np.flatnonzero((A - poles[:, None] * np.eye(n)).any(axis=(1, 2))).tolist():
+            x[member] = rest(A[member], integrators(integrating_modes(A[member])), forcing[member])
+        self._x[...] = x.T
 
     @property
     def state(self) -> FloatArray:
@@ -490,19 +496,6 @@ class LinearLaw:
             y[self._angles] = nearest_angle(y[self._angles], r[self._angles])
         for place, part in zip(self._inputs, inputs_of(self.kinds, r, y, excess), strict=True):
             place[...] = part
-
-    def _start(self, reference: FloatArray, measured: FloatArray) -> None:
-        """Set the steady state under constant inputs."""
-        n = len(self._x)
-        self._feed(0, reference, measured, np.zeros((N_LEGS, 1)), None)
-        forcing = self._force_and_state()[N_LEGS:].T  # (N, n)
-        A = np.broadcast_to(self.matrices[:, N_LEGS:, :n], (len(forcing), n, n))
-        poles = np.diagonal(A, axis1=1, axis2=2)
-        is_integrator = (1 - poles) ** 2 < _INTEGRATES
-        x = np.where(is_integrator, 0.0, forcing / np.where(is_integrator, 1.0, 1 - poles))
-        for member in np.flatnonzero((A - poles[:, None] * np.eye(n)).any(axis=(1, 2))).tolist():
-            x[member] = rest(A[member], integrators(integrating_modes(A[member])), forcing[member])
-        self._x[...] = x.T
 
 
 def rest(A: Any, integrating: FloatArray, forcing: Any, solve: Solve = np.linalg.solve) -> Any:

@@ -258,14 +258,14 @@ def _state_names(variant: Variant) -> list[str]:
 
 def _rows(outputs: Iterable[str], variant: Variant) -> tuple[list[str], NDArray[np.intp]]:
     """Scalar names of some results, and their positions in the kernel's y."""
-    wanted = [outputs] if isinstance(outputs, str) else list(outputs)
+    chosen_names = [outputs] if isinstance(outputs, str) else list(outputs)
     everything = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
-    if not wanted:
+    if not chosen_names:
         raise InterfaceError("outputs", "is empty; expected at least one name, such as 'leg_length'")
-    for name in wanted:
+    for name in chosen_names:
         if name not in everything:
             raise InterfaceError(str(name), f"is not a result of the plant{interface.nearest(str(name), everything)}")
-        if wanted.count(name) > 1:
+        if chosen_names.count(name) > 1:
             raise InterfaceError(name, "is named twice; expected every output once")
-    names = [scalar for name in wanted for scalar in interface.BY_NAME[name].scalar_names]
-    return names, np.concatenate([np.ravel(everything[name]) for name in wanted])
+    names = [scalar for name in chosen_names for scalar in interface.BY_NAME[name].scalar_names]
+    return names, np.concatenate([np.ravel(everything[name]) for name in chosen_names])

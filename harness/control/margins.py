@@ -105,7 +105,15 @@ def loop_margins(L: StateSpace) -> Margins:
     UnstableLoopError
         The closed loop is unstable, and margins are undefined.
     """
-    check_stable(L)
+    worst, badness = _worst_pole(closed_loop(L))
+    if badness >= 0:
+        if L.isdtime():
+            where = f"|z| = {abs(worst):.6g} at {frequency_of(worst, L.dt):.3g} Hz, expected below 1"
+        else:
+            where = f"{worst:.6g} 1/s at {abs(worst) / (2 * math.pi):.3g} Hz, expected left of 0"
+        raise UnstableLoopError(
+            f"the closed loop is unstable (worst eigenvalue {where}), so there are no margins; {remedy_of(L)}", worst
+        )
     coarse, fine = _frequencies(L, _GRID), _frequencies(L, _FINE_GRID)
     on_grid = sensitivities(L, coarse)
     response_on_grid = response(L, fine)
@@ -116,19 +124,18 @@ def loop_margins(L: StateSpace) -> Margins:
     return Margins(
         tuple(_classical_margins(L, fine, [leg(k)]) for k in range(L.noutputs)),
         _classical_margins(L, fine, _eigenvalue_loci(L, fine, response_on_grid)),
-        _disk_margin(L, coarse, on_grid),
+        disk_margin(L, coarse, on_grid),
         _peak(lambda S, _T: np.linalg.norm(S, 2, axis=(1, 2)), L, coarse, on_grid)[0],
         _peak(lambda _S, T: np.linalg.norm(T, 2, axis=(1, 2)), L, coarse, on_grid)[0],
     )
 
 
-def disk_margin(L: StateSpace) -> DiskMargin:
-    """The disk margin of a loop transfer that is known to be stable when closed, at a fraction of the cost of all."""
-    coarse = _frequencies(L, _GRID)
-    return _disk_margin(L, coarse, sensitivities(L, coarse))
-
-
-def _disk_margin(L: StateSpace, grid: FloatArray, on_grid: tuple[ComplexArray, ComplexArray]) -> DiskMargin:
+def disk_margin(
+    L: StateSpace, grid: FloatArray | None = None, on_grid: tuple[ComplexArray, ComplexArray] | None = None
+) -> DiskMargin:
+    """The disk margin of a loop that is known to be stable when closed; S and T on a grid of frequencies if known."""
+    grid = _frequencies(L, _GRID) if grid is None else grid
+    on_grid = sensitivities(L, grid) if on_grid is None else on_grid
     disk_peak, at = _peak(lambda S, T: bounds_of_the_largest((S - T) / 2), L, grid, on_grid)
     alpha = 1 / disk_peak
     half = alpha / 2
@@ -153,26 +160,6 @@ def closed_loop(L: StateSpace) -> StateSpace:
         raise ControllerError("1 + L is singular at infinite frequency; expected a delay or a lag in the loop")
     E = np.linalg.inv(one + L.D)
     return StateSpace(L.A - L.B @ E @ L.C, L.B @ E, E @ L.C, L.D @ E, L.dt)
-
-
-def check_stable(L: StateSpace) -> None:
-    """Refuse a loop that is unstable when closed.
-
-    Raises
-    ------
-    UnstableLoopError
-        Names the worst eigenvalue.
-    """
-    worst, badness = _worst_pole(closed_loop(L))
-    if badness < 0:
-        return
-    if L.isdtime():
-        where = f"|z| = {abs(worst):.6g} at {frequency_of(worst, L.dt):.3g} Hz, expected below 1"
-    else:
-        where = f"{worst:.6g} 1/s at {abs(worst) / (2 * math.pi):.3g} Hz, expected left of 0"
-    raise UnstableLoopError(
-        f"the closed loop is unstable (worst eigenvalue {where}), so there are no margins; {remedy_of(L)}", worst
-    )
 
 
 def is_stable(L: StateSpace) -> bool:
@@ -243,9 +230,9 @@ def one_leg_open(R: ComplexArray, k: int) -> ComplexArray:
 
     L_kk − L_ko (1 + L_oo)⁻¹ L_ok with o the other legs, whose forces are u_o = −(1 + L_oo)⁻¹ L_ok u_k.
     """
-    others = [leg for leg in range(R.shape[-1]) if leg != k]
-    L_oo, L_ok, L_ko = R[:, others][:, :, others], R[:, others, k], R[:, k, others]
-    answer = np.linalg.solve(np.eye(len(others)) + L_oo, L_ok[..., None])[..., 0]
+    closed = [leg for leg in range(R.shape[-1]) if leg != k]
+    L_oo, L_ok, L_ko = R[:, closed][:, :, closed], R[:, closed, k], R[:, k, closed]
+    answer = np.linalg.solve(np.eye(len(closed)) + L_oo, L_ok[..., None])[..., 0]
     return np.asarray(R[:, k, k] - (L_ko * answer).sum(axis=1))
 
 

@@ -177,20 +177,15 @@ def tracking_time_of(kp: Array, kd: Array, ki: Array) -> Array:
 
 
 class ChannelGains(NamedTuple):
-    """Gains and times of six channels, each (6,): numbers, or CasADi symbols."""
+    """Gains and times of channels, each (n,): numbers, or CasADi symbols; and which actions there are."""
 
     proportional: Array  # [N/m]
     derivative: Array  # [N s/m]
     integral: Array  # [N/(m s)]
     filter_time: Array  # [s]
     tracking_time: Array  # [s]
-
-
-class Actions(NamedTuple):
-    """Which of six channels have derivative and which have integral action; each (6,)."""
-
-    differentiate: NDArray[np.bool_]
-    integrate: NDArray[np.bool_]
+    differentiates: NDArray[np.bool_]  # which have derivative action
+    integrates: NDArray[np.bool_]
 
 
 def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSpace":
@@ -224,47 +219,32 @@ def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSp
     """
     from control import ss
 
-    system = pid_matrices(gains, derivative_on)
-    kinds = ["reference_leg_length", "leg_length", "limit_excess"][: system.B.shape[1] // N_CHANNELS]
+    system = channel_matrices(channels_of(gains), derivative_on)
+    kinds = ["reference_leg_length", "leg_length", "limit_excess"][: system.ninputs // N_CHANNELS]
     return ss(
-        system.A,
-        system.B,
-        system.C,
-        system.D,
+        *system.blocks,
         inputs=[f"{kind}[{k + 1}]" for kind in kinds for k in range(N_CHANNELS)],
         outputs=list(interface.BY_NAME["actuator_force"].scalar_names),
         name="controller",
     )
 
 
-def pid_matrices(gains: Gains, derivative_on: DerivativeOn = "error") -> StateSpace:
-    """`pid` without python-control.
+def channels_of(gains: Gains) -> ChannelGains:
+    """The gains and times of every channel, which has the actions for which it has a gain."""
+    kp, kd, ki = (np.asarray(v) for v in (gains.proportional, gains.derivative, gains.integral))
+    return ChannelGains(kp, kd, ki, np.full(N_CHANNELS, gains.filter_time), gains.tracking_time, kd > 0, ki > 0)
+
+
+def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn) -> StateSpace:
+    """`pid` of any number of channels, of numbers or of CasADi symbols in object arrays.
 
     A channel's states are the filter's, ż = v − z/Tf with v = e or −y, whose derivative kd s/(Tf s + 1) v is
-    kd/Tf (v − z/Tf); and x. A channel has only the states for which it has a gain.
-
+    kd/Tf (v − z/Tf); and x. A channel has only the states of its actions.
     """
     if derivative_on not in get_args(DerivativeOn):
         raise ControllerError(f"derivative_on is {derivative_on!r}; expected 'error' or 'measurement'")
-    return channel_matrices(channels_of(gains), derivative_on, actions_of(gains))
-
-
-def channels_of(gains: Gains) -> ChannelGains:
-    """The gains and times of every channel."""
-    kp, kd, ki = (np.asarray(v) for v in (gains.proportional, gains.derivative, gains.integral))
-    return ChannelGains(kp, kd, ki, np.full(N_CHANNELS, gains.filter_time), gains.tracking_time)
-
-
-def actions_of(gains: Gains) -> Actions:
-    """Which channels have derivative and integral action: those with a gain for it."""
-    return Actions(np.asarray(gains.derivative) > 0, np.asarray(gains.integral) > 0)
-
-
-def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn, actions: Actions) -> StateSpace:
-    """`pid_matrices` of numbers, or of CasADi symbols in object arrays; of any number of channels."""
     size = len(channels.proportional)
-    with_integral = bool(actions.integrate.any())
-    n_kinds = 3 if with_integral else 2
+    n_kinds = 3 if channels.integrates.any() else 2
     # inputs (r, y, excess) of a channel; the derivative acts on v = d · (r, y, excess)
     error = np.array([1.0, -1.0, 0.0])[:n_kinds]
     d = error if derivative_on == "error" else np.array([0.0, -1.0, 0.0])[:n_kinds]
@@ -273,15 +253,15 @@ def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn, action
     poles, B, C, D = [], [], [], np.zeros((size, n_kinds, size), dtype=kind)
     for k in range(size):
         # (1,) each: a bare symbol would treat an array as a matrix
-        kp, kd, ki, filter_time, tracking_time = (values[k : k + 1] for values in channels)
+        kp, kd, ki, filter_time, tracking_time = (values[k : k + 1] for values in channels[:5])
         D[k, :, k] = kp * error
-        if actions.differentiate[k]:
+        if channels.differentiates[k]:
             high, pole = kd / filter_time, -1 / filter_time
             D[k, :, k] += high * d
             poles.append(pole)
             B.append(np.outer(d, one[k]))
             C.append(high * pole * one[k])
-        if actions.integrate[k]:
+        if channels.integrates[k]:
             poles.append(0 * kp)
             B.append(np.outer(np.concatenate([ki, -ki, 1 / tracking_time]), one[k]))
             C.append(one[k])
@@ -312,16 +292,8 @@ def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "cont
 
     named = system if is_control_system(system) else ss(system)
     discrete = discretised(matrices_of(named), sample_time, method)
-    return ss(
-        discrete.A,
-        discrete.B,
-        discrete.C,
-        discrete.D,
-        sample_time,
-        inputs=named.input_labels,
-        outputs=named.output_labels,
-        name=named.name,
-    )
+    labels = {"inputs": named.input_labels, "outputs": named.output_labels, "name": named.name}
+    return ss(*discrete.blocks, sample_time, **labels)
 
 
 def _channels(name: str, value: Any) -> FloatArray:

@@ -82,12 +82,7 @@ class Sensor(Stepped):
     outputs: ClassVar[tuple[str, ...]] = ("reading",)
 
     @classmethod
-    def parameters(cls) -> tuple[Parameter, ...]:
-        """Of all signals."""
-        return cls.parameters_of(VARIABLES)
-
-    @classmethod
-    def parameters_of(cls, signals: tuple[Variable, ...]) -> tuple[Parameter, ...]:
+    def parameters(cls, signals: tuple[Variable, ...] = VARIABLES) -> tuple[Parameter, ...]:
         """Its parameters for each of some signals, by the key `quantisation.NAME`."""
         text = cls.table.model_fields["quantisation"].description
         condition = f"value <= 0 || value >= {FINEST:g}"

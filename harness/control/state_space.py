@@ -142,16 +142,33 @@ def discretised(system: StateSpace, sample_time: float, method: Method = "tustin
 
 def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Solve = np.linalg.solve) -> StateSpace:
     """`discretised` without its checks, for numbers or for CasADi symbols in arrays with their own `solve`."""
-    if method == "zoh":
-        return _held(system, sample_time)
-    # x⁺ = x + T ((1 − α) ẋ + α ẋ⁺), in the state w = (1 − α T A) x − α T B u, which makes it explicit
-    alpha = 0.5 if method == "tustin" else 1.0
-    one = np.eye(len(system.A))
-    implicit = one - alpha * sample_time * system.A
-    A: Any = solve(implicit, one + (1 - alpha) * sample_time * system.A)
-    B: Any = solve(implicit, sample_time * system.B)
-    C: Any = solve(implicit.T, system.C.T)
-    return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), sample_time)
+    T, poles, (n, m) = sample_time, np.diag(system.A), system.B.shape
+    if method != "zoh":
+        # x⁺ = x + T ((1 − α) ẋ + α ẋ⁺), in the state w = (1 − α T A) x − α T B u, which makes it explicit
+        alpha = 0.5 if method == "tustin" else 1.0
+        one = np.eye(n)
+        implicit = one - alpha * T * system.A
+        A: Any = solve(implicit, one + (1 - alpha) * T * system.A)
+        B: Any = solve(implicit, T * system.B)
+        C: Any = solve(implicit.T, system.C.T)
+        return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), T)
+    # [A_d B_d; 0 1] = exp([A B; 0 0] T)
+    if _is_zero(system.A - np.diag(poles)):
+        # element by element: (e^(pT) − 1)/p without cancellation near 1, and T for p = 0
+        half = poles * T / 2
+        grown = 2 * np.exp(half) * np.sinh(half)
+        columns = zip(poles, grown, T + 0 * poles, strict=True)
+        phi = np.array([t if _is_zero(p) else g / p for p, g, t in columns], dtype=poles.dtype)
+        return StateSpace(np.diag(np.exp(poles * T)), phi[:, None] * system.B, system.C, system.D, T)
+    # exp(M) = exp(M/2ˢ)^(2ˢ) by the series of a norm below ½: without SciPy, which every run would have to import
+    M = np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T
+    halvings = max(0, math.frexp(float(np.linalg.norm(M, 1)))[1] + 1)
+    term = total = np.eye(n + m)
+    for k in range(1, 19):
+        term = term @ M / (k * 2.0**halvings)
+        total = total + term
+    held = np.linalg.matrix_power(total, 2**halvings)
+    return StateSpace(held[:n, :n], held[:n, n:], system.C, system.D, T)
 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
@@ -164,31 +181,6 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
         second.D @ first.D,
         first.dt,
     )
-
-
-def _held(system: StateSpace, T: Any) -> StateSpace:
-    """[A_d B_d; 0 1] = exp([A B; 0 0] T); for a diagonal A element by element."""
-    poles = np.diag(system.A)
-    if _is_zero(system.A - np.diag(poles)):
-        # (e^(pT) − 1)/p without cancellation near 1, and T for p = 0
-        half = poles * T / 2
-        grown = 2 * np.exp(half) * np.sinh(half)
-        columns = zip(poles, grown, T + 0 * poles, strict=True)
-        phi = np.array([t if _is_zero(p) else g / p for p, g, t in columns], dtype=poles.dtype)
-        return StateSpace(np.diag(np.exp(poles * T)), phi[:, None] * system.B, system.C, system.D, T)
-    n, m = system.B.shape
-    held = _exponential(np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T)
-    return StateSpace(held[:n, :n], held[:n, n:], system.C, system.D, T)
-
-
-def _exponential(M: FloatArray) -> FloatArray:
-    """exp(M) = exp(M/2ˢ)^(2ˢ) by the series of a norm below ½: without SciPy, which every run would have to import."""
-    halvings = max(0, math.frexp(float(np.linalg.norm(M, 1)))[1] + 1)
-    term = total = np.eye(len(M))
-    for k in range(1, 19):
-        term = term @ M / (k * 2.0**halvings)
-        total = total + term
-    return np.asarray(np.linalg.matrix_power(total, 2**halvings))
 
 
 def _is_zero(values: Any) -> bool:

@@ -131,7 +131,7 @@ class Designed:
             values = self.carried.quantisation
             found += [
                 setting_of(each, values.get(v.name, 0.0), "; 0: none", is_real=False)
-                for v, each in zip(self.measured, Sensor.parameters_of(self.measured), strict=True)
+                for v, each in zip(self.measured, Sensor.parameters(self.measured), strict=True)
             ]
         if self.law is not None:
             found += self.law.settings

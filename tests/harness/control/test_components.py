@@ -133,7 +133,7 @@ def test_parameters_have_the_units_and_bounds_of_their_tables() -> None:
         Parameter("force_limit", "force_limit", "N", ">= 0", "largest force of an actuator", "", INF),
         rate,
     )
-    (found,) = Sensor.parameters_of((BY_NAME["orientation"],))
+    (found,) = Sensor.parameters((BY_NAME["orientation"],))
     assert found[:5] == (
         *("orientation_quantisation", "quantisation.orientation", "rad", ">= 0"),
         "quantisation step of orientation",
