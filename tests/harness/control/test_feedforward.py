@@ -23,10 +23,6 @@ def motion() -> Motion:
     return Motion(position, orientation, *rng.normal(size=(4, 5, 3)))
 
 
-def test_none_is_no_force(motion: Motion) -> None:
-    assert feedforward("none", UNEVEN, motion).tolist() == np.zeros((5, 6)).tolist()
-
-
 def test_gravity_holds_every_pose_at_rest(motion: Motion) -> None:
     """Expected: virtual work, Σ F δL = δV for small changes of every coordinate of the pose."""
     force = feedforward("gravity", UNEVEN, motion)
