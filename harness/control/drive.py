@@ -161,5 +161,5 @@ class Drive(Stepped):
 
 def linear_drives(lag: float, channels: int) -> StateSpace:
     """The small signals of drives with a lag τ > 0 [s], ḟ = (r − f)/τ, in continuous time."""
-    one = np.eye(channels)
-    return StateSpace(-one / lag, one / lag, one, 0 * one)
+    identity = np.eye(channels)
+    return StateSpace(-identity / lag, identity / lag, identity, 0 * identity)

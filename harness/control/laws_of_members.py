@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import ControlFunction, Controller, LinearController, fresh_controller
+from gough_stewart.harness.control.laws import Controller, LinearController, fresh_controller
 from gough_stewart.harness.control.makers import NO_FORCE, Maker, Sample, name_of
 from gough_stewart.harness.control.state_space import Solve
 from gough_stewart.harness.control.traced_law import CasadiFunction, is_casadi_function
@@ -151,24 +151,20 @@ def laws_of(
     ControllerError
         Another sample time, different structures, or FMUs.
     """
-    for controller in controllers:
-        _check(controller, sample_time)
-    has_makers = any(isinstance(controller, Maker) for controller in controllers)
-    if not has_makers:
-        _check_alike(controllers)
+    _check(controllers, sample_time)
 
     def law_from(reference: FloatArray, measured: FloatArray) -> Law:
         failures = dict[int, ControllerError]()
         fresh: list[Controller | None] = [None] * len(controllers)
         for member, controller in enumerate(controllers):
             try:
-                law = fresh_controller(controller)
-                _check(law, sample_time)
-                fresh[member] = law
+                fresh[member] = fresh_controller(controller)
+                if isinstance(controller, Maker):
+                    _check([fresh[member]], sample_time)
             except ControllerError as error:
-                failures[member] = error
-        if has_makers:
-            _check_alike([law for law in fresh if law is not None])
+                failures[member], fresh[member] = error, None
+        if any(isinstance(controller, Maker) for controller in controllers):
+            _check(fresh, sample_time)
         linear = [law for law in fresh if isinstance(law, LinearController)]
         if not linear:
             _check_unshared(controllers, fresh)
@@ -187,25 +183,25 @@ def laws_of(
     return LinearLaws(law_from, linear[0].signals) if len(linear) == len(controllers) else law_from
 
 
-def _check(controller: Controller, sample_time: float) -> None:
-    if isinstance(controller, UnitController):
-        raise ControllerError(
-            f"{controller.path} is an FMU, which allows one instance per process; expected a linear "
-            "controller or a function, class or factory for many members"
-        )
-    if isinstance(controller, LinearController):
-        controller.check_sample_time(sample_time)
-
-
-def _check_alike(controllers: Sequence[Controller]) -> None:
+def _check(controllers: Sequence[Controller | None], sample_time: float) -> None:
+    """Refuse FMUs, other sample times, and different structures, which those of makers show when they are made."""
+    for controller in controllers:
+        if isinstance(controller, UnitController):
+            raise ControllerError(
+                f"{controller.path} is an FMU, which allows one instance per process; expected a linear "
+                "controller or a function, class or factory for many members"
+            )
+        if isinstance(controller, LinearController):
+            controller.check_sample_time(sample_time)
     structures = {
         f"linear in {controller.space} space with {controller.system.nstates} states, {controller.system.ninputs} "
         f"inputs and the signals {', '.join(controller.signals)}"
         if isinstance(controller, LinearController)
         else "a function"
         for controller in controllers
+        if controller is not None
     }
-    if len(structures) > 1:
+    if len(structures) > 1 and not any(isinstance(controller, Maker) for controller in controllers):
         raise ControllerError(
             f"controllers of different structure, {'; '.join(sorted(structures))}; expected one for all"
         )

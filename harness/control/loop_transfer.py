@@ -90,9 +90,9 @@ def loop_transfer(
     plant = held_plant(
         platform, controller, sample_time, lag, *pose, late=rest, coulomb_friction=coulomb_friction, side=side
     )
-    none, one = np.zeros((6, 6)), np.eye(6)
+    none, identity = np.zeros((6, 6)), np.eye(6)
     for _ in range(delay):
-        plant = series(StateSpace(none, one, one, none, sample_time), plant)
+        plant = series(StateSpace(none, identity, identity, none, sample_time), plant)
     return series(plant, feedback_part(platform if believed is None else believed, controller, position, orientation))
 
 
@@ -151,14 +151,14 @@ def space_of(
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """What measurements make of a controller's references and readings (n, n), and of its outputs, forces (6, 6)."""
     n = len(signals.positions(controller.signals))
-    one, none = np.eye(n), np.zeros((n, n))
+    identity, none = np.eye(n), np.zeros((n, n))
     if controller.space == "leg":
-        return (none, one), np.eye(6)
+        return (none, identity), np.eye(6)
     p = platform.home_position if position is None else position
     o = platform.home_orientation if orientation is None else orientation
     J_inverse = np.linalg.inv(leg_jacobian(platform, p, o))
     # from lengths that have been constant: the memory of task space, a sum, is no state of small signals
-    return displacements(lambda change: J_inverse @ change, none, none, none, one), J_inverse.T
+    return displacements(lambda change: J_inverse @ change, none, none, none, identity), J_inverse.T
 
 
 class StructuralMode(NamedTuple):

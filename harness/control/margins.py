@@ -155,10 +155,10 @@ def closed_loop(L: StateSpace) -> StateSpace:
         raise ControllerError(f"the loop transfer is {L.noutputs}×{L.ninputs}; expected as many outputs as inputs")
     if not all(np.isfinite(block).all() for block in L.blocks):
         raise ControllerError("the loop transfer is not finite; expected finite numbers")
-    one = np.eye(L.noutputs)
-    if not np.linalg.cond(one + L.D) < 1 / np.finfo(float).eps:
+    identity = np.eye(L.noutputs)
+    if not np.linalg.cond(identity + L.D) < 1 / np.finfo(float).eps:
         raise ControllerError("1 + L is singular at infinite frequency; expected a delay or a lag in the loop")
-    E = np.linalg.inv(one + L.D)
+    E = np.linalg.inv(identity + L.D)
     return StateSpace(L.A - L.B @ E @ L.C, L.B @ E, E @ L.C, L.D @ E, L.dt)
 
 
@@ -247,9 +247,9 @@ def frequency_range(L: StateSpace) -> tuple[float, float]:
 
 def sensitivities(L: StateSpace, omega: FloatArray) -> tuple[ComplexArray, ComplexArray]:
     """S and T (n, 6, 6) at frequencies [rad/s]."""
-    one = np.eye(L.noutputs)
-    S = np.asarray(np.linalg.inv(one + response(L, omega)), dtype=complex)
-    return S, np.asarray(one - S)
+    identity = np.eye(L.noutputs)
+    S = np.asarray(np.linalg.inv(identity + response(L, omega)), dtype=complex)
+    return S, np.asarray(identity - S)
 
 
 def _eigenvalue_loci(L: StateSpace, omega: FloatArray, on_grid: ComplexArray) -> list[Locus]:

@@ -63,7 +63,18 @@ class Gains:
 
     def __post_init__(self) -> None:
         for name in ("proportional", "derivative", "integral"):
-            object.__setattr__(self, name, _channels(name, getattr(self, name)))
+            value = getattr(self, name)
+            try:
+                array = np.array(value, dtype=float)
+            except (TypeError, ValueError):
+                raise ControllerError(f"{name} gain is {value!r}; expected a number, or six of them") from None
+            if array.shape not in ((), (N_CHANNELS,)):
+                raise ControllerError(f"{name} gain has shape {array.shape}; expected a number, or six of them")
+            is_proportional = name == "proportional"
+            if not np.isfinite(array).all() or (array < 0).any() or (is_proportional and not array.all()):
+                least = "> 0" if is_proportional else ">= 0"
+                raise ControllerError(f"{name} gain is {value!r}; expected finite numbers {least}")
+            object.__setattr__(self, name, np.broadcast_to(array, N_CHANNELS).copy())
         for name in ("derivative_filter", "anti_windup_time"):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0):
@@ -248,7 +259,7 @@ def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn) -> Sta
     # inputs (r, y, excess) of a channel; the derivative acts on v = d · (r, y, excess)
     error = np.array([1.0, -1.0, 0.0])[:n_kinds]
     d = error if derivative_on == "error" else np.array([0.0, -1.0, 0.0])[:n_kinds]
-    one = np.eye(size)
+    identity = np.eye(size)
     kind = channels.proportional.dtype
     poles, B, C, D = [], [], [], np.zeros((size, n_kinds, size), dtype=kind)
     for k in range(size):
@@ -259,12 +270,12 @@ def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn) -> Sta
             high, pole = kd / filter_time, -1 / filter_time
             D[k, :, k] += high * d
             poles.append(pole)
-            B.append(np.outer(d, one[k]))
-            C.append(high * pole * one[k])
+            B.append(np.outer(d, identity[k]))
+            C.append(high * pole * identity[k])
         if channels.integrates[k]:
             poles.append(0 * kp)
-            B.append(np.outer(np.concatenate([ki, -ki, 1 / tracking_time]), one[k]))
-            C.append(one[k])
+            B.append(np.outer(np.concatenate([ki, -ki, 1 / tracking_time]), identity[k]))
+            C.append(identity[k])
     n, m = len(poles), n_kinds * size
     return StateSpace(
         np.diag(np.concatenate([np.zeros(0, dtype=kind), *poles])),
@@ -294,17 +305,3 @@ def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "cont
     discrete = discretised(matrices_of(named), sample_time, method)
     labels = {"inputs": named.input_labels, "outputs": named.output_labels, "name": named.name}
     return ss(*discrete.blocks, sample_time, **labels)
-
-
-def _channels(name: str, value: Any) -> FloatArray:
-    """A gain for each channel."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ControllerError(f"{name} gain is {value!r}; expected a number, or six of them") from None
-    if array.shape not in ((), (N_CHANNELS,)):
-        raise ControllerError(f"{name} gain has shape {array.shape}; expected a number, or six of them")
-    smallest = ">= 0" if name != "proportional" else "> 0"
-    if not np.isfinite(array).all() or (array < 0).any() or (name == "proportional" and not (array > 0).all()):
-        raise ControllerError(f"{name} gain is {value!r}; expected finite numbers {smallest}")
-    return np.broadcast_to(array, N_CHANNELS).copy()

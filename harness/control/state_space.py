@@ -66,13 +66,13 @@ def is_control_system(value: Any) -> bool:
     return package is not None and isinstance(value, package.InputOutputSystem)
 
 
-def state_space_of(system: Any, what: str = "controller") -> Any:
+def state_space_of(system: Any, role: str = "controller") -> Any:
     """The state space of a linear system: itself, this project's or python-control's, or that of a transfer function.
 
     Raises
     ------
     ControllerError
-        Another kind of system, or not a system, or a transfer function that is improper; names it as `what`.
+        Another kind of system, or not a system, or a transfer function that is improper; names it as its `role`.
     """
     if isinstance(system, StateSpace):
         return system
@@ -82,9 +82,9 @@ def state_space_of(system: Any, what: str = "controller") -> Any:
         if isinstance(system, control.StateSpace):
             return system
         if isinstance(system, control.TransferFunction):
-            return _by_elements(system, what)
+            return _by_elements(system, role)
     raise ControllerError(
-        f"{what} is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
+        f"{role} is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
         "or a function of a Sample"
     )
 
@@ -146,9 +146,9 @@ def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Sol
     if method != "zoh":
         # x⁺ = x + T ((1 − α) ẋ + α ẋ⁺), in the state w = (1 − α T A) x − α T B u, which makes it explicit
         alpha = 0.5 if method == "tustin" else 1.0
-        one = np.eye(n)
-        implicit = one - alpha * T * system.A
-        A: Any = solve(implicit, one + (1 - alpha) * T * system.A)
+        identity = np.eye(n)
+        implicit = identity - alpha * T * system.A
+        A: Any = solve(implicit, identity + (1 - alpha) * T * system.A)
         B: Any = solve(implicit, T * system.B)
         C: Any = solve(implicit.T, system.C.T)
         return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), T)
@@ -188,7 +188,7 @@ def _is_zero(values: Any) -> bool:
     return all(v.is_zero() if hasattr(v, "is_zero") else v == 0 for v in np.asarray(values).reshape(-1))
 
 
-def _by_elements(matrix: Any, what: str) -> Any:
+def _by_elements(matrix: Any, role: str) -> Any:
     """State space of a matrix of transfer functions, for which python-control needs slycot; refuses improper ones."""
     import control
 
@@ -198,7 +198,7 @@ def _by_elements(matrix: Any, what: str) -> Any:
         above, below = len(matrix.num[i][j]) - 1, len(matrix.den[i][j]) - 1
         if above > below:
             raise ControllerError(
-                f"{what} has an improper transfer function, of degree {above} over {below}, which needs the future; "
+                f"{role} has an improper transfer function, of degree {above} over {below}, which needs the future; "
                 "expected at most the denominator's: of a PD kp + kd s use gs.PD, or give it a filter and sample it: "
                 "gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), sample_time)"
             )
