@@ -8,7 +8,7 @@ and for small signals.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from gough_stewart.harness.control.laws import Controller, LinearController, fre
 from gough_stewart.harness.control.makers import NO_FORCE, Maker, Sample, name_of
 from gough_stewart.harness.control.state_space import Solve
 from gough_stewart.harness.control.traced_law import CasadiFunction, is_casadi_function
-from gough_stewart.harness.control.unit_controller import UnitController
+from gough_stewart.harness.control.unit_controller import UnitController, UnitLaw
 from gough_stewart.harness.errors import ControllerError, SharedMemoryError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray
@@ -42,51 +42,7 @@ class KnownAhead(NamedTuple):
     planned: FloatArray  # the same with the injection (m, 6) [N]
 
 
-class Law(Protocol):
-    """The controllers of N members in a run, with their memory."""
-
-    @property
-    def used(self) -> tuple[str, ...]:
-        """The signals that they use."""
-
-    @property
-    def may_overrun(self) -> bool:
-        """Whether members that have ended may be sampled, as code of the user must not be."""
-
-    @property
-    def state(self) -> FloatArray:
-        """Their memory (N, n_states)."""
-
-    @property
-    def limited(self) -> BoolArray | None:
-        """Which forces (N, 6) they have limited themselves; None if the actuators limit them."""
-
-    @property
-    def failures(self) -> Mapping[int, ControllerError]:
-        """Members whose controller gave no forces at the last sample, with the error."""
-
-    def force(
-        self,
-        k: int,
-        time: float,
-        reference: FloatArray,
-        measured: FloatArray,
-        excess: FloatArray,
-        due: BoolArray | None = None,
-    ) -> FloatArray:
-        """Forces (N, 6) [N] at sample k, valid until the next call.
-
-        Parameters
-        ----------
-        reference, measured, excess
-            References (30,) or (N, 30), all signals, then the accelerations [m/s², rad/s²]; measurements (N, 24); what
-            the limits cut off the last command (N, 6) [N].
-        due
-            The members to sample (N,); None means all.
-        """
-
-
-LawFrom = Callable[[FloatArray, FloatArray], Law]
+LawFrom = Callable[[FloatArray, FloatArray], "Law"]
 
 
 @dataclass(frozen=True)
@@ -96,7 +52,7 @@ class LinearLaws:
     make: LawFrom
     used: tuple[str, ...]
 
-    def __call__(self, reference: FloatArray, measured: FloatArray) -> Law:
+    def __call__(self, reference: FloatArray, measured: FloatArray) -> "Law":
         """The laws of a run that begins with these references and signals."""
         return self.make(reference, measured)
 
@@ -113,7 +69,7 @@ def law_of(
     """
     make = laws_of([controller], sample_time, jacobians, () if known is None else (known,))
 
-    def law_from(reference: FloatArray, measured: FloatArray) -> Law:
+    def law_from(reference: FloatArray, measured: FloatArray) -> "Law":
         law = make(reference, measured)
         for error in law.failures.values():
             raise error
@@ -153,7 +109,7 @@ def laws_of(
     """
     _check(controllers, sample_time)
 
-    def law_from(reference: FloatArray, measured: FloatArray) -> Law:
+    def law_from(reference: FloatArray, measured: FloatArray) -> "Law":
         failures = dict[int, ControllerError]()
         fresh: list[Controller | None] = [None] * len(controllers)
         for member, controller in enumerate(controllers):
@@ -240,21 +196,8 @@ def _with_copies(failures: Mapping[int, ControllerError], members: int, copies: 
     return {**failures, **({} if last is None else dict.fromkeys(range(members, members + copies), last))}
 
 
-class MemberLaw(Protocol):
-    """The controller of one member, with its memory, during a run; the properties are those of `Law`."""
-
-    @property
-    def used(self) -> tuple[str, ...]: ...
-
-    @property
-    def limited(self) -> BoolArray | None: ...
-
-    def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N]."""
-
-
 class CalledLaw:
-    """A control function during a run; exceptions and invalid results become errors of the controller."""
+    """A control function during a run of one member; exceptions and invalid results become errors of the controller."""
 
     limited = None
     used = signals.NAMES
@@ -267,7 +210,7 @@ class CalledLaw:
         self._command = NO_FORCE
 
     def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        """The six numbers that the function returns."""
+        """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N]."""
         by_name = interface.unpack(_REFERENCES, reference.copy())
         sample = Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy()), k)
         if self._known is not None:
@@ -294,13 +237,13 @@ class CalledLaw:
 
 
 class SeparateLaws:
-    """Members' own laws, called one by one."""
+    """Members' own laws, called one by one; members that have ended are not sampled, which user code must not be."""
 
     may_overrun = False
 
     def __init__(
         self,
-        laws: Sequence[MemberLaw | None],
+        laws: Sequence[CalledLaw | UnitLaw | None],
         failures: Mapping[int, ControllerError] = MappingProxyType({}),
         copies: int = 0,
     ) -> None:
@@ -319,6 +262,7 @@ class SeparateLaws:
 
     @property
     def limited(self) -> BoolArray | None:
+        """Which forces (N, 6) they have limited themselves; None if the actuators limit them."""
         flags = [None if law is None else law.limited for law in self._laws]
         if all(of_member is None for of_member in flags):
             return None
@@ -334,7 +278,7 @@ class SeparateLaws:
         excess: FloatArray,
         due: BoolArray | None = None,
     ) -> FloatArray:
-        """One member after the other."""
+        """Forces (N, 6) [N] at sample k, as of `LinearLaw`; members that gave none are in `failures`."""
         failures, n = dict(self._not_made), len(self._laws)
         references = np.broadcast_to(reference, (n, reference.shape[-1])) if reference.ndim == 1 else reference
         for member, law in enumerate(self._laws):
@@ -388,8 +332,8 @@ class LinearLaw:
     """
 
     limited = None
-    may_overrun = True
-    failures: Mapping[int, ControllerError] = {}
+    may_overrun = True  # members that have ended may be sampled
+    failures: Mapping[int, ControllerError] = {}  # members whose maker gave no controller
 
     def __init__(
         self,
@@ -455,7 +399,16 @@ class LinearLaw:
         excess: FloatArray,
         due: BoolArray | None = None,
     ) -> FloatArray:
-        """w, in task space J⁻ᵀ w."""
+        """Forces (N, 6) [N] at sample k, w, or J⁻ᵀ w in task space, valid until the next call.
+
+        Parameters
+        ----------
+        reference, measured, excess
+            References (30,) or (N, 30), all signals, then the accelerations [m/s², rad/s²]; measurements (N, 24); what
+            the limits cut off the last command (N, 6) [N].
+        due
+            The members to sample (N,); None means all.
+        """
         self._feed(k, reference, measured, excess.T, due)
         force_and_state = self._force_and_state()
         if due is None:
@@ -492,6 +445,9 @@ class LinearLaw:
             y[self._angles] = nearest_angle(y[self._angles], r[self._angles])
         for place, part in zip(self._inputs, inputs_of(self.kinds, r, y, excess), strict=True):
             place[...] = part
+
+
+Law = SeparateLaws | LinearLaw
 
 
 def rest(A: Any, integrating: FloatArray, forcing: Any, solve: Solve = np.linalg.solve) -> Any:

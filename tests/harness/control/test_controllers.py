@@ -35,7 +35,7 @@ def test_gains_are_those_named_channel_by_channel() -> None:
     pd = gs.PD(proportional_gain=written, derivative_gain=KD, derivative_filter="4 ms")  # type: ignore[arg-type]
     assert of_choice(pd, z)[:, :6] == pytest.approx(np.diag(KP + derivative), rel=1e-9)
     for values, integral in (({"integral_gain": KI}, KI), ({"integral_time": 0.25}, KP / 0.25)):
-        choice = gs.PID(proportional_gain=KP, derivative_gain=KD, derivative_filter=0.004, **values)  # type: ignore[arg-type]
+        choice = gs.PID(proportional_gain=KP, derivative_gain=KD, derivative_filter=0.004, **values)
         assert of_choice(choice, z)[:, :6] == pytest.approx(np.diag(KP + derivative + integral / s), rel=1e-9)
 
 
@@ -44,8 +44,8 @@ def test_choices_of_a_pid_reach_the_system() -> None:
     z = np.exp(0.3j)
     s = (1 - 1 / z) / T
     choice = gs.PID(
-        proportional_gain=KP,  # type: ignore[arg-type]
-        derivative_gain=KD,  # type: ignore[arg-type]
+        proportional_gain=KP,
+        derivative_gain=KD,
         integral_gain=200,
         anti_windup_time=0.7,
         derivative_on="measurement",
@@ -121,9 +121,9 @@ def of_table(**table: Any) -> Any:
         (lambda: gs.PD(bandwidth=1, space="joint"), "^space: is 'joint'; expected 'leg' or 'task'$"),  # type: ignore[arg-type]
         (lambda: gs.PD(bandwidth=1, feedforward="x"), "expected 'none', 'gravity' or 'computed_torque'$"),  # type: ignore[arg-type]
         (lambda: gs.PD(bandwidth=1, discretisation="x"), "is 'x'; expected 'tustin', 'backward_diff' or 'zoh'$"),  # type: ignore[arg-type]
-        (lambda: gs.PD(proportional_gain=KP[:5], derivative_gain=1),  # type: ignore[arg-type]
+        (lambda: gs.PD(proportional_gain=KP[:5], derivative_gain=1),
          r"^proportional_gain: is array.*; expected a number \[N/m\] or a list of 6; found 5 values$"),
-        (lambda: gs.PD(proportional_gain=[*KP[1:], "6 N"], derivative_gain=1),  # type: ignore[arg-type]
+        (lambda: gs.PD(proportional_gain=[*KP[1:], "6 N"], derivative_gain=1),
          r"^proportional_gain: .*value 6 of 6: .*found the unit 'N'$"),
         (lambda: gs.PD(bandwidth=1, derivative_on="x"), "^derivative_on: is 'x'; expected 'error' or 'measurement'$"),  # type: ignore[arg-type]
         (lambda: gs.PD(bandwidth=1, model=3), r"^the key model was removed: controllers use the nominal model"),  # type: ignore[call-arg]
@@ -294,7 +294,7 @@ def test_linear_controllers_that_cannot_be_are_refused(arguments: Any, match: st
                                                    (1e-3 * (1 + 1e-6), False), (1.0, False), (True, True)])  # fmt: skip
 def test_another_sample_time_is_refused(designed: float, is_fine: bool) -> None:
     """Expected: one in a million is another one; rounding and a gain without a sample time are not."""
-    controller = LinearController(control.ss([], [], [], np.eye(6), designed), "leg_length")
+    controller = LinearController(control.ss([], [], [], np.eye(6), designed), "leg_length")  # type: ignore[arg-type]
     assert controller.signals == ("leg_length",)
     settings = {"loop.duration": 0.01, "loop.sample_time": 1e-3}
     if is_fine:

@@ -194,9 +194,9 @@ def test_a_start_off_the_reference_gives_no_kick_of_the_derivative(space: Any, n
     kp, ki = np.array([900.0, 1100, 1000, 800, 950, 1050]), np.array([3e4, 0.0, 2e4, 5e4, 4e4, 1e4])
     pid = gs.PID(
         space=space,
-        proportional_gain=kp,  # type: ignore[arg-type]
-        derivative_gain=60 + 0.01 * kp,  # type: ignore[arg-type]
-        integral_gain=ki,  # type: ignore[arg-type]
+        proportional_gain=kp,
+        derivative_gain=60 + 0.01 * kp,
+        integral_gain=ki,
         derivative_filter=0.01,
         notch=notch,
     )
