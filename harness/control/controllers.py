@@ -161,6 +161,11 @@ class SixChannels(ControllerChoice):
     def gains(self, platform: Platform) -> Gains:
         """The stated gains, or gains from bandwidth and damping ratio on this platform.
 
+        Returns
+        -------
+        Gains
+            Of six channels; without integral action of a PD.
+
         Raises
         ------
         ControllerError
