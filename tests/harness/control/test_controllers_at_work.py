@@ -343,3 +343,17 @@ def test_a_casadi_function_gets_its_signals_by_name_and_keeps_its_memory() -> No
     found = (record["controller.force"] - record["controller.feedforward"])[rows]
     assert len(samples) == 30
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-6)
+
+
+@pytest.mark.parametrize("plant", ["model", "fmu3"])
+def test_a_casadi_function_without_memory_is_its_formula(plant: str) -> None:
+    """Expected: of the record's errors, in the loop of machine code and in the one around a unit."""
+    wanted, length = casadi.SX.sym("r", 6), casadi.SX.sym("l", 6)
+    stiffness = 100.0 * np.arange(3.0, 9)
+    names = ["leg_length", "reference_leg_length"]
+    record = run_of(
+        casadi.Function("law", [length, wanted], [stiffness * (wanted - length)], names, ["actuator_force"]), plant
+    )
+    known = at_samples(record, "controller.feedforward") + at_samples(record, "controller.injection")
+    error = at_samples(record, "reference.leg_length") - at_samples(record, "measured.leg_length")
+    assert at_samples(record, "controller.force") - known == pytest.approx(stiffness * error, rel=1e-9, abs=1e-9)
