@@ -1,9 +1,10 @@
 """Components: what stands between the reference and the plant, each described once for every host.
 
-A component is one class in one file: the keys of its table with units and bounds, what comes in and goes out, its
-states, and its equations. From these follow the keys of experiment files, of `--set`, `--vary` and `tune`, the run of
-N members in NumPy, small signals for margins, the parameters and the traced equations of exported code, and the
-documentation's tables. A host only moves time and values: it calls a component at its clock, with the inputs of then.
+A component is one class: the keys of its table with units and bounds, what comes in and goes out, its states, and its
+equations. From these follow the keys of experiment files, of `--set`, `--vary` and `tune`, the run of N members in
+NumPy, small signals for margins, the parameters and the traced equations of exported code, and the documentation's
+tables. A host only moves time and values: it calls a component at the controller's samples, at the steps of the plant,
+or at the sensors' readings, with the inputs of then.
 
 Rules of the equations of a `Stepped` component:
 
@@ -15,7 +16,7 @@ Rules of the equations of a `Stepped` component:
 
 from abc import abstractmethod
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -24,8 +25,6 @@ from gough_stewart.harness.quantities import quantity_in
 from gough_stewart.harness.section import Section
 from gough_stewart.model.parameters import Bound
 
-# When a component runs: at the controller's samples, at every step of the plant, or at the sensors' readings.
-Clock = Literal["sample", "plant step", "reading"]
 Signals = tuple[Any, ...]
 
 
@@ -54,7 +53,7 @@ class Component:
     @classmethod
     def parameters(cls) -> tuple[Parameter, ...]:
         """Its parameters, in order."""
-        found = []
+        parameters = []
         for key in cls.keys:
             field = cls.table.model_fields[key]
             quantity: Any = quantity_in(field.annotation, *field.metadata)
@@ -62,26 +61,16 @@ class Component:
             bound: Bound = (getattr(quantity, "bound", None) if none is None else None) or ">= 0"
             name = key if key.startswith(cls.name) else f"{cls.name}_{key}"
             text = field.description or ""
-            found.append(Parameter(name, key, quantity.unit, bound, text, cls.conditions.get(key, ""), none))
-        return tuple(found)
-
-    @staticmethod
-    def linear(values: Mapping[str, Any], sample_time: Any, solve: Solve = np.linalg.solve) -> StateSpace:
-        """Small signals of one channel, from the values of its keys; by default what comes in goes out.
-
-        Limits are open, and a quantiser is a wire. In discrete time at the sample time [s], or in continuous time.
-        """
-        del values, sample_time, solve
-        return StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1))
+            parameters.append(Parameter(name, key, quantity.unit, bound, text, cls.conditions.get(key, ""), none))
+        return tuple(parameters)
 
 
 class Stepped(Component):
     """A component that a host steps; see the rules above."""
 
-    clock: ClassVar[Clock]
     inputs: ClassVar[tuple[str, ...]]
     outputs: ClassVar[tuple[str, ...]]
-    states: ClassVar[tuple[str, ...]]
+    states: ClassVar[tuple[str, ...]] = ()
 
     @staticmethod
     @abstractmethod
@@ -89,14 +78,14 @@ class Stepped(Component):
         """The coefficients, a named tuple, from the values of its keys and the time [s] between its steps."""
 
     @staticmethod
-    @abstractmethod
     def without_idle(coefficients: Any) -> Any:
         """The same for numbers, with None for parts that no member has, which costs no time in a step."""
+        return coefficients
 
     @staticmethod
-    @abstractmethod
-    def start(coefficients: Any, inputs: Signals) -> Signals:
+    def start(coefficients: Any, inputs: Signals) -> Signals:  # noqa: ARG004 - of those with states
         """The states at rest in these inputs, in the order of `states`."""
+        return ()
 
     @staticmethod
     @abstractmethod
@@ -129,10 +118,6 @@ class Link(Section, Component):
             Names the key, its value, and what was expected.
         """
 
-    def values(self) -> dict[str, Any]:
-        """The values of its keys."""
-        return {key: np.array([getattr(self, key)]) for key in type(self).model_fields}
-
 
 def with_links(
     controller: StateSpace,
@@ -148,7 +133,7 @@ def with_links(
     n = controller.noutputs
     gain = np.diagonal(controller.D[:, :n])
     for link, values in links:
-        one = link.linear(values, sample_time, solve)
-        A, B, C, D = (np.asarray(np.kron(np.eye(n), each)) for each in (one.A, one.B, one.C, one.D))
-        controller = series(controller, StateSpace(A, B / gain, gain[:, None] * C, D, one.dt))
+        channel = link.linear(values, sample_time, solve)
+        A, B, C, D = (np.asarray(np.kron(np.eye(n), block)) for block in channel.blocks)
+        controller = series(controller, StateSpace(A, B / gain, gain[:, None] * C, D, channel.dt))
     return controller

@@ -1,28 +1,33 @@
-"""The controllers of experiments: `[controller]` in a file, and the same in Python.
+"""The controllers of experiments: `[controller]` in a file, and the same in Python, with their feedforward.
 
 Each kind is one class: its keys with units, bounds and defaults, and the controller that they define. A new class is
 all that a new kind needs; its `type` makes it known to experiment files.
 """
 
-from abc import abstractmethod
+import inspect
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from gough_stewart.harness.control.component import Link, with_links
-from gough_stewart.harness.control.feedforward import Feedforward
-from gough_stewart.harness.control.gains import DAMPING_RATIO, gains_from_bandwidth
-from gough_stewart.harness.control.laws import Controller, LinearController, Space
+from gough_stewart.harness.control.laws import Controller, LinearController, Space, controller_of
+from gough_stewart.harness.control.makers import Design, UserFolder, constructed, is_maker, name_of
 from gough_stewart.harness.control.notch import Notch
-from gough_stewart.harness.control.pid import DerivativeOn, Gains, pid_matrices
-from gough_stewart.harness.control.python.makers import Design
-from gough_stewart.harness.control.python_file import controller_of_file
-from gough_stewart.harness.control.state_space import Method, discretised
+from gough_stewart.harness.control.pid import (
+    DAMPING_RATIO,
+    DerivativeOn,
+    Gains,
+    channel_matrices,
+    channels_of,
+    gains_from_bandwidth,
+)
+from gough_stewart.harness.control.state_space import Method, discretised, is_control_system
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.motion.motion import Motion, once_at_rest
 from gough_stewart.harness.quantities import (
     DerivativeGains,
     Frequency,
@@ -33,8 +38,33 @@ from gough_stewart.harness.quantities import (
     ProportionalGains,
 )
 from gough_stewart.harness.section import FileName, Kind
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, static_leg_forces
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
+
+Feedforward = Literal["none", "gravity", "computed_torque"]
+
+
+def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatArray:
+    """Actuator forces (n, 6) [N] along a reference motion.
+
+    gravity: Jᵀ F = n(pose, 0), at rest in each pose. computed_torque: Jᵀ F = M [v̇; ω̇] + n, inverse dynamics.
+
+    Raises
+    ------
+    SingularPoseError
+        The legs cannot hold a pose of the motion.
+    """
+    if kind == "none":
+        return np.zeros((len(motion.position), 6))
+    if kind == "gravity":
+        (forces,) = once_at_rest(lambda rows: [static_leg_forces(platform, rows.position, rows.orientation)], motion)
+    else:
+        (forces,) = once_at_rest(
+            lambda rows: [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))], motion
+        )
+    return forces
 
 
 class ControllerChoice(Kind):
@@ -48,7 +78,6 @@ class ControllerChoice(Kind):
 
     feedforward: Feedforward = "none"
 
-    @abstractmethod
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller | None:
         """The controller for a platform and a sample time [s], None without feedback; `folder` resolves file names.
 
@@ -58,15 +87,13 @@ class ControllerChoice(Kind):
             No controller for this platform and sample time, or a file without one.
         """
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether the loop has feedback."""
-        return True
+    is_closed: ClassVar[bool] = True  # whether the loop has feedback
 
     @property
     def code(self) -> tuple[str, ...]:
         """Files that it names and a run executes."""
-        return ()
+        file = getattr(self, "file", None)
+        return () if file is None else (file,)
 
     def design(self, platform: Platform, sample_time: float) -> Design:
         """What a class or factory, also one that replaces the controller, designs from."""
@@ -99,20 +126,9 @@ class ControllerChoice(Kind):
 class OpenLoop(ControllerChoice):
     """Constant forces, with optional feedforward."""
 
+    is_closed: ClassVar[bool] = False
     type: Literal["open_loop"] = "open_loop"
     force: LegForces = (0.0,) * 6
-
-    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> None:
-        """None."""
-
-    @property
-    def is_closed(self) -> bool:
-        """An open loop has no feedback."""
-        return False
-
-    def design(self, platform: Platform, sample_time: float) -> Design:
-        """What a class or factory, also one that replaces the controller, designs from."""
-        return Design(platform, sample_time)
 
     def planned(self, feedforward: FloatArray) -> FloatArray:
         """The constant forces plus the feedforward."""
@@ -135,35 +151,27 @@ class SixChannels(ControllerChoice):
     @property
     def links(self) -> tuple[Link, ...]:
         """The links after the six channels, in the order of their fields."""
-        return tuple(each for _, each in self if isinstance(each, Link))
+        return tuple(value for _, value in self if isinstance(value, Link))
 
-    @abstractmethod
+    @property
+    def _integral(self) -> tuple[Any, float | None, float | None]:
+        """Integral gain, or time [s], and anti-windup time [s]."""
+        return 0.0, None, None
+
     def gains(self, platform: Platform) -> Gains:
         """The stated gains, or gains from bandwidth and damping ratio on this platform.
+
+        Returns
+        -------
+        Gains
+            Of six channels; without integral action of a PD.
 
         Raises
         ------
         ControllerError
             Impossible gains.
         """
-
-    def controller(
-        self,
-        platform: Platform,
-        sample_time: float,
-        folder: Path = Path(),  # noqa: ARG002 - there is no file
-    ) -> LinearController:
-        """Discretised by `discretisation`, followed by its links."""
-        continuous = pid_matrices(self.gains(platform), self.derivative_on)
-        discrete = discretised(continuous, sample_time, self.discretisation)
-        for link in self.links:
-            link.check(sample_time)
-        whole = with_links(discrete, ((type(link), link.values()) for link in self.links), sample_time)
-        return LinearController(whole, space=self.space)
-
-    def _gains(
-        self, platform: Platform, integral_gain: Any, integral_time: float | None, anti_windup_time: float | None
-    ) -> Gains:
+        integral_gain, integral_time, anti_windup_time = self._integral
         if self.bandwidth is not None:
             damping_ratio = DAMPING_RATIO if self.damping_ratio is None else self.damping_ratio
             times = (integral_time, self.derivative_filter, anti_windup_time)
@@ -171,6 +179,16 @@ class SixChannels(ControllerChoice):
         kp = np.array(self.proportional_gain)
         ki = integral_gain if integral_time is None else kp / integral_time
         return Gains(kp, np.array(self.derivative_gain), ki, self.derivative_filter, anti_windup_time)
+
+    def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:  # noqa: ARG002
+        """Discretised by `discretisation`, followed by its links."""
+        continuous = channel_matrices(channels_of(self.gains(platform)), self.derivative_on)
+        discrete = discretised(continuous, sample_time, self.discretisation)
+        links = []
+        for link in self.links:
+            link.check(sample_time)
+            links.append((type(link), {key: np.array([getattr(link, key)]) for key in link.keys}))
+        return LinearController(with_links(discrete, links, sample_time), space=self.space)
 
     @model_validator(mode="after")
     def _gains_or_bandwidth(self) -> "SixChannels":
@@ -201,10 +219,6 @@ class PD(SixChannels):
 
     type: Literal["pd"] = "pd"
 
-    def gains(self, platform: Platform) -> Gains:
-        """Without integral action."""
-        return self._gains(platform, 0.0, None, None)
-
 
 class PID(SixChannels):
     """A PD with integral action; anti-windup by back-calculation.
@@ -222,9 +236,9 @@ class PID(SixChannels):
     integral_time: PositiveTime | None = None
     anti_windup_time: PositiveTime | None = None
 
-    def gains(self, platform: Platform) -> Gains:
-        """With integral action in the channels whose integral gain is not 0."""
-        return self._gains(platform, self.integral_gain, self.integral_time, self.anti_windup_time)
+    @property
+    def _integral(self) -> tuple[Any, float | None, float | None]:
+        return self.integral_gain, self.integral_time, self.anti_windup_time
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:
         """Discretised by `discretisation`, with an anti-windup time of at least one sample."""
@@ -263,19 +277,33 @@ class PythonController(ControllerChoice):
     factory: str | None = None
     parameters: dict[str, Any] = Field(default_factory=dict)
 
-    @property
-    def code(self) -> tuple[str, ...]:
-        """The file."""
-        return () if self.file is None else (self.file,)
-
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> Controller:
         """The linear controller, or the maker of controllers, of that name in the file. The file is executed."""
         if self.file is None:
             raise ControllerError(
                 "file is missing; add the Python file of the controller, or give the controller in Python: controller="
             )
-        design = self.design(platform, sample_time)
-        return controller_of_file(folder / self.file, self.name, self.factory, design)
+        file, name = folder / self.file, self.factory or self.name or "controller"
+        user_folder = UserFolder(file.absolute().parent)
+        thing = user_folder.defined(file, name)
+        is_made = self.factory is not None or inspect.isclass(thing)
+        if is_made and not callable(thing):
+            raise ControllerError(f"{file}: factory = '{name}' is {thing!r}; expected a function or class")
+        if self.parameters and not is_made:
+            raise ControllerError(
+                f"{file}: parameters: {', '.join(self.parameters)} are for a class or factory; '{name}' is neither"
+            )
+        try:
+            if is_made:
+                return constructed(thing, self.design(platform, sample_time), user_folder)
+            if not callable(thing) or is_control_system(thing) or not is_maker(thing):
+                return controller_of(user_folder.path / thing if isinstance(thing, str | Path) else thing)
+        except ControllerError as error:
+            raise ControllerError(f"{file}: {error}") from error
+        raise ControllerError(
+            f"{file}: {name_of(thing)} has to be called with platform and sample time; expected factory = '{name}' "
+            "instead of name"
+        )
 
     def design(self, platform: Platform, sample_time: float) -> Design:
         """With its parameters."""
@@ -297,11 +325,6 @@ class UnitChoice(ControllerChoice):
     file: FileName
     names: dict[str, str] = Field(default_factory=dict)
     parameters: dict[str, Any] = Field(default_factory=dict)
-
-    @property
-    def code(self) -> tuple[str, ...]:
-        """The FMU."""
-        return (self.file,)
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> UnitController:  # noqa: ARG002
         """The FMU, in its own process."""

@@ -1,4 +1,4 @@
-"""The drives: from the command that reaches them to the force that acts, by a rate limit and a lag."""
+"""The drives: limits on a command, then, by a rate limit and a lag, the force that acts."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, NamedTuple
@@ -6,11 +6,11 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from gough_stewart.harness.control.component import Clock, Signals, Stepped
-from gough_stewart.harness.control.state_space import Solve, StateSpace
+from gough_stewart.harness.control.component import Signals, Stepped
+from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.quantities import PositiveForceRate, Time, Unit, positive_or_word
 from gough_stewart.harness.section import Section
-from gough_stewart.model.operations import greater, less, minimum, not_equal, sign, where
+from gough_stewart.model.operations import clip, greater, less, minimum, not_equal, sign, where
 
 
 def _force_limit(value: Any) -> float | str:
@@ -28,6 +28,62 @@ class ActuatorChoice(Section):
     ] = "platform"
     rate_limit: Annotated[PositiveForceRate | None, Field(description="rate limit of the drives")] = None
     lag: Annotated[Time, Field(description="time constant of the drives")] = 0.0
+
+
+class LimitCoefficients(NamedTuple):
+    """Of `ForceLimits`."""
+
+    low: Any  # [N]; None if no member has a limit
+    high: Any
+    change: Any  # largest change of the force in a sample [N]; None if no member has a rate limit
+
+
+class ForceLimits(Stepped):
+    """Clips a command to ± `force_limit`, and foresees how much of it the drives reach within a sample.
+
+    Their force one sample after each command, `planned`, changes by at most `rate_limit` times the sample time. The
+    excess is `planned` minus the command, which controllers with integral action feed back.
+    """
+
+    name: ClassVar[str] = "force"
+    table: ClassVar[type[Section]] = ActuatorChoice
+    keys: ClassVar[tuple[str, ...]] = ("force_limit", "rate_limit")
+    absent: ClassVar[Mapping[str, float]] = {"force_limit": np.inf, "rate_limit": np.inf}
+    inputs: ClassVar[tuple[str, ...]] = ("command",)
+    outputs: ClassVar[tuple[str, ...]] = ("allowed", "force_limited", "excess")
+    states: ClassVar[tuple[str, ...]] = ("planned",)
+
+    @staticmethod
+    def prepare(values: Mapping[str, Any], period: Any) -> LimitCoefficients:
+        limit = values["force_limit"]
+        return LimitCoefficients(-limit, limit, values["rate_limit"] * period)
+
+    @staticmethod
+    def without_idle(coefficients: LimitCoefficients) -> LimitCoefficients:
+        c = coefficients
+        if not np.isfinite(c.high).any():
+            c = c._replace(low=None, high=None)
+        return c if np.isfinite(c.change).any() else c._replace(change=None)
+
+    @staticmethod
+    def start(coefficients: LimitCoefficients, inputs: Signals) -> Signals:
+        """The command; no states without a rate limit."""
+        return () if coefficients.change is None else inputs
+
+    @staticmethod
+    def step(coefficients: LimitCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
+        low, high, change = coefficients
+        (command,) = inputs
+        if high is None:
+            allowed, is_cut = command, None
+        else:
+            allowed = clip(command, low, high)
+            is_cut = not_equal(allowed, command)
+        if change is None:
+            return states, (allowed, is_cut, None if high is None else allowed - command)
+        (planned,) = states
+        planned = clip(allowed, planned - change, planned + change)
+        return (planned,), (allowed, is_cut, planned - command)
 
 
 class DriveCoefficients(NamedTuple):
@@ -51,21 +107,18 @@ class Drive(Stepped):
     table: ClassVar[type[Section]] = ActuatorChoice
     keys: ClassVar[tuple[str, ...]] = ("rate_limit", "lag")
     absent: ClassVar[Mapping[str, float]] = {"rate_limit": np.inf, "lag": 0.0}
-    clock: ClassVar[Clock] = "plant step"
     inputs: ClassVar[tuple[str, ...]] = ("target",)
     outputs: ClassVar[tuple[str, ...]] = ("actuator_force", "rate_limited")
     states: ClassVar[tuple[str, ...]] = ("reached", "followed")
 
     @staticmethod
     def prepare(values: Mapping[str, Any], period: Any) -> DriveCoefficients:
-        """As `Stepped`."""
         rate, lag = values["rate_limit"], values["lag"]
         lags = greater(lag, 0.0)
         return DriveCoefficients(period, rate, where(less(rate, np.inf), rate, 0.0), where(lags, lag, 1.0), lags)
 
     @staticmethod
     def without_idle(coefficients: DriveCoefficients) -> DriveCoefficients:
-        """As `Stepped`."""
         c = coefficients
         if not np.isfinite(c.rate).any():
             c = c._replace(rate=None, slope=None)
@@ -74,14 +127,11 @@ class Drive(Stepped):
         return c._replace(lags=None) if c.lags.all() else c
 
     @staticmethod
-    def start(coefficients: DriveCoefficients, inputs: Signals) -> Signals:
-        """As `Stepped`."""
-        del coefficients
+    def start(_coefficients: DriveCoefficients, inputs: Signals) -> Signals:
         return inputs[0], inputs[0]
 
     @staticmethod
     def step(coefficients: DriveCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
-        """As `Stepped`."""
         h, rate, slope, tau, lags = coefficients
         (r0, force), (target,) = states, inputs
         if rate is None:
@@ -89,9 +139,9 @@ class Drive(Stepped):
             reached, on_ramp, rest, is_behind = r0, force, h, None
         else:
             # from r₀ to the target at ±rate, reached after a ≤ h, or at the step's end not yet
-            way = target - r0
-            a = minimum(np.abs(way) / rate, h)
-            slope = sign(way) * slope
+            distance = target - r0
+            a = minimum(np.abs(distance) / rate, h)
+            slope = sign(distance) * slope
             r1 = where(less(a, h), target, r0 + slope * h)
             mean = r1 - (r1 - r0) * a / (2 * h)
             reached, is_behind = r1, not_equal(r1, target)
@@ -108,12 +158,8 @@ class Drive(Stepped):
         late = mean - (following - force) * tau / h
         return (reached, following), (late if lags is None else where(lags, late, mean), is_behind)
 
-    @staticmethod
-    def linear(values: Mapping[str, Any], sample_time: Any, solve: Solve = np.linalg.solve) -> StateSpace:
-        """Its lag, in continuous time: ḟ = (r − f)/τ."""
-        del sample_time, solve
-        lag = float(values["lag"])
-        if not lag > 0:
-            return Stepped.linear(values, None)
-        one = np.eye(1)
-        return StateSpace(-one / lag, one / lag, one, 0 * one)
+
+def linear_drives(lag: float, channels: int) -> StateSpace:
+    """The small signals of drives with a lag τ > 0 [s], ḟ = (r − f)/τ, in continuous time."""
+    identity = np.eye(channels)
+    return StateSpace(-identity / lag, identity / lag, identity, 0 * identity)

@@ -6,9 +6,10 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from gough_stewart.harness.control.component import Clock, Signals, Stepped
+from gough_stewart.harness.control.component import Signals, Stepped
+from gough_stewart.harness.control.sensor import by_signal
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.signals import N_LEGS, NAMES, VARIABLES
+from gough_stewart.harness.plants.signals import N_LEGS, VARIABLES
 from gough_stewart.harness.quantities import PositiveTime, Time
 from gough_stewart.harness.section import Section
 from gough_stewart.model.operations import greater, where
@@ -21,10 +22,10 @@ N_FAULTS = FROZEN.stop
 _SIZES = {variable.name: variable.size for variable in VARIABLES}
 
 
-def _numbered(values: list[int], most: int, what: str) -> list[int]:
+def _numbered(values: list[int], most: int, kind: str) -> list[int]:
     for value in values:
         if not 1 <= value <= most:
-            raise ValueError(f"no {what} {value}; expected numbers from 1 to {most}")
+            raise ValueError(f"no {kind} {value}; expected numbers from 1 to {most}")
     if len(set(values)) < len(values):
         raise ValueError(f"is {values}; expected each number once")
     return values
@@ -32,15 +33,6 @@ def _numbered(values: list[int], most: int, what: str) -> list[int]:
 
 def _legs(values: list[int]) -> list[int]:
     return _numbered(values, N_LEGS, "leg")
-
-
-def _by_signal(value: Any) -> Any:
-    if not isinstance(value, dict):
-        raise ValueError(f"expected a table of signals ({', '.join(NAMES)})")  # noqa: TRY004 - pydantic wants this one
-    for name in value:
-        if name not in NAMES:
-            raise ValueError(f"no signal '{name}'; expected {', '.join(NAMES)}")
-    return value
 
 
 def _elements(value: dict[str, list[int]]) -> dict[str, list[int]]:
@@ -57,7 +49,7 @@ class FaultChoice(Section):
     at: Time
     duration: PositiveTime | None = None
     cut: Annotated[list[int], AfterValidator(_legs)] = Field(default_factory=list)
-    freeze: Annotated[dict[str, list[int]], BeforeValidator(_by_signal), AfterValidator(_elements)] = Field(
+    freeze: Annotated[dict[str, list[int]], BeforeValidator(by_signal), AfterValidator(_elements)] = Field(
         default_factory=dict
     )
 
@@ -70,11 +62,11 @@ class FaultChoice(Section):
     @property
     def flags(self) -> FloatArray:
         """What fails (N_FAULTS,): 1 or 0."""
-        found = np.zeros(N_FAULTS)
-        found[[leg - 1 for leg in self.cut]] = 1.0
+        flags = np.zeros(N_FAULTS)
+        flags[[leg - 1 for leg in self.cut]] = 1.0
         for name, elements in self.freeze.items():
-            found[FROZEN.start + np.array(signals.positions([name]))[np.array(elements) - 1]] = 1.0
-        return found
+            flags[FROZEN.start + np.array(signals.positions([name]))[np.array(elements) - 1]] = 1.0
+        return flags
 
 
 class NoCoefficients(NamedTuple):
@@ -87,38 +79,20 @@ class _Fault(Stepped):
     name: ClassVar[str] = "fault"
     table: ClassVar[type[Section]] = FaultChoice
     keys: ClassVar[tuple[str, ...]] = ()
-    outputs: ClassVar[tuple[str, ...]]
-    states: ClassVar[tuple[str, ...]] = ()
 
     @staticmethod
-    def prepare(values: Mapping[str, Any], period: Any) -> NoCoefficients:
-        """As `Stepped`."""
-        del values, period
+    def prepare(_values: Mapping[str, Any], _period: Any) -> NoCoefficients:
         return NoCoefficients()
-
-    @staticmethod
-    def without_idle(coefficients: NoCoefficients) -> NoCoefficients:
-        """As `Stepped`."""
-        return coefficients
-
-    @staticmethod
-    def start(coefficients: NoCoefficients, inputs: Signals) -> Signals:
-        """As `Stepped`."""
-        del coefficients, inputs
-        return ()
 
 
 class Cut(_Fault):
     """The force of a leg, 0 while it is cut; its drive goes on beside it."""
 
-    clock: ClassVar[Clock] = "plant step"
     inputs: ClassVar[tuple[str, ...]] = ("driven", "cut")
     outputs: ClassVar[tuple[str, ...]] = ("actuator_force",)
 
     @staticmethod
-    def step(coefficients: NoCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
-        """As `Stepped`."""
-        del coefficients
+    def step(_coefficients: NoCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
         driven, cut = inputs
         return states, (where(greater(cut, 0.0), 0.0, driven),)
 
@@ -126,13 +100,10 @@ class Cut(_Fault):
 class Freeze(_Fault):
     """A reading, or the last one before it froze."""
 
-    clock: ClassVar[Clock] = "reading"
     inputs: ClassVar[tuple[str, ...]] = ("reading", "last", "frozen")
     outputs: ClassVar[tuple[str, ...]] = ("measured",)
 
     @staticmethod
-    def step(coefficients: NoCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
-        """As `Stepped`."""
-        del coefficients
+    def step(_coefficients: NoCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
         reading, last, frozen = inputs
         return states, (where(greater(frozen, 0.0), last, reading),)

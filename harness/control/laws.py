@@ -1,41 +1,22 @@
-"""Control laws in a run: from references and measurements at a sample to six forces."""
+"""Controllers of a run: linear ones, FMUs, functions, and makers of controllers with memory."""
 
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import BuiltinFunctionType, FunctionType
-from typing import Any, Literal, NamedTuple, Protocol, cast
+from typing import Any, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gough_stewart.harness.control.python.casadi_function import CasadiFunction, is_casadi_function
-from gough_stewart.harness.control.python.makers import Constructed, Copied, Design, Maker, is_maker, name_of
-from gough_stewart.harness.control.python.sample import NO_FORCE, Sample
+from gough_stewart.harness.control.makers import Design, Maker, Sample, constructed, copied, is_maker, name_of
 from gough_stewart.harness.control.state_space import is_control_system, state_space_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
-from gough_stewart.model import interface
-from gough_stewart.model.platform import Platform
-from gough_stewart.model.vectors import FloatArray
 
 Space = Literal["leg", "task"]
-
-
-class Known(NamedTuple):
-    """What a loop knows in advance and tells its controllers."""
-
-    platform: Platform  # the nominal model
-    sample_time: float  # [s]
-    feedforward: FloatArray  # at every sample (m, 6) [N]
-    planned: FloatArray  # the same with the injection (m, 6) [N]
-
-
-_ACCELERATIONS = (interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
 ControlFunction = Callable[[Sample], Any]
 
 
@@ -61,6 +42,8 @@ class LinearController:
     system: Any
     signals: tuple[str, ...] = ("leg_length",)
     space: Space = "leg"
+    kinds: int = field(init=False, repr=False, compare=False)
+    """How many kinds of inputs it has: 1 (errors), 2 (references, measurements) or 3 (also the excess)."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "system", state_space_of(self.system))
@@ -69,7 +52,8 @@ class LinearController:
             raise ControllerError(f"space is {self.space!r}; expected 'leg' or 'task'")
         if self.space == "task" and self.signals != ("leg_length",):
             raise ControllerError("a controller in task space needs the signal leg_length to compute the pose")
-        sizes = self._sizes
+        n = len(signals.positions(self.signals))
+        sizes = [n, 2 * n, 2 * n + N_LEGS]
         if self.system.ninputs not in sizes or self.system.noutputs != N_LEGS:
             raise ControllerError(
                 f"controller has {self.system.ninputs} inputs and {self.system.noutputs} outputs; expected for the "
@@ -77,6 +61,7 @@ class LinearController:
                 f"or {sizes[2]} (also what the limits cut off), and {N_LEGS} outputs (forces); of one channel for "
                 f"{N_LEGS} legs: control.append(*[control.ss(controller)] * {N_LEGS})"
             )
+        object.__setattr__(self, "kinds", 1 + sizes.index(self.system.ninputs))
         for name in "ABCD":
             if not np.isfinite(getattr(self.system, name)).all():
                 raise ControllerError(f"the controller's matrix {name} has elements that are not finite")
@@ -86,20 +71,11 @@ class LinearController:
                 "control.sample_system(controller, 1e-3, method='tustin')"
             )
 
-    @cached_property
-    def kinds(self) -> int:
-        """How many kinds of inputs it has: 1 (errors), 2 (references, measurements) or 3 (also the excess)."""
-        return 1 + self._sizes.index(self.system.ninputs)
-
-    @property
-    def _sizes(self) -> tuple[int, int, int]:
-        n = len(signals.positions(self.signals))
-        return n, 2 * n, 2 * n + N_LEGS
-
     @property
     def sample_time(self) -> float | None:
-        """Of the system [s]; None if it has none (a static gain)."""
-        return None if self.system.dt in (None, True, 0) else float(self.system.dt)
+        """Of the system [s]; None if it has none (a static gain), or leaves it open."""
+        dt = self.system.dt
+        return None if not dt or dt is True else float(dt)
 
     def check_sample_time(self, sample_time: float) -> None:
         """Refuse a loop whose sample time [s] differs from the controller's.
@@ -109,34 +85,16 @@ class LinearController:
         ControllerError
             Names both.
         """
-        own = self.sample_time
-        if own is not None and abs(own - sample_time) > 1e-9 * sample_time:
+        designed = self.sample_time
+        if designed is not None and abs(designed - sample_time) > 1e-9 * sample_time:
             raise ControllerError(
-                f"the controller's sample time is {own:g} s, the loop's {sample_time:g} s; resample the controller, "
-                "or set the loop's sample_time"
+                f"the controller's sample time is {designed:g} s, the loop's {sample_time:g} s; resample the "
+                "controller, or set the loop's sample_time"
             )
 
 
 # A maker and a function without memory give all members their controllers; a function is called by all of them.
 Controller = LinearController | UnitController | ControlFunction | Maker
-
-
-class MemberLaw(Protocol):
-    """The controller of one member, with its memory, during a run."""
-
-    @property
-    def used(self) -> tuple[str, ...]:
-        """The signals that it uses."""
-
-    @property
-    def limited(self) -> "NDArray[np.bool_] | None":
-        """Which forces (6,) it has limited itself; None if the actuators limit them."""
-
-    def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N].
-
-        References are all signals, then the accelerations [m/s², rad/s²]; the excess is what the limits cut off.
-        """
 
 
 def controller_of(controller: Any, design: Design | None = None) -> Controller:
@@ -164,8 +122,8 @@ def controller_of(controller: Any, design: Design | None = None) -> Controller:
     if is_maker(controller):
         if design is None:
             raise ControllerError(f"{name_of(controller)} is a class or factory; expected a controller here")
-        return Constructed(controller, design)
-    return controller if isinstance(controller, FunctionType | BuiltinFunctionType) else Copied(controller)
+        return constructed(controller, design)
+    return controller if isinstance(controller, FunctionType | BuiltinFunctionType) else copied(controller)
 
 
 def fresh_controller(controller: Controller) -> LinearController | UnitController | ControlFunction:
@@ -176,67 +134,21 @@ def fresh_controller(controller: Controller) -> LinearController | UnitControlle
     ControllerError
         The maker fails, or makes something that is not a controller.
     """
-    return _made(controller.make()) if isinstance(controller, Maker) else controller
-
-
-def _made(made: Any) -> LinearController | ControlFunction:
-    if isinstance(made, LinearController):
-        return made
-    if inspect.isclass(made):
-        raise ControllerError(f"a factory gave the {name_of(made)}; expected an object of it, made for each call")
-    if not callable(made) or is_control_system(made):
-        return LinearController(made)
-    return cast("ControlFunction", made)
+    return _checked(controller.make()) if isinstance(controller, Maker) else controller
 
 
 def linear_of(controller: Controller | None) -> LinearController | None:
     """The linear controller that it is or makes; None if it is none, which the next run then gets."""
-    found = _made(controller.peek()) if isinstance(controller, Maker) else controller
-    return found if isinstance(found, LinearController) else None
+    next_one = _checked(controller.peek()) if isinstance(controller, Maker) else controller
+    return next_one if isinstance(next_one, LinearController) else None
 
 
-class FunctionLaw:
-    """A control function during a run; exceptions and invalid results become errors of the controller."""
-
-    limited = None
-    used = signals.NAMES
-
-    def __init__(self, function: ControlFunction, known: Known | None = None) -> None:
-        self._function = CasadiFunction(function) if is_casadi_function(function) else function
-        self._known = known
-        self._command = NO_FORCE
-
-    @property
-    def traced(self) -> Any:
-        """The CasADi function that it calls, which is all that there is to it; None for others."""
-        return self._function.function if isinstance(self._function, CasadiFunction) else None
-
-    def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
-        """As `MemberLaw`."""
-        by_name = interface.unpack((*signals.VARIABLES, *_ACCELERATIONS), reference.copy())
-        sample = Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy()), k)
-        if self._known is not None:
-            platform, sample_time, feedforward, _ = self._known
-            told = (self._command.copy(), excess.copy(), feedforward[k].copy(), platform)
-            sample = Sample(*sample[:4], sample_time, *told)
-        try:
-            result = self._function(sample)
-        except (Exception, SystemExit) as error:  # user code may raise anything
-            raise ControllerError(
-                f"the control function failed at time {time:g} s with {type(error).__name__}: {error}"
-            ) from error
-        force = _forces(result, time)
-        if self._known is not None:
-            self._command = self._known.planned[k] + force  # in this order, as the loop adds them
-        return force
-
-
-def _forces(result: Any, time: float) -> FloatArray:
-    """The result of a control function as six forces."""
-    try:
-        force = np.array(result)
-    except ValueError:  # ragged
-        force = np.zeros(0)
-    if force.dtype.kind not in "iuf" or force.shape != (N_LEGS,):
-        raise ControllerError(f"the control function returned {result!r} at time {time:g} s; expected {N_LEGS} forces")
-    return force.astype(float)
+def _checked(product: Any) -> LinearController | ControlFunction:
+    """What a maker gave, as a controller."""
+    if isinstance(product, LinearController):
+        return product
+    if inspect.isclass(product):
+        raise ControllerError(f"a factory gave the {name_of(product)}; expected an object of it, made for each call")
+    if not callable(product) or is_control_system(product):
+        return LinearController(product)
+    return cast("ControlFunction", product)

@@ -1,80 +1,48 @@
 """The control laws of a run's members: linear ones in one computation, functions and FMUs member by member.
 
-A member's forces do not depend on the other members, to the last bit.
+A member's forces do not depend on the other members, to the last bit. What a linear controller gets, `inputs_of`, and
+what task space makes of the legs, `displacements`, are stated here once, for the arrays of a run, for CasADi symbols
+and for small signals.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Protocol, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import (
-    ControlFunction,
-    Controller,
-    FunctionLaw,
-    Known,
-    LinearController,
-    MemberLaw,
-    fresh_controller,
-)
-from gough_stewart.harness.control.linear_law import LinearLaw
-from gough_stewart.harness.control.python.casadi_function import is_casadi_function
-from gough_stewart.harness.control.python.makers import Copied, Maker, name_of
-from gough_stewart.harness.control.unit_controller import UnitController
+from gough_stewart.harness.control.laws import Controller, LinearController, fresh_controller
+from gough_stewart.harness.control.makers import NO_FORCE, Maker, Sample, name_of
+from gough_stewart.harness.control.state_space import Solve
+from gough_stewart.harness.control.traced_law import CasadiFunction, is_casadi_function
+from gough_stewart.harness.control.unit_controller import UnitController, UnitLaw
 from gough_stewart.harness.errors import ControllerError, SharedMemoryError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model import interface
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import nearest_angle
 from gough_stewart.model.vectors import FloatArray
 
-
-class Law(Protocol):
-    """The controllers of N members in a run, with their memory."""
-
-    @property
-    def used(self) -> tuple[str, ...]:
-        """The signals that they use."""
-
-    @property
-    def may_overrun(self) -> bool:
-        """Whether members that have ended may be sampled, as code of the user must not be."""
-
-    @property
-    def state(self) -> FloatArray:
-        """Their memory (N, n_states)."""
-
-    @property
-    def limited(self) -> BoolArray | None:
-        """Which forces (N, 6) they have limited themselves; None if the actuators limit them."""
-
-    @property
-    def failures(self) -> Mapping[int, ControllerError]:
-        """Members whose controller gave no forces at the last sample, with the error."""
-
-    def force(
-        self,
-        k: int,
-        time: float,
-        reference: FloatArray,
-        measured: FloatArray,
-        excess: FloatArray,
-        due: BoolArray | None = None,
-    ) -> FloatArray:
-        """Forces (N, 6) [N] at sample k, valid until the next call.
-
-        Parameters
-        ----------
-        reference, measured, excess
-            References (30,) or (N, 30), all signals, then the accelerations [m/s², rad/s²]; measurements (N, 24); what
-            the limits cut off the last command (N, 6) [N].
-        due
-            The members to sample (N,); None means all.
-        """
+# Limit on (1 − z)² of a pole that counts as an integrator: it leaks at most 1e-6 of itself per sample.
+_INTEGRATES = 1e-12
+# Above what rounding leaves of a 0 in a projection.
+_TAKES = 1e-9
+_REFERENCES = (*signals.VARIABLES, interface.BY_NAME["acceleration"], interface.BY_NAME["angular_acceleration"])
 
 
-LawFrom = Callable[[FloatArray, FloatArray], Law]
+class KnownAhead(NamedTuple):
+    """What a loop knows in advance and tells its controllers."""
+
+    platform: Platform  # the nominal model
+    sample_time: float  # [s]
+    feedforward: FloatArray  # at every sample (m, 6) [N]
+    planned: FloatArray  # the same with the injection (m, 6) [N]
+
+
+LawFrom = Callable[[FloatArray, FloatArray], "Law"]
 
 
 @dataclass(frozen=True)
@@ -84,12 +52,14 @@ class LinearLaws:
     make: LawFrom
     used: tuple[str, ...]
 
-    def __call__(self, reference: FloatArray, measured: FloatArray) -> Law:
-        """As `LawFrom`."""
+    def __call__(self, reference: FloatArray, measured: FloatArray) -> "Law":
+        """The laws of a run that begins with these references and signals."""
         return self.make(reference, measured)
 
 
-def law_of(controller: Controller, sample_time: float, jacobians: FloatArray, known: Known | None = None) -> LawFrom:
+def law_of(
+    controller: Controller, sample_time: float, jacobians: FloatArray, known: KnownAhead | None = None
+) -> LawFrom:
     """`laws_of` one member.
 
     Raises
@@ -99,7 +69,7 @@ def law_of(controller: Controller, sample_time: float, jacobians: FloatArray, kn
     """
     make = laws_of([controller], sample_time, jacobians, () if known is None else (known,))
 
-    def law_from(reference: FloatArray, measured: FloatArray) -> Law:
+    def law_from(reference: FloatArray, measured: FloatArray) -> "Law":
         law = make(reference, measured)
         for error in law.failures.values():
             raise error
@@ -112,7 +82,7 @@ def laws_of(
     controllers: Sequence[Controller],
     sample_time: float,
     jacobians: FloatArray,
-    known: Sequence[Known] = (),
+    known: Sequence[KnownAhead] = (),
     copies: int = 0,
 ) -> LawFrom:
     """Make the laws of N members from references (30,) or (N, 30) and signals (N, 24) of the first sample.
@@ -137,62 +107,63 @@ def laws_of(
     ControllerError
         Another sample time, different structures, or FMUs.
     """
-    for controller in controllers:
-        _check(controller, sample_time)
-    if not any(isinstance(each, Maker) for each in controllers):
-        _check_alike(controllers)
+    _check(controllers, sample_time)
 
-    def law_from(reference: FloatArray, measured: FloatArray) -> Law:
+    def law_from(reference: FloatArray, measured: FloatArray) -> "Law":
         failures = dict[int, ControllerError]()
-        made = list[LinearController | ControlFunction | None]()
-        for member, each in enumerate(controllers):
+        fresh: list[Controller | None] = [None] * len(controllers)
+        for member, controller in enumerate(controllers):
             try:
-                made.append(_fresh(each, sample_time))
+                fresh[member] = fresh_controller(controller)
+                if isinstance(controller, Maker):
+                    _check([fresh[member]], sample_time)
             except ControllerError as error:
-                failures[member] = error
-                made.append(None)
-        _check_alike([each for each in made if each is not None])
-        some = next((each for each in made if isinstance(each, LinearController)), None)
-        if some is None:
-            _check_fresh(controllers, made)
-            told: Sequence[Known | None] = known or [None] * len(made)
-            own = [
-                None if each is None else FunctionLaw(cast("ControlFunction", each), of_member)
-                for each, of_member in zip(made, told, strict=True)
-            ]
-            return SeparateLaws(own, failures, copies)
+                failures[member], fresh[member] = error, None
+        if any(isinstance(controller, Maker) for controller in controllers):
+            _check(fresh, sample_time)
+        linear = [law for law in fresh if isinstance(law, LinearController)]
+        if not linear:
+            _check_unshared(controllers, fresh)
+            told: Sequence[KnownAhead | None] = known or [None] * len(fresh)
+            laws = [None if law is None else CalledLaw(law, ahead) for law, ahead in zip(fresh, told, strict=True)]
+            return SeparateLaws(laws, failures, copies)
         # a member without a controller ends at once; until then it counts with that of another
-        linear = [each if isinstance(each, LinearController) else some for each in made]
-        linear += [linear[-1]] * copies
-        law = LinearLaw(linear, jacobians, reference, measured)
-        law.failures = _with_copies(failures, len(made), copies)
-        return law
+        together = [law if isinstance(law, LinearController) else linear[0] for law in fresh]
+        together += [together[-1]] * copies
+        law_of_all = LinearLaw(together, jacobians, reference, measured)
+        if failures:
+            law_of_all.failures = _with_copies(failures, len(fresh), copies)
+        return law_of_all
 
-    linear = [each for each in controllers if isinstance(each, LinearController)]
-    if len(linear) == len(controllers):
-        return LinearLaws(law_from, linear[0].signals)
-    return law_from
+    linear = [controller for controller in controllers if isinstance(controller, LinearController)]
+    return LinearLaws(law_from, linear[0].signals) if len(linear) == len(controllers) else law_from
 
 
-def _check(controller: Controller, sample_time: float) -> None:
-    if isinstance(controller, UnitController):
+def _check(controllers: Sequence[Controller | None], sample_time: float) -> None:
+    """Refuse FMUs, other sample times, and different structures, which those of makers show when they are made."""
+    for controller in controllers:
+        if isinstance(controller, UnitController):
+            raise ControllerError(
+                f"{controller.path} is an FMU, which allows one instance per process; expected a linear "
+                "controller or a function, class or factory for many members"
+            )
+        if isinstance(controller, LinearController):
+            controller.check_sample_time(sample_time)
+    structures = {
+        f"linear in {controller.space} space with {controller.system.nstates} states, {controller.system.ninputs} "
+        f"inputs and the signals {', '.join(controller.signals)}"
+        if isinstance(controller, LinearController)
+        else "a function"
+        for controller in controllers
+        if controller is not None
+    }
+    if len(structures) > 1 and not any(isinstance(controller, Maker) for controller in controllers):
         raise ControllerError(
-            f"{controller.path} is an FMU, which allows one instance per process; expected a linear "
-            "controller or a function, class or factory for many members"
+            f"controllers of different structure, {'; '.join(sorted(structures))}; expected one for all"
         )
-    if isinstance(controller, LinearController):
-        controller.check_sample_time(sample_time)
 
 
-def _fresh(controller: Controller, sample_time: float) -> LinearController | ControlFunction:
-    made = fresh_controller(controller)
-    if isinstance(made, UnitController):
-        raise ControllerError("a class or factory made an FMU; expected type = 'fmu', or the path of the FMU")
-    _check(made, sample_time)
-    return made
-
-
-def _check_fresh(controllers: Sequence[Controller], made: Sequence[LinearController | ControlFunction | None]) -> None:
+def _check_unshared(controllers: Sequence[Controller], fresh: Sequence[Controller | None]) -> None:
     """Refuse a factory that gives two members the same object; a CasADi function keeps nothing itself.
 
     Raises
@@ -201,7 +172,7 @@ def _check_fresh(controllers: Sequence[Controller], made: Sequence[LinearControl
         Names both members.
     """
     owners = dict[int, int]()
-    for member, (controller, law) in enumerate(zip(controllers, made, strict=True)):
+    for member, (controller, law) in enumerate(zip(controllers, fresh, strict=True)):
         if law is None or not isinstance(controller, Maker) or is_casadi_function(law):
             continue
         owner = owners.setdefault(id(law), member)
@@ -214,9 +185,9 @@ def _check_fresh(controllers: Sequence[Controller], made: Sequence[LinearControl
 
 def shared_by_members(controller: Controller | None) -> Any:
     """A function, which all members call, or an object, whose copies share the functions in it; None of others."""
-    shared = controller.original if isinstance(controller, Copied) else controller
-    is_safe = shared is None or isinstance(shared, LinearController | UnitController | Maker)
-    return None if is_safe or is_casadi_function(shared) else shared
+    shared = controller.original if isinstance(controller, Maker) else controller
+    is_safe = shared is None or isinstance(shared, LinearController | UnitController) or is_casadi_function(shared)
+    return None if is_safe else shared
 
 
 def _with_copies(failures: Mapping[int, ControllerError], members: int, copies: int) -> dict[int, ControllerError]:
@@ -225,30 +196,54 @@ def _with_copies(failures: Mapping[int, ControllerError], members: int, copies: 
     return {**failures, **({} if last is None else dict.fromkeys(range(members, members + copies), last))}
 
 
-def _check_alike(controllers: Sequence[Controller]) -> None:
-    found = {_structure(each) for each in controllers}
-    if len(found) > 1:
-        raise ControllerError(f"controllers of different structure, {'; '.join(sorted(found))}; expected one for all")
+class CalledLaw:
+    """A control function during a run of one member; exceptions and invalid results become errors of the controller."""
 
+    limited = None
+    used = signals.NAMES
 
-def _structure(controller: Controller) -> str:
-    if not isinstance(controller, LinearController):
-        return "a function"
-    system = controller.system
-    return (
-        f"linear in {controller.space} space with {system.nstates} states, {system.ninputs} inputs and the signals "
-        f"{', '.join(controller.signals)}"
-    )
+    def __init__(self, function: Any, known: KnownAhead | None = None) -> None:
+        # a CasADi function, which is all that there is to the law
+        self.traced = function if is_casadi_function(function) else None
+        self._function = function if self.traced is None else CasadiFunction(function)
+        self._known = known
+        self._command = NO_FORCE
+
+    def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
+        """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N]."""
+        by_name = interface.unpack(_REFERENCES, reference.copy())
+        sample = Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy()), k)
+        if self._known is not None:
+            platform, sample_time, feedforward, _ = self._known
+            told = (self._command.copy(), excess.copy(), feedforward[k].copy(), platform)
+            sample = Sample(*sample[:4], sample_time, *told)
+        try:
+            result = self._function(sample)
+        except (Exception, SystemExit) as error:  # user code may raise anything
+            raise ControllerError(
+                f"the control function failed at time {time:g} s with {type(error).__name__}: {error}"
+            ) from error
+        try:
+            force = np.array(result)
+        except ValueError:  # ragged
+            force = np.zeros(0)
+        if force.dtype.kind not in "iuf" or force.shape != (N_LEGS,):
+            raise ControllerError(
+                f"the control function returned {result!r} at time {time:g} s; expected {N_LEGS} forces"
+            )
+        if self._known is not None:
+            self._command = self._known.planned[k] + force  # in this order, as the loop adds them
+        return force.astype(float)
 
 
 class SeparateLaws:
-    """Members' own laws, called one by one."""
+    """Members' own laws, called one by one; members that have ended are not sampled, which user code must not be."""
 
     may_overrun = False
 
     def __init__(
         self,
-        laws: Sequence[MemberLaw | None],
+        laws: Sequence[CalledLaw | UnitLaw | None],
         failures: Mapping[int, ControllerError] = MappingProxyType({}),
         copies: int = 0,
     ) -> None:
@@ -256,26 +251,23 @@ class SeparateLaws:
         self._forces = np.zeros((len(laws) + copies, N_LEGS))
         self.failures: dict[int, ControllerError] = {}
         self.used = tuple(name for name in signals.NAMES if any(law is not None and name in law.used for law in laws))
+        # the memory of functions and FMUs is not visible
+        self.state: FloatArray = np.zeros((len(self._forces), 0))
 
     @property
     def traced(self) -> list[Any] | None:
         """The members' CasADi functions; None if one has another controller, or none."""
-        own = [each.traced if isinstance(each, FunctionLaw) else None for each in self._laws]
-        return None if any(each is None for each in own) else own + own[-1:] * self._copies
+        functions = [law.traced if isinstance(law, CalledLaw) else None for law in self._laws]
+        return None if any(f is None for f in functions) else functions + functions[-1:] * self._copies
 
     @property
     def limited(self) -> BoolArray | None:
-        """As `Law`."""
-        own = [None if law is None else law.limited for law in self._laws]
-        if not any(each is not None for each in own):
+        """Which forces (N, 6) they have limited themselves; None if the actuators limit them."""
+        flags = [None if law is None else law.limited for law in self._laws]
+        if all(of_member is None for of_member in flags):
             return None
         none = np.zeros(N_LEGS, dtype=bool)
-        return np.stack([none if each is None else each for each in [*own, *own[-1:] * self._copies]])
-
-    @property
-    def state(self) -> FloatArray:
-        """Empty: the memory of functions and FMUs is not visible."""
-        return np.zeros((len(self._forces), 0))
+        return np.stack([none if of_member is None else of_member for of_member in flags + flags[-1:] * self._copies])
 
     def force(
         self,
@@ -286,17 +278,204 @@ class SeparateLaws:
         excess: FloatArray,
         due: BoolArray | None = None,
     ) -> FloatArray:
-        """As `Law`."""
-        failures = dict(self._not_made)
-        each = np.broadcast_to(reference, (len(self._laws), reference.shape[-1])) if reference.ndim == 1 else reference
+        """Forces (N, 6) [N] at sample k, as of `LinearLaw`; members that gave none are in `failures`."""
+        failures, n = dict(self._not_made), len(self._laws)
+        references = np.broadcast_to(reference, (n, reference.shape[-1])) if reference.ndim == 1 else reference
         for member, law in enumerate(self._laws):
             if law is None or not (due is None or due[member]):
                 continue
             try:
-                self._forces[member] = law.force(k, time, each[member], measured[member], excess[member])
+                self._forces[member] = law.force(k, time, references[member], measured[member], excess[member])
             except ControllerError as error:
                 failures[member] = error
-        n = len(self._laws)
         self._forces[n:] = self._forces[n - 1]
         self.failures = _with_copies(failures, n, self._copies)
         return self._forces
+
+
+def inputs_of(kinds: int, reference: Any, measured: Any, excess: Any) -> tuple[Any, ...]:
+    """The parts of u by `LinearController.kinds`: errors, or references and measurements, or these and the excess."""
+    return (reference - measured,) if kinds == 1 else (reference, measured, excess)[:kinds]
+
+
+def displacements(to_pose: Callable[[Any], Any], pose: Any, before: Any, wanted: Any, lengths: Any) -> tuple[Any, Any]:
+    """References and measurements in task space [m, rad], from those at the last sample and the leg lengths [m].
+
+    The measured displacement is y = Σ J⁻¹ ΔL. Its rate is the twist J⁻¹ L̇; the rate of J⁻¹ (L − L₀) is not, where J
+    changes. References are y + J⁻¹ (L_reference − L). `to_pose` is the product with J⁻¹.
+    """
+    now = pose + to_pose(lengths - before)
+    return now + to_pose(wanted - lengths), now
+
+
+def product_of_members(columns_first: FloatArray, vectors: FloatArray) -> FloatArray:
+    """M v (rows, N), a new array, of matrices (columns, rows, N) or (columns, rows, 1) and vectors (columns, N).
+
+    Column by column in ascending order, so that a member's bits do not depend on the others: BLAS sums in an order that
+    depends on the sizes, and so does NumPy but along the first axis of arrays with several elements in the others.
+    """
+    with np.errstate(invalid="ignore"):  # infinity times 0: the host names what is no number
+        terms = np.multiply(columns_first, vectors[:, np.newaxis], order="C")
+        return np.asarray(np.add.reduce(terms, axis=0))
+
+
+class LinearLaw:
+    """The linear controllers of N members, of one structure: x⁺ = A x + B u, w = C x + D u; (x, u) are columns.
+
+    Parameters
+    ----------
+    jacobians
+        Leg Jacobians in the reference poses of all samples, (n, 6, 6) or (n, N, 6, 6), for task space.
+    reference, measured
+        References (30,) or (N, 30) and measurements (N, 24) at the first sample: the memory starts in steady state for
+        these constant inputs, integrators at zero, so that a start off the reference gives no derivative kick.
+    """
+
+    limited = None
+    may_overrun = True  # members that have ended may be sampled
+    failures: Mapping[int, ControllerError] = {}  # members whose maker gave no controller
+
+    def __init__(
+        self,
+        controllers: Sequence[LinearController],
+        jacobians: FloatArray,
+        reference: FloatArray,
+        measured: FloatArray,
+    ) -> None:
+        first, n_members = controllers[0], len(controllers)
+        # if all members have the same system, one matrix serves all
+        is_common = all(controller.system is first.system for controller in controllers)
+        systems = [controller.system for controller in (controllers[:1] if is_common else controllers)]
+        A, B, C, D = (np.stack([getattr(system, name) for system in systems]) for name in "ABCD")
+        n = first.system.nstates
+        # [C D; A B], (N, 6 + n, n + size of u), or (1, ...) common to all
+        self.matrices = np.concatenate([np.concatenate([C, D], axis=2), np.concatenate([A, B], axis=2)], axis=1)
+        self.kinds, self.used = first.kinds, first.signals
+        self.positions = signals.positions(first.signals)  # of its signals among all
+        # by sample (m, 6, 6, N), or (m, 6, 6, 1) if common to all members; in task space only
+        self.jacobians: FloatArray | None = None
+        self.inverses: FloatArray | None = None
+        if first.space == "task":
+            by_member = jacobians if jacobians.ndim == 4 else jacobians[:, None]
+            self.jacobians, self.inverses = (
+                np.ascontiguousarray(np.moveaxis(J, 1, -1)) for J in (by_member, np.linalg.inv(by_member))
+            )
+        is_range = np.array_equal(self.positions, np.arange(len(self.positions)) + self.positions[0])
+        # a slice of consecutive positions, which NumPy reads faster
+        self._at: Any = slice(self.positions[0], self.positions[-1] + 1) if is_range else self.positions
+        self._angles = np.flatnonzero(np.isin(self.positions, signals.positions(["orientation"])))
+        self.lengths = measured.T[self._at].copy()  # at the last sample (6, N), for task space
+        self._pose = np.zeros_like(self.lengths)
+        # views and results are made in advance: making one takes Python as long as the arithmetic
+        self._columns = np.ascontiguousarray(np.moveaxis(self.matrices, 0, -1).swapaxes(0, 1))
+        self._xu: FloatArray = np.zeros((n + first.system.ninputs, n_members))
+        self._x, size = self._xu[:n], len(self.positions)
+        self._inputs = tuple(np.split(self._xu[n:], [size, 2 * size])[: first.kinds])
+        self._numbers, self._factors = self._xu.reshape(-1), self._xu[:, np.newaxis]
+        self._terms: FloatArray = np.zeros(np.broadcast_shapes(self._columns.shape, self._factors.shape))
+        self._output: FloatArray = np.zeros(self._terms.shape[1:])
+        # the steady state under constant inputs
+        self._feed(0, reference, measured, np.zeros((N_LEGS, 1)), None)
+        forcing = self._force_and_state()[N_LEGS:].T  # (N, n)
+        A = np.broadcast_to(A, (n_members, n, n))
+        poles = np.diagonal(A, axis1=1, axis2=2)
+        is_integrator = (1 - poles) ** 2 < _INTEGRATES
+        x = np.where(is_integrator, 0.0, forcing / np.where(is_integrator, 1.0, 1 - poles))
+        for member in np.flatnonzero((A - poles[:, None] * np.eye(n)).any(axis=(1, 2))).tolist():
+            x[member] = rest(A[member], integrators(integrating_modes(A[member])), forcing[member])
+        self._x[...] = x.T
+
+    @property
+    def state(self) -> FloatArray:
+        """A copy of x (N, n)."""
+        return self._x.copy().T
+
+    def force(
+        self,
+        k: int,
+        _time: float,
+        reference: FloatArray,
+        measured: FloatArray,
+        excess: FloatArray,
+        due: BoolArray | None = None,
+    ) -> FloatArray:
+        """Forces (N, 6) [N] at sample k, w, or J⁻ᵀ w in task space, valid until the next call.
+
+        Parameters
+        ----------
+        reference, measured, excess
+            References (30,) or (N, 30), all signals, then the accelerations [m/s², rad/s²]; measurements (N, 24); what
+            the limits cut off the last command (N, 6) [N].
+        due
+            The members to sample (N,); None means all.
+        """
+        self._feed(k, reference, measured, excess.T, due)
+        force_and_state = self._force_and_state()
+        if due is None:
+            self._x[...] = force_and_state[N_LEGS:]
+        else:
+            np.copyto(self._x, force_and_state[N_LEGS:], where=due)
+        force = force_and_state[:N_LEGS]
+        return (force if self.inverses is None else product_of_members(self.inverses[k], force)).T
+
+    def _force_and_state(self) -> FloatArray:
+        """`product_of_members` at half its cost for one member; warnings are suppressed only where there may be any."""
+        if self._numbers.dot(self._numbers) < np.inf:
+            np.multiply(self._columns, self._factors, self._terms)
+            return np.asarray(np.add.reduce(self._terms, axis=0, out=self._output))
+        return product_of_members(self._columns, self._xu)
+
+    def _feed(
+        self, k: int, reference: FloatArray, measured: FloatArray, excess: FloatArray, due: BoolArray | None
+    ) -> None:
+        """Set u at sample k."""
+        r = (reference.T if reference.ndim == 2 else reference[:, None])[self._at]
+        y = measured.T[self._at]
+        if self.jacobians is not None and self.inverses is not None:
+            lengths, rows_of_inverse = y, self.inverses[k].swapaxes(0, 1)
+            r, y = displacements(
+                lambda change: product_of_members(rows_of_inverse, change), self._pose, self.lengths, r, lengths
+            )
+            excess = product_of_members(self.jacobians[k], excess) if self.kinds == 3 else excess
+            everyone = True if due is None else due
+            np.copyto(self._pose, y, where=everyone)
+            np.copyto(self.lengths, lengths, where=everyone)
+        elif self._angles.size:  # in the turns of their references
+            y = y.copy()
+            y[self._angles] = nearest_angle(y[self._angles], r[self._angles])
+        for place, part in zip(self._inputs, inputs_of(self.kinds, r, y, excess), strict=True):
+            place[...] = part
+
+
+Law = SeparateLaws | LinearLaw
+
+
+def rest(A: Any, integrating: FloatArray, forcing: Any, solve: Solve = np.linalg.solve) -> Any:
+    """Steady state x = A x + forcing; zero in integrators, on which `integrating` projects."""
+    return solve(np.eye(len(A)) - A + integrating, forcing - integrating @ forcing)
+
+
+def integrating_modes(A: FloatArray) -> FloatArray:
+    """Projection (n, n) on the modes whose eigenvalue is 1, along the others.
+
+    With the ordered Schur form A = Q [T₁ T₁₂; 0 T₂] Qᵀ it is Q [1 Y; 0 0] Qᵀ, T₁ Y − Y T₂ = T₁₂ (Golub & Van Loan,
+    Matrix Computations, 4th ed. 2013, §7.6.3). Singular values would not do: those of a stable matrix may be smaller
+    than the distance of its eigenvalues from 1 by orders of magnitude.
+    """
+    from scipy.linalg import schur, solve_sylvester  # slow, and rarely needed: poles are often on the diagonal
+
+    T, Q, k = schur(A, sort=lambda re, im: abs(1 - complex(re, im)) ** 2 < _INTEGRATES)
+    Y = solve_sylvester(T[:k, :k], -T[k:, k:], T[:k, k:]) if 0 < k < len(A) else np.zeros((k, len(A) - k))
+    projection = np.zeros_like(A)
+    projection[:k] = np.concatenate([np.eye(k), Y], axis=1)
+    return np.asarray(Q @ projection @ Q.T)
+
+
+def integrators(modes: FloatArray) -> FloatArray:
+    """Projection (n, n) on the states that integrate, from P, that on their modes, which has the states behind them.
+
+    For a start: a filter behind an integral that is 0 rests in its first output; in the mode it lags behind a ramp. P
+    takes nothing of such a state j: Σ |P_ij P_ji| = 0 over i, in whatever units the states are.
+    """
+    takes = np.abs(modes * modes.T).sum(axis=0) > _TAKES
+    return np.asarray(takes[:, None] * modes)

@@ -185,8 +185,8 @@ def linear_matrices(
     point = trim(platform, position, orientation)
     # at rest: bristles unbent, motors where their springs carry the platform
     motors = holding_motor_position(platform, point.state[:3], point.state[3:6])
-    parts = {"leg_bristle": np.zeros(6), "motor_position": motors, "motor_velocity": np.zeros(6)}
-    x = np.concatenate([point.state, *(parts[v.name] for v in variant.states[len(interface.STATES) :])])
+    at_rest = {"leg_bristle": np.zeros(6), "motor_position": motors, "motor_velocity": np.zeros(6)}
+    x = np.concatenate([point.state, *(at_rest[v.name] for v in variant.states[len(interface.STATES) :])])
     A, B, C, D = (
         block.copy() for block in Kernel(variant).jacobians(x, point.inputs, parameter_vector(platform, variant))
     )
@@ -211,13 +211,11 @@ def modes(system: Any) -> list[Mode]:
     poles = np.asarray(system.poles(), dtype=complex)
     if system.isdtime(strict=True):
         poles = np.log(poles[np.abs(poles) > 1e-9]) / system.dt
-    found = []
-    for pole in poles:
-        size = abs(pole)
-        if pole.imag < -1e-9 * size:
-            continue  # covered by its conjugate
-        found.append(Mode(complex(pole), float(size / (2 * math.pi)), float(-pole.real / size) if size else 1.0))
-    return sorted(found, key=lambda mode: mode.frequency)
+    upper = [complex(pole) for pole in poles if pole.imag >= -1e-9 * abs(pole)]  # without conjugates
+    return sorted(
+        (Mode(pole, abs(pole) / (2 * math.pi), -pole.real / abs(pole) if pole else 1.0) for pole in upper),
+        key=lambda mode: mode.frequency,
+    )
 
 
 def leg_space_mass(platform: Platform, position: Array | None = None, orientation: Array | None = None) -> FloatArray:
@@ -259,14 +257,14 @@ def _state_names(variant: Variant) -> list[str]:
 
 def _rows(outputs: Iterable[str], variant: Variant) -> tuple[list[str], NDArray[np.intp]]:
     """Scalar names of some results, and their positions in the kernel's y."""
-    chosen = [outputs] if isinstance(outputs, str) else list(outputs)
+    chosen_names = [outputs] if isinstance(outputs, str) else list(outputs)
     everything = interface.unpack(variant.results, np.arange(interface.size_of(variant.results)))
-    if not chosen:
+    if not chosen_names:
         raise InterfaceError("outputs", "is empty; expected at least one name, such as 'leg_length'")
-    for name in chosen:
+    for name in chosen_names:
         if name not in everything:
             raise InterfaceError(str(name), f"is not a result of the plant{interface.nearest(str(name), everything)}")
-        if chosen.count(name) > 1:
+        if chosen_names.count(name) > 1:
             raise InterfaceError(name, "is named twice; expected every output once")
-    names = [scalar for name in chosen for scalar in interface.BY_NAME[name].scalar_names]
-    return names, np.concatenate([np.ravel(everything[name]) for name in chosen])
+    names = [scalar for name in chosen_names for scalar in interface.BY_NAME[name].scalar_names]
+    return names, np.concatenate([np.ravel(everything[name]) for name in chosen_names])

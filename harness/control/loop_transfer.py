@@ -1,14 +1,20 @@
-"""The loop of an experiment as a linear system: the transfer from the actuators around the loop and back."""
+"""The loop of an experiment as a linear system: the transfer from the actuators around the loop and back.
+
+And the structural modes of a platform on legs that give: what they do to the bandwidth of a loop.
+"""
 
 import math
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.drive import Drive
+from gough_stewart.harness.control.drive import linear_drives
 from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.linear import linear_matrices
-from gough_stewart.harness.control.linear_law import MapsOfPose, displacements, inputs_of
-from gough_stewart.harness.control.state_space import StateSpace, beside, discretised, matrices_of, series
+from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
+from gough_stewart.harness.control.linear import Mode, linear_matrices, modes
+from gough_stewart.harness.control.margins import disk_margin, frequency_range, is_stable, response
+from gough_stewart.harness.control.state_space import StateSpace, discretised, matrices_of, series
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.interface import SLIDING, Variant, size_of
@@ -20,6 +26,9 @@ from gough_stewart.model.vectors import Array, FloatArray
 MOST_STATES = 300
 # Relative tolerance within which a time is a whole number of samples.
 _ROUNDING = 1e-6
+# The search for the largest bandwidth: down to this share of the first mode, by this factor at first, to this share.
+_LOWEST, _STEP, _RESOLUTION = 1 / 64, 1.5, 0.01
+_STATES_OF_PLATFORM = 12
 
 
 def loop_transfer(
@@ -64,26 +73,25 @@ def loop_transfer(
         The controller has another sample time, or the delay needs more states than `MOST_STATES`.
     """
     controller.check_sample_time(sample_time)
-    drive = Drive.linear({"lag": lag}, sample_time)
     samples = math.floor(late / sample_time + _ROUNDING)
     rest = late - samples * sample_time
     rest, delay = rest if rest > _ROUNDING * sample_time else 0.0, delay + samples
     # those of legs that give, or of an ideal platform; sliding legs have no bristles
     variant = Variant.of(platform if coulomb_friction else platform.with_parameters(SLIDING))
     under_way = delay + (1 if rest else 0)
-    states = size_of(variant.states) + 6 * drive.nstates + 6 * under_way + controller.system.nstates
+    states = size_of(variant.states) + 6 * (lag > 0) + 6 * under_way + controller.system.nstates
     if states > MOST_STATES:
         raise ControllerError(
             f"a delay of {under_way} samples of {sample_time:g} s gives a linear loop of {states} states; expected at "
             f"most {MOST_STATES}: a delay of fewer, longer samples"
         )
-    where = position, orientation
+    pose = position, orientation
     plant = held_plant(
-        platform, controller, sample_time, lag, *where, late=rest, coulomb_friction=coulomb_friction, side=side
+        platform, controller, sample_time, lag, *pose, late=rest, coulomb_friction=coulomb_friction, side=side
     )
-    none, one = np.zeros((6, 6)), np.eye(6)
+    none, identity = np.zeros((6, 6)), np.eye(6)
     for _ in range(delay):
-        plant = series(StateSpace(none, one, one, none, sample_time), plant)
+        plant = series(StateSpace(none, identity, identity, none, sample_time), plant)
     return series(plant, feedback_part(platform if believed is None else believed, controller, position, orientation))
 
 
@@ -100,13 +108,12 @@ def held_plant(
     side: signals.Side = "leg",
 ) -> StateSpace:
     """ZOH{P(s) e⁻ˢᶿ / (τ s + 1)}: from commanded forces to the controller's signals; `late` θ is less than a sample."""
-    drive = Drive.linear({"lag": lag}, sample_time)
     at_motor = side == "motor" and platform.leg_stiffness > 0
     outputs = [signals.AT_MOTORS.get(name, name) for name in controller.signals] if at_motor else controller.signals
     linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
     plant = StateSpace(linear.A, linear.B[:, :6], linear.C, linear.D[:, :6])
-    if drive.nstates:
-        plant = series(beside(drive, 6), plant)
+    if lag > 0:
+        plant = series(linear_drives(lag, 6), plant)
     if not late:
         return discretised(plant, sample_time, "zoh")
     # within a sample the last force acts for θ, and the new one for the rest
@@ -143,11 +150,116 @@ def space_of(
 ) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """What measurements make of a controller's references and readings (n, n), and of its outputs, forces (6, 6)."""
     n = len(signals.positions(controller.signals))
-    one, none = np.eye(n), np.zeros((n, n))
+    identity, none = np.eye(n), np.zeros((n, n))
     if controller.space == "leg":
-        return (none, one), np.eye(6)
+        return (none, identity), np.eye(6)
     p = platform.home_position if position is None else position
     o = platform.home_orientation if orientation is None else orientation
-    maps = MapsOfPose(leg_jacobian(platform, p, o))
+    J_inverse = np.linalg.inv(leg_jacobian(platform, p, o))
     # from lengths that have been constant: the memory of task space, a sum, is no state of small signals
-    return displacements(maps, none, none, none, one), maps.to_force(np.eye(6))
+    return displacements(lambda change: J_inverse @ change, none, none, none, identity), J_inverse.T
+
+
+class StructuralMode(NamedTuple):
+    """A mode of the platform on its legs."""
+
+    frequency: float  # of the machine, whose motors are free: a resonance of the loop [Hz]
+    damping_ratio: float
+    held_frequency: float  # with motors that hold; nan if it does not oscillate [Hz]
+    gain: float  # largest singular value of the loop transfer there; below 1 no phase makes it unstable
+
+
+class LoopStructure(NamedTuple):
+    """The structural modes of a loop, and the bandwidth that they allow."""
+
+    modes: tuple[StructuralMode, ...]  # lowest first; none that is overdamped
+    disk: float  # the disk margin that `bandwidth` keeps
+    # largest of this controller at that disk margin [Hz]; nan if there is none, None of a controller without bandwidth
+    bandwidth: float | None
+
+
+def structural_modes(
+    platform: Platform, position: Array | None = None, orientation: Array | None = None
+) -> tuple[tuple[Mode, ...], FloatArray]:
+    """Modes of the platform on its legs in a pose (default: home), lowest first, and those of held motors [Hz].
+
+    Of the linear model: with free motors these are its oscillating modes above the first mode of held motors, at most
+    six; motors are held where their states are left out. Legs slide.
+    """
+
+    def oscillating(A: FloatArray) -> list[Mode]:
+        none = np.zeros((0, 0))
+        return [mode for mode in modes(StateSpace(A, none, none, none)) if mode.eigenvalue.imag > 0]
+
+    A = linear_matrices(platform, position, orientation).A
+    held = np.array([mode.frequency for mode in oscillating(A[:_STATES_OF_PLATFORM, :_STATES_OF_PLATFORM])])
+    first = float(held[0]) if len(held) else 0.0
+    return tuple(mode for mode in oscillating(A) if mode.frequency > first)[-6:], held[-6:]
+
+
+def structure_of(
+    platform: Platform,
+    transfer: StateSpace,
+    family: tuple[float, Callable[[float], StateSpace]] | None,
+    disk: float,
+    position: Array | None = None,
+    orientation: Array | None = None,
+) -> LoopStructure | None:
+    """The structural modes of a loop in a pose; None of rigid legs.
+
+    Parameters
+    ----------
+    transfer
+        The loop transfer L (6×6).
+    family
+        The bandwidth [Hz] of its controller, and the same loop with another one; None if the controller has none.
+    disk
+        The disk margin to keep.
+    """
+    if not platform.leg_stiffness > 0:
+        return None
+    free, held = structural_modes(platform, position, orientation)
+    held = np.concatenate([held, np.full(len(free), math.nan)])
+    _, top = frequency_range(transfer)
+
+    def gain_at(frequency: float) -> float:
+        """σ_max(L); nan beyond half of the sample rate."""
+        omega = 2 * math.pi * frequency
+        return float(np.linalg.norm(response(transfer, np.array([omega]))[0], 2)) if omega < top else math.nan
+
+    loop_modes = tuple(
+        StructuralMode(mode.frequency, mode.damping_ratio, float(frequency), gain_at(mode.frequency))
+        for mode, frequency in zip(free, held[: len(free)], strict=True)
+    )
+    if family is None or not free:
+        return LoopStructure(loop_modes, disk, None)
+    bandwidth, with_bandwidth = family
+    return LoopStructure(loop_modes, disk, largest_bandwidth(with_bandwidth, disk, free[0].frequency, bandwidth))
+
+
+def largest_bandwidth(with_bandwidth: Callable[[float], StateSpace], disk: float, first: float, start: float) -> float:
+    """The largest bandwidth [Hz] below a first mode whose loop has this disk margin, to 1 %; nan if there is none.
+
+    Searched from the loop's own: upwards as long as the margin is kept, downwards until it is.
+    """
+
+    def keeps(bandwidth: float) -> bool:
+        try:
+            loop = with_bandwidth(bandwidth)
+        except ControllerError:  # no such controller, as a PID whose integral time is too short for it
+            return False
+        return is_stable(loop) and disk_margin(loop).alpha >= disk
+
+    low = high = min(start, first)
+    if keeps(low):
+        while high < first and keeps(high := min(first, _STEP * high)):
+            low = high
+    else:
+        while not keeps(low := low / _STEP):
+            if low < _LOWEST * first:
+                return math.nan
+        high = _STEP * low
+    while high > (1 + _RESOLUTION) * low:
+        middle = math.sqrt(low * high)
+        low, high = (middle, high) if keeps(middle) else (low, middle)
+    return low

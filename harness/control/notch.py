@@ -54,9 +54,9 @@ class Notch(Link):
     def linear(values: Mapping[str, Any], sample_time: Any, solve: Solve = np.linalg.solve) -> StateSpace:
         """ẋ₁ = ω x₂, ẋ₂ = ω (u − x₁ − 2 ζ x₂), y = u − 2 ζ (1 − d) x₂, by Tustin's rule with T' = 2/ω tan(ω T/2)."""
         omega, zeta, depth = 2 * np.pi * values["frequency"], values["damping"], values["depth"]
-        none = 0 * omega
-        A = np.array([[none, omega], [-omega, -2 * zeta * omega]])[..., 0]
-        B = np.array([[none], [omega]])[..., 0]
-        C = np.array([[none, -2 * zeta * (1 - depth)]])[..., 0]
+        zero = 0 * omega
+        A = np.array([[zero, omega], [-omega, -2 * zeta * omega]])[..., 0]
+        B = np.array([[zero], [omega]])[..., 0]
+        C = np.array([[zero, -2 * zeta * (1 - depth)]])[..., 0]
         warped = 2 / omega * np.tan(omega * sample_time / 2)  # (1,): a bare symbol would treat an array as a matrix
         return matrices_at(StateSpace(A, B, C, np.array([[1.0]])), warped, "tustin", solve)

@@ -1,4 +1,4 @@
-"""Controllers as python-control systems: continuous PD and PID in six channels, then sampled.
+"""PD and PID in six channels: their gains, also from bandwidth and damping, and their systems, continuous and sampled.
 
 Channel i of a leg-space controller, with e = r − y [m], F [N]:
 
@@ -9,16 +9,21 @@ kp, kd, ki in N/m, N s/m, N/(m s); the last term (back-calculation) keeps x from
 error as e [m, rad] and a wrench [N, N m] instead of F.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gough_stewart.harness.control.laws import Space
+from gough_stewart.harness.control.linear import leg_space_mass
 from gough_stewart.harness.control.state_space import Method, StateSpace, discretised, is_control_system, matrices_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.model import interface
+from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.operations import greater, less, minimum, where
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import Array, FloatArray
 
 if TYPE_CHECKING:
@@ -28,6 +33,7 @@ DerivativeOn = Literal["error", "measurement"]
 N_CHANNELS = 6
 # By this factor the derivative filter is faster than the derivative itself (N in textbooks).
 FILTER_RATIO = 20.0
+DAMPING_RATIO = 0.7
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,18 @@ class Gains:
 
     def __post_init__(self) -> None:
         for name in ("proportional", "derivative", "integral"):
-            object.__setattr__(self, name, _channels(name, getattr(self, name)))
+            value = getattr(self, name)
+            try:
+                array = np.array(value, dtype=float)
+            except (TypeError, ValueError):
+                raise ControllerError(f"{name} gain is {value!r}; expected a number, or six of them") from None
+            if array.shape not in ((), (N_CHANNELS,)):
+                raise ControllerError(f"{name} gain has shape {array.shape}; expected a number, or six of them")
+            is_proportional = name == "proportional"
+            if not np.isfinite(array).all() or (array < 0).any() or (is_proportional and not array.all()):
+                least = "> 0" if is_proportional else ">= 0"
+                raise ControllerError(f"{name} gain is {value!r}; expected finite numbers {least}")
+            object.__setattr__(self, name, np.broadcast_to(array, N_CHANNELS).copy())
         for name in ("derivative_filter", "anti_windup_time"):
             value = getattr(self, name)
             if value is not None and not (np.isfinite(value) and value > 0):
@@ -81,6 +98,79 @@ class Gains:
         )
 
 
+def gains_from_bandwidth(
+    platform: Platform,
+    bandwidth: float,
+    damping_ratio: float = DAMPING_RATIO,
+    space: Space = "leg",
+    integral_time: float | None = None,
+    derivative_filter: float | None = None,
+    anti_windup_time: float | None = None,
+) -> Gains:
+    """Gains for equal behaviour in all channels: kp = m ωn², kd = 2 ζ m ωn, and with an integral time ki = kp / Ti.
+
+    ωn = 2π · bandwidth. In leg space m is the largest eigenvalue of J⁻ᵀ M J⁻¹, the mass at the legs in the heaviest
+    mode at home. Mode k then has ωn √(m/m_k) and ζ √(m/m_k): lighter modes are better damped, and where that exceeds 1
+    their slow pole tends to ωn/(2 ζ). In task space each axis has its own m, the diagonal of M, and all behave alike.
+
+    Parameters
+    ----------
+    bandwidth
+        Undamped natural frequency of the heaviest mode [Hz].
+    damping_ratio
+        ζ of that mode.
+    space
+        "leg", or "task" for control of the pose.
+    integral_time
+        Ti [s]; the loop is stable for Ti > 1 / (2 ζ ωn). None: no integral action.
+    derivative_filter, anti_windup_time
+        As in `Gains` [s].
+
+    Returns
+    -------
+    Gains
+        Each (6,): kp [N/m], kd [N s/m] and ki [N/(m s)], equal for all legs; in task space of x, y, z and, per rad, of
+        the rotations.
+
+    Raises
+    ------
+    ControllerError
+        Not positive, or an integral time that makes the loop unstable.
+
+    Examples
+    --------
+    >>> gains = gs.gains_from_bandwidth(gs.load_preset("motion_base"), bandwidth=2.0, damping_ratio=0.8)
+    >>> gains.proportional[0], gains.derivative[0]
+    """
+    for name, value in (("bandwidth", bandwidth), ("damping_ratio", damping_ratio)):
+        if not (math.isfinite(value) and value > 0):
+            raise ControllerError(f"{name} is {value!r}; expected a number > 0")
+    omega = 2 * math.pi * bandwidth
+    shortest = 1 / (2 * damping_ratio * omega)
+    if integral_time is not None and not integral_time > shortest:
+        raise ControllerError(
+            f"integral_time is {integral_time:g} s; expected more than {shortest:.3g} s = 1/(2 ζ ωn), below which the "
+            f"loop is unstable, say {10 * shortest:.2g} s"
+        )
+    m = modal_masses(platform, space)
+    kp, kd, ki = gains_of_masses(m, bandwidth, damping_ratio, math.inf if integral_time is None else integral_time)
+    return Gains(kp, kd, ki, derivative_filter, anti_windup_time)
+
+
+def modal_masses(platform: Platform, space: Space) -> FloatArray:
+    """The mass m of each channel (6,) [kg], or of task space [kg, kg m²], see `gains_from_bandwidth`."""
+    if space == "task":
+        return np.diag(mass_matrix(platform, platform.home_position, platform.home_orientation))
+    return np.full(6, np.linalg.eigvalsh(leg_space_mass(platform)).max())
+
+
+def gains_of_masses(m: Any, bandwidth: Any, damping_ratio: Any, integral_time: Any) -> tuple[Any, Any, Any]:
+    """Gains kp = m ωn², kd = 2 ζ m ωn, ki = kp/Ti, of numbers or symbols; an infinite Ti is no integral action."""
+    omega = 2 * math.pi * bandwidth
+    kp = m * omega**2
+    return kp, 2 * damping_ratio * m * omega, kp / integral_time
+
+
 def filter_time_of(kp: Array, kd: Array) -> Array:
     """Tf (1,) [s] by default, of numbers or of symbols: a share of the fastest channel's kd/kp."""
     times = where(greater(kd, 0.0), kd / kp, np.inf)
@@ -97,21 +187,16 @@ def tracking_time_of(kp: Array, kd: Array, ki: Array) -> Array:
     return where(greater(kd, 0.0), np.sqrt(integral_time * kd / kp), integral_time)
 
 
-class Channels(NamedTuple):
-    """Gains and times of six channels, each (6,): numbers, or CasADi symbols."""
+class ChannelGains(NamedTuple):
+    """Gains and times of channels, each (n,): numbers, or CasADi symbols; and which actions there are."""
 
     proportional: Array  # [N/m]
     derivative: Array  # [N s/m]
     integral: Array  # [N/(m s)]
     filter_time: Array  # [s]
     tracking_time: Array  # [s]
-
-
-class Actions(NamedTuple):
-    """Which of six channels have derivative and which have integral action; each (6,)."""
-
-    differentiate: NDArray[np.bool_]
-    integrate: NDArray[np.bool_]
+    differentiates: NDArray[np.bool_]  # which have derivative action
+    integrates: NDArray[np.bool_]
 
 
 def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSpace":
@@ -145,67 +230,52 @@ def pid(gains: Gains, derivative_on: DerivativeOn = "error") -> "control.StateSp
     """
     from control import ss
 
-    system = pid_matrices(gains, derivative_on)
-    kinds = ["reference_leg_length", "leg_length", "limit_excess"][: system.B.shape[1] // N_CHANNELS]
+    system = channel_matrices(channels_of(gains), derivative_on)
+    kinds = ["reference_leg_length", "leg_length", "limit_excess"][: system.ninputs // N_CHANNELS]
     return ss(
-        system.A,
-        system.B,
-        system.C,
-        system.D,
+        *system.blocks,
         inputs=[f"{kind}[{k + 1}]" for kind in kinds for k in range(N_CHANNELS)],
         outputs=list(interface.BY_NAME["actuator_force"].scalar_names),
         name="controller",
     )
 
 
-def pid_matrices(gains: Gains, derivative_on: DerivativeOn = "error") -> StateSpace:
-    """`pid` without python-control.
+def channels_of(gains: Gains) -> ChannelGains:
+    """The gains and times of every channel, which has the actions for which it has a gain."""
+    kp, kd, ki = (np.asarray(v) for v in (gains.proportional, gains.derivative, gains.integral))
+    return ChannelGains(kp, kd, ki, np.full(N_CHANNELS, gains.filter_time), gains.tracking_time, kd > 0, ki > 0)
+
+
+def channel_matrices(channels: ChannelGains, derivative_on: DerivativeOn) -> StateSpace:
+    """`pid` of any number of channels, of numbers or of CasADi symbols in object arrays.
 
     A channel's states are the filter's, ż = v − z/Tf with v = e or −y, whose derivative kd s/(Tf s + 1) v is
-    kd/Tf (v − z/Tf); and x. A channel has only the states for which it has a gain.
-
+    kd/Tf (v − z/Tf); and x. A channel has only the states of its actions.
     """
     if derivative_on not in get_args(DerivativeOn):
         raise ControllerError(f"derivative_on is {derivative_on!r}; expected 'error' or 'measurement'")
-    return channel_matrices(channels_of(gains), derivative_on, actions_of(gains))
-
-
-def channels_of(gains: Gains) -> Channels:
-    """The gains and times of every channel."""
-    kp, kd, ki = (np.asarray(v) for v in (gains.proportional, gains.derivative, gains.integral))
-    return Channels(kp, kd, ki, np.full(N_CHANNELS, gains.filter_time), gains.tracking_time)
-
-
-def actions_of(gains: Gains) -> Actions:
-    """Which channels have derivative and integral action: those with a gain for it."""
-    return Actions(np.asarray(gains.derivative) > 0, np.asarray(gains.integral) > 0)
-
-
-def channel_matrices(channels: Channels, derivative_on: DerivativeOn, actions: Actions) -> StateSpace:
-    """`pid_matrices` of numbers, or of CasADi symbols in object arrays; of any number of channels."""
     size = len(channels.proportional)
-    with_integral = bool(actions.integrate.any())
-    n_kinds = 3 if with_integral else 2
+    n_kinds = 3 if channels.integrates.any() else 2
     # inputs (r, y, excess) of a channel; the derivative acts on v = d · (r, y, excess)
     error = np.array([1.0, -1.0, 0.0])[:n_kinds]
     d = error if derivative_on == "error" else np.array([0.0, -1.0, 0.0])[:n_kinds]
-    one = np.eye(size)
+    identity = np.eye(size)
     kind = channels.proportional.dtype
     poles, B, C, D = [], [], [], np.zeros((size, n_kinds, size), dtype=kind)
     for k in range(size):
         # (1,) each: a bare symbol would treat an array as a matrix
-        kp, kd, ki, filter_time, tracking_time = (values[k : k + 1] for values in channels)
+        kp, kd, ki, filter_time, tracking_time = (values[k : k + 1] for values in channels[:5])
         D[k, :, k] = kp * error
-        if actions.differentiate[k]:
+        if channels.differentiates[k]:
             high, pole = kd / filter_time, -1 / filter_time
             D[k, :, k] += high * d
             poles.append(pole)
-            B.append(np.outer(d, one[k]))
-            C.append(high * pole * one[k])
-        if actions.integrate[k]:
+            B.append(np.outer(d, identity[k]))
+            C.append(high * pole * identity[k])
+        if channels.integrates[k]:
             poles.append(0 * kp)
-            B.append(np.outer(np.concatenate([ki, -ki, 1 / tracking_time]), one[k]))
-            C.append(one[k])
+            B.append(np.outer(np.concatenate([ki, -ki, 1 / tracking_time]), identity[k]))
+            C.append(identity[k])
     n, m = len(poles), n_kinds * size
     return StateSpace(
         np.diag(np.concatenate([np.zeros(0, dtype=kind), *poles])),
@@ -233,27 +303,5 @@ def sampled(system: Any, sample_time: float, method: Method = "tustin") -> "cont
 
     named = system if is_control_system(system) else ss(system)
     discrete = discretised(matrices_of(named), sample_time, method)
-    return ss(
-        discrete.A,
-        discrete.B,
-        discrete.C,
-        discrete.D,
-        sample_time,
-        inputs=named.input_labels,
-        outputs=named.output_labels,
-        name=named.name,
-    )
-
-
-def _channels(name: str, value: Any) -> FloatArray:
-    """A gain for each channel."""
-    try:
-        array = np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ControllerError(f"{name} gain is {value!r}; expected a number, or six of them") from None
-    if array.shape not in ((), (N_CHANNELS,)):
-        raise ControllerError(f"{name} gain has shape {array.shape}; expected a number, or six of them")
-    smallest = ">= 0" if name != "proportional" else "> 0"
-    if not np.isfinite(array).all() or (array < 0).any() or (name == "proportional" and not (array > 0).all()):
-        raise ControllerError(f"{name} gain is {value!r}; expected finite numbers {smallest}")
-    return np.broadcast_to(array, N_CHANNELS).copy()
+    labels = {"inputs": named.input_labels, "outputs": named.output_labels, "name": named.name}
+    return ss(*discrete.blocks, sample_time, **labels)

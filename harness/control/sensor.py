@@ -5,7 +5,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import BeforeValidator, Field
 
-from gough_stewart.harness.control.component import Clock, Parameter, Signals, Stepped
+from gough_stewart.harness.control.component import Parameter, Signals, Stepped
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES, Side
 from gough_stewart.harness.quantities import PositiveTime, number
 from gough_stewart.harness.section import Section
@@ -17,23 +17,35 @@ FINEST = 1e-15
 _UNITS = {variable.name: variable.unit for variable in VARIABLES}
 
 
-def _by_signal(value: Any) -> dict[str, float]:
+def by_signal(value: Any) -> dict[str, Any]:
+    """A table whose keys are signals.
+
+    Raises
+    ------
+    ValueError
+        Not a table, or another key.
+    """
     if not isinstance(value, dict):
         raise ValueError(f"expected a table of signals ({', '.join(NAMES)})")  # noqa: TRY004 - pydantic wants this one
-    found = {}
-    for name, size in value.items():
+    for name in value:
         if name not in NAMES:
             raise ValueError(f"no signal '{name}'; expected {', '.join(NAMES)}")
+    return value
+
+
+def _sizes(value: Any) -> dict[str, float]:
+    sizes = {}
+    for name, size in by_signal(value).items():
         try:
-            found[name] = number(size, _UNITS[name])
+            sizes[name] = number(size, _UNITS[name])
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
-        if found[name] and not found[name] >= FINEST:
+        if sizes[name] and not sizes[name] >= FINEST:
             raise ValueError(f"{name} is {size!r}; expected 0, or at least {FINEST:g} {_UNITS[name]}")
-    return found
+    return sizes
 
 
-PerSignal = Annotated[dict[str, float], BeforeValidator(_by_signal)]
+PerSignal = Annotated[dict[str, float], BeforeValidator(_sizes)]
 
 
 class SensorChoice(Section):
@@ -66,18 +78,11 @@ class Sensor(Stepped):
     table: ClassVar[type[Section]] = SensorChoice
     keys: ClassVar[tuple[str, ...]] = ("quantisation",)
     absent: ClassVar[Mapping[str, float]] = {"quantisation": 0.0}
-    clock: ClassVar[Clock] = "reading"
     inputs: ClassVar[tuple[str, ...]] = ("true", "noise")
     outputs: ClassVar[tuple[str, ...]] = ("reading",)
-    states: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
-    def parameters(cls) -> tuple[Parameter, ...]:
-        """Of all signals."""
-        return cls.parameters_of(VARIABLES)
-
-    @classmethod
-    def parameters_of(cls, signals: tuple[Variable, ...]) -> tuple[Parameter, ...]:
+    def parameters(cls, signals: tuple[Variable, ...] = VARIABLES) -> tuple[Parameter, ...]:
         """Its parameters for each of some signals, by the key `quantisation.NAME`."""
         text = cls.table.model_fields["quantisation"].description
         condition = f"value <= 0 || value >= {FINEST:g}"
@@ -91,30 +96,20 @@ class Sensor(Stepped):
         )
 
     @staticmethod
-    def prepare(values: Mapping[str, Any], period: Any = None) -> SensorCoefficients:
-        """As `Stepped`."""
-        del period
+    def prepare(values: Mapping[str, Any], _period: Any = None) -> SensorCoefficients:
         step = values["quantisation"]
         has_steps = greater(step, 0.0)
         return SensorCoefficients(where(has_steps, step, 1.0), has_steps)
 
     @staticmethod
     def without_idle(coefficients: SensorCoefficients) -> SensorCoefficients:
-        """As `Stepped`."""
         c = coefficients
         if not c.has_steps.any():
             return SensorCoefficients(None, None)
         return c._replace(has_steps=None) if c.has_steps.all() else c
 
     @staticmethod
-    def start(coefficients: SensorCoefficients, inputs: Signals) -> Signals:
-        """As `Stepped`."""
-        del coefficients, inputs
-        return ()
-
-    @staticmethod
     def step(coefficients: SensorCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
-        """As `Stepped`."""
         q, has_steps = coefficients
         true, noise = inputs
         reading = true if noise is None else true + noise

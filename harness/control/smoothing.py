@@ -5,7 +5,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.component import Clock, Signals, Stepped
+from gough_stewart.harness.control.component import Signals, Stepped
 from gough_stewart.harness.quantities import Frequency, PositiveNumber
 from gough_stewart.harness.section import Section
 from gough_stewart.model.operations import clip
@@ -41,35 +41,24 @@ class Smoothing(Stepped):
     name: ClassVar[str] = "smoothing"
     table: ClassVar[type[Section]] = SmoothingChoice
     keys: ClassVar[tuple[str, ...]] = ("bandwidth", "largest_rate", "largest_acceleration")
-    absent: ClassVar[Mapping[str, float]] = {}
-    clock: ClassVar[Clock] = "sample"
     inputs: ClassVar[tuple[str, ...]] = ("target",)
     outputs: ClassVar[tuple[str, ...]] = ()
     states: ClassVar[tuple[str, ...]] = ("value", "rate", "acceleration")
 
     @staticmethod
     def prepare(values: Mapping[str, Any], period: Any) -> SmoothingCoefficients:
-        """As `Stepped`."""
         omega = 2 * np.pi * values["bandwidth"]
         rate, acceleration = values["largest_rate"], values["largest_acceleration"]
         return SmoothingCoefficients(period, omega / 3, omega, 1 - np.exp(-3 * omega * period), rate, acceleration)
 
     @staticmethod
-    def without_idle(coefficients: SmoothingCoefficients) -> SmoothingCoefficients:
-        """As `Stepped`."""
-        return coefficients
-
-    @staticmethod
-    def start(coefficients: SmoothingCoefficients, inputs: Signals) -> Signals:
-        """As `Stepped`."""
-        del coefficients
+    def start(_coefficients: SmoothingCoefficients, inputs: Signals) -> Signals:
         return inputs[0], 0 * inputs[0], 0 * inputs[0]
 
     @staticmethod
     def step(coefficients: SmoothingCoefficients, states: Signals, inputs: Signals) -> tuple[Signals, Signals]:
-        """As `Stepped`."""
         h, k1, k2, share, most_rate, most = coefficients
         (x, v, a), (target,) = states, inputs
-        wanted = clip(k1 * (target - x), -most_rate, most_rate)
-        later = a + share * (clip(k2 * (wanted - v), -most, most) - a)
+        wanted_rate = clip(k1 * (target - x), -most_rate, most_rate)
+        later = a + share * (clip(k2 * (wanted_rate - v), -most, most) - a)
         return (x + h * v + h * h * (a / 3 + later / 6), v + h * (a + later) / 2, later), ()

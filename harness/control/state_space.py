@@ -31,6 +31,11 @@ class StateSpace:
     dt: float = 0.0
 
     @property
+    def blocks(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """A, B, C and D."""
+        return self.A, self.B, self.C, self.D
+
+    @property
     def nstates(self) -> int:
         """Number of states; named as in python-control, like the next two."""
         return len(self.A)
@@ -49,9 +54,8 @@ class StateSpace:
         """The eigenvalues of A (n,)."""
         return np.asarray(np.linalg.eigvals(self.A), dtype=complex)
 
-    def isdtime(self, strict: bool = True) -> bool:
-        """Whether it is in discrete time; `strict` is python-control's, whose systems may be in either."""
-        del strict
+    def isdtime(self, strict: bool = True) -> bool:  # noqa: ARG002 - python-control's, whose systems may be in either
+        """Whether it is in discrete time."""
         return self.dt > 0
 
 
@@ -62,13 +66,13 @@ def is_control_system(value: Any) -> bool:
     return package is not None and isinstance(value, package.InputOutputSystem)
 
 
-def state_space_of(system: Any, what: str = "controller") -> Any:
+def state_space_of(system: Any, role: str = "controller") -> Any:
     """The state space of a linear system: itself, this project's or python-control's, or that of a transfer function.
 
     Raises
     ------
     ControllerError
-        Another kind of system, or not a system, or a transfer function that is improper; names it as `what`.
+        Another kind of system, or not a system, or a transfer function that is improper; names it as its `role`.
     """
     if isinstance(system, StateSpace):
         return system
@@ -78,10 +82,9 @@ def state_space_of(system: Any, what: str = "controller") -> Any:
         if isinstance(system, control.StateSpace):
             return system
         if isinstance(system, control.TransferFunction):
-            _check_proper(system, what)
-            return _by_elements(system)
+            return _by_elements(system, role)
     raise ControllerError(
-        f"{what} is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
+        f"{role} is {type(system).__name__}; expected a control.StateSpace or TransferFunction in discrete time, "
         "or a function of a Sample"
     )
 
@@ -98,8 +101,8 @@ def matrices_of(system: Any) -> StateSpace:
         return system
     import control
 
-    own = state_space_of(system, "the system") if is_control_system(system) else control.ss(system)
-    return StateSpace(own.A, own.B, own.C, own.D, float(own.dt or 0.0))
+    named = state_space_of(system, "the system") if is_control_system(system) else control.ss(system)
+    return StateSpace(named.A, named.B, named.C, named.D, float(named.dt or 0.0))
 
 
 def control_system(system: StateSpace) -> Any:
@@ -139,16 +142,33 @@ def discretised(system: StateSpace, sample_time: float, method: Method = "tustin
 
 def matrices_at(system: StateSpace, sample_time: Any, method: Method, solve: Solve = np.linalg.solve) -> StateSpace:
     """`discretised` without its checks, for numbers or for CasADi symbols in arrays with their own `solve`."""
-    if method == "zoh":
-        return _held(system, sample_time)
-    # x⁺ = x + T ((1 − α) ẋ + α ẋ⁺), in the state w = (1 − α T A) x − α T B u, which makes it explicit
-    alpha = 0.5 if method == "tustin" else 1.0
-    one = np.eye(len(system.A))
-    implicit = one - alpha * sample_time * system.A
-    A: Any = solve(implicit, one + (1 - alpha) * sample_time * system.A)
-    B: Any = solve(implicit, sample_time * system.B)
-    C: Any = solve(implicit.T, system.C.T)
-    return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), sample_time)
+    T, poles, (n, m) = sample_time, np.diag(system.A), system.B.shape
+    if method != "zoh":
+        # x⁺ = x + T ((1 − α) ẋ + α ẋ⁺), in the state w = (1 − α T A) x − α T B u, which makes it explicit
+        alpha = 0.5 if method == "tustin" else 1.0
+        identity = np.eye(n)
+        implicit = identity - alpha * T * system.A
+        A: Any = solve(implicit, identity + (1 - alpha) * T * system.A)
+        B: Any = solve(implicit, T * system.B)
+        C: Any = solve(implicit.T, system.C.T)
+        return StateSpace(A, B, C.T, system.D + alpha * (system.C @ B), T)
+    # [A_d B_d; 0 1] = exp([A B; 0 0] T)
+    if _is_zero(system.A - np.diag(poles)):
+        # element by element: (e^(pT) − 1)/p without cancellation near 1, and T for p = 0
+        half = poles * T / 2
+        grown = 2 * np.exp(half) * np.sinh(half)
+        columns = zip(poles, grown, T + 0 * poles, strict=True)
+        phi = np.array([t if _is_zero(p) else g / p for p, g, t in columns], dtype=poles.dtype)
+        return StateSpace(np.diag(np.exp(poles * T)), phi[:, None] * system.B, system.C, system.D, T)
+    # exp(M) = exp(M/2ˢ)^(2ˢ) by the series of a norm below ½: without SciPy, which every run would have to import
+    M = np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T
+    halvings = max(0, math.frexp(float(np.linalg.norm(M, 1)))[1] + 1)
+    term = total = np.eye(n + m)
+    for k in range(1, 19):
+        term = term @ M / (k * 2.0**halvings)
+        total = total + term
+    held = np.linalg.matrix_power(total, 2**halvings)
+    return StateSpace(held[:n, :n], held[:n, n:], system.C, system.D, T)
 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
@@ -163,70 +183,27 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
     )
 
 
-def beside(system: StateSpace, count: int) -> StateSpace:
-    """So many copies of a system, each with inputs, states and outputs of its own."""
-    A, B, C, D = (np.kron(np.eye(count), block).astype(float) for block in (system.A, system.B, system.C, system.D))
-    return StateSpace(A, B, C, D, system.dt)
-
-
-def _held(system: StateSpace, T: Any) -> StateSpace:
-    """[A_d B_d; 0 1] = exp([A B; 0 0] T); for a diagonal A element by element."""
-    poles = np.diag(system.A)
-    if _is_zero(system.A - np.diag(poles)):
-        # (e^(pT) − 1)/p without cancellation near 1, and T for p = 0
-        half = poles * T / 2
-        grown = 2 * np.exp(half) * np.sinh(half)
-        each = zip(poles, grown, T + 0 * poles, strict=True)
-        phi = np.array([t if _is_zero(p) else g / p for p, g, t in each], dtype=poles.dtype)
-        return StateSpace(np.diag(np.exp(poles * T)), phi[:, None] * system.B, system.C, system.D, T)
-    n, m = system.B.shape
-    both = _exponential(np.block([[system.A, system.B], [np.zeros((m, n + m))]]) * T)
-    return StateSpace(both[:n, :n], both[:n, n:], system.C, system.D, T)
-
-
-def _exponential(M: FloatArray) -> FloatArray:
-    """exp(M) = exp(M/2ˢ)^(2ˢ) by the series of a norm below ½: without SciPy, which every run would have to import."""
-    halvings = max(0, math.frexp(float(np.linalg.norm(M, 1)))[1] + 1)
-    term = total = np.eye(len(M))
-    for k in range(1, 19):
-        term = term @ M / (k * 2.0**halvings)
-        total = total + term
-    return np.asarray(np.linalg.matrix_power(total, 2**halvings))
-
-
 def _is_zero(values: Any) -> bool:
     """Whether all values are zero; a symbol is not."""
     return all(v.is_zero() if hasattr(v, "is_zero") else v == 0 for v in np.asarray(values).reshape(-1))
 
 
-def _check_proper(matrix: Any, what: str) -> None:
-    """Refuse a transfer function whose numerator has a higher degree than its denominator."""
-    for i, j in np.ndindex(matrix.noutputs, matrix.ninputs):
+def _by_elements(matrix: Any, role: str) -> Any:
+    """State space of a matrix of transfer functions, for which python-control needs slycot; refuses improper ones."""
+    import control
+
+    m, n = matrix.noutputs, matrix.ninputs
+    elements = []
+    for i, j in np.ndindex(m, n):
         above, below = len(matrix.num[i][j]) - 1, len(matrix.den[i][j]) - 1
         if above > below:
             raise ControllerError(
-                f"{what} has an improper transfer function, of degree {above} over {below}, which needs the future; "
+                f"{role} has an improper transfer function, of degree {above} over {below}, which needs the future; "
                 "expected at most the denominator's: of a PD kp + kd s use gs.PD, or give it a filter and sample it: "
                 "gs.sampled(control.tf([kd + kp * Tf, kp], [Tf, 1]), sample_time)"
             )
-
-
-def _by_elements(matrix: Any) -> Any:
-    """State space of a matrix of transfer functions.
-
-    python-control needs slycot for this, which would find fewer states.
-    """
-    import control
-    from scipy.linalg import block_diag
-
-    m, n = matrix.noutputs, matrix.ninputs
-    elements = [
-        [control.ss(control.tf(matrix.num[i][j], matrix.den[i][j], matrix.dt)) for j in range(n)] for i in range(m)
-    ]
-    # state (i, j) is driven by input j and observed at output i
-    flat = [(i, j, elements[i][j]) for i in range(m) for j in range(n)]
-    A = block_diag(*(each.A for _, _, each in flat))
-    B = np.vstack([np.outer(each.B[:, 0], np.eye(n)[j]) for _, j, each in flat])
-    C = np.hstack([np.outer(np.eye(m)[i], each.C[0]) for i, _, each in flat])
-    D = np.array([[elements[i][j].D[0, 0] for j in range(n)] for i in range(m)])
-    return control.ss(A, B, C, D, matrix.dt)
+        elements.append(control.ss(control.tf(matrix.num[i][j], matrix.den[i][j], matrix.dt)))
+    # element (i, j) is driven by input j and adds to output i
+    drives, adds = np.tile(np.eye(n), (m, 1)), np.repeat(np.eye(m), n, axis=1)
+    diagonal = control.append(*elements)
+    return control.ss(diagonal.A, diagonal.B @ drives, adds @ diagonal.C, adds @ diagonal.D @ drives, matrix.dt)

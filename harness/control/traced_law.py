@@ -1,15 +1,15 @@
-"""Laws that users wrote as CasADi functions, as one description for many members that machine code can have.
+"""Laws that users wrote as CasADi functions, called in a run, and as one description that machine code can have.
 
 Members' functions may differ in constants, such as gains; these become coefficients.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
-from gough_stewart.harness.control.python.casadi_function import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.vectors import FloatArray
@@ -17,7 +17,38 @@ from gough_stewart.model.vectors import FloatArray
 if TYPE_CHECKING:
     import casadi
 
+    from gough_stewart.harness.control.makers import Sample
+
+# Names of a function's inputs and outputs, besides signals and `time`.
+MEMORY, MEMORY_NEXT, FORCE, OF_REFERENCE = "memory", "memory_next", "actuator_force", "reference_"
 _ACCELERATIONS = ("acceleration", "angular_acceleration")
+_COEFFICIENTS = "coefficients"
+
+
+def is_casadi_function(controller: Any) -> "TypeGuard[casadi.Function]":
+    """Whether an object is one; without an import, since who has one has imported CasADi."""
+    loaded = sys.modules.get("casadi")
+    return loaded is not None and isinstance(controller, loaded.Function)
+
+
+class CasadiFunction:
+    """A control function that calls a CasADi function; its memory begins at zero."""
+
+    def __init__(self, function: "casadi.Function") -> None:
+        self.function, names = function, function.name_in()
+        self._memory = np.zeros(function.numel_in(names.index(MEMORY)) if MEMORY in names else 0)
+
+    def __call__(self, sample: "Sample") -> FloatArray:
+        """Forces (6,) at a sample."""
+        references = {OF_REFERENCE + name: value for name, value in sample.reference.items()}
+        values = {"time": sample.time, MEMORY: self._memory, **sample.measured, **references}
+        inputs = {
+            name: np.reshape(np.asarray(values[name], dtype=float), self.function.size_in(k), order="F")
+            for k, name in enumerate(self.function.name_in())
+        }
+        outputs = {name: np.asarray(value).ravel(order="F") for name, value in self.function.call(inputs).items()}
+        self._memory = outputs.get(MEMORY_NEXT, self._memory)
+        return np.asarray(outputs[FORCE], dtype=float)
 
 
 @dataclass(frozen=True)
@@ -36,7 +67,7 @@ class TracedLaw:
 def traced_law_of(functions: Sequence["casadi.Function"]) -> TracedLaw | None:
     """The laws of members with these functions; None if they have not the same operations, or some that C lacks."""
     try:
-        plain, coefficients = _with_coefficients([each.expand() for each in functions])
+        plain, coefficients = _with_coefficients([function.expand() for function in functions])
     except (RuntimeError, NotImplementedError):  # an interpolant, a solver
         return None
     import casadi
@@ -55,19 +86,16 @@ def traced_law_of(functions: Sequence["casadi.Function"]) -> TracedLaw | None:
         **{OF_REFERENCE + name: casadi.SX.sym("a", 3) for name in _ACCELERATIONS},
         _COEFFICIENTS: casadi.SX.sym("c", len(coefficients)),
     }
-    wanted = {FORCE: N_LEGS, **({MEMORY_NEXT: n} if n else {})}
-    if any(size != parts[name].numel() for name, size in sizes.items() if name in parts):
+    needed = {FORCE: N_LEGS, **({MEMORY_NEXT: n} if n else {})}
+    if any(name not in parts or size != parts[name].numel() for name, size in sizes.items()):
         return None
-    if set(sizes) - set(parts) or {name: outputs.get(name) for name in wanted} != wanted:
+    if {name: outputs.get(name) for name in needed} != needed:
         return None
-    given = {name: casadi.reshape(parts[name], plain.size_in(i)) for i, name in enumerate(plain.name_in())}
-    found = plain.call(given)
-    following = casadi.vertcat(*(casadi.vec(casadi.densify(found[name])) for name in wanted))
+    inputs = {name: casadi.reshape(parts[name], plain.size_in(i)) for i, name in enumerate(plain.name_in())}
+    results = plain.call(inputs)
+    following = casadi.vertcat(*(casadi.vec(casadi.densify(results[name])) for name in needed))
     memory = casadi.vertcat(*parts.values())
     return TracedLaw(casadi.Function("law", [memory], [following], ["memory"], ["next"]), n, coefficients)
-
-
-_COEFFICIENTS = "coefficients"
 
 
 def _with_coefficients(functions: Sequence["casadi.Function"]) -> tuple["casadi.Function", FloatArray]:
@@ -79,24 +107,22 @@ def _with_coefficients(functions: Sequence["casadi.Function"]) -> tuple["casadi.
         The functions differ in more than constants.
     """
     first = functions[0]
-    kinds = {each.serialize(): each for each in functions}
-    if len(kinds) == 1:
+    distinct = {function.serialize(): function for function in functions}
+    if len(distinct) == 1:
         return first, np.zeros((0, len(functions)))
     import casadi
 
-    found = {text: _constants(each) for text, each in kinds.items()}
-    if len({operations for operations, _ in found.values()}) > 1:
+    read = {text: _constants(function) for text, function in distinct.items()}
+    if len({operations for operations, _ in read.values()}) > 1:
         raise NotImplementedError
-    values = np.array([found[each.serialize()][1] for each in functions]).T
+    values = np.array([read[function.serialize()][1] for function in functions]).T
     differs = (values != values[:, :1]).any(axis=1)
-    numbers: Iterable[Any] = iter(values[:, 0].tolist())
     symbols = casadi.SX.sym(_COEFFICIENTS, int(differs.sum()))
-    own, k = [], 0
-    for differ, number in zip(differs, numbers, strict=True):
-        own.append(symbols[k] if differ else number)
-        k += bool(differ)
+    constants: list[Any] = values[:, 0].tolist()
+    for k, place in enumerate(np.flatnonzero(differs).tolist()):
+        constants[place] = symbols[k]
     inputs = {name: casadi.SX.sym(name, *first.size_in(i)) for i, name in enumerate(first.name_in())}
-    outputs = _evaluated(first, inputs, own)
+    outputs = _evaluated(first, inputs, constants)
     everything = {**inputs, _COEFFICIENTS: symbols}
     law = casadi.Function("law", [*everything.values()], [*outputs.values()], [*everything], [*outputs])
     return law, values[differs]
@@ -117,27 +143,25 @@ def _constants(function: "casadi.Function") -> tuple[tuple[Any, ...], list[float
 
 
 def _evaluated(
-    function: "casadi.Function", inputs: Mapping[str, Any], constants: Iterable[Any]
+    function: "casadi.Function", inputs: Mapping[str, Any], constants: Sequence[Any]
 ) -> dict[str, "casadi.SX"]:
     """The outputs of a plain function of dense inputs, with other constants in it."""
     import casadi
 
-    given, rest = [casadi.vec(each) for each in inputs.values()], iter(constants)
+    # of sparse matrices, the places of the elements that may be other than zero, column by column
+    read_at = [function.sparsity_in(i).find() for i in range(function.n_in())]
+    written_at = [function.sparsity_out(i).find() for i in range(function.n_out())]
+    arguments, numbers = [casadi.vec(symbols) for symbols in inputs.values()], iter(constants)
     outputs = {name: casadi.SX(*function.size_out(i)) for i, name in enumerate(function.name_out())}
-    places = [_nonzeros(function.sparsity_out(i)) for i in range(function.n_out())]
     names, work = list(outputs), dict[int, Any]()
     for k in range(function.n_instructions()):
-        kind, read, to = (
-            function.instruction_id(k),
-            function.instruction_input(k),
-            function.instruction_output(k),
-        )
+        kind, read, to = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
         if kind == casadi.OP_CONST:
-            work[to[0]] = casadi.SX(next(rest))
+            work[to[0]] = casadi.SX(next(numbers))
         elif kind == casadi.OP_INPUT:
-            work[to[0]] = given[read[0]][_nonzero(function.sparsity_in(read[0]), read[1])]
+            work[to[0]] = arguments[read[0]][int(read_at[read[0]][read[1]])]
         elif kind == casadi.OP_OUTPUT:
-            outputs[names[to[0]]][places[to[0]][to[1]]] = work[read[0]]
+            outputs[names[to[0]]][int(written_at[to[0]][to[1]])] = work[read[0]]
         elif len(read) == 1:
             work[to[0]] = casadi.SX.unary(kind, work[read[0]])
         elif len(read) == 2:
@@ -145,12 +169,3 @@ def _evaluated(
         else:
             raise NotImplementedError
     return outputs
-
-
-def _nonzeros(sparsity: "casadi.Sparsity") -> list[int]:
-    """The places of the elements that may be other than zero, column by column."""
-    return [int(k) for k in sparsity.find()]
-
-
-def _nonzero(sparsity: "casadi.Sparsity", k: int) -> int:
-    return _nonzeros(sparsity)[k]

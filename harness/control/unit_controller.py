@@ -1,8 +1,10 @@
 """A controller that is an FMU: exported by this project, or a third-party FMU with the same or other names."""
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -54,10 +56,10 @@ class UnitController:
     is_foreign: bool = True
 
     def __post_init__(self) -> None:
-        known = [name for name, _ in INPUTS] + [_FORCE, _LIMITED]
+        possible = [*(name for name, _ in INPUTS), _FORCE, _LIMITED]
         for name in self.names:
-            if name not in known:
-                raise ControllerError(f"names: no signal '{name}'{interface.nearest(name, known)}")
+            if name not in possible:
+                raise ControllerError(f"names: no signal '{name}'{interface.nearest(name, possible)}")
 
     def open(self, sample_time: float) -> "UnitLaw":
         """The FMU, ready for a run; close it afterwards.
@@ -69,14 +71,14 @@ class UnitController:
         """
         arguments = (self.path, dict(self.names), dict(self.parameters), sample_time)
         if self.is_foreign:
-            other = Isolated(self.path, f"{__name__}:ControllerUnit", arguments, ControllerError)
-            return UnitLaw(lambda *args: other.call("step", *args), other.close, sample_time)
+            process = Isolated(self.path, f"{__name__}:ControllerUnit", arguments, ControllerError)
+            return UnitLaw(partial(process.call, "step"), process.close, sample_time)
         unit = ControllerUnit(*arguments)
         return UnitLaw(unit.step, unit.close, sample_time)
 
 
 class UnitLaw:
-    """The FMU as control law; see `gough_stewart.harness.control.laws.MemberLaw`."""
+    """The FMU as control law of one member."""
 
     used = signals.NAMES
 
@@ -112,7 +114,12 @@ class ControllerUnit:
         with ExitStack() as stack:
             self._file = file = stack.enter_context(ControllerFile(path))
             self._variables = {v.name: v for v in file.description.modelVariables}
-            self._check_sample_time(sample_time)
+            designed = self._start_of("sample_time")
+            if designed is not None and abs(designed - sample_time) > 1e-9 * sample_time:
+                raise ControllerError(
+                    f"{path}: its sample_time is {designed:g} s, the loop's {sample_time:g} s; export the "
+                    "controller again, or set the loop's sample_time"
+                )
             self._unit = stack.enter_context(FmuInstance(file, name="controller"))
             self._source, references = self._inputs(names)
             self._inputs_of_unit = Values(self._unit, references, len(self._source))
@@ -122,9 +129,9 @@ class ControllerUnit:
             self._force = Values(self._unit, force, 6)
             limited = self._references(_LIMITED, names, None, "output")
             self._limited = None if limited is None else Values(self._unit, limited, 6)
-            self._set(parameters)
-            self._check_output_delay(parameters)
-            self._check_parts(sample_time)
+            for name, value in parameters.items():
+                self._set(name, value)
+            self._check_loop(parameters, sample_time)
             self._is_initialised = False
             self._open = stack.pop_all()
 
@@ -152,28 +159,19 @@ class ControllerUnit:
         """Free the FMU."""
         self._open.close()
 
-    # --- inside ------------------------------------------------------------------------------------------------
+    def _start_of(self, name: str) -> float | None:
+        start = getattr(self._variables.get(name), "start", None)
+        return None if start is None else float(start)
 
-    def _check_sample_time(self, sample_time: float) -> None:
-        own = getattr(self._variables.get("sample_time"), "start", None)
-        if own is not None and abs(float(own) - sample_time) > 1e-9 * sample_time:
+    def _check_loop(self, parameters: Mapping[str, Any], sample_time: float) -> None:
+        """Refuse of a unit of this project what the loop has itself: a longer delay, drives and sensors."""
+        start = self._start_of("output_delay")
+        delay = float(np.ravel(parameters.get("output_delay", 1.0 if start is None else start))[0])
+        if delay != 1:
             raise ControllerError(
-                f"{self._file.path}: its sample_time is {float(own):g} s, the loop's {sample_time:g} s; export the "
-                "controller again, or set the loop's sample_time"
-            )
-
-    def _check_output_delay(self, parameters: Mapping[str, Any]) -> None:
-        """Of a unit of this project: the loop has the delay, and would add it to a longer one of the unit."""
-        own = getattr(self._variables.get("output_delay"), "start", None)
-        found = float(np.ravel(parameters.get("output_delay", 1.0 if own is None else float(own)))[0])
-        if found != 1:
-            raise ControllerError(
-                f"{self._file.path}: its output_delay is {found:g} samples, which would be added to the loop's delay; "
+                f"{self._file.path}: its output_delay is {delay:g} samples, which would be added to the loop's delay; "
                 "expected 1: set parameters = { output_delay = 1 } of [controller], and the loop's delay"
             )
-
-    def _check_parts(self, sample_time: float) -> None:
-        """Of a unit of this project: the loop has drives and sensors itself."""
         step = getattr(self._file.description.defaultExperiment, "stepSize", None)
         has_steps = step is not None and float(step) < 0.999 * sample_time
         has_drives = any(name.partition("[")[0] == "rate_limited" for name in self._variables)
@@ -189,10 +187,10 @@ class ControllerUnit:
         references: list[int] = []
         first, is_fed_back = 0, False
         for name, variable in INPUTS:
-            found = self._references(name, names, variable, "input")
-            if found is not None:
+            of_input = self._references(name, names, variable, "input")
+            if of_input is not None:
                 source.append(np.arange(first, first + variable.size))
-                references += found
+                references += of_input
                 is_fed_back |= not name.startswith(REFERENCE)
             first += variable.size
         if not is_fed_back:
@@ -202,24 +200,26 @@ class ControllerUnit:
             )
         return np.concatenate(source), references
 
+    def _elements(self, name: str, pattern: str, size: int) -> tuple[list[str], list[Any]]:
+        """Names that a signal of this size has, as an array or as scalars, and those of its variables that exist."""
+        array = self._variables.get(name)
+        if array is not None and math.prod(int(dimension.start or 0) for dimension in array.dimensions or ()) == size:
+            return [name], [array]
+        scalars = [pattern.replace("{}", str(k + 1)) for k in range(size)]
+        return scalars, [self._variables[scalar] for scalar in scalars if scalar in self._variables]
+
     def _references(
         self, name: str, names: Mapping[str, str], variable: Variable | None, causality: str
     ) -> list[int] | None:
         """Value references of a signal, None if the FMU has no variable of that name."""
         theirs, size = names.get(name, name), 6 if variable is None else variable.size
-        whole = self._variables.get(theirs)
-        if whole is not None and _size_of(whole) == size:
-            found = [whole]
-        else:
-            pattern = theirs if "{}" in theirs else theirs + "[{}]"
-            scalars = [pattern.replace("{}", str(k + 1)) for k in range(size)]
-            found = [self._variables[scalar] for scalar in scalars if scalar in self._variables]
-            if not found and name not in names:
-                return None
-            if len(found) != size:
-                missing = [scalar for scalar in scalars if scalar not in self._variables]
-                raise self._file.refusal(f"has no variable {missing[0]} for {name}")
-        for v in found:
+        needed, variables = self._elements(theirs, theirs if "{}" in theirs else theirs + "[{}]", size)
+        if not variables and name not in names:
+            return None
+        if len(variables) != len(needed):
+            missing = next(scalar for scalar in needed if scalar not in self._variables)
+            raise self._file.refusal(f"has no variable {missing} for {name}")
+        for v in variables:
             if v.causality != causality:
                 raise self._file.refusal(f"{v.name} is of causality {v.causality}; expected {causality} for {name}")
             if v.type not in ("Real", "Float64"):
@@ -227,40 +227,26 @@ class ControllerUnit:
             unit = v.unit or getattr(v.declaredType, "unit", None)
             if variable is not None and unit not in (None, "", variable.unit):
                 raise self._file.refusal(f"{v.name} is in {unit}; expected {variable.unit} for {name}")
-        return [v.valueReference for v in found]
+        return [v.valueReference for v in variables]
 
-    def _set(self, parameters: Mapping[str, Any]) -> None:
+    def _set(self, name: str, value: Any) -> None:
+        """Set a parameter."""
         from fmpy.fmi1 import FMICallException
 
         from gough_stewart.harness.plants.unit import Values
 
-        for name, value in parameters.items():
-            numbers = np.ravel(np.asarray(value, dtype=float))
-            found = self._references_of_parameter(name, len(numbers))
-            buffer = Values(self._unit, found, len(numbers))
-            buffer.array[:] = numbers
-            try:
-                buffer.write()
-            except FMICallException as error:
-                reason = self._unit.take_messages() or str(error)
-                raise ControllerError(f"{self._file.path}: {name} = {value} refused: {reason}") from error
-
-    def _references_of_parameter(self, name: str, size: int) -> Sequence[int]:
-        whole = self._variables.get(name)
-        if whole is not None and _size_of(whole) == size:
-            return [whole.valueReference]
-        scalars = [f"{name}[{k + 1}]" for k in range(size)]
-        if all(scalar in self._variables for scalar in scalars) and f"{name}[{size + 1}]" not in self._variables:
-            return [self._variables[scalar].valueReference for scalar in scalars]
-        raise ControllerError(
-            f"{self._file.path}: no parameter {name} with {size} "
-            f"elements{interface.nearest(name, list(self._variables))}"
-        )
-
-
-def _size_of(variable: Any) -> int:
-    """Number of elements of one of FMPy's variables."""
-    size = 1
-    for dimension in variable.dimensions or ():
-        size *= int(dimension.start or 0)
-    return size
+        numbers = np.ravel(np.asarray(value, dtype=float))
+        size = len(numbers)
+        needed, variables = self._elements(name, name + "[{}]", size)
+        if len(variables) != len(needed) or (needed != [name] and f"{name}[{size + 1}]" in self._variables):
+            raise ControllerError(
+                f"{self._file.path}: no parameter {name} with {size} "
+                f"elements{interface.nearest(name, list(self._variables))}"
+            )
+        buffer = Values(self._unit, [v.valueReference for v in variables], size)
+        buffer.array[:] = numbers
+        try:
+            buffer.write()
+        except FMICallException as error:
+            reason = self._unit.take_messages() or str(error)
+            raise ControllerError(f"{self._file.path}: {name} = {value} refused: {reason}") from error

@@ -9,7 +9,7 @@ import polars
 
 from gough_stewart.harness.control.laws import linear_of
 from gough_stewart.harness.control.laws_of_members import shared_by_members
-from gough_stewart.harness.control.python.makers import name_of
+from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.ensemble.columns import (
     CAUSE,
     ENDED,

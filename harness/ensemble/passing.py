@@ -5,7 +5,7 @@ from functools import lru_cache
 from types import ModuleType
 from typing import Any
 
-from gough_stewart.harness.control.python.makers import name_of
+from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.plan import EnsemblePlan, GivenController, plan_from
 

@@ -9,11 +9,18 @@ import numpy as np
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
 from gough_stewart.harness.control.laws import LinearController, linear_of
 from gough_stewart.harness.control.linear import modes
-from gough_stewart.harness.control.loop_transfer import MOST_STATES, feedback_part, held_plant, loop_transfer
+from gough_stewart.harness.control.loop_transfer import (
+    MOST_STATES,
+    LoopStructure,
+    feedback_part,
+    held_plant,
+    loop_transfer,
+    structural_modes,
+    structure_of,
+)
+from gough_stewart.harness.control.makers import Maker
 from gough_stewart.harness.control.margins import Margins, closed_loop, is_stable, loop_margins
-from gough_stewart.harness.control.python.makers import Maker
 from gough_stewart.harness.control.state_space import StateSpace
-from gough_stewart.harness.control.structure import Structure, structural_modes, structure_of
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import experiment_of
@@ -206,7 +213,7 @@ def growing_of(prepared: Prepared) -> tuple[str, ...]:
     )
 
 
-def _structure(prepared: Prepared, L: StateSpace, choice: ControllerChoice | None) -> Structure | None:
+def _structure(prepared: Prepared, L: StateSpace, choice: ControllerChoice | None) -> LoopStructure | None:
     """The structural modes of the machine, and the bandwidth that keeps a usual disk margin."""
     machine, sample_time, motion = prepared.machine, prepared.loop.timing.sample_time, prepared.motion
     assert motion is not None  # as in `transfer_of`

@@ -9,8 +9,8 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws import Controller, Known, LinearController
-from gough_stewart.harness.control.laws_of_members import Law, LawFrom, SeparateLaws, law_of, laws_of
+from gough_stewart.harness.control.laws import Controller, LinearController
+from gough_stewart.harness.control.laws_of_members import KnownAhead, Law, LawFrom, SeparateLaws, law_of, laws_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.actuators import Actuators
@@ -150,10 +150,10 @@ class Prepared:
             yield self.law
 
 
-def known_of(platform: Platform, timing: Timing, feedforward: FloatArray, injection: FloatArray | None) -> Known:
+def known_of(platform: Platform, timing: Timing, feedforward: FloatArray, injection: FloatArray | None) -> KnownAhead:
     """What a loop tells a controller in Python."""
     planned = feedforward if injection is None else feedforward + injection
-    return Known(platform, timing.sample_time, feedforward, planned)
+    return KnownAhead(platform, timing.sample_time, feedforward, planned)
 
 
 class InParallel(NamedTuple):

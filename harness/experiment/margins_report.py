@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.control.linear import Mode, modes
+from gough_stewart.harness.control.loop_transfer import LoopStructure
 from gough_stewart.harness.control.margins import (
     ClassicalMargins,
     Margins,
@@ -20,7 +21,6 @@ from gough_stewart.harness.control.margins import (
 )
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.state_space import StateSpace, control_system
-from gough_stewart.harness.control.structure import Structure
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
@@ -103,7 +103,7 @@ class LoopMargins(Margins):
     """Loop transfer L (6×6) at the actuators, u = −L u, as matrices."""
     changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     """What was set of the experiment's file, as `Experiment.changed`."""
-    structure: Structure | None = None
+    structure: LoopStructure | None = None
     """Of a machine whose legs give: the structural modes, each with `frequency`, `damping_ratio`, `held_frequency` and
     `gain`, and the largest `bandwidth` [Hz] of the controller with a disk margin of at least `disk`."""
     late: float = 0.0
@@ -276,7 +276,7 @@ def _numbers_of_margins(margins: Margins, whose: str, doubt: str) -> tuple[Numbe
     )
 
 
-def _numbers_of(structure: Structure | None) -> tuple[Number, ...]:
+def _numbers_of(structure: LoopStructure | None) -> tuple[Number, ...]:
     """Of legs that give."""
     if structure is None or not structure.modes:
         return ()
@@ -312,7 +312,7 @@ def _structure(analysis: LoopMargins) -> tuple[Table | Note, ...]:
     return Table("Structural modes", columns, rows), *_allowed(structure)
 
 
-def _allowed(structure: Structure) -> tuple[Note, ...]:
+def _allowed(structure: LoopStructure) -> tuple[Note, ...]:
     """What the first mode does to the bandwidth."""
     if structure.bandwidth is None:
         return ()
@@ -496,7 +496,7 @@ def margins_file(margins: LoopMargins) -> bytes:
     return (json.dumps({**margins.as_dict(), "versions": versions()}, indent=2) + "\n").encode()
 
 
-def _plain_structure(structure: Structure) -> dict[str, Any]:
+def _plain_structure(structure: LoopStructure) -> dict[str, Any]:
     """In plain types; None where there is none."""
 
     def number(value: float | None) -> float | None:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.python.makers import name_of
+from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.control.state_space import is_control_system
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import digests, experiment_from

@@ -14,10 +14,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gough_stewart.harness.control.controllers import ControllerChoice
+from gough_stewart.harness.control.controllers import ControllerChoice, Feedforward, feedforward
 from gough_stewart.harness.control.faults import N_FAULTS, FaultChoice
-from gough_stewart.harness.control.feedforward import Feedforward, feedforward
-from gough_stewart.harness.control.injections import InjectionChoice
+from gough_stewart.harness.control.frequency_response import InjectionChoice
 from gough_stewart.harness.control.laws import Controller, controller_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError

@@ -11,7 +11,7 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.faults import CUT, FROZEN, N_FAULTS
-from gough_stewart.harness.control.python.makers import name_of
+from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.analysis import growing_of
 from gough_stewart.harness.experiment.batch import Batch, Prepared

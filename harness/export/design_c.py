@@ -12,14 +12,13 @@ import numpy as np
 from gough_stewart.fmu_build.codegen import in_lanes
 from gough_stewart.fmu_build.sources import defines
 from gough_stewart.harness.control.component import Stepped, with_links
-from gough_stewart.harness.control.force_limits import ForceLimits
-from gough_stewart.harness.control.gains import gains_of_masses
+from gough_stewart.harness.control.drive import ForceLimits
 from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.pid import (
-    Actions,
-    Channels,
+    ChannelGains,
     channel_matrices,
     filter_time_of,
+    gains_of_masses,
     tracking_time_of,
 )
 from gough_stewart.harness.control.sensor import Sensor
@@ -58,8 +57,8 @@ def law_function(name: str, variant: TurnableLaw) -> casadi.Function:
     """`values` (kp, kd, ki, Tf, Tt) of a channel, `notch` (3), `sample_time` -> [C D; A B] of it, row by row."""
     values, notch, T = (casadi.SX.sym(key, n) for key, n in (("values", 5), ("notch", len(Notch.keys)), ("period", 1)))
     of = symbols.elements(values)
-    actions = Actions(np.array([True]), np.array([variant.integrates]))
-    continuous = channel_matrices(Channels(*(of[k : k + 1] for k in range(5))), variant.derivative_on, actions)
+    actions = [np.array([True]), np.array([variant.integrates])]
+    continuous = channel_matrices(ChannelGains(*[*(of[k : k + 1] for k in range(5)), *actions]), variant.derivative_on)
     period = symbols.elements(T)
     channel = matrices_at(continuous, period, variant.discretisation, symbols.solve)
     notches = [(Notch, {key: symbols.elements(notch[k]) for k, key in enumerate(Notch.keys)})]

@@ -8,10 +8,8 @@ from typing import Any
 import casadi
 import numpy as np
 
-from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
-from gough_stewart.harness.control.drive import Drive
-from gough_stewart.harness.control.feedforward import Feedforward
-from gough_stewart.harness.control.force_limits import ForceLimits
+from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice, Feedforward
+from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.laws import LinearController, fresh_controller
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.unit_controller import UnitController
@@ -133,7 +131,7 @@ class Designed:
             values = self.carried.quantisation
             found += [
                 setting_of(each, values.get(v.name, 0.0), "; 0: none", is_real=False)
-                for v, each in zip(self.measured, Sensor.parameters_of(self.measured), strict=True)
+                for v, each in zip(self.measured, Sensor.parameters(self.measured), strict=True)
             ]
         if self.law is not None:
             found += self.law.settings

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 from gough_stewart.fmu_build.build import chosen_versions
 from gough_stewart.fmu_build.cache import check_installed
 from gough_stewart.fmu_build.toolchain import chosen_targets
-from gough_stewart.harness.control.python.casadi_function import is_casadi_function
+from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings

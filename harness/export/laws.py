@@ -11,18 +11,16 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.control.component import Link, with_links
 from gough_stewart.harness.control.laws import LinearController, Space
-from gough_stewart.harness.control.linear_law import integrating_modes, integrators, rest
+from gough_stewart.harness.control.laws_of_members import integrating_modes, integrators, rest
 from gough_stewart.harness.control.pid import (
-    Actions,
-    Channels,
+    ChannelGains,
     DerivativeOn,
     Gains,
-    actions_of,
     channel_matrices,
     channels_of,
 )
-from gough_stewart.harness.control.python.casadi_function import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
 from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at
+from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.settings import Setting, setting, setting_of
@@ -59,19 +57,16 @@ class PidLaw:
     signals = ("leg_length",)
 
     @property
-    def _actions(self) -> Actions:
-        return actions_of(self.gains)
-
-    @property
     def name(self) -> str:
         """The name for display."""
-        kind = "PID" if self._actions.integrate.any() else "PD"
+        kind = "PID" if channels_of(self.gains).integrates.any() else "PD"
         return " with ".join([f"{kind} in {self.space} space", *(f"a {link.name}" for link in self.links)])
 
     @property
     def settings(self) -> tuple[Setting, ...]:
         """Gains, and the related times."""
-        channels, (differentiate, integrate) = channels_of(self.gains), self._actions
+        channels = channels_of(self.gains)
+        differentiate, integrate = channels.differentiates, channels.integrates
         units = ("N/m", "N.s/m", "N/(m.s)") if self.space == "leg" else ("", "", "")
         of = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
         found = [
@@ -124,7 +119,8 @@ class PidLaw:
             return np.asarray(symbols.elements(inputs[name]) + zeros)  # one value for all, or one each
 
         names = ("proportional_gain", "derivative_gain", "integral_gain", "derivative_filter", "anti_windup_time")
-        continuous = channel_matrices(Channels(*map(channel, names)), self.derivative_on, self._actions)
+        numbers = channels_of(self.gains)
+        continuous = channel_matrices(ChannelGains(*[*map(channel, names), *numbers[5:]]), self.derivative_on)
         T = symbols.elements(inputs["sample_time"])
         of_links = [
             (type(link), {each.key: symbols.elements(inputs[each.name]) for each in link.parameters()})
@@ -132,7 +128,7 @@ class PidLaw:
         ]
         traced = matrices_at(continuous, T, self.discretisation, symbols.solve)
         traced = with_links(traced, of_links, T, symbols.solve)
-        numeric = channel_matrices(channels_of(self.gains), self.derivative_on, self._actions)
+        numeric = channel_matrices(numbers, self.derivative_on)
         A = matrices_at(numeric, self.sample_time, self.discretisation).A
         # the integrators are states whose rows are those of the unit matrix, whatever the gains; links have none
         alone = [*(np.eye(len(A)) == A).all(axis=1), *[False] * (traced.nstates - len(A))]

@@ -17,11 +17,9 @@ from gough_stewart.fmu_build.cache import COMPILER, check_installed, digest_of
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import machine_library, machine_sources
 from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY
-from gough_stewart.harness.control.controllers import OpenLoop
+from gough_stewart.harness.control.controllers import Feedforward, OpenLoop
 from gough_stewart.harness.control.faults import N_FAULTS
-from gough_stewart.harness.control.feedforward import Feedforward
-from gough_stewart.harness.control.laws_of_members import LawFrom
-from gough_stewart.harness.control.linear_law import LinearLaw
+from gough_stewart.harness.control.laws_of_members import LawFrom, LinearLaw
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.schema import Experiment

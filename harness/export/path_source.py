@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
-from gough_stewart.harness.control.feedforward import feedforward
+from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.relative import Home
 from gough_stewart.harness.export.single import halves

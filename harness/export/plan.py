@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.feedforward import Feedforward
+from gough_stewart.harness.control.controllers import Feedforward
 from gough_stewart.harness.control.smoothing import Smoothing, SmoothingChoice
 from gough_stewart.harness.loop.loop_library import coefficients_of
 from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of

@@ -11,11 +11,10 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.control.component import Stepped
-from gough_stewart.harness.control.drive import Drive
-from gough_stewart.harness.control.force_limits import ForceLimits
-from gough_stewart.harness.control.linear_law import displacements, inputs_of
-from gough_stewart.harness.control.python.casadi_function import FORCE, MEMORY, MEMORY_NEXT
+from gough_stewart.harness.control.drive import Drive, ForceLimits
+from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
 from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.designed import REFERENCE, Designed
@@ -138,22 +137,22 @@ def solve_by_orthogonal(matrix: Array, vector: Array) -> Array:
 
 
 class _Maps:
-    """The leg maps of J = Q R, an array (1, 6, 6), for columns of symbols; see `LegMaps`."""
+    """The leg maps of J = Q R, an array (1, 6, 6), for columns of symbols."""
 
     def __init__(self, J: Array) -> None:
         self._J = symbols.sparse(J[0])
         self._Q, self._R = casadi.qr(self._J)
 
     def to_pose(self, change: casadi.SX) -> casadi.SX:
-        """As `LegMaps`."""
+        """J⁻¹ v: from legs [m] to the platform [m, rad]."""
         return casadi.solve(self._R, self._Q.T @ change)
 
     def to_wrench(self, force: casadi.SX) -> casadi.SX:
-        """As `LegMaps`."""
+        """Jᵀ F: from leg forces [N] to a wrench [N, N m]."""
         return self._J.T @ force
 
     def to_force(self, wrench: casadi.SX) -> casadi.SX:
-        """As `LegMaps`."""
+        """J⁻ᵀ w: from a wrench to leg forces."""
         return self._Q @ casadi.solve(self._R.T, wrench)
 
 
@@ -267,9 +266,9 @@ def _linear(
     if extra:
         at, lengths = _motion(inputs["motion"], home), y
         maps = _Maps(leg_jacobian(symbols.parameters_of(inputs), at.position, at.orientation))
-        r_at_rest, y_at_rest = displacements(maps, pose, lengths, r, lengths)
+        r_at_rest, y_at_rest = displacements(maps.to_pose, pose, lengths, r, lengths)
         memory_at_rest = casadi.vertcat(pose, lengths)
-        r, y = displacements(maps, pose, before, r, lengths)
+        r, y = displacements(maps.to_pose, pose, before, r, lengths)
         memory = casadi.vertcat(y, lengths) if home is None else casadi.vertcat(y - pose, lengths - before)
         excess = maps.to_wrench(excess)
     u = casadi.vertcat(*inputs_of(linear.kinds, r, y, excess))

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.drive import Drive
-from gough_stewart.harness.control.force_limits import ForceLimits
+from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.libraries import WIDTH
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
-from gough_stewart.harness.control.drive import Drive
+from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.faults import CUT, FROZEN
-from gough_stewart.harness.control.force_limits import ForceLimits
-from gough_stewart.harness.control.linear_law import LinearLaw
+from gough_stewart.harness.control.laws_of_members import LinearLaw
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.law_library import CompiledLaw
 from gough_stewart.harness.loop.loop import Loop, failure_of_forces
@@ -255,7 +254,7 @@ class CompiledLoop:
         if isinstance(law, CompiledLaw):
             self._set_traced(law)
             return
-        parts = law.parts
+        parts = law
         n_states, columns = parts.state.shape[1], parts.matrices.shape[2]
         at = np.argwhere((parts.matrices != 0).any(axis=0))
         entries = [np.ascontiguousarray(at[:, k], np.int64) for k in range(2)]

@@ -13,9 +13,8 @@ from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.fmu_build.libraries import WIDTH, law_library
 from gough_stewart.harness.control.laws import Controller
 from gough_stewart.harness.control.laws_of_members import Law, SeparateLaws
-from gough_stewart.harness.control.python.casadi_function import is_casadi_function
-from gough_stewart.harness.control.python.makers import Maker
-from gough_stewart.harness.control.traced_law import TracedLaw, traced_law_of
+from gough_stewart.harness.control.makers import Maker
+from gough_stewart.harness.control.traced_law import TracedLaw, is_casadi_function, traced_law_of
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model.vectors import FloatArray

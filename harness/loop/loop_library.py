@@ -12,9 +12,8 @@ from gough_stewart.fmu_build.cache import state_of_files
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.libraries import LanesLibrary, Library, machine_code, vector_library
 from gough_stewart.harness.control.component import Stepped
-from gough_stewart.harness.control.drive import Drive
+from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.faults import Cut, Freeze
-from gough_stewart.harness.control.force_limits import ForceLimits
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.folds import AT, ROW_PARTS
 from gough_stewart.harness.plants.lanes import CompiledLanes
@@ -34,7 +33,7 @@ _COMPONENTS: tuple[tuple[str, type[Stepped], int], ...] = (
 )
 # Sources besides those of the plant's machine code.
 _OWN = (
-    ("gough_stewart.harness.control", "component.py", "drive.py", "faults.py", "force_limits.py", "sensor.py"),
+    ("gough_stewart.harness.control", "component.py", "drive.py", "faults.py", "sensor.py"),
     (str(__package__), "folds.py", "loop_library.py"),
 )
 

@@ -8,8 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from gough_stewart.harness.control.faults import CUT, N_FAULTS, Cut, NoCoefficients
-from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLaws
-from gough_stewart.harness.control.linear_law import LinearLaw
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLaw, LinearLaws
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.actuators import Drives
 from gough_stewart.harness.loop.compiled import run_compiled

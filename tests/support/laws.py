@@ -3,7 +3,8 @@
 import numpy as np
 
 from gough_stewart.harness.control import laws_of_members
-from gough_stewart.harness.control.laws import Controller, Known
+from gough_stewart.harness.control.laws import Controller
+from gough_stewart.harness.control.laws_of_members import KnownAhead
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -30,7 +31,7 @@ def law_of(
     jacobians: FloatArray,
     reference: FloatArray,
     measured: FloatArray,
-    known: Known | None = None,
+    known: KnownAhead | None = None,
 ) -> OneLaw:
     """Begun with references (30,) and measurements (24,)."""
     return OneLaw(laws_of_members.law_of(controller, sample_time, jacobians, known)(reference, measured[None]))

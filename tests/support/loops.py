@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.harness.control.laws import Controller, controller_of
 from gough_stewart.harness.control.laws_of_members import law_of
-from gough_stewart.harness.control.python.sample import Sample
+from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.timing import Timing

@@ -9,8 +9,8 @@ from numpy.random import SeedSequence
 
 from gough_stewart.harness.control.laws import controller_of
 from gough_stewart.harness.control.laws_of_members import law_of, laws_of
+from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.control.pid import Gains
-from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.experiment.batch import Distinct
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members

@@ -178,7 +178,7 @@ static void times(const vector *v, const table *matrix, int64_t sample, int tran
     }
 }
 
-/* The parts of u, in task space of displacements: see harness/control/linear_law.py. */
+/* The parts of u, in task space of displacements: see harness/control/laws_of_members.py. */
 static void feed(vector *v, int64_t sample, mask due)
 {
     const loop *l = v->loop;

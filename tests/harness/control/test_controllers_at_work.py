@@ -5,6 +5,7 @@ The platform is uneven and away from home; forces are limited in size and rate, 
 
 from typing import Any
 
+import casadi
 import control
 import numpy as np
 import pytest
@@ -48,8 +49,9 @@ def injected(time: float) -> FloatArray:
     return np.asarray(3 * np.sin(40 * time + np.arange(6)))
 
 
-def run_of(controller: Any, **tables: Any) -> gs.Record:
-    return gs.run(experiment_of("pd", **(TABLES | tables)), SETTINGS, controller=controller, injection=injected)
+def run_of(controller: Any, plant: Any = None, **tables: Any) -> gs.Record:
+    experiment = experiment_of("pd", **(TABLES | tables))
+    return gs.run(experiment, SETTINGS, controller=controller, injection=injected, plant=plant)
 
 
 def at_samples(record: gs.Record, name: str) -> FloatArray:
@@ -134,11 +136,15 @@ def recursion(plain: Any, u: FloatArray, u_at_rest: FloatArray) -> tuple[FloatAr
 
 @pytest.mark.parametrize("names", [("leg_length",), ("leg_velocity", "position", "angular_velocity")], ids=len)
 @pytest.mark.parametrize("form", ["errors", "both", "excess"])
-def test_a_linear_controller_is_its_recursion_over_the_record(form: str, names: tuple[str, ...]) -> None:
-    """Expected: of the record's references, measurements and limits, plus feedforward and injection; its states."""
+@pytest.mark.parametrize("plant", ["model", "fmu3"])
+def test_a_linear_controller_is_its_recursion_over_the_record(form: str, names: tuple[str, ...], plant: str) -> None:
+    """Expected: of the record's references, measurements and limits, plus feedforward and injection; its states.
+
+    In the loop of machine code, and in the one around a unit.
+    """
     n = sum(PLACES[name] for name in names)
     plain = system({"errors": n, "both": 2 * n, "excess": 2 * n + 6}[form])
-    record = run_of(gs.LinearController(plain, names))
+    record = run_of(gs.LinearController(plain, names), plant)
     wanted, measured = wanted_and_measured(record, names)
     inputs = wanted - measured if form == "errors" else np.hstack([wanted, measured])
     rest = inputs[0]
@@ -151,10 +157,11 @@ def test_a_linear_controller_is_its_recursion_over_the_record(form: str, names: 
     assert np.abs(excesses(record)).max() > 1
 
 
-def test_in_task_space_it_is_its_recursion_through_the_jacobians_of_the_reference() -> None:
+@pytest.mark.parametrize("plant", ["model", "fmu3"])
+def test_in_task_space_it_is_its_recursion_through_the_jacobians_of_the_reference(plant: str) -> None:
     """Expected: y = ∑ J⁻¹ ΔL, r = y + J⁻¹ (L_r − L), Jᵀ times the excess, F = J⁻ᵀ w; J of the nominal platform."""
     plain = system(18, seed=8)
-    record = run_of(gs.LinearController(plain, space="task"))
+    record = run_of(gs.LinearController(plain, space="task"), plant)
     wanted, measured = wanted_and_measured(record, ("leg_length",))
     poses = (at_samples(record, "reference.position"), at_samples(record, "reference.orientation"))
     J = np.array([gs.leg_jacobian(UNEVEN, *pose) for pose in zip(*poses, strict=True)])
@@ -168,6 +175,53 @@ def test_in_task_space_it_is_its_recursion_through_the_jacobians_of_the_referenc
     known = at_samples(record, "controller.feedforward") + at_samples(record, "controller.injection")
     assert at_samples(record, "controller.force") == pytest.approx(forces + known, rel=1e-8, abs=1e-7)
     assert at_samples(record, "controller.state") == pytest.approx(states, rel=1e-8, abs=1e-9)
+
+
+def first_command(controller: Any) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of the controller alone at the first sample, with the errors of the legs that it saw, and J of the reference."""
+    record = run_of(controller)
+    known = record["controller.feedforward"][0] + record["controller.injection"][0]
+    J = gs.leg_jacobian(UNEVEN, record["reference.position"][0], record["reference.orientation"][0])
+    error = record["reference.leg_length"][0] - record["measured.leg_length"][0]
+    assert np.abs(error).min() > 1e-5
+    return record["controller.force"][0] - known, error, J
+
+
+@pytest.mark.parametrize("notch", [None, gs.Notch(frequency=30, damping=0.4, depth=0.2)], ids=["plain", "notch"])
+@pytest.mark.parametrize("space", ["leg", "task"])
+def test_a_start_off_the_reference_gives_no_kick_of_the_derivative(space: Any, notch: Any) -> None:
+    """Expected: kp e and half a step of the integral by Tustin's rule, in legs or axes; a notch passes what rests."""
+    kp, ki = np.array([900.0, 1100, 1000, 800, 950, 1050]), np.array([3e4, 0.0, 2e4, 5e4, 4e4, 1e4])
+    pid = gs.PID(
+        space=space,
+        proportional_gain=kp,
+        derivative_gain=60 + 0.01 * kp,
+        integral_gain=ki,
+        derivative_filter=0.01,
+        notch=notch,
+    )
+    force, error, J = first_command(pid.controller(UNEVEN, T))
+    J = np.eye(6) if space == "leg" else J
+    assert J.T @ force == pytest.approx((kp + ki * T / 2) * np.linalg.solve(J, error), rel=1e-9)
+
+
+def test_the_memory_at_rest_leaves_integrators_at_zero_in_any_coordinates() -> None:
+    """Expected: a lag of gain 5 settled beside a double integrator at zero; coordinates mixed at random.
+
+    Slow filters behind a PI are no integrators, though singular values take them for some: without an error no force.
+    """
+    rng = np.random.default_rng(6)
+    A = np.array([[0.9, 0, 0], [0, 1, T], [0, 0, 1]])
+    B, C = np.array([[0.5], [0.0], [T]]), np.array([[1.0, 1.0, 0.0]])
+    mix = rng.normal(size=(3, 3))
+    one = control.ss(mix @ A @ np.linalg.inv(mix), mix @ B, C @ np.linalg.inv(mix), 0, T)
+    force, error, _ = first_command(control.append(*[one] * 6))
+    assert force == pytest.approx(5 * error, rel=1e-7)
+    pi, slow = control.tf([1.2, -1.19], [1, -1], T), control.tf([1e-7], np.poly([0.999, 0.9989, 0.9988]), T)
+    record = run_of(control.append(*[control.ss(pi * slow)] * 6), start={}, sensors={})
+    known = record["controller.feedforward"][0] + record["controller.injection"][0]
+    assert record["controller.force"][0] == pytest.approx(known, abs=1e-9)
+    assert np.abs(record["controller.state"][0]).max() < 1e-9
 
 
 class Together:
@@ -259,3 +313,47 @@ def test_warnings_of_a_users_arithmetic_are_seen_in_a_run_and_not_in_an_ensemble
     ensemble = {"members": 2, "platform_mass": {"normal": "1 kg"}}
     found = gs.ensemble(experiment_of("pd", **TABLES, ensemble=ensemble), controller=divides, workers=1)
     assert found.members["outcome"].to_list() == ["completed"] * 2
+
+
+def test_a_casadi_function_gets_its_signals_by_name_and_keeps_its_memory() -> None:
+    """Expected: of every sample its own readings, reference and time, and a memory that has counted from zero.
+
+    Its inputs are in another order than the signals, the memory is a matrix, and no two gains are alike.
+    """
+    names = ("memory", "reference_leg_length", "time", "leg_velocity", "leg_length")
+    memory, wanted, time = casadi.SX.sym("m", 2, 3), casadi.SX.sym("r", 6), casadi.SX.sym("t")
+    velocity, length = casadi.SX.sym("v", 6), casadi.SX.sym("l", 6)
+    stiffness, damping = 1e4 * np.arange(1.0, 7), 100.0 * np.arange(7.0, 1, -1)
+    force = stiffness * (wanted - length) - damping * velocity + 50 * time + casadi.vec(memory)
+    counted = memory + np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    function = casadi.Function(
+        "law",
+        [memory, wanted, time, velocity, length],
+        [counted, force],
+        list(names),
+        ["memory_next", "actuator_force"],
+    )
+    settings = {"loop.duration": 0.06, "loop.sample_time": 2e-3, "loop.plant_step": 1e-3, "loop.delay": 1}
+    record = gs.run("circle", settings, controller=function)
+    rows = slice(0, -1, 2)
+    samples = np.arange(len(record["time"][rows]))[:, None]
+    error = record["reference.leg_length"][rows] - record["measured.leg_length"][rows]
+    expected = stiffness * error - damping * record["measured.leg_velocity"][rows] + 50 * record["time"][rows][:, None]
+    expected += samples * np.array([1.0, 4.0, 2.0, 5.0, 3.0, 6.0])
+    found = (record["controller.force"] - record["controller.feedforward"])[rows]
+    assert len(samples) == 30
+    assert found == pytest.approx(expected, rel=1e-9, abs=1e-6)
+
+
+@pytest.mark.parametrize("plant", ["model", "fmu3"])
+def test_a_casadi_function_without_memory_is_its_formula(plant: str) -> None:
+    """Expected: of the record's errors, in the loop of machine code and in the one around a unit."""
+    wanted, length = casadi.SX.sym("r", 6), casadi.SX.sym("l", 6)
+    stiffness = 100.0 * np.arange(3.0, 9)
+    names = ["leg_length", "reference_leg_length"]
+    record = run_of(
+        casadi.Function("law", [length, wanted], [stiffness * (wanted - length)], names, ["actuator_force"]), plant
+    )
+    known = at_samples(record, "controller.feedforward") + at_samples(record, "controller.injection")
+    error = at_samples(record, "reference.leg_length") - at_samples(record, "measured.leg_length")
+    assert at_samples(record, "controller.force") - known == pytest.approx(stiffness * error, rel=1e-9, abs=1e-9)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.control.feedforward import feedforward
+from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.model.dynamics import plant_equations
@@ -24,10 +24,6 @@ def motion() -> Motion:
     position = UNEVEN.home_position + rng.uniform(-0.2, 0.2, (5, 3))
     orientation = UNEVEN.home_orientation + rng.uniform(-0.2, 0.2, (5, 3))
     return Motion(position, orientation, *rng.normal(size=(4, 5, 3)))
-
-
-def test_none_is_no_force(motion: Motion) -> None:
-    assert feedforward("none", UNEVEN, motion).tolist() == np.zeros((5, 6)).tolist()
 
 
 def test_gravity_holds_every_pose_at_rest(motion: Motion) -> None:

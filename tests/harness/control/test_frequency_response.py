@@ -5,11 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.harness.control.frequency_response import response_of_periods
-from gough_stewart.harness.control.injections import MODES, InjectionChoice, Multisine, Prbs, Sweep
+from gough_stewart.harness.control.frequency_response import (
+    InjectionChoice,
+    Multisine,
+    Prbs,
+    Sweep,
+    response_of_periods,
+)
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
-from tests.support.uneven import STATE, UNEVEN
 
 T = 1e-3
 KINDS: dict[str, InjectionChoice] = {
@@ -25,33 +28,6 @@ def looped(injected: np.ndarray, gain: float, noise: np.ndarray | float = 0.0) -
     for k, each in enumerate(disturbed.tolist()):
         last = force[k] = each - gain * last
     return force
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_loop_of_one_delay_has_its_closed_form(kind: str) -> None:
-    """Expected: L = g e^(−iωT), T = L/(1 + L); the transient g^n is gone after the first period."""
-    choice = KINDS[kind]
-    one, lines = choice.signal(T), choice.lines(T)
-    injected = np.resize(one, 4 * len(one))
-    found = response_of_periods(injected, looped(injected, 0.6), len(one), lines, 1)
-    L = 0.6 * np.exp(-2j * np.pi * lines / len(one))
-    assert found.periods == 3
-    assert np.abs(found.L - L).max() < 1e-9
-    assert np.abs(found.T - L / (1 + L)).max() < 1e-9
-    assert np.abs(found.coherence - 1).max() < 1e-12
-    assert found.radius.max() < 1e-9
-
-
-def test_what_settles_is_left_out() -> None:
-    """Expected: a start far from rest shows in the first period alone."""
-    choice = KINDS["multisine"]
-    one, lines = choice.signal(T), choice.lines(T)
-    injected = np.resize(one, 4 * len(one))
-    force = looped(injected, 0.6, np.concatenate([[500.0], np.zeros(4 * len(one) - 1)]))
-    S = 1 / (1 + 0.6 * np.exp(-2j * np.pi * lines / len(one)))
-    errors = [np.abs(response_of_periods(injected, force, len(one), lines, n).S - S).max() for n in (0, 1)]
-    assert errors[0] > 0.1
-    assert errors[1] < 1e-9
 
 
 def test_circles_hold_the_truth_in_95_of_100_and_coherence_is_the_share_of_power() -> None:
@@ -108,26 +84,6 @@ def test_a_multisine_is_the_flattest_of_fifty_sums_of_cosines(seed: int) -> None
     sums = [np.cos(2 * np.pi * (k * t + rng.uniform(size=len(k)))).sum(axis=1) for _ in range(50)]
     flattest = min(sums, key=lambda each: float(np.abs(each).max()))
     assert choice.signal(T) == pytest.approx(flattest / np.abs(flattest).max(), abs=1e-12)
-
-
-@pytest.mark.parametrize("mode", MODES)
-def test_a_mode_is_one_force_or_torque_alone(mode: Any) -> None:
-    """Expected: forces along the legs, and their torques about Op, summed up."""
-    legs = leg_geometry(UNEVEN, STATE.position, STATE.orientation)
-    J = leg_jacobian(UNEVEN, STATE.position, STATE.orientation)
-    choice = Multisine(mode=mode, amplitude=5.0, band=(1, 10))
-    a, b = choice.directions(J)
-    pushes = a[:, None] * legs.direction
-    wrench = np.concatenate([pushes.sum(axis=0), np.cross(legs.arm, pushes).sum(axis=0)])
-    others = np.delete(wrench, MODES.index(mode))
-    assert np.abs(others).max() < 1e-12
-    assert wrench[MODES.index(mode)] > 0.1
-    assert np.abs(a).max() == pytest.approx(1, rel=1e-12)
-    assert b @ a == pytest.approx(1, rel=1e-12)
-    forces = choice.forces(4000, T, J)
-    assert forces.shape == (4000, 6)
-    assert np.abs(forces).max() == pytest.approx(5.0, rel=1e-12)
-    assert np.abs(forces[:1000] - forces[1000:2000]).max() == 0
 
 
 def refused(match: str, **values: Any) -> None:

@@ -7,15 +7,8 @@ import control
 import numpy as np
 import pytest
 from fmpy import read_model_description
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.signal import lfilter, lfilter_zi
 
 import gough_stewart as gs
-from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.control.loop_transfer import loop_transfer
-from gough_stewart.harness.control.notch import Notch
-from gough_stewart.harness.control.state_space import control_system
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.model.vectors import FloatArray
 from tests.support.exported import (
@@ -30,7 +23,7 @@ from tests.support.exported import (
     run_in_python,
     uneven_experiment,
 )
-from tests.support.laws import law_of
+from tests.support.uneven import UNEVEN
 
 T = 0.0015
 GAINS: dict[str, Any] = {
@@ -57,85 +50,38 @@ def biquad(frequency: float, damping: float, depth: float, step: float) -> tuple
     return polynomial(depth * damping), polynomial(damping)
 
 
-@given(frequency=st.floats(0.5, 300), damping=st.floats(0.02, 3), depth=st.floats(0, 0.99), at=st.floats(0.1, 330))
-@settings(max_examples=50)
-def test_a_channel_is_the_biquad_of_its_formula(frequency: float, damping: float, depth: float, at: float) -> None:
-    """Expected: the polynomials by hand; its depth at the frequency, 1 at 0 Hz and half the sampling rate."""
-    system = Notch.linear(Notch(frequency=frequency, damping=damping, depth=depth).values(), T)
-    response = control.ss(system.A, system.B, system.C, system.D, T)
-    b, a = biquad(frequency, damping, depth, T)
-    z = np.exp(2j * np.pi * at * T)
-    assert response(z) == pytest.approx(np.polyval(b, z) / np.polyval(a, z), abs=1e-9)
-    assert abs(response(np.exp(2j * np.pi * frequency * T))) == pytest.approx(depth, abs=1e-9)
-    assert response(1.0).real == pytest.approx(1, abs=1e-9)
-    assert response(-1.0).real == pytest.approx(1, abs=1e-9)
-
-
 @pytest.mark.parametrize("integral", [{}, INTEGRAL], ids=["pd", "pid"])
-def test_the_notch_filters_the_forces_of_the_controller(integral: dict[str, Any]) -> None:
-    """Expected: the same controller without it, whose forces go through SciPy's filter; from rest, other legs alike."""
+@pytest.mark.parametrize("notch", [NOTCH, {"frequency": 300.0, "damping": 0.03, "depth": 0.9}, {"frequency": 0.6}])
+def test_the_notch_filters_the_forces_of_every_channel(notch: dict[str, float], integral: dict[str, Any]) -> None:
+    """Expected: the controller without it times the biquad; its depth at the frequency, 1 at 0 Hz and half the rate."""
     kind: Any = gs.PID if integral else gs.PD
-    platform = gs.load_preset("liu2000")
     plain, notched = (
-        kind(**GAINS, **integral, **extra).controller(platform, T) for extra in ({}, {"notch": Notch(**NOTCH)})
+        kind(**GAINS, **integral, **extra).controller(UNEVEN, T).system for extra in ({}, {"notch": gs.Notch(**notch)})
     )
-    rng = np.random.default_rng(4)
-    references, measured, excess = np.zeros((80, 30)), rng.normal(0, 1e-3, (80, 24)), rng.normal(0, 9.0, (80, 6))
-    references[:, 12:18] = rng.normal(0, 1e-3, (80, 6))
-    measured[0, 12:18] = references[0, 12:18]
-    forces = []
-    for controller in (plain, notched):
-        law = law_of(controller, T, np.zeros((0, 6, 6)), references[0], measured[0])
-        forces.append([law.force(k, k * T, references[k], measured[k], excess[k]) for k in range(80)])
-    b, a = biquad(**NOTCH, step=T)
-    expected = lfilter(b / a[0], a / a[0], forces[0], axis=0)
-    assert np.abs(np.array(forces[1]) - expected).max() < 1e-9 * np.abs(expected).max()
-
-
-def test_a_controller_starts_at_rest_with_its_integrators_at_zero() -> None:
-    """Expected: kp e + ki e t by SciPy's filter at rest in the first force, although A is far from normal."""
-    controller = gs.PID(**GAINS, **INTEGRAL, notch=Notch(**NOTCH)).controller(gs.load_preset("liu2000"), T)
-    reference, measured = np.zeros(30), np.zeros(24)
-    error = np.array([1.0, -2.0, 0.5, 3.0, -1.5, 2.5]) * 1e-3
-    reference[12:18] = 3 + error
-    measured[12:18] = 3.0
-    law = law_of(controller, T, np.zeros((0, 6, 6)), reference, measured)
-    forces = np.array([law.force(k, k * T, reference, measured, np.zeros(6)) for k in range(400)])
-    kp, ki = np.array(GAINS["proportional_gain"]), np.array(INTEGRAL["integral_gain"])
-    # by Tustin's rule half a step of the integral is already in it
-    plain = (kp + ki * (np.arange(400)[:, None] + 0.5) * T) * error
-    b, a = (each / biquad(**NOTCH, step=T)[1][0] for each in biquad(**NOTCH, step=T))
-    expected, _ = lfilter(b, a, plain, axis=0, zi=lfilter_zi(b, a)[:, None] * plain[0])
-    assert forces == pytest.approx(expected, rel=1e-9)
-    assert forces[0] == pytest.approx(plain[0], rel=1e-9)
-
-
-def test_a_series_of_systems_by_a_user_starts_at_rest_too() -> None:
-    """Expected: no force for equal references and measurements; singular values took slow filters for integrators."""
-    pi, slow = control.tf([1.2, -1.19], [1, -1], T), control.tf([1e-7], np.poly([0.999, 0.9989, 0.9988]), T)
-    system = control.append(*[control.ss(pi * slow)] * 6)
-    law = law_of(LinearController(system), T, np.zeros((0, 6, 6)), np.full(30, 3.1), np.full(24, 3.1))
-    assert np.abs(law.state).max() == 0
-    assert law.force(0, 0.0, np.full(30, 3.1), np.full(24, 3.1), np.zeros(6)) == pytest.approx(np.zeros(6), abs=1e-12)
+    plain, notched = (control.ss(*(getattr(each, name) for name in "ABCD"), T) for each in (plain, notched))
+    values = {"damping": 0.5, "depth": 0.0} | notch
+    b, a = biquad(**values, step=T)
+    for frequency, size in ((0.1, None), (17.0, None), (values["frequency"], values["depth"]), (0.5 / T, 1.0)):
+        z = np.exp(2j * np.pi * frequency * T)
+        factor = np.polyval(b, z) / np.polyval(a, z)
+        assert notched(z) == pytest.approx(plain(z) * factor, rel=1e-7, abs=1e-7 * np.abs(plain(z)).max())
+        assert size is None or abs(factor) == pytest.approx(size, abs=1e-9)
 
 
 @pytest.mark.parametrize("space", ["leg", "task"])
 def test_margins_see_the_notch(space: Any) -> None:
     """Expected: python-control's response of the loop without it times the biquad at each frequency."""
     settings: dict[str, Any] = {"controller": {"type": "pd", "bandwidth": "3 Hz", "space": space}}
-    platform = gs.load_preset("liu2000")
-    plain, notched = (
-        gs.PD(bandwidth=3, space=space, notch=notch).controller(platform, T) for notch in (None, Notch(**NOTCH))
-    )
-    b, a = biquad(**NOTCH, step=T)
-    for frequency in (0.7, 8.0, 41.0, 180.0):
-        z = np.exp(2j * np.pi * frequency * T)
-        loops = (loop_transfer(platform, each, T, delay=1) for each in (plain, notched))
-        without, with_it = (control_system(each)(z) for each in loops)
-        assert np.abs(with_it - without * np.polyval(b, z) / np.polyval(a, z)).max() < 1e-9 * np.abs(without).max()
-    alone = gs.margins("heave_step", settings).disk.alpha
+    alone = gs.margins("heave_step", settings)
     settings["controller"]["notch"] = NOTCH
-    assert gs.margins("heave_step", settings).disk.alpha < alone
+    notched = gs.margins("heave_step", settings)
+    b, a = biquad(**NOTCH, step=alone.sample_time)
+    for frequency in (0.7, 8.0, 41.0, 180.0):
+        z = np.exp(2j * np.pi * frequency * alone.sample_time)
+        without = alone.loop(z)
+        gap = notched.loop(z) - without * np.polyval(b, z) / np.polyval(a, z)
+        assert np.abs(gap).max() < 1e-9 * np.abs(without).max()
+    assert notched.disk.alpha < alone.disk.alpha
 
 
 @pytest.mark.parametrize(
@@ -217,13 +163,13 @@ def test_members_and_searches_vary_it() -> None:
 )
 def test_impossible_values_are_refused(values: dict[str, Any], words: str) -> None:
     with pytest.raises(gs.GoughStewartError, match=words):
-        Notch(**values)
+        gs.Notch(**values)
 
 
 @pytest.mark.parametrize(("frequency", "is_fine"), [(333.3, True), (333.4, False)])
 def test_a_frequency_below_half_the_sampling_rate_is_expected(frequency: float, is_fine: bool) -> None:
     """Expected: 1/(2 · 1.5 ms) = 333.33 Hz."""
-    controller = gs.PD(bandwidth=3, notch=Notch(frequency=frequency))
+    controller = gs.PD(bandwidth=3, notch=gs.Notch(frequency=frequency))
     if is_fine:
         controller.controller(gs.load_preset("liu2000"), T)
         return

@@ -13,7 +13,7 @@ from allpairspy import AllPairs
 from scipy import stats
 
 import gough_stewart as gs
-from gough_stewart.harness.control.python.sample import Sample
+from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.ensemble import ensemble as runner
 from gough_stewart.harness.ensemble.local import Workers, chunks_here
 from gough_stewart.harness.experiment.file import experiment_from

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.control.pid import Gains, pid, sampled
-from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.experiment.file import experiment_from, experiment_names, load_experiment
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.path_source import path_of

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.harness.control.feedforward import feedforward
+from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export.c_source import controller_sources
 from gough_stewart.harness.export.designed import Designed, designed

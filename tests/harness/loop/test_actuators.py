@@ -52,7 +52,7 @@ def test_forces_that_the_controller_limits_itself_count_as_limited() -> None:
     """Expected: its flags of that sample, and those of the actuators beside them."""
     flags = np.random.default_rng(2).random((10, 6)) < 0.3
     loop = loop_of(0.1, actuators=Actuators(force_limit=1.5))
-    run = simulate(Masses(), lambda _wanted, _measured: SeparateLaws([Limiting(flags)]), loop)
+    run = simulate(Masses(), lambda _wanted, _measured: SeparateLaws([Limiting(flags)]), loop)  # type: ignore[list-item]
     np.testing.assert_array_equal(run.force_limited, flags | (np.abs(FORCES) > 1.5))
 
 

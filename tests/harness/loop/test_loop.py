@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from gough_stewart.harness.control.python.sample import Sample
+from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Limits, OnStroke

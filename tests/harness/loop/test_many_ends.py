@@ -9,8 +9,8 @@ from numpy.random import SeedSequence
 
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import law_of, laws_of
+from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.control.pid import pid, sampled
-from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.loop import Limits

@@ -9,11 +9,10 @@ import pytest
 from numpy.random import SeedSequence
 from scipy.linalg import solve_discrete_lyapunov
 
-from gough_stewart.harness.control.gains import gains_from_bandwidth
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.linear import linearise
-from gough_stewart.harness.control.pid import pid_matrices
+from gough_stewart.harness.control.pid import channel_matrices, channels_of, gains_from_bandwidth
 from gough_stewart.harness.control.state_space import discretised
 from gough_stewart.harness.loop.actuators import Actuators
 from gough_stewart.harness.loop.loop import Change, Loop
@@ -92,7 +91,7 @@ def loop_of_member(k: int) -> tuple[Loop, FloatArray]:
 
 def controller_of_member(k: int, space: Any) -> LinearController:
     gains = gains_from_bandwidth(platform_of(k), 4.0 + 0.2 * k, 0.7, space, integral_time=0.5)
-    return LinearController(discretised(pid_matrices(gains), T), space=space)
+    return LinearController(discretised(channel_matrices(channels_of(gains), "error"), T), space=space)
 
 
 def slowed(controller: LinearController) -> LinearController:
@@ -164,7 +163,7 @@ def test_the_response_to_white_noise_has_the_covariance_of_the_lyapunov_equation
     N, sigma, m = 512, 1e-6, 500
     platform = replace(UNEVEN, leg_coulomb_friction=0.0)
     gains = gains_from_bandwidth(platform, 2.0, 0.8)
-    K = discretised(pid_matrices(gains), T)
+    K = discretised(channel_matrices(channels_of(gains), "error"), T)
     force = static_leg_forces(platform, platform.home_position, platform.home_orientation)
     home = State(platform.home_position, platform.home_orientation, REST, REST)
     wanted = np.concatenate([platform.home_position, platform.home_orientation, np.zeros(6)])

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gough_stewart.harness.control.python.sample import Sample
+from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import MOST_STEPS, Timing

@@ -1,1 +1,0 @@
-"""Controllers of the user in Python: how they are made, what they are told, what they may share."""
