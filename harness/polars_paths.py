@@ -36,9 +36,9 @@ def scan_parquet(path: Path) -> "polars.LazyFrame":
 
 
 @interrupts_held_back()
-def write_to(path: Path, write: Callable[[Path | BytesIO], None]) -> None:
-    """Let Polars write a file."""
-    if _is_utf8(path):
+def write_to(path: Path | BytesIO, write: Callable[[Path | BytesIO], None]) -> None:
+    """Let Polars write a file, or into memory."""
+    if isinstance(path, BytesIO) or _is_utf8(path):
         write(path)
         return
     content = BytesIO()

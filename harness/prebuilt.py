@@ -52,7 +52,7 @@ from gough_stewart.model.process.prebuilt import (
 )
 
 
-class Part(NamedTuple):
+class PrebuiltFile(NamedTuple):
     """One file."""
 
     file: str
@@ -60,49 +60,36 @@ class Part(NamedTuple):
     make: Callable[[], bytes]
 
 
-def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bool = False) -> Iterator[Part]:
+def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bool = False) -> Iterator[PrebuiltFile]:
     """All files for some targets; with `only_here` for the processor at hand instead of several levels."""
-    targets = tuple(targets)
+    targets, texts = tuple(targets), state_of_texts()
     for target in targets:
-        yield _kernel(target)
+        name = f"{target.name}/kernel"
+        yield PrebuiltFile(name + target.suffix, {name: texts}, lambda target=target: kernel_code().compiled(target))  # type: ignore[misc]
     if only_kernel:
         return
-    texts = state_of_texts()
-    yield _packed(KERNEL_SOURCE, {KERNEL_SOURCE: texts}, lambda: kernel_source().encode())
-    yield _packed(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())
-    yield _packed(
+
+    def not_loaded_in_place(file: str, states: dict[str, str], make: Callable[[], bytes]) -> PrebuiltFile:
+        return PrebuiltFile(file + PACKED, states, lambda: packed(make()))
+
+    yield not_loaded_in_place(KERNEL_SOURCE, {KERNEL_SOURCE: texts}, lambda: kernel_source().encode())
+    yield not_loaded_in_place(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())
+    yield not_loaded_in_place(
         MACHINE, {MACHINE: machine_texts()}, lambda: machine_library(machine_c(), WEB_ASSEMBLY).compiled(WEB_ASSEMBLY)
     )
     for target in targets:
-        yield _unit(target)
-        yield from _machine_code(target, only_here)
-
-
-def _packed(file: str, states: dict[str, str], make: Callable[[], bytes]) -> Part:
-    """A file that is not loaded where it is."""
-    return Part(file + PACKED, states, lambda: packed(make()))
-
-
-def _kernel(target: Target) -> Part:
-    state = {f"{target.name}/kernel": state_of_texts()}
-    return Part(f"{target.name}/kernel{target.suffix}", state, lambda: kernel_code().compiled(target))
-
-
-def _unit(target: Target) -> Part:
-    library = unit_library(plant_component(load_preset("liu2000")))
-    name = f"{target.name}/{library.name}"
-    return _packed(name + target.suffix, {name: library.state}, lambda: library.compiled(target))
-
-
-def _machine_code(target: Target, only_here: bool) -> Iterator[Part]:
-    levels = {level: flags_of_level(level) for level in levels_of(target)}
-    for level, flags in {0: VECTOR_FLAGS}.items() if only_here else levels.items():
-        for library in (loop_code(), folds_code()):
-            name = carried_name(target, library.name, level)
-            states = {name: library.state}
-            if library.name == "loop":  # it contains the lanes
-                states[carried_name(target, "lanes", level)] = lanes_code().state
-            yield _packed(name + target.suffix, states, partial(replace(library, flags=flags).compiled, target))
+        unit = unit_library(plant_component(load_preset("liu2000")))
+        name = f"{target.name}/{unit.name}"
+        yield not_loaded_in_place(name + target.suffix, {name: unit.state}, partial(unit.compiled, target))
+        levels = {0: VECTOR_FLAGS} if only_here else {level: flags_of_level(level) for level in levels_of(target)}
+        for level, flags in levels.items():
+            for library in (loop_code(), folds_code()):
+                name = carried_name(target, library.name, level)
+                states = {name: library.state}
+                if library.name == "loop":  # it contains the lanes
+                    states[carried_name(target, "lanes", level)] = lanes_code().state
+                compiled = partial(replace(library, flags=flags).compiled, target)
+                yield not_loaded_in_place(name + target.suffix, states, compiled)
 
 
 def numbers() -> dict[str, list[float]]:

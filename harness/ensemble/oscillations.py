@@ -55,11 +55,8 @@ def oscillations(
     found: list[Oscillation | None] = [None] * len(batch)
 
     def judged(members: list[int], reference: FloatArray, judge: SelfExcitation) -> None:
-        # those of consecutive members without a copy
-        together = slice(members[0], members[-1] + 1) if members[-1] - members[0] == len(members) - 1 else members
-        errors = kept.errors[..., together]
-        for k in np.flatnonzero(~judge.sound_at_a_glance(errors)).tolist():
-            member, error = members[k], np.ascontiguousarray(errors[..., k].T)
+        for member in members:
+            error = np.ascontiguousarray(kept.errors[..., member].T)
             sensors, platform = batch.sensors[member], batch.setups[member].platform
             length = float(np.mean(reference) - np.mean(error))
             least = least_amplitude(length, platform.platform_points, sensors.noise, sensors.quantisation)

@@ -30,6 +30,10 @@ from gough_stewart.model.vectors import FloatArray
 _PATIENCE = 2.0
 # Interval at which its process checks whether the run is still alive [s].
 _WATCH = 0.5
+# Ctrl-C reaches only the run, which ends the FMU after it has kept its rows.
+_OWN_GROUP: dict[str, Any] = {"process_group": 0}
+if sys.platform == "win32":
+    _OWN_GROUP = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
 
 
 class Isolated:
@@ -81,7 +85,7 @@ class Isolated:
                     stdout=subprocess.PIPE,
                     stderr=printed,
                     env={**os.environ, "TMPDIR": self._folder.name, "TEMP": self._folder.name, **(environment or {})},
-                    **_process_group(),
+                    **_OWN_GROUP,
                 )
             self.call("start", kind, arguments)
         except BaseException:
@@ -226,13 +230,6 @@ def _end_with_parent(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(_WATCH)
     os._exit(1)
-
-
-def _process_group() -> dict[str, Any]:
-    """A separate process group: Ctrl-C reaches only the run, which ends the FMU after it has kept its rows."""
-    if sys.platform == "win32":
-        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
-    return {"process_group": 0}
 
 
 def _send(stream: IO[bytes], message: Any) -> None:

@@ -16,7 +16,7 @@ from gough_stewart.fmu_build.libraries import CONTROLLED, WIDTH, LanesLibrary, l
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.plant import BoolArray, Plant
+from gough_stewart.harness.plants.plant import BoolArray, Plant, tunable
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import static_leg_forces
@@ -283,10 +283,7 @@ class LanesPlant(Plant):
 
     def _changed(self, present: Parameters, name: str, value: object, members: BoolArray) -> FloatArray:
         """A tunable parameter of all (N, *shape), with one new value for these members (N,), or their rows of many."""
-        variable = interface.BY_NAME.get(name)
-        if variable is None or variable not in self._variant.tunable:
-            tunable = ", ".join(v.name for v in self._variant.tunable)
-            raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
+        variable = tunable(self._variant, name)
         new = np.array(getattr(present, name))
         try:
             values = np.array(value)

@@ -109,20 +109,15 @@ class Tracking(TermFold):
         path, element = f"tracking.{name}", "axis" if has_norm else "leg"
         of_one = " of an axis" if has_norm else ""
         declared = [
-            Metric(
-                f"{path}.rms", f"{text}, RMS{of_one}", quantity, f"√(∑ e²/n) of the {text}, by {element}", "smaller"
-            ),
-            Metric(
-                f"{path}.peak", f"{text}, peak{of_one}", quantity, f"largest |e| of the {text}, by {element}", "smaller"
-            ),
+            ("rms", f"{text}, RMS{of_one}", f"√(∑ e²/n) of the {text}, by {element}", not has_norm),
+            ("peak", f"{text}, peak{of_one}", f"largest |e| of the {text}, by {element}", not has_norm),
+            ("norm_rms", f"{text}, RMS", f"RMS of the {text}'s Euclidean norm", True),
+            ("norm_peak", f"{text}, peak", f"largest norm of the {text}", True),
         ]
-        if has_norm:
-            declared = [metric._replace(is_compared=False) for metric in declared]
-            declared += [
-                Metric(f"{path}.norm_rms", f"{text}, RMS", quantity, f"RMS of the {text}'s Euclidean norm", "smaller"),
-                Metric(f"{path}.norm_peak", f"{text}, peak", quantity, f"largest norm of the {text}", "smaller"),
-            ]
-        self.metrics = tuple(declared)
+        self.metrics = tuple(
+            Metric(f"{path}.{kind}", title, quantity, sentence, "smaller", is_compared)
+            for kind, title, sentence, is_compared in declared[: 4 if has_norm else 2]
+        )
 
     def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
         """Squares, also of the norm."""
@@ -365,29 +360,6 @@ def _of_axis(axis: str, signal: str) -> tuple[Metric, ...]:
     return tuple(metric._replace(needs=(signal, f"reference.{signal}")) for metric in declared)
 
 
-_OF_AXES = tuple(_of_axis(axis, signal) for axis, signal, _ in AXES)
-STEP_METRICS = tuple(metric for of_axis in _OF_AXES for metric in of_axis)
-
-
-def steps_of(time: FloatArray, reference: FloatArray) -> list["StepResponse"]:
-    """Folds of the axes on which the reference steps.
-
-    Parameters
-    ----------
-    time
-        Times of all rows (n,) [s].
-    reference
-        Reference poses at all rows, (n, 6 or more) or (n, N, 6 or more).
-    """
-    # (n, N), or (n, 1) if common to all members
-    of_axes = [np.atleast_2d(reference[..., axis].T).T for axis in range(len(AXES))]
-    return [
-        StepResponse(axis, time, wanted, step)
-        for axis, wanted in enumerate(of_axes)
-        if (step := step_in(wanted)).exists.any()
-    ]
-
-
 class StepResponse(TermFold):
     """The response of an axis to the step of its reference.
 
@@ -416,8 +388,8 @@ class StepResponse(TermFold):
     }
 
     def __init__(self, axis: int, time: FloatArray, reference: FloatArray, step: ReferenceStep) -> None:
-        _, signal, place = AXES[axis]
-        self.needs, self.begins, self.metrics = (signal,), {"pose": place}, _OF_AXES[axis]
+        name, signal, place = AXES[axis]
+        self.needs, self.begins, self.metrics = (signal,), {"pose": place}, _of_axis(name, signal)
         self._time, self._reference, self._step = time, reference, step
         self.parameters = {
             "from": step.first,
@@ -466,45 +438,6 @@ class StepResponse(TermFold):
         return _named(self.metrics, numbers, exists)
 
 
-_OF_MARGINS = (
-    Metric("margins.disk", "disk margin", NUMBER, "disk margin of the linear loop", "larger", False),
-    Metric("margins.stable", "stable", NUMBER, "whether the linear loop is stable: 1 or 0", "larger", False),
-)
-
-
-def _of_motion(time: FloatArray) -> list[Any]:
-    return [
-        CoveredRows(time),
-        Tracking("position", "position error", 3, LENGTH, has_norm=True),
-        Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True),
-        Tracking("leg_length", "leg error", 6, LENGTH, has_norm=False),
-    ]
-
-
-def _of_legs(time: FloatArray, limits: Mapping[str, Any], stroke: StrokeUse) -> list[Any]:
-    return [DriveLoads(time, limits), Saturation("force_limited"), Saturation("rate_limited"), stroke]
-
-
-def _declared() -> tuple[Metric, ...]:
-    none, limits = np.zeros(0), {limit.name: 1.0 for limit in DRIVE_LIMITS}
-    of_legs = [metric for fold in _of_legs(none, limits, StrokeUse(limits)) for metric in _of(fold)]
-    return (
-        *(metric for fold in _of_motion(none) for metric in _of(fold)),
-        *STEP_METRICS,
-        *sorted(of_legs, key=lambda metric: metric.path.startswith("limits.")),
-        # the linear loop has no rows: whoever computes its margins gives these
-        *_OF_MARGINS,
-    )
-
-
-def _of(fold: Any) -> list[Metric]:
-    return [metric._replace(needs=fold.needs) for metric in fold.metrics]
-
-
-METRICS = _declared()
-_BY_PATH = {metric.path: metric for metric in METRICS}
-
-
 def metric_folds(
     time: FloatArray,
     reference: FloatArray | None,
@@ -530,9 +463,22 @@ def metric_folds(
     """
     stated = {name: value for name, value in limits.items() if value is not None}
     has_flags = known is not None and known(STROKE_EXCEEDED)
-    stroke = StrokeUse(stated, has_flags, knows_exceeded=known is None or has_flags)
-    steps: list[Any] = [] if reference is None else steps_of(time, reference)
-    rows, *folds = [*_of_motion(time), *steps, *_of_legs(time, stated, stroke)]
+    steps: list[Any] = []
+    if reference is not None:
+        # (n, N), or (n, 1) if common to all members
+        poses = [np.atleast_2d(reference[..., axis].T).T for axis in range(len(AXES))]
+        found = [(axis, pose, step_in(pose)) for axis, pose in enumerate(poses)]
+        steps = [StepResponse(axis, time, pose, step) for axis, pose, step in found if step.exists.any()]
+    folds = [
+        Tracking("position", "position error", 3, LENGTH, has_norm=True),
+        Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True),
+        Tracking("leg_length", "leg error", 6, LENGTH, has_norm=False),
+        *steps,
+        DriveLoads(time, stated),
+        Saturation("force_limited"),
+        Saturation("rate_limited"),
+        StrokeUse(stated, has_flags, knows_exceeded=known is None or has_flags),
+    ]
 
     def has(column: str) -> bool:
         return known(column) if known is not None else reference is not None or not column.startswith("error.")
@@ -540,7 +486,25 @@ def metric_folds(
     def is_wanted(fold: Any) -> bool:
         return wanted is None or any(metric.path in wanted for metric in fold.metrics)
 
-    return [rows, *(fold for fold in folds if all(map(has, fold.needs)) and is_wanted(fold))]
+    return [CoveredRows(time), *(fold for fold in folds if all(map(has, fold.needs)) and is_wanted(fold))]
+
+
+def _of_any_run() -> list[Any]:
+    """The folds of a run that has all metrics: its reference steps on all axes, and the platform states all limits."""
+    steps = np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0)
+    return metric_folds(np.arange(40.0), steps, {limit.name: 1.0 for limit in DRIVE_LIMITS})
+
+
+METRICS = (
+    *sorted(
+        (metric._replace(needs=metric.needs or fold.needs) for fold in _of_any_run() for metric in fold.metrics),
+        key=lambda metric: metric.path.startswith("limits."),
+    ),
+    # the linear loop has no rows: whoever computes its margins gives these
+    Metric("margins.disk", "disk margin", NUMBER, "disk margin of the linear loop", "larger", False),
+    Metric("margins.stable", "stable", NUMBER, "whether the linear loop is stable: 1 or 0", "larger", False),
+)
+_BY_PATH = {metric.path: metric for metric in METRICS}
 
 
 def folds_of_loop(loop: Loop, limits: Mapping[str, Any], wanted: Collection[str] | None = None) -> list[Fold]:
@@ -598,11 +562,9 @@ def metric_kernels() -> FoldKernels:
 
 def folds_code() -> Library:
     """Name, sources and their state."""
-    return vector_library("folds", lambda: folds_sources(_traced()), state_of_files(*_SOURCES))
 
+    def kernels() -> list[FoldKernel]:
+        folds = {fold.kernel: fold for fold in _of_any_run() if isinstance(fold, TermFold)}
+        return [fold.traced() for fold in folds.values()]
 
-def _traced() -> list[FoldKernel]:
-    """The kernels of a run with a reference that steps."""
-    steps = np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0)
-    folds = metric_folds(np.arange(40.0), steps, {})
-    return [fold.traced() for fold in {fold.kernel: fold for fold in folds if isinstance(fold, TermFold)}.values()]
+    return vector_library("folds", lambda: folds_sources(kernels()), state_of_files(*_SOURCES))

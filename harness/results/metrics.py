@@ -1,8 +1,7 @@
 """Metrics of a run as numbers and as tables: tracking, step responses, forces, power, energy, saturation, stroke."""
 
 import json
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -83,27 +82,23 @@ def metrics(record: RecordData) -> Metrics:
     >>> print(found)
     >>> found["tracking"]["position"]["norm_peak"], found["step_response"][0]["rise_time"]
     """
-    record_of_finite = finite_part(record)
-    n = record_of_finite.table.height
-    parts = _parts(record_of_finite) if n else {}
+    finite = finite_part(record)
+    n, poses = finite.table.height, ("reference.position", "reference.orientation")
+    reference = np.hstack([finite[name] for name in poses]) if all(name in finite for name in poses) else None
+    parts = _parts(finite, reference) if n else {}
     steps = parts.pop("step_response", {})
-    names = ("tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
-    found = Metrics(outcome=outcome_of(record), rows=n, duration=parts.get("duration"))
-    found |= {name: parts.get(name) for name in names}
-    if n and _reference(record_of_finite) is not None:
-        found["step_response"] = [{"axis": axis, **part} for axis, part in steps.items()]
-    if found["stroke"]:
-        found["stroke"].setdefault("exceeded", None)
-    return found
+    if n and reference is not None:
+        parts["step_response"] = [{"axis": axis, **part} for axis, part in steps.items()]
+    if "stroke" in parts:
+        parts["stroke"].setdefault("exceeded", None)
+    names = ("duration", "tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
+    return Metrics(outcome=outcome_of(record), rows=n, **{name: parts.get(name) for name in names})
 
 
-def _parts(record: RecordData) -> dict[str, Any]:
+def _parts(record: RecordData, reference: FloatArray | None) -> dict[str, Any]:
     """Metrics of a record of at least one row, nested by the parts of their paths."""
     folds = metric_folds(
-        record["time"],
-        _reference(record),
-        record.metadata["platform"],
-        lambda name: column_of_drives(record, name) in record,
+        record["time"], reference, record.metadata["platform"], lambda name: column_of_drives(record, name) in record
     )
     rows, columns = record.table.height, dict[str, NDArray[Any]]()
     for name in dict.fromkeys(name for fold in folds for name in fold.needs):
@@ -124,19 +119,9 @@ def _parts(record: RecordData) -> dict[str, Any]:
             part = parts
             for key in above:
                 part = part.setdefault(key, {})
-            values = results[metric.path][..., 0].tolist()
-            part[name] = [_finite(value) for value in values] if isinstance(values, list) else _finite(values)
+            values = results[metric.path][..., 0]
+            part[name] = np.where(np.isfinite(values), values.astype(object), None).tolist()
     return parts
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _reference(record: RecordData) -> FloatArray | None:
-    """The reference poses (n, 6), if the record has them."""
-    names = ("reference.position", "reference.orientation")
-    return np.hstack([record[name] for name in names]) if all(name in record for name in names) else None
 
 
 def metrics_json(metrics: dict[str, Any]) -> bytes:
@@ -160,30 +145,21 @@ def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     A list by leg or axis is reduced to its largest value; `stroke.shortest` and `limits.….first_exceeded` to the least.
     Undefined metrics are None, also lists with an undefined element, except `first_exceeded`. The outcome is left out.
     """
-    found: dict[str, float | None] = {}
 
-    def add(path: str, value: Any) -> None:
+    def leaves(path: str, value: Any) -> Iterator[tuple[str, float | None]]:
         if isinstance(value, dict):
             for name, part in value.items():
-                add(f"{path}.{name}" if path else name, part)
+                yield from leaves(f"{path}.{name}" if path else name, part)
         elif isinstance(value, list):
-            found[path] = _of_list(path, value)
+            numbers = [number for number in value if number is not None]
+            is_defined = numbers and (len(numbers) == len(value) or path.endswith(".first_exceeded"))
+            yield path, (min if metric_of(path).is_least else max)(numbers) if is_defined else None
         elif value is not None or "." in path:
-            found[path] = value
+            yield path, value
 
+    parts = {name: part for name, part in metrics.items() if name not in ("outcome", "step_response")}
     steps = {step["axis"]: {k: v for k, v in step.items() if k != "axis"} for step in metrics["step_response"] or ()}
-    add("", {k: v for k, v in metrics.items() if k not in ("outcome", "step_response")})
-    for axis, step in steps.items():
-        for name, value in step.items():
-            found[f"step_response.{axis}.{name}"] = value
-    return found
-
-
-def _of_list(path: str, values: list[float | None]) -> float | None:
-    finite = [value for value in values if value is not None]
-    if not finite or (len(finite) < len(values) and not path.endswith(".first_exceeded")):
-        return None
-    return min(finite) if metric_of(path).is_least else max(finite)
+    return dict(leaves("", {**parts, "step_response": steps}))
 
 
 def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:

@@ -112,35 +112,15 @@ class SelfExcitation:
             return
         self._is_at_rest = n - begin >= max(_ROWS, _REST * n)
         if self._is_at_rest:
-            self._window, self._step = begin + (n - begin) // 3, _step(reference, begin)
+            self._window = begin + (n - begin) // 3
             self._bases = (_basis(n - self._window),)
+            # the largest step of a leg's reference to this row, from rest; 0 if it came in motion [m]
+            before, self._step = reference[:, max(begin - _ROWS, 0) : begin], 0.0
+            if before.shape[1] >= 2 and np.ptp(before, axis=1).max() <= 1e-9:
+                self._step = float(np.abs(reference[:, begin] - before[:, -1]).max())
         else:
             self._window = n // 3
             self._bases, self._lowest = _explained(reference[:, self._window :], time[self._window :])
-
-    def sound_at_a_glance(self, errors: FloatArray) -> NDArray[np.bool_]:
-        """Members (N,) of which nothing is to be said, by errors (n, 6, N) of all of them, if nothing acts at the end.
-
-        It spares most members of an ensemble the closer look at each alone; bounds are a little wider than there.
-        """
-        every = np.arange(errors.shape[2])
-        if not self._bases or not self._is_at_rest:
-            return np.zeros(len(every), dtype=bool)
-        window = _without(errors[self._window :].reshape(-1, errors[0].size).T, self._bases[0]).T
-        halves = (window[len(window) // 2 :], window[: len(window) // 2])
-        late, early = (np.mean(half**2, axis=0).reshape(6, -1) for half in halves)
-        leg = late.argmax(axis=0)
-        may = late[leg, every] >= (0.95 * _LASTS) ** 2 * early[leg, every]
-        at_rest = errors[self._begin :]
-        third, quarter = len(at_rest) // 3, len(at_rest) // 4
-        from_rest = np.abs(at_rest - at_rest[-third:].mean(axis=0))
-        of_leg = from_rest[:, from_rest.max(axis=0).argmax(axis=0), every]
-        step = np.where(self._step > 0, self._step, np.inf)
-        may |= of_leg[-third:].max(axis=0) >= 0.99 * _GROWS * np.minimum(of_leg[:quarter].max(axis=0), step)
-        means = np.stack([block.mean(axis=0) for block in np.array_split(at_rest, _BLOCKS)])
-        changes = np.diff(means[:, np.abs(means[-1] - means[0]).argmax(axis=0), every], axis=0)
-        faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.14 * np.abs(changes[:-1]))
-        return np.asarray(~(may | faster.all(axis=0)))
 
     def __call__(self, error: FloatArray, least: Callable[[float], float]) -> Oscillation | None:
         """The oscillation or growth of a loop; None for a sound one.
@@ -156,21 +136,21 @@ class SelfExcitation:
             return None
         window, time = error[:, self._window :], self._time[self._window :]
         if self._is_at_rest:
-            line = _line(_without(window, self._bases[0]), time, least, 0, _CYCLES)
-            return self._at_rest(error[:, self._begin :], line, least)
+            line, ratio = _line(_without(window, self._bases[0]), time, least, 0, _CYCLES)
+            steady = line and line._replace(since=float(self._time[self._begin]))
+            return steady if steady is not None and ratio < _STEADY else self._growth(error, steady, least)
         unexplained = np.stack([_without(leg, basis) for leg, basis in zip(window, self._bases, strict=True)])
-        line = _line(unexplained, time, least, self._lowest, _CYCLES_MOVING)
-        if line is None:
-            return None
-        earlier = line.amplitude / line.ratio if line.ratio >= _STEADY else None
-        return Oscillation(earlier is not None, line.leg, line.amplitude, line.frequency, earlier, float(time[0]))
+        line, ratio = _line(unexplained, time, least, self._lowest, _CYCLES_MOVING)
+        if line is None or ratio < _STEADY:
+            return line
+        return line._replace(is_growing=True, earlier=line.amplitude / ratio)
 
-    def _at_rest(self, error: FloatArray, line: "_Line | None", least: Callable[[float], float]) -> Oscillation | None:
-        time = self._time[self._begin :]
-        since, n, step = float(time[0]), len(time), self._step
-        steady = None if line is None else Oscillation(False, line.leg, line.amplitude, line.frequency, None, since)
-        if line is not None and line.ratio < _STEADY:
-            return steady
+    def _growth(
+        self, error: FloatArray, steady: Oscillation | None, least: Callable[[float], float]
+    ) -> Oscillation | None:
+        """The growth of an error (6, n) after the last change of what acts on the loop; else its oscillation."""
+        error, time, step = error[:, self._begin :], self._time[self._begin :], self._step
+        since, n = float(time[0]), len(time)
         from_rest: FloatArray = error - error[:, -(n // 3) :].mean(axis=1, keepdims=True)
         leg = int(np.abs(from_rest).max(axis=1).argmax())
         of_leg = from_rest[leg]
@@ -188,7 +168,18 @@ class SelfExcitation:
                 early = float(np.abs(of_leg[: max(int(crossings[0]), n // 4)]).max())
                 if late >= _GROWS * early and late >= least(rate):
                     return Oscillation(True, leg + 1, late, rate, early, since)
-        return steady or _rising(error, since, least(1.0))
+        if steady is not None:
+            return steady
+        # its mean changes more from each block to the next than before: five changes of one sign, each 1.15 times the
+        # one before, come from six independent values in less than 1 of 1,000 cases.
+        means = np.stack([block.mean(axis=1) for block in np.array_split(error, _BLOCKS, axis=1)], axis=1)
+        leg = int(np.abs(means[:, -1] - means[:, 0]).argmax())
+        changes = np.diff(means[leg])
+        is_faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.15 * np.abs(changes[:-1]))
+        early, late = (float(abs(error[leg, row])) for row in (0, -1))
+        if is_faster.all() and late > early and abs(changes.sum()) >= least(1.0):
+            return Oscillation(True, leg + 1, late, None, early, since)
+        return None
 
 
 def least_amplitude(
@@ -235,30 +226,6 @@ def rest_begins(acting: Iterable[NDArray[Any]]) -> int:
     return begin
 
 
-def _step(legs: FloatArray, row: int) -> float:
-    """The largest step of a leg's reference (6, n) to this row, from rest; 0 if it came in motion [m]."""
-    before = legs[:, max(row - _ROWS, 0) : row]
-    if before.shape[1] < 2 or np.ptp(before, axis=1).max() > 1e-9:
-        return 0.0
-    return float(np.abs(legs[:, row] - before[:, -1]).max())
-
-
-def _rising(error: FloatArray, since: float, least: float) -> Oscillation | None:
-    """An error that leaves its value ever faster: its mean changes more from each block to the next than before.
-
-    Five changes of one sign, each 1.15 times the one before, come from six independent values in less than 1 of 1,000
-    cases.
-    """
-    means = np.stack([block.mean(axis=1) for block in np.array_split(error, _BLOCKS, axis=1)], axis=1)
-    leg = int(np.abs(means[:, -1] - means[:, 0]).argmax())
-    changes = np.diff(means[leg])
-    is_faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.15 * np.abs(changes[:-1]))
-    early, late = (float(abs(error[leg, row])) for row in (0, -1))
-    if is_faster.all() and late > early and abs(changes.sum()) >= least:
-        return Oscillation(True, leg + 1, late, None, early, since)
-    return None
-
-
 def _explained(legs: FloatArray, time: FloatArray) -> tuple[tuple[FloatArray, ...], int]:
     """What a moving reference of the legs (6, n) explains of their errors; nothing without accelerations.
 
@@ -275,17 +242,13 @@ def _explained(legs: FloatArray, time: FloatArray) -> tuple[tuple[FloatArray, ..
     return bases, math.ceil(_ABOVE * max(highest, 1))
 
 
-class _Line(NamedTuple):
-    leg: int
-    frequency: float
-    amplitude: float
-    ratio: float  # RMS of the second half over that of the first
-
-
 def _line(
     error: FloatArray, time: FloatArray, least: Callable[[float], float], lowest: int, cycles: int
-) -> _Line | None:
-    """The line that dominates an error (6, n) from a bin on, if it lasts and is large enough."""
+) -> tuple[Oscillation | None, float]:
+    """The line that dominates an error (6, n) from a bin on, if it lasts and is large enough.
+
+    Also the RMS of the second half over that of the first.
+    """
     n, step = len(time), float(time[1] - time[0])
     line = error
     if lowest:  # without what is below it
@@ -298,21 +261,25 @@ def _line(
     ratio = float(size[leg]) / before if before > 0 else math.inf
     # most loops are sound, and end here
     if ratio < _LASTS:
-        return None
+        return None, ratio
     power = _spectrum(error)
     if len(power) <= lowest + 8:
-        return None
+        return None, ratio
     band = power.copy()
     band[:lowest] = 0
     peak = int(band.argmax())
     near = slice(max(peak - 2, lowest), peak + 3)
     # what leaks from below the band falls from its edge on
     if peak < cycles or (lowest and peak < lowest + 3) or band[near].sum() < _LINE * band.sum():
-        return None
-    frequency = _between(power, peak) / (n * step)
-    if size[leg] < least(frequency):
-        return None
-    return _Line(leg + 1, frequency, float(size[leg]), ratio)
+        return None, ratio
+    place = float(peak)
+    if peak < len(power) - 1 and power[peak - 1 : peak + 2].min() > 0:
+        # between bins, by a parabola through the logarithms
+        left, middle, right = np.log(power[peak - 1 : peak + 2])
+        place += float(0.5 * (left - right) / (left - 2 * middle + right))
+    frequency = place / (n * step)
+    is_large = size[leg] >= least(frequency)
+    return Oscillation(False, leg + 1, float(size[leg]), frequency, None, float(time[0])) if is_large else None, ratio
 
 
 def _spectrum(values: FloatArray) -> FloatArray:
@@ -320,14 +287,6 @@ def _spectrum(values: FloatArray) -> FloatArray:
     power: FloatArray = (np.abs(np.fft.rfft(values * np.hanning(values.shape[-1]))) ** 2).sum(axis=0)
     power[0] = 0
     return power
-
-
-def _between(power: FloatArray, peak: int) -> float:
-    """The place of a maximum between bins, by a parabola through the logarithms."""
-    if not 0 < peak < len(power) - 1 or power[peak - 1 : peak + 2].min() <= 0:
-        return float(peak)
-    low, middle, high = np.log(power[peak - 1 : peak + 2])
-    return float(peak + 0.5 * (low - high) / (low - 2 * middle + high))
 
 
 def _basis(n: int, signals: Iterable[FloatArray] = ()) -> FloatArray:
