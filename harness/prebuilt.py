@@ -95,15 +95,15 @@ def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bo
 def numbers() -> dict[str, list[float]]:
     """Parts of the kernel's block, evaluated by CasADi: a platform with friction, in motion, off its home pose."""
     platform = load_preset("desktop_hexapod")
-    _, found = new_block()
+    _, block = new_block()
     pose = np.concatenate([np.add(platform.home_position, [2e-3, -3e-3, 4e-3]), [0.02, -0.03, 0.05]])
-    found["x"][:] = np.concatenate([pose, [0.02, -0.01, 0.03], [0.1, -0.2, 0.3]])
-    found["u"][:6] = platform.home_actuator_force + np.linspace(-5.0, 7.0, 6)
-    found["u"][6:] = np.linspace(-2.0, 1.0, found["u"].size - 6)
-    found["p"][:] = parameter_vector(platform)
+    block["x"][:] = np.concatenate([pose, [0.02, -0.01, 0.03], [0.1, -0.2, 0.3]])
+    block["u"][:6] = platform.home_actuator_force + np.linspace(-5.0, 7.0, 6)
+    block["u"][6:] = np.linspace(-2.0, 1.0, block["u"].size - 6)
+    block["p"][:] = parameter_vector(platform)
     for name in FUNCTIONS:
-        traced_call(name, found)()
-    return {name: part.tolist() for name, part in found.items()}
+        traced_call(name, block)()
+    return {name: part.tolist() for name, part in block.items()}
 
 
 def write_prebuilt(
@@ -119,12 +119,12 @@ def write_prebuilt(
         The folder cannot be written.
     """
     check_installed(TRACER, COMPILER)
-    made = tuple(parts(targets, only_here=only_here, only_kernel=only_kernel))
+    files = tuple(parts(targets, only_here=only_here, only_kernel=only_kernel))
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        contents = [*pool.map(lambda part: part.make(), made)]
+        contents = [*pool.map(lambda part: part.make(), files)]
     shutil.rmtree(folder, ignore_errors=True)
     lines = dict[str, dict[str, str]]()
-    for part, content in zip(made, contents, strict=True):
+    for part, content in zip(files, contents, strict=True):
         path = folder / part.file
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, content)

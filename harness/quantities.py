@@ -77,10 +77,10 @@ def number(value: object, unit: str) -> float:
     parts = _QUANTITY.fullmatch(value.strip())
     if parts is None:
         raise ValueError(expected)
-    digits, found = parts[1], unit_typed(parts[2])
-    if found not in UNITS[unit]:
-        raise ValueError(f"{expected}; found the unit '{found}'" if found else expected)
-    return _of_this_world(float(digits) * UNITS[unit][found])
+    digits, typed = parts[1], unit_typed(parts[2])
+    if typed not in UNITS[unit]:
+        raise ValueError(f"{expected}; found the unit '{typed}'" if typed else expected)
+    return _of_this_world(float(digits) * UNITS[unit][typed])
 
 
 def _of_this_world(size: float) -> float:
@@ -100,13 +100,13 @@ def positive_or_word(value: object, unit: str, *words: str) -> float | str:
     """
     if value in words:
         return str(value)
-    others = "".join(f", or '{word}'" for word in words)
+    or_words = "".join(f", or '{word}'" for word in words)
     try:
         size = number(value, unit)
     except ValueError as error:
-        raise ValueError(f"{error}{others.replace(',', ';', 1)}") from None
+        raise ValueError(f"{error}{or_words.replace(',', ';', 1)}") from None
     if not size > 0:
-        raise ValueError(f"expected > 0 {unit}{others}")
+        raise ValueError(f"expected > 0 {unit}{or_words}")
     return size
 
 
@@ -120,12 +120,12 @@ def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
     """
     values = _listed(value)
     if not isinstance(values, list | tuple) or len(values) != size:
-        found = f"{len(values)} values" if isinstance(values, list | tuple) else "one value"
-        raise ValueError(f"expected a list of {size} [{unit}]; found {found}")
+        number_of_values = f"{len(values)} values" if isinstance(values, list | tuple) else "one value"
+        raise ValueError(f"expected a list of {size} [{unit}]; found {number_of_values}")
     numbers = []
-    for k, each in enumerate(values):
+    for k, element in enumerate(values):
         try:
-            numbers.append(number(each, unit))
+            numbers.append(number(element, unit))
         except ValueError as error:
             raise ValueError(f"value {k + 1} of {size}: {error}") from None
     return tuple(numbers)
@@ -204,10 +204,11 @@ class Unit:
 
 def quantity_in(*annotations: object) -> Quantity | Vector | Unit | None:
     """The annotation of a field as a quantity, or None if it has none."""
-    for each in annotations:
-        found = each if isinstance(each, Quantity | Vector | Unit) else quantity_in(*get_args(each))
-        if found is not None:
-            return found
+    for annotation in annotations:
+        is_quantity = isinstance(annotation, Quantity | Vector | Unit)
+        quantity = annotation if is_quantity else quantity_in(*get_args(annotation))
+        if quantity is not None:
+            return quantity
     return None
 
 

@@ -58,8 +58,8 @@ class Heading(NamedTuple):
             return 1.0
         unit = unit_typed(self.unit)
         if unit not in units:
-            known = ", ".join(unit for unit in units if unit)
-            raise ValueError(f"{self.column} has the unit '{self.unit}'; expected one of {known}")
+            names = ", ".join(unit for unit in units if unit)
+            raise ValueError(f"{self.column} has the unit '{self.unit}'; expected one of {names}")
         return units[unit]
 
 
@@ -108,10 +108,10 @@ def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "") -> FloatA
     numbers = column.cast(polars.Float64, strict=False)
     bad = [k for k, value in enumerate(numbers) if value is None or not math.isfinite(value)]
     if bad:
-        found = column[bad[0]]
-        remedy = ", with a point, not a comma" if isinstance(found, str) and "," in found else remedy
+        value = column[bad[0]]
+        remedy = ", with a point, not a comma" if isinstance(value, str) and "," in value else remedy
         more = f", and {len(bad) - 1} more in this column" if len(bad) > 1 else ""
-        raise TableError(f"{name} in row {bad[0] + 1} is {found!r}{more}; expected a finite number{remedy}")
+        raise TableError(f"{name} in row {bad[0] + 1} is {value!r}{more}; expected a finite number{remedy}")
     return np.array(numbers.to_numpy(), dtype=float)
 
 
@@ -128,9 +128,9 @@ def times_of(table: "polars.DataFrame", name: str) -> tuple[float, FloatArray]:
     import polars
 
     numbers = numbers_of(table, name)
-    whole = table[name].cast(polars.Int64, strict=False)
-    is_whole = not (whole.null_count() or table[name].dtype.is_float())
-    since = (whole - whole[0]).to_numpy().astype(float) if is_whole and len(whole) else numbers - numbers[:1]
+    integers = table[name].cast(polars.Int64, strict=False)
+    is_exact = len(integers) and not (integers.null_count() or table[name].dtype.is_float())
+    since = (integers - integers[0]).to_numpy().astype(float) if is_exact else numbers - numbers[:1]
     return (float(numbers[0]) if len(numbers) else 0.0), since
 
 
@@ -208,10 +208,10 @@ def _row_of_units(lines: list[str], separator: str) -> list[str] | None:
 
 def _with_unit(name: str, unit: str) -> str:
     """A name with the unit of the second row."""
-    own = Heading.of(name).unit
-    if own is None or not unit:
+    heading_unit = Heading.of(name).unit
+    if heading_unit is None or not unit:
         return f"{name} [{unit}]" if unit else name
-    if own == unit:
+    if heading_unit == unit:
         return name
     raise TableError(f"the column {name} has the unit {unit} in the second row; expected one of the two")
 

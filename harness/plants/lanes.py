@@ -75,6 +75,8 @@ class LaneArrays:
     def __init__(self, members: int, variant: Variant = IDEAL) -> None:
         self.variant, self.blocks = variant, -(-members // WIDTH)
         n_states, n_parameters = interface.size_of(variant.states), interface.size_of(variant.parameters)
+        places = interface.unpack(variant.parameters, np.arange(n_parameters))
+        self._places = {name: slice(int(place.min()), int(place.max()) + 1) for name, place in places.items()}
         m, size = self.blocks * WIDTH, self.blocks * n_parameters * WIDTH
         raw = np.zeros(size + WIDTH)
         start = -raw.ctypes.data % 64 // raw.itemsize  # aligned to 64 bytes
@@ -96,7 +98,7 @@ class LaneArrays:
         """Write one parameter of N members (N, *shape)."""
         padded = self.padded(values.reshape(len(values), -1))
         by_element = self.parameters.swapaxes(0, 1)
-        by_element[_places(self.variant)[name]] = padded.reshape(len(padded), self.blocks, WIDTH)
+        by_element[self._places[name]] = padded.reshape(len(padded), self.blocks, WIDTH)
 
     def parameters_of(self, members: Any = slice(None)) -> Parameters:
         """The parameters of some members by name, with a leading axis; a copy with contiguous elements."""
@@ -108,13 +110,6 @@ class LaneArrays:
 def lane_rows(size: int, blocks: int) -> FloatArray:
     """Zeros (size, 8 `blocks`) with a stride of an odd number of vectors: see c/lanes/lanes.h."""
     return np.zeros((size, (blocks | 1) * WIDTH))[:, : blocks * WIDTH]
-
-
-@cache
-def _places(variant: Variant) -> Mapping[str, slice]:
-    """The position of each parameter in the kernels' vector."""
-    at = interface.unpack(variant.parameters, np.arange(interface.size_of(variant.parameters)))
-    return {name: slice(int(places.min()), int(places.max()) + 1) for name, places in at.items()}
 
 
 class CompiledLanes:
@@ -172,6 +167,8 @@ class LanesPlant(Plant):
     ----------
     features
         Of its machine code, see `CompiledLanes`.
+    loop_run
+        The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`.
     integration_error
         The largest estimate so far (N,), max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and
         absolute in SI units: the sum of the internal steps' errors in a plant step, or, with substeps, of their
@@ -206,7 +203,18 @@ class LanesPlant(Plant):
                 "each"
             )
         self._platforms = Platforms.of(platforms)
-        self._variant = variant = _variant_of(self._platforms)
+        self._variant = variant = Variant.of(platforms[0])
+        for field, has_part in (
+            ("leg_friction_model", self._platforms.field("leg_friction_model") != SMOOTH),
+            ("leg_stiffness", self._platforms.field("leg_stiffness") > 0),
+        ):
+            for k in np.flatnonzero(has_part != has_part[0])[:1].tolist():
+                words = Variant.of(platforms[k]).words.removeprefix("with ")
+                raise PlatformError(
+                    field,
+                    f"gives platform {k} other states: it has {words}, and platform 0 "
+                    f"{variant.words.removeprefix('with ')}; expected one kind, so run each kind for itself",
+                )
         if variant.parts and substeps is not None:
             raise PlantError(
                 f"a plant of many platforms {variant.words} has no steps of a fixed size; remove fixed_step_size, "
@@ -222,7 +230,8 @@ class LanesPlant(Plant):
         self.shape = (len(platforms),)
         self.substeps, self.tolerance = substeps, tolerance
         self._kernel = kernel or _of_plants_alone(variant)
-        self.features, self.columns = self._kernel.features, variant.columns
+        self.features, self.loop_run = self._kernel.features, self._kernel.loop_run
+        self.columns = variant.columns
         self.batch = batch = LaneArrays(len(platforms), variant)
         self._signals = lane_rows(signals.SIZE, batch.blocks)
         self._time, self._steps, self._begun = 0.0, 0, False
@@ -235,28 +244,27 @@ class LanesPlant(Plant):
         )
         batch.inputs[:N_LEGS] = static_leg_forces(batch.parameters_of(), position, orientation).T
         batch.running[: len(platforms)] = -1
-
-    @property
-    def internal_steps(self) -> FloatArray:
-        return self.batch.internal_steps[: self.shape[0]]
-
-    @property
-    def integration_error(self) -> FloatArray:
-        """The largest estimate so far (N,)."""
-        return self.batch.error[: self.shape[0]]
-
-    @property
-    def loop_run(self) -> Callable[..., int] | None:
-        """The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`."""
-        return self._kernel.loop_run
+        # views
+        self.internal_steps, self.integration_error = (
+            numbers[: len(platforms)] for numbers in (batch.internal_steps, batch.error)
+        )
 
     def begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state; they do not run."""
         self._begun = True
         failures = self._stop_failed() if self._kernel.library.lanes_check(self.batch.reference) else {}
         running = self.batch.running[: self.shape[0]]
-        for k, error in self._short_legs(running != 0).items():
-            failures[k], running[k] = error, 0
+        # legs too short for a part's centre of mass
+        parameters, x = self.batch.parameters_of(slice(self.shape[0])), self.batch.states[:, : self.shape[0]].T
+        shortest = leg_geometry(parameters, x[:, :3], x[:, 3:6]).length.min(axis=-1)
+        farthest = np.maximum(parameters.leg_lower_com, parameters.leg_upper_com)
+        for k in np.flatnonzero((farthest > shortest) & (running != 0)).tolist():
+            platform = self._platforms[k]
+            try:
+                check_leg_com_offsets(platform, float(shortest[k]), "start")
+            except PlatformError as error:
+                value, reason = float(getattr(platform, error.field)), str(error).partition(": ")[2]
+                failures[k], running[k] = StepError(error.field, value, self._time, reason), 0
         return failures
 
     def came_to(self, time: float, now: FloatArray) -> None:
@@ -392,42 +400,6 @@ class LanesPlant(Plant):
         batch.running[batch.failure != Failure.GOES_ON] = 0
         batch.failure[:] = Failure.GOES_ON
         return failures
-
-    def _short_legs(self, members: BoolArray) -> dict[int, StepError]:
-        """Which of these members (N,) have a leg too short for a part's centre of mass."""
-        n = self.shape[0]
-        parameters, x = self.batch.parameters_of(slice(n)), self.batch.states[:, :n].T
-        shortest = leg_geometry(parameters, x[:, :3], x[:, 3:6]).length.min(axis=-1)
-        farthest = np.maximum(parameters.leg_lower_com, parameters.leg_upper_com)
-        failures = {}
-        for k in np.flatnonzero((farthest > shortest) & members).tolist():
-            platform = self._platforms[k]
-            try:
-                check_leg_com_offsets(platform, float(shortest[k]), "start")
-            except PlatformError as error:
-                value = float(getattr(platform, error.field))
-                failures[k] = StepError(error.field, value, self._time, str(error).partition(": ")[2])
-        return failures
-
-
-def _variant_of(platforms: Platforms) -> Variant:
-    """The variant that all members have.
-
-    Raises
-    ------
-    PlatformError
-        Members differ in it.
-    """
-    first = Variant.of(platforms[0])
-    sticks, gives = platforms.field("leg_friction_model") != SMOOTH, platforms.field("leg_stiffness") > 0
-    for field, is_so in (("leg_friction_model", sticks), ("leg_stiffness", gives)):
-        for k in np.flatnonzero(is_so != is_so[0])[:1].tolist():
-            raise PlatformError(
-                field,
-                f"gives platform {k} other states: it has {Variant.of(platforms[k]).words.removeprefix('with ')}, and "
-                f"platform 0 {first.words.removeprefix('with ')}; expected one kind, so run each kind for itself",
-            )
-    return first
 
 
 @cache

@@ -85,16 +85,16 @@ class Bands(KeptRows):
         """No samples; columns are kept where they belong, and those of norms beside them."""
         self._values: FloatArray = np.zeros((len(self.at), len(self.columns), members))
         columns = {name: self._values[:, at] for name, at in self._places.items() if not name.endswith(".norm")}
-        others = [name for name in self.needs if name not in columns]
-        self.kept = columns | {name: np.zeros((len(self.at), _size(name), members)) for name in others}
+        only_in_norms = [name for name in self.needs if name not in columns]
+        self.kept = columns | {name: np.zeros((len(self.at), _size(name), members)) for name in only_in_norms}
         return {}
 
     def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """No metrics; `samples` has what was kept, of members with these numbers of rows."""
         for name in self._names:
             if name.endswith(".norm"):
-                kept = self.kept[name.removesuffix(".norm")]
-                self._values[:, self._places[name]] = np.sqrt((kept * kept).sum(axis=1, keepdims=True))
+                vectors = self.kept[name.removesuffix(".norm")]
+                self._values[:, self._places[name]] = np.sqrt((vectors * vectors).sum(axis=1, keepdims=True))
         values, runs = self._values[..., : self._members], self.at[:, None] < rows[: self._members]
         # one time after the other: few numbers fit into the processor's cache
         for sampled, is_running in zip(values, runs, strict=True):

@@ -40,7 +40,7 @@ from gough_stewart.harness.report.quantities import (
     TIME,
     Quantity,
 )
-from gough_stewart.harness.results.limits import DRIVE_LIMITS, DriveLimit
+from gough_stewart.harness.results.limits import DRIVE_LIMITS
 from gough_stewart.model.operations import greater, less, maximum, reached, where
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -93,7 +93,9 @@ class CoveredRows(Fold):
 
     def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`rows` and `duration`."""
-        return _named(self.metrics, (rows.astype(float), np.where(rows > 0, _duration(self._time, rows), np.nan)))
+        return _named(
+            self.metrics, (rows.astype(float), np.where(rows > 0, self._time[rows - 1] - self._time[0], np.nan))
+        )
 
 
 class Tracking(TermFold):
@@ -137,22 +139,6 @@ class Tracking(TermFold):
         return _named(self.metrics, [*values[:2], *(norm[0] for norm in values[2:])], rows > 0)
 
 
-def _of_limit(limit: DriveLimit) -> tuple[Metric, ...]:
-    path, text = f"limits.{limit.name}", limit.text
-    return (
-        Metric(f"{path}.limit", f"limit of {text}", limit.quantity, f"the platform's limit of the {text}", None, False),
-        Metric(f"{path}.used", f"{text}, of its limit", SHARE, "largest share of the limit, by leg", "smaller"),
-        Metric(
-            f"{path}.first_exceeded",
-            f"{text}, first beyond",
-            TIME,
-            "when the limit was first exceeded, by leg",
-            is_compared=False,
-            is_least=True,
-        ),
-    )
-
-
 class DriveLoads(TermFold):
     """Forces F, power F·ṡ and work F Δs of the drives, and how much of the platform's limits they use.
 
@@ -190,8 +176,20 @@ class DriveLoads(TermFold):
     def __init__(self, time: FloatArray, limits: Mapping[str, Any]) -> None:
         self._time = time
         self._limits = {k: limits[limit.name] for k, limit in enumerate(DRIVE_LIMITS) if limit.name in limits}
-        of_limits = (metric for k in self._limits for metric in _of_limit(DRIVE_LIMITS[k]))
-        self.metrics = (*self.without_limits, *of_limits)
+        metrics = [*self.without_limits]
+        for name, text, quantity in (DRIVE_LIMITS[k] for k in self._limits):
+            path, used = f"limits.{name}", "largest share of the limit, by leg"
+            first = "when the limit was first exceeded, by leg"
+            metrics += [
+                Metric(
+                    f"{path}.limit", f"limit of {text}", quantity, f"the platform's limit of the {text}", None, False
+                ),
+                Metric(f"{path}.used", f"{text}, of its limit", SHARE, used, "smaller"),
+                Metric(
+                    f"{path}.first_exceeded", f"{text}, first beyond", TIME, first, is_compared=False, is_least=True
+                ),
+            ]
+        self.metrics = tuple(metrics)
         self.parameters = {
             f"{quantity} limit": np.square(self._limits.get(k, np.inf))
             for k, quantity in enumerate(("velocity", "force", "power"))
@@ -212,7 +210,7 @@ class DriveLoads(TermFold):
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`force`, `power`, `energy`, `limits`."""
-        duration = _duration(self._time, rows)
+        duration = self._time[rows - 1] - self._time[0]
         mean_square = np.where(rows > 1, state["total"], state["total.last"]) / np.maximum(rows - 1, 1)
         peak = np.maximum(state["peak power"], state["peak power at the end"])
         velocity, force, power = (np.sqrt(square) for square in (state["peak velocity"], state["peak force"], peak))
@@ -340,28 +338,8 @@ def step_in(reference: FloatArray) -> ReferenceStep:
     return ReferenceStep(exists, first, last, start + (exists & (np.abs(following - last) <= rounding)))
 
 
-def _of_axis(axis: str, signal: str) -> tuple[Metric, ...]:
-    """The metrics of a response (y − from)/(to − from), as in python-control's `step_info`."""
-    path, pose = f"step_response.{axis}", LENGTH if signal == "position" else ANGLE
-    declared = (
-        Metric(f"{path}.from", f"{axis}: from", pose, "the reference before the step", None, False),
-        Metric(f"{path}.to", f"{axis}: to", pose, "the reference after the step", None, False),
-        Metric(f"{path}.at", f"{axis}: step at", TIME, "start of the response", None, False),
-        Metric(
-            *(f"{path}.overshoot_percent", f"{axis}: overshoot", PERCENT),
-            *("overshoot in percent of the step; 0 if it did not rise", "smaller"),
-        ),
-        Metric(f"{path}.rise_time", f"{axis}: rise time", TIME, "from 10 to 90 % of the step"),
-        Metric(
-            f"{path}.settling_time", f"{axis}: settling time", TIME, "until it stays within 2 % of the step", "smaller"
-        ),
-        Metric(f"{path}.final_error", f"{axis}: final error", pose, "reference − actual at the end", "smaller"),
-    )
-    return tuple(metric._replace(needs=(signal, f"reference.{signal}")) for metric in declared)
-
-
 class StepResponse(TermFold):
-    """The response of an axis to the step of its reference.
+    """The response (y − from)/(to − from) of an axis to the step of its reference, as in python-control's `step_info`.
 
     A member that ended early has one if its reference steps in its part of the run as in the whole.
 
@@ -389,7 +367,22 @@ class StepResponse(TermFold):
 
     def __init__(self, axis: int, time: FloatArray, reference: FloatArray, step: ReferenceStep) -> None:
         name, signal, place = AXES[axis]
-        self.needs, self.begins, self.metrics = (signal,), {"pose": place}, _of_axis(name, signal)
+        self.needs, self.begins = (signal,), {"pose": place}
+        path, pose = f"step_response.{name}", LENGTH if signal == "position" else ANGLE
+        settled, overshoot = (
+            "until it stays within 2 % of the step",
+            "overshoot in percent of the step; 0 if it did not rise",
+        )
+        metrics = (
+            Metric(f"{path}.from", f"{name}: from", pose, "the reference before the step", None, False),
+            Metric(f"{path}.to", f"{name}: to", pose, "the reference after the step", None, False),
+            Metric(f"{path}.at", f"{name}: step at", TIME, "start of the response", None, False),
+            Metric(f"{path}.overshoot_percent", f"{name}: overshoot", PERCENT, overshoot, "smaller"),
+            Metric(f"{path}.rise_time", f"{name}: rise time", TIME, "from 10 to 90 % of the step"),
+            Metric(f"{path}.settling_time", f"{name}: settling time", TIME, settled, "smaller"),
+            Metric(f"{path}.final_error", f"{name}: final error", pose, "reference − actual at the end", "smaller"),
+        )
+        self.metrics = tuple(metric._replace(needs=(signal, f"reference.{signal}")) for metric in metrics)
         self._time, self._reference, self._step = time, reference, step
         self.parameters = {
             "from": step.first,
@@ -467,8 +460,11 @@ def metric_folds(
     if reference is not None:
         # (n, N), or (n, 1) if common to all members
         poses = [np.atleast_2d(reference[..., axis].T).T for axis in range(len(AXES))]
-        found = [(axis, pose, step_in(pose)) for axis, pose in enumerate(poses)]
-        steps = [StepResponse(axis, time, pose, step) for axis, pose, step in found if step.exists.any()]
+        steps = [
+            StepResponse(axis, time, pose, step)
+            for axis, pose in enumerate(poses)
+            if (step := step_in(pose)).exists.any()
+        ]
     folds = [
         Tracking("position", "position error", 3, LENGTH, has_norm=True),
         Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True),
@@ -479,14 +475,10 @@ def metric_folds(
         Saturation("rate_limited"),
         StrokeUse(stated, has_flags, knows_exceeded=known is None or has_flags),
     ]
-
-    def has(column: str) -> bool:
-        return known(column) if known is not None else reference is not None or not column.startswith("error.")
-
-    def is_wanted(fold: Any) -> bool:
-        return wanted is None or any(metric.path in wanted for metric in fold.metrics)
-
-    return [CoveredRows(time), *(fold for fold in folds if all(map(has, fold.needs)) and is_wanted(fold))]
+    has = known or (lambda column: reference is not None or not column.startswith("error."))
+    if wanted is not None:
+        folds = [fold for fold in folds if any(metric.path in wanted for metric in fold.metrics)]
+    return [CoveredRows(time), *(fold for fold in folds if all(map(has, fold.needs)))]
 
 
 def _of_any_run() -> list[Any]:
@@ -532,10 +524,6 @@ def _counted(flags: Array) -> Iterator[tuple[str, Array]]:
     """Flags by leg, and whether any leg has one."""
     yield "legs", flags
     yield "any", reduce(maximum, (flags[..., leg : leg + 1, :] for leg in range(6)))
-
-
-def _duration(time: FloatArray, rows: NDArray[np.intp]) -> FloatArray:
-    return np.asarray(time[np.maximum(rows - 1, 0)] - time[0]) if len(time) else np.zeros(rows.shape)
 
 
 def _named(

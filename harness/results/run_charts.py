@@ -244,8 +244,8 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
             detail=name not in FIRST,
         )
     first = [charts[name] for name in FIRST if name in charts]
-    others = [chart for name, chart in charts.items() if name not in FIRST]
-    return Section("Over time", tuple(first)), Section("All other signals", tuple(others), detail=True)
+    rest = [chart for name, chart in charts.items() if name not in FIRST]
+    return Section("Over time", tuple(first)), Section("All other signals", tuple(rest), detail=True)
 
 
 def limits_reached(record: RecordData, machine: Platform) -> tuple[Strip, ...]:

@@ -215,12 +215,12 @@ def report_of_run(
     if charts:
         drawn = shown(record, machine, "run")
         if drawn is not None:
-            first, others = run_charts([drawn])
-            sections = [Section("Motion", tuple(scenes([drawn]))), *sections, first, others]
+            first, rest = run_charts([drawn])
+            sections = [Section("Motion", tuple(scenes([drawn]))), *sections, first, rest]
         limits = limits_table(drawn.record, machine) if drawn is not None else None
         about_run = (run_table(record, believed), limits, parameters_table(machine, believed), versions_table(record))
-        known = tuple(table for table in about_run if table is not None and table.rows)
-        sections.append(Section("Run, parameters, versions", known, detail=True))
+        tables_about_run = tuple(table for table in about_run if table is not None and table.rows)
+        sections.append(Section("Run, parameters, versions", tables_about_run, detail=True))
     metadata = record.metadata
     platform, outcome = (metadata.get("platform") or {}).get("name"), metadata.get("outcome") or {}
     lead = [

@@ -24,8 +24,8 @@ _OVERLAP, _SHORTEST = 0.06, 0.97
 def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:
     """Rows that become frames: every s-th and the last, with the smallest s that keeps to this number of frames."""
     stride = max(1, math.ceil((rows - 1) / max(frames - 1, 1)))
-    kept = np.arange(0, rows, stride)
-    return kept if kept[-1] == rows - 1 else np.append(kept, rows - 1)
+    frames_at = np.arange(0, rows, stride)
+    return frames_at if frames_at[-1] == rows - 1 else np.append(frames_at, rows - 1)
 
 
 def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FRAMES, run: int | None = None) -> Scene:
