@@ -167,8 +167,6 @@ class LanesPlant(Plant):
     ----------
     features
         Of its machine code, see `CompiledLanes`.
-    loop_run
-        The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`.
     integration_error
         The largest estimate so far (N,), max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and
         absolute in SI units: the sum of the internal steps' errors in a plant step, or, with substeps, of their
@@ -230,8 +228,7 @@ class LanesPlant(Plant):
         self.shape = (len(platforms),)
         self.substeps, self.tolerance = substeps, tolerance
         self._kernel = kernel or _of_plants_alone(variant)
-        self.features, self.loop_run = self._kernel.features, self._kernel.loop_run
-        self.columns = variant.columns
+        self.features, self.columns = self._kernel.features, variant.columns
         self.batch = batch = LaneArrays(len(platforms), variant)
         self._signals = lane_rows(signals.SIZE, batch.blocks)
         self._time, self._steps, self._begun = 0.0, 0, False
@@ -248,6 +245,11 @@ class LanesPlant(Plant):
         self.internal_steps, self.integration_error = (
             numbers[: len(platforms)] for numbers in (batch.internal_steps, batch.error)
         )
+
+    @property
+    def loop_run(self) -> Callable[..., int] | None:
+        """The function of c/loop in its machine code, if it is there; then call `begin` and, at last, `came_to`."""
+        return self._kernel.loop_run
 
     def begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state; they do not run."""
