@@ -96,19 +96,6 @@ _path = _unchanged(_is_path, "a path")
 _record_or_path = _unchanged(
     lambda value: _is_path(value) or hasattr(value, "metadata"), "a Record, or the folder or file of one"
 )
-_experiment = _unchanged(
-    lambda value: _is_path(value) or hasattr(value, "model_dump") or callable(value),
-    "an Experiment, the name of a shipped one such as 'heave_step', or its TOML file",
-)
-_logs = _unchanged(
-    lambda value: (
-        _is_path(value)
-        or hasattr(value, "leg_length")
-        or hasattr(value, "table")
-        or (isinstance(value, Iterable) and not isinstance(value, Mapping))
-    ),
-    "a Log, a Record, a file or folder of one, or a list of them",
-)
 
 
 def _platform(name: str, value: Any) -> Any:
@@ -245,11 +232,22 @@ _TAKES: dict[str, Take] = {
     **dict.fromkeys(("over", "at"), _coordinates),
     "minimise": _text,
     "case": _case,
-    "experiment": _experiment,
+    "experiment": _unchanged(
+        lambda value: _is_path(value) or hasattr(value, "model_dump") or callable(value),
+        "an Experiment, the name of a shipped one such as 'heave_step', or its TOML file",
+    ),
     "settings": _settings,
     "record": _record,
     "records": _records,
-    "log": _logs,
+    "log": _unchanged(
+        lambda value: (
+            _is_path(value)
+            or hasattr(value, "leg_length")
+            or hasattr(value, "table")
+            or (isinstance(value, Iterable) and not isinstance(value, Mapping))
+        ),
+        "a Log, a Record, a file or folder of one, or a list of them",
+    ),
     "state": _unchanged(
         _has("position", "orientation", "velocity", "angular_velocity"), "a State(position, orientation, …)"
     ),

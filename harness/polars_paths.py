@@ -29,7 +29,7 @@ def read_parquet(path: Path | BytesIO) -> "polars.DataFrame":
 
 @interrupts_held_back()
 def scan_parquet(path: Path) -> "polars.LazyFrame":
-    """The same, not yet read."""
+    """The table in a Parquet file as a lazy frame, whose columns are read when they are used."""
     import polars
 
     return polars.scan_parquet(readable(path), glob=False)

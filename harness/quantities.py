@@ -132,12 +132,12 @@ def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
 
 
 def channels(value: object, unit: str, size: int) -> tuple[float, ...]:
-    """As `vector`, or one quantity for all.
+    """`size` quantities as numbers in SI units: a list or array of them, or one quantity for all.
 
     Raises
     ------
     ValueError
-        As `vector` and `number`.
+        Wrong length, or an element that is no quantity, with its index in the list.
     """
     values = _listed(value)
     if not isinstance(values, list | tuple):
@@ -166,7 +166,7 @@ def plain_number(value: object) -> float:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ScalarQuantity:
     """Annotates a field that accepts a string with a unit; it stores a number in SI units."""
 
     unit: str
@@ -202,10 +202,10 @@ class Unit:
     unit: str
 
 
-def quantity_in(*annotations: object) -> Quantity | Vector | Unit | None:
+def quantity_in(*annotations: object) -> ScalarQuantity | Vector | Unit | None:
     """The annotation of a field as a quantity, or None if it has none."""
     for annotation in annotations:
-        is_quantity = isinstance(annotation, Quantity | Vector | Unit)
+        is_quantity = isinstance(annotation, ScalarQuantity | Vector | Unit)
         quantity = annotation if is_quantity else quantity_in(*get_args(annotation))
         if quantity is not None:
             return quantity
@@ -224,17 +224,17 @@ def _share(value: object) -> float:
 
 
 Share = Annotated[float, Unit("1"), BeforeValidator(_share)]
-Number = Annotated[float, Quantity(PLAIN)]
-PositiveNumber = Annotated[float, Quantity(PLAIN, "> 0")]
-AnyTime = Annotated[float, Quantity("s")]
-Time = Annotated[float, Quantity("s", ">= 0")]
-PositiveTime = Annotated[float, Quantity("s", "> 0")]
-PositiveLength = Annotated[float, Quantity("m", "> 0")]
-Angle = Annotated[float, Quantity("rad")]
-Frequency = Annotated[float, Quantity("Hz", "> 0")]
+Number = Annotated[float, ScalarQuantity(PLAIN)]
+PositiveNumber = Annotated[float, ScalarQuantity(PLAIN, "> 0")]
+AnyTime = Annotated[float, ScalarQuantity("s")]
+Time = Annotated[float, ScalarQuantity("s", ">= 0")]
+PositiveTime = Annotated[float, ScalarQuantity("s", "> 0")]
+PositiveLength = Annotated[float, ScalarQuantity("m", "> 0")]
+Angle = Annotated[float, ScalarQuantity("rad")]
+Frequency = Annotated[float, ScalarQuantity("Hz", "> 0")]
 Band = Annotated[ArrayLike, Vector("Hz", 2)]
-PositiveForce = Annotated[float, Quantity("N", "> 0")]
-PositiveForceRate = Annotated[float, Quantity("N/s", "> 0")]
+PositiveForce = Annotated[float, ScalarQuantity("N", "> 0")]
+PositiveForceRate = Annotated[float, ScalarQuantity("N/s", "> 0")]
 Position = Annotated[ArrayLike, Vector("m", 3)]
 Orientation = Annotated[ArrayLike, Vector("rad", 3)]
 Velocity = Annotated[ArrayLike, Vector("m/s", 3)]

@@ -123,7 +123,7 @@ def times_of(table: "polars.DataFrame", name: str) -> tuple[float, FloatArray]:
     Raises
     ------
     TableError
-        As `numbers_of`.
+        The column appears twice, or has values that are not finite numbers.
     """
     import polars
 

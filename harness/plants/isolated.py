@@ -46,7 +46,7 @@ class Isolated:
     Parameters
     ----------
     path
-        Of the FMU, for messages.
+        The FMU file, for messages.
     kind
         The class of the object, as "module:name", imported only there; it has a method `close`.
     arguments
@@ -59,7 +59,7 @@ class Isolated:
     Raises
     ------
     GoughStewartError
-        As for the class.
+        An error that the class raises.
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class IsolatedFmu(Plant):
     Raises
     ------
     PlantError
-        As `FmuPlant`, or the process has ended.
+        An FMU that `FmuPlant` refuses, or whose process has ended.
     """
 
     def __init__(

@@ -159,14 +159,14 @@ class LanesPlant(Plant):
     substeps
         RK4 steps per plant step; None for error-controlled steps, each member's own.
     tolerance
-        Of error-controlled steps, relative, and absolute in SI units.
+        Tolerance of error-controlled steps, relative, and absolute in SI units.
     kernel
         The machine code that steps them; without it that of the plants alone.
 
     Attributes
     ----------
     features
-        Of its machine code, see `CompiledLanes`.
+        Processor features of its machine code, see `CompiledLanes`.
     integration_error
         The largest estimate so far (N,), max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and
         absolute in SI units: the sum of the internal steps' errors in a plant step, or, with substeps, of their
@@ -283,39 +283,29 @@ class LanesPlant(Plant):
         self.set_parameters_of(np.ones(self.shape, dtype=bool), values)
 
     def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
-        present = self.batch.parameters_of(slice(self.shape[0]))
-        changed = {name: self._changed(present, name, value, members) for name, value in values.items()}
-        self._refuse_impossible(members, changed)
-        for name, value in changed.items():
-            self.batch.put_parameter(name, value)
-        if not self._begun:
-            self._place_motors(self.batch.padded(members[:, None].astype(float))[0] > 0)
-
-    def _changed(self, present: Parameters, name: str, value: object, members: BoolArray) -> FloatArray:
-        """A tunable parameter of all (N, *shape), with one new value for these members (N,), or their rows of many."""
-        variable = tunable(self._variant, name)
-        new = np.array(getattr(present, name))
-        try:
-            values = np.array(value)
-            has_members = values.ndim > len(variable.shape) and len(values) == len(members)
-            shape = new[members].shape if has_members else variable.shape
-            new[members] = real_array(values[members] if has_members else value, shape)
-        except ValueError as error:
-            raise InterfaceError(name, f"{error} [{variable.unit}], {variable.description}") from None
-        return new
-
-    def _refuse_impossible(self, members: BoolArray, values: Mapping[str, FloatArray]) -> None:
-        """Raise the error of `Platform` for the first of these members with impossible values (N, *shape).
-
-        Only those are made that fail the checks of all at once.
-        """
-        doubtful = self._platforms.having(values).doubtful(values)
-        for k in np.flatnonzero(doubtful & members).tolist():
+        present, changed = self.batch.parameters_of(slice(self.shape[0])), dict[str, FloatArray]()
+        for name, value in values.items():
+            variable, new = tunable(self._variant, name), np.array(getattr(present, name))
             try:
-                replace(self._platforms[k], **{name: value[k] for name, value in values.items()})
+                rows = np.array(value)
+                # one value for these members, or the rows of all
+                has_members = rows.ndim > len(variable.shape) and len(rows) == len(members)
+                shape = new[members].shape if has_members else variable.shape
+                new[members] = real_array(rows[members] if has_members else value, shape)
+            except ValueError as error:
+                raise InterfaceError(name, f"{error} [{variable.unit}], {variable.description}") from None
+            changed[name] = new
+        # platforms are made, which raises their errors, only of members that fail the checks of all at once
+        for k in np.flatnonzero(self._platforms.having(changed).doubtful(changed) & members).tolist():
+            try:
+                replace(self._platforms[k], **{name: value[k] for name, value in changed.items()})
             except PlatformError as error:
                 text = str(error).partition(": ")[2]
                 raise PlatformError(error.field, f"{text} (number {k} of the platforms)") from None
+        for name, new in changed.items():
+            self.batch.put_parameter(name, new)
+        if not self._begun:
+            self._place_motors(self.batch.padded(members[:, None].astype(float))[0] > 0)
 
     def signals(self) -> FloatArray:
         if self._steps == 0:  # later, the step provides them
@@ -382,19 +372,17 @@ class LanesPlant(Plant):
         try:
             motors = motors_at(self.batch.parameters_of(), starts)
         except SingularPoseError:
-            motors_of_each = [self._motors_of(k) for k in range(x.shape[1])]
+            motors_of_each = list[dict[str, FloatArray]]()
+            for k in range(x.shape[1]):
+                parameters, start = self.batch.parameters_of(k), State.from_vector(x[: interface.N_STATES, k])
+                try:
+                    motors_of_each.append(motors_at(parameters, start))
+                except SingularPoseError:  # not stretched, in a pose from which `begin` does not start
+                    motors_of_each.append(motors_at(replace(parameters, leg_stiffness=0.0), start))
             motors = {name: np.stack([of_member[name] for of_member in motors_of_each]) for name in motors_of_each[0]}
         for name, values in motors.items():
             begin = interface.size_of(states[: states.index(interface.BY_NAME[name])])
             x[begin : begin + N_LEGS, members] = values.T[:, members]
-
-    def _motors_of(self, k: int) -> dict[str, FloatArray]:
-        """Motor states of one member; not stretched in a singular pose, from which `begin` does not start."""
-        parameters, start = self.batch.parameters_of(k), State.from_vector(self.batch.states[: interface.N_STATES, k])
-        try:
-            return motors_at(parameters, start)
-        except SingularPoseError:
-            return motors_at(replace(parameters, leg_stiffness=0.0), start)
 
     def _stop_failed(self) -> dict[int, StepError]:
         batch = self.batch

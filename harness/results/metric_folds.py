@@ -350,7 +350,7 @@ class StepResponse(TermFold):
     time
         Times of all rows (n,) [s].
     reference
-        Of the axis, at all rows (n, N) or (n, 1).
+        Reference of the axis, at all rows (n, N) or (n, 1).
     step
         Its steps (N,) or (1,).
     """
@@ -543,7 +543,7 @@ def metric_kernels() -> FoldKernels:
     Raises
     ------
     BuildError, OSError
-        As `machine_code`.
+        There is no machine code for this processor, and it cannot be built.
     """
     return FoldKernels(machine_code(folds_code()).path)
 

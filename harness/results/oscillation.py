@@ -96,7 +96,7 @@ class SelfExcitation:
     Parameters
     ----------
     time
-        Of the rows (n,) [s].
+        Times of the rows (n,) [s].
     reference
         Leg lengths (6, n) [m].
     begin
@@ -128,7 +128,7 @@ class SelfExcitation:
         Parameters
         ----------
         error
-            Of its leg lengths (6, n) [m].
+            Errors of its leg lengths (6, n) [m].
         least
             The amplitude [m] that sensors do not explain, by frequency [Hz].
         """
@@ -194,7 +194,7 @@ def least_amplitude(
     platform_points
         Joints (6, 3) [m], whose largest distance from Op turns angles into lengths.
     noise, quantisation
-        Of the sensors, by signal, in SI units.
+        Standard deviations and steps of the sensors, by signal, in SI units.
     """
     radius = float(np.linalg.norm(np.asarray(platform_points), axis=1).max())
 
