@@ -205,9 +205,9 @@ class Unit:
 def quantity_in(*annotations: object) -> ScalarQuantity | Vector | Unit | None:
     """The annotation of a field as a quantity, or None if it has none."""
     for annotation in annotations:
-        is_quantity = isinstance(annotation, ScalarQuantity | Vector | Unit)
-        quantity = annotation if is_quantity else quantity_in(*get_args(annotation))
-        if quantity is not None:
+        if isinstance(annotation, ScalarQuantity | Vector | Unit):
+            return annotation
+        if (quantity := quantity_in(*get_args(annotation))) is not None:
             return quantity
     return None
 

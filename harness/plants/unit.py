@@ -190,7 +190,7 @@ class FmuInstance:
     Raises
     ------
     GoughStewartError
-        No binary for this machine, or one that cannot be loaded or instantiated; the class is that of the file's errors.
+        No binary for this machine, or one that cannot be loaded or instantiated; of the class of the file's errors.
     """
 
     def __init__(self, file: FmuFile, fmi_type: FmiType = "CoSimulation", *, name: str = "plant") -> None:

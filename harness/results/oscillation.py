@@ -6,7 +6,7 @@ If something acts to the end, only frequencies far above the reference's own are
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -82,8 +82,10 @@ def oscillation(record: RecordData) -> Oscillation | None:
     # what acts on the loop, by the names of `acting_columns`
     names = (*_INPUTS, *FAULTS, *record.metadata.get("machine", {}))
     acting = [record[name].reshape(record.table.height, -1) for name in names if name in record]
-    legs, errors = (np.ascontiguousarray(record[name].T) for name in ("reference.leg_length", "error.leg_length"))
-    return SelfExcitation(record["time"], legs, rest_begins(acting))(errors, least)
+    legs = np.ascontiguousarray(record["reference.leg_length"].T)
+    judge = SelfExcitation(record["time"], legs, rest_begins(acting))
+    (motion,) = judge(record["error.leg_length"][:, :, None], lambda _: least)
+    return motion
 
 
 class SelfExcitation:
@@ -122,64 +124,84 @@ class SelfExcitation:
             self._window = n // 3
             self._bases, self._lowest = _explained(reference[:, self._window :], time[self._window :])
 
-    def __call__(self, error: FloatArray, least: Callable[[float], float]) -> Oscillation | None:
-        """The oscillation or growth of a loop; None for a sound one.
+    def __call__(
+        self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
+    ) -> list[Oscillation | None]:
+        """The oscillation or growth of each of N loops; None for a sound one.
 
         Parameters
         ----------
-        error
-            Errors of its leg lengths (6, n) [m].
-        least
-            The amplitude [m] that sensors do not explain, by frequency [Hz].
+        errors
+            Errors of their leg lengths (n, 6, N) [m].
+        least_of
+            Gives for the k-th loop the amplitude [m] that sensors do not explain, by frequency [Hz].
         """
-        if not self._bases or not (np.abs(error) < _LARGEST).all():
-            return None
-        window, time = error[:, self._window :], self._time[self._window :]
-        if self._is_at_rest:
-            line, ratio = _line(_without(window, self._bases[0]), time, least, 0, _CYCLES)
-            steady = line and line._replace(since=float(self._time[self._begin]))
-            return steady if steady is not None and ratio < _STEADY else self._growth(error, steady, least)
-        unexplained = np.stack([_without(leg, basis) for leg, basis in zip(window, self._bases, strict=True)])
-        line, ratio = _line(unexplained, time, least, self._lowest, _CYCLES_MOVING)
-        if line is None or ratio < _STEADY:
-            return line
-        return line._replace(is_growing=True, earlier=line.amplitude / ratio)
+        motions: list[Oscillation | None] = [None] * errors.shape[2]
+        if self._bases:
+            judge = self._at_rest if self._is_at_rest else self._in_motion
+            with np.errstate(all="ignore"):  # of errors that are no platform's
+                for k, motion in judge(errors, least_of):
+                    # NaN is not below it either
+                    motions[k] = motion if (np.abs(errors[..., k]) < _LARGEST).all() else None
+        return motions
 
-    def _growth(
-        self, error: FloatArray, steady: Oscillation | None, least: Callable[[float], float]
-    ) -> Oscillation | None:
-        """The growth of an error (6, n) after the last change of what acts on the loop; else its oscillation."""
-        error, time, step = error[:, self._begin :], self._time[self._begin :], self._step
+    def _at_rest(
+        self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
+    ) -> Iterator[tuple[int, Oscillation | None]]:
+        every, step = np.arange(errors.shape[2]), self._step
+        windows = _without(errors[self._window :].reshape(-1, errors[0].size).T, self._bases[0]).T
+        half = len(windows) // 2
+        late_power, early_power = (np.mean(part**2, axis=0).reshape(6, -1) for part in (windows[half:], windows[:half]))
+        leg = late_power.argmax(axis=0)
+        may_last = late_power[leg, every] >= 0.99 * _LASTS**2 * early_power[leg, every]
+        at_rest, time = errors[self._begin :], self._time[self._begin :]
         since, n = float(time[0]), len(time)
-        from_rest: FloatArray = error - error[:, -(n // 3) :].mean(axis=1, keepdims=True)
-        leg = int(np.abs(from_rest).max(axis=1).argmax())
-        of_leg = from_rest[leg]
-        late, early = (float(np.abs(part).max()) for part in (of_leg[-(n // 3) :], of_leg[: n // 4]))
+        from_rest = at_rest - at_rest[-(n // 3) :].mean(axis=0)
+        far_leg = np.abs(from_rest).max(axis=0).argmax(axis=0)
+        of_far_leg = from_rest[:, far_leg, every]
+        late, early = (np.abs(part).max(axis=0) for part in (of_far_leg[-(n // 3) :], of_far_leg[: n // 4]))
         # a sound loop does not come farther from a step than it was; it starts there at rest
-        leaves_step = late >= _GROWS * step > 0
-        if leaves_step or late >= _GROWS * early:
-            crossings = np.flatnonzero(np.diff(np.signbit(of_leg)))
-            rate = None
-            if len(crossings) > 1:
-                rate = (len(crossings) - 1) / 2 / float(time[crossings[-1]] - time[crossings[0]])
-            if leaves_step:
-                return Oscillation(True, leg + 1, late, rate, step, since)
-            if rate is not None and len(crossings) >= 3:
-                early = float(np.abs(of_leg[: max(int(crossings[0]), n // 4)]).max())
-                if late >= _GROWS * early and late >= least(rate):
-                    return Oscillation(True, leg + 1, late, rate, early, since)
-        if steady is not None:
-            return steady
+        leaves_step = (late >= _GROWS * step) & (step > 0)
+        comes_far = leaves_step | (late >= _GROWS * early)
         # its mean changes more from each block to the next than before: five changes of one sign, each 1.15 times the
         # one before, come from six independent values in less than 1 of 1,000 cases.
-        means = np.stack([block.mean(axis=1) for block in np.array_split(error, _BLOCKS, axis=1)], axis=1)
-        leg = int(np.abs(means[:, -1] - means[:, 0]).argmax())
-        changes = np.diff(means[leg])
+        means = np.stack([block.mean(axis=0) for block in np.array_split(at_rest, _BLOCKS)])
+        rising_leg = np.abs(means[-1] - means[0]).argmax(axis=0)
+        changes = np.diff(means[:, rising_leg, every], axis=0)
         is_faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.15 * np.abs(changes[:-1]))
-        early, late = (float(abs(error[leg, row])) for row in (0, -1))
-        if is_faster.all() and late > early and abs(changes.sum()) >= least(1.0):
-            return Oscillation(True, leg + 1, late, None, early, since)
-        return None
+        first, last = np.abs(at_rest[[0, -1]][:, rising_leg, every])
+        rises = is_faster.all(axis=0) & (last > first)
+        # most loops are sound
+        for k in np.flatnonzero(may_last | comes_far | rises).tolist():
+            window, least = np.ascontiguousarray(errors[self._window :, :, k].T), least_of(k)
+            line, ratio = _line(_without(window, self._bases[0]), self._time[self._window :], least, 0, _CYCLES)
+            motion = steady = line and line._replace(since=since)
+            if comes_far[k] and not (steady is not None and ratio < _STEADY):
+                crossings = np.flatnonzero(np.diff(np.signbit(of_far_leg[:, k])))
+                rate, amplitude, before = None, float(late[k]), step
+                if len(crossings) > 1:
+                    rate = (len(crossings) - 1) / 2 / float(time[crossings[-1]] - time[crossings[0]])
+                grows = bool(leaves_step[k])
+                if not grows and rate is not None and len(crossings) >= 3:
+                    before = float(np.abs(of_far_leg[: max(int(crossings[0]), n // 4), k]).max())
+                    grows = amplitude >= max(_GROWS * before, least(rate))
+                if grows:
+                    motion = Oscillation(True, int(far_leg[k]) + 1, amplitude, rate, before, since)
+            if motion is None and rises[k] and abs(changes[:, k].sum()) >= least(1.0):
+                motion = Oscillation(True, int(rising_leg[k]) + 1, float(last[k]), None, float(first[k]), since)
+            yield k, motion
+
+    def _in_motion(
+        self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
+    ) -> Iterator[tuple[int, Oscillation | None]]:
+        time = self._time[self._window :]
+        for k in range(errors.shape[2]):
+            window = np.ascontiguousarray(errors[self._window :, :, k].T)
+            unexplained = np.stack([_without(leg, basis) for leg, basis in zip(window, self._bases, strict=True)])
+            line, ratio = _line(unexplained, time, least_of(k), self._lowest, _CYCLES_MOVING)
+            if line is not None and ratio >= _STEADY:
+                line = line._replace(is_growing=True, earlier=line.amplitude / ratio)
+            yield k, line
 
 
 def least_amplitude(

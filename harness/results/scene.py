@@ -40,7 +40,7 @@ def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FR
     nearness, flags = nearness_to_limits(few, platform), list[Flag]()
     for flag in FLAGS:
         if f"flag.{flag}" in record:
-            is_set = record[f"flag.{flag}"].astype(bool).any(axis=1)
+            is_set = np.asarray(record[f"flag.{flag}"].astype(bool).any(axis=1))
             flags.append(Flag(flag, "".join("01"[int(is_set[a:b].any())] for a, b in pairwise(rows))))
     return Scene(
         name,
