@@ -27,7 +27,7 @@ from gough_stewart.harness.loop.rows import Observer, Rows
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.lanes import LanesPlant
-from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.harness.plants.open import ModelPlant
 
 ROUNDS = 5
 SETTINGS = ["loop.duration=10"]

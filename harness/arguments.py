@@ -29,15 +29,15 @@ def with_checked_arguments(function: Callable[..., Any]) -> Callable[..., Any]:
             bound = signature.bind(*arguments, **named)
         except TypeError as error:
             raise ArgumentError(f"{name}: {error}; expected {name}({_written(signature)})") from None
-        given = bound.arguments
         for parameter in signature.parameters.values():
-            if parameter.name not in given:
+            if parameter.name not in bound.arguments:
                 continue
+            value = bound.arguments[parameter.name]
             if parameter.kind is parameter.VAR_KEYWORD:
-                options = given[parameter.name]
-                given[parameter.name] = {each: _taken(name, each, value, None) for each, value in options.items()}
+                value = {option: _taken(name, option, setting, None) for option, setting in value.items()}
             else:
-                given[parameter.name] = _taken(name, parameter.name, given[parameter.name], parameter.default)
+                value = _taken(name, parameter.name, value, parameter.default)
+            bound.arguments[parameter.name] = value
         return function(*bound.args, **bound.kwargs)
 
     # where a pickle finds it, see below; as a function of the package itself, help(gs) would explain it in full
@@ -77,7 +77,7 @@ def _is_path(value: Any) -> bool:
 
 
 def _has(*attributes: str) -> Callable[[Any], bool]:
-    return lambda value: all(hasattr(value, each) for each in attributes)
+    return lambda value: all(hasattr(value, attribute) for attribute in attributes)
 
 
 def _unchanged(is_one: Callable[[Any], bool], expected: str) -> Take:
@@ -96,19 +96,6 @@ _path = _unchanged(_is_path, "a path")
 _record_or_path = _unchanged(
     lambda value: _is_path(value) or hasattr(value, "metadata"), "a Record, or the folder or file of one"
 )
-_experiment = _unchanged(
-    lambda value: _is_path(value) or hasattr(value, "model_dump") or callable(value),
-    "an Experiment, the name of a shipped one such as 'heave_step', or its TOML file",
-)
-_logs = _unchanged(
-    lambda value: (
-        _is_path(value)
-        or hasattr(value, "leg_length")
-        or hasattr(value, "table")
-        or (isinstance(value, Iterable) and not isinstance(value, Mapping))
-    ),
-    "a Log, a Record, a file or folder of one, or a list of them",
-)
 
 
 def _platform(name: str, value: Any) -> Any:
@@ -125,10 +112,10 @@ def _platform(name: str, value: Any) -> Any:
 def _platforms(name: str, value: Any) -> Any:
     if _is_path(value) or not isinstance(value, Iterable):
         raise _wrong(name, value, "a list of platforms, names of presets or platform files")
-    found = [_platform(f"{name}[{k}]", each) for k, each in enumerate(value)]
-    if not found:
+    platforms = [_platform(f"{name}[{k}]", item) for k, item in enumerate(value)]
+    if not platforms:
         raise _wrong(name, value, "at least one platform")
-    return found
+    return platforms
 
 
 def _case(name: str, value: Any) -> Any:
@@ -158,7 +145,7 @@ def _records(name: str, value: Any) -> Any:
         return value
     if not isinstance(value, Iterable):
         raise _wrong(name, value, "a Record, the folder or file of one, or a list of them")
-    return [_record_or_path(f"{name}[{k}]", each) for k, each in enumerate(value)]
+    return [_record_or_path(f"{name}[{k}]", record) for k, record in enumerate(value)]
 
 
 def _whole(name: str, value: Any) -> Any:
@@ -194,8 +181,8 @@ def _vectors(size: int, unit: str, what: str) -> Take:
         import numpy as np
 
         expected = f"{size} numbers of {unit}, {what}, or an array (…, {size})"
-        if isinstance(value, list | tuple) and any(isinstance(each, str) for each in value):
-            value = [_quantity(unit)(f"{name}[{k}]", each) for k, each in enumerate(value)]
+        if isinstance(value, list | tuple) and any(isinstance(item, str) for item in value):
+            value = [_quantity(unit)(f"{name}[{k}]", item) for k, item in enumerate(value)]
         try:
             array = np.asarray(value)
         except (ValueError, TypeError):
@@ -209,10 +196,10 @@ def _vectors(size: int, unit: str, what: str) -> Take:
 
 
 def _texts(name: str, value: Any) -> Any:
-    found = [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [None]
-    if not all(isinstance(each, str) for each in found):
+    texts = [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [None]
+    if not all(isinstance(text, str) for text in texts):
         raise _wrong(name, value, "a text, or a list of texts")
-    return found
+    return texts
 
 
 def _coordinates(name: str, value: Any) -> Any:
@@ -221,14 +208,14 @@ def _coordinates(name: str, value: Any) -> Any:
 
     if not isinstance(value, Mapping):
         raise _wrong(name, value, "a dict by coordinate, such as {'z': 2.1} or {'x': ('-20 mm', '20 mm')}")
-    found = {}
-    for key, each in value.items():
-        if each is None or key not in COORDINATES:
-            found[key] = each
+    coordinates = dict(value)
+    for key, size in value.items():
+        if size is None or key not in COORDINATES:
             continue
         take, where = _quantity(COORDINATES[key]), f"{name}['{key}']"
-        found[key] = tuple(take(where, end) for end in each) if isinstance(each, list | tuple) else take(where, each)
-    return found
+        is_range = isinstance(size, list | tuple)
+        coordinates[key] = tuple(take(where, end) for end in size) if is_range else take(where, size)
+    return coordinates
 
 
 _TAKES: dict[str, Take] = {
@@ -245,11 +232,22 @@ _TAKES: dict[str, Take] = {
     **dict.fromkeys(("over", "at"), _coordinates),
     "minimise": _text,
     "case": _case,
-    "experiment": _experiment,
+    "experiment": _unchanged(
+        lambda value: _is_path(value) or hasattr(value, "model_dump") or callable(value),
+        "an Experiment, the name of a shipped one such as 'heave_step', or its TOML file",
+    ),
     "settings": _settings,
     "record": _record,
     "records": _records,
-    "log": _logs,
+    "log": _unchanged(
+        lambda value: (
+            _is_path(value)
+            or hasattr(value, "leg_length")
+            or hasattr(value, "table")
+            or (isinstance(value, Iterable) and not isinstance(value, Mapping))
+        ),
+        "a Log, a Record, a file or folder of one, or a list of them",
+    ),
     "state": _unchanged(
         _has("position", "orientation", "velocity", "angular_velocity"), "a State(position, orientation, …)"
     ),

@@ -29,16 +29,16 @@ def read_parquet(path: Path | BytesIO) -> "polars.DataFrame":
 
 @interrupts_held_back()
 def scan_parquet(path: Path) -> "polars.LazyFrame":
-    """The same, not yet read."""
+    """The table in a Parquet file as a lazy frame, whose columns are read when they are used."""
     import polars
 
     return polars.scan_parquet(readable(path), glob=False)
 
 
 @interrupts_held_back()
-def write_to(path: Path, write: Callable[[Path | BytesIO], None]) -> None:
-    """Let Polars write a file."""
-    if _is_utf8(path):
+def write_to(path: Path | BytesIO, write: Callable[[Path | BytesIO], None]) -> None:
+    """Let Polars write a file, or into memory."""
+    if isinstance(path, BytesIO) or _is_utf8(path):
         write(path)
         return
     content = BytesIO()

@@ -52,7 +52,7 @@ from gough_stewart.model.process.installed import (
 )
 
 
-class Part(NamedTuple):
+class PrebuiltFile(NamedTuple):
     """One file."""
 
     file: str
@@ -60,63 +60,50 @@ class Part(NamedTuple):
     make: Callable[[], bytes]
 
 
-def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bool = False) -> Iterator[Part]:
+def parts(targets: Iterable[Target], *, only_here: bool = False, only_kernel: bool = False) -> Iterator[PrebuiltFile]:
     """All files for some targets; with `only_here` for the processor at hand instead of several levels."""
-    targets = tuple(targets)
+    targets, texts = tuple(targets), state_of_texts()
     for target in targets:
-        yield _kernel(target)
+        name = f"{target.name}/kernel"
+        yield PrebuiltFile(name + target.suffix, {name: texts}, lambda target=target: kernel_code().compiled(target))  # type: ignore[misc]
     if only_kernel:
         return
-    texts = state_of_texts()
-    yield _packed(KERNEL_SOURCE, {KERNEL_SOURCE: texts}, lambda: kernel_source().encode())
-    yield _packed(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())
-    yield _packed(
+
+    def not_loaded_in_place(file: str, states: dict[str, str], make: Callable[[], bytes]) -> PrebuiltFile:
+        return PrebuiltFile(file + PACKED, states, lambda: packed(make()))
+
+    yield not_loaded_in_place(KERNEL_SOURCE, {KERNEL_SOURCE: texts}, lambda: kernel_source().encode())
+    yield not_loaded_in_place(DEPENDENCIES, {DEPENDENCIES: texts}, lambda: json.dumps(traced_dependencies()).encode())
+    yield not_loaded_in_place(
         MACHINE, {MACHINE: machine_texts()}, lambda: machine_library(machine_c(), WEB_ASSEMBLY).compiled(WEB_ASSEMBLY)
     )
     for target in targets:
-        yield _unit(target)
-        yield from _machine_code(target, only_here)
-
-
-def _packed(file: str, states: dict[str, str], make: Callable[[], bytes]) -> Part:
-    """A file that is not loaded where it is."""
-    return Part(file + PACKED, states, lambda: packed(make()))
-
-
-def _kernel(target: Target) -> Part:
-    state = {f"{target.name}/kernel": state_of_texts()}
-    return Part(f"{target.name}/kernel{target.suffix}", state, lambda: kernel_code().compiled(target))
-
-
-def _unit(target: Target) -> Part:
-    library = unit_library(plant_component(load_preset("liu2000")))
-    name = f"{target.name}/{library.name}"
-    return _packed(name + target.suffix, {name: library.state}, lambda: library.compiled(target))
-
-
-def _machine_code(target: Target, only_here: bool) -> Iterator[Part]:
-    levels = {level: flags_of_level(level) for level in levels_of(target)}
-    for level, flags in {0: VECTOR_FLAGS}.items() if only_here else levels.items():
-        for library in (loop_code(), folds_code()):
-            name = carried_name(target, library.name, level)
-            states = {name: library.state}
-            if library.name == "loop":  # it contains the lanes
-                states[carried_name(target, "lanes", level)] = lanes_code().state
-            yield _packed(name + target.suffix, states, partial(replace(library, flags=flags).compiled, target))
+        unit = unit_library(plant_component(load_preset("liu2000")))
+        name = f"{target.name}/{unit.name}"
+        yield not_loaded_in_place(name + target.suffix, {name: unit.state}, partial(unit.compiled, target))
+        levels = {0: VECTOR_FLAGS} if only_here else {level: flags_of_level(level) for level in levels_of(target)}
+        for level, flags in levels.items():
+            for library in (loop_code(), folds_code()):
+                name = carried_name(target, library.name, level)
+                states = {name: library.state}
+                if library.name == "loop":  # it contains the lanes
+                    states[carried_name(target, "lanes", level)] = lanes_code().state
+                compiled = partial(replace(library, flags=flags).compiled, target)
+                yield not_loaded_in_place(name + target.suffix, states, compiled)
 
 
 def numbers() -> dict[str, list[float]]:
     """Parts of the kernel's block, evaluated by CasADi: a platform with friction, in motion, off its home pose."""
     platform = load_preset("desktop_hexapod")
-    _, found = new_block()
+    _, block = new_block()
     pose = np.concatenate([np.add(platform.home_position, [2e-3, -3e-3, 4e-3]), [0.02, -0.03, 0.05]])
-    found["x"][:] = np.concatenate([pose, [0.02, -0.01, 0.03], [0.1, -0.2, 0.3]])
-    found["u"][:6] = platform.home_actuator_force + np.linspace(-5.0, 7.0, 6)
-    found["u"][6:] = np.linspace(-2.0, 1.0, found["u"].size - 6)
-    found["p"][:] = parameter_vector(platform)
+    block["x"][:] = np.concatenate([pose, [0.02, -0.01, 0.03], [0.1, -0.2, 0.3]])
+    block["u"][:6] = platform.home_actuator_force + np.linspace(-5.0, 7.0, 6)
+    block["u"][6:] = np.linspace(-2.0, 1.0, block["u"].size - 6)
+    block["p"][:] = parameter_vector(platform)
     for name in FUNCTIONS:
-        traced_call(name, found)()
-    return {name: part.tolist() for name, part in found.items()}
+        traced_call(name, block)()
+    return {name: part.tolist() for name, part in block.items()}
 
 
 def write_prebuilt(
@@ -132,12 +119,12 @@ def write_prebuilt(
         The folder cannot be written.
     """
     check_installed(TRACER, COMPILER)
-    made = tuple(parts(targets, only_here=only_here, only_kernel=only_kernel))
+    files = tuple(parts(targets, only_here=only_here, only_kernel=only_kernel))
     with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
-        contents = [*pool.map(lambda part: part.make(), made)]
+        contents = [*pool.map(lambda part: part.make(), files)]
     shutil.rmtree(folder, ignore_errors=True)
     lines = dict[str, dict[str, str]]()
-    for part, content in zip(made, contents, strict=True):
+    for part, content in zip(files, contents, strict=True):
         path = folder / part.file
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, content)

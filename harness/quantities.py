@@ -77,10 +77,10 @@ def number(value: object, unit: str) -> float:
     parts = _QUANTITY.fullmatch(value.strip())
     if parts is None:
         raise ValueError(expected)
-    digits, found = parts[1], unit_typed(parts[2])
-    if found not in UNITS[unit]:
-        raise ValueError(f"{expected}; found the unit '{found}'" if found else expected)
-    return _of_this_world(float(digits) * UNITS[unit][found])
+    digits, typed = parts[1], unit_typed(parts[2])
+    if typed not in UNITS[unit]:
+        raise ValueError(f"{expected}; found the unit '{typed}'" if typed else expected)
+    return _of_this_world(float(digits) * UNITS[unit][typed])
 
 
 def _of_this_world(size: float) -> float:
@@ -100,13 +100,13 @@ def positive_or_word(value: object, unit: str, *words: str) -> float | str:
     """
     if value in words:
         return str(value)
-    others = "".join(f", or '{word}'" for word in words)
+    or_words = "".join(f", or '{word}'" for word in words)
     try:
         size = number(value, unit)
     except ValueError as error:
-        raise ValueError(f"{error}{others.replace(',', ';', 1)}") from None
+        raise ValueError(f"{error}{or_words.replace(',', ';', 1)}") from None
     if not size > 0:
-        raise ValueError(f"expected > 0 {unit}{others}")
+        raise ValueError(f"expected > 0 {unit}{or_words}")
     return size
 
 
@@ -120,24 +120,24 @@ def vector(value: object, unit: str, size: int) -> tuple[float, ...]:
     """
     values = _listed(value)
     if not isinstance(values, list | tuple) or len(values) != size:
-        found = f"{len(values)} values" if isinstance(values, list | tuple) else "one value"
-        raise ValueError(f"expected a list of {size} [{unit}]; found {found}")
+        number_of_values = f"{len(values)} values" if isinstance(values, list | tuple) else "one value"
+        raise ValueError(f"expected a list of {size} [{unit}]; found {number_of_values}")
     numbers = []
-    for k, each in enumerate(values):
+    for k, element in enumerate(values):
         try:
-            numbers.append(number(each, unit))
+            numbers.append(number(element, unit))
         except ValueError as error:
             raise ValueError(f"value {k + 1} of {size}: {error}") from None
     return tuple(numbers)
 
 
 def channels(value: object, unit: str, size: int) -> tuple[float, ...]:
-    """As `vector`, or one quantity for all.
+    """`size` quantities as numbers in SI units: a list or array of them, or one quantity for all.
 
     Raises
     ------
     ValueError
-        As `vector` and `number`.
+        Wrong length, or an element that is no quantity, with its index in the list.
     """
     values = _listed(value)
     if not isinstance(values, list | tuple):
@@ -166,7 +166,7 @@ def plain_number(value: object) -> float:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ScalarQuantity:
     """Annotates a field that accepts a string with a unit; it stores a number in SI units."""
 
     unit: str
@@ -202,12 +202,13 @@ class Unit:
     unit: str
 
 
-def quantity_in(*annotations: object) -> Quantity | Vector | Unit | None:
+def quantity_in(*annotations: object) -> ScalarQuantity | Vector | Unit | None:
     """The annotation of a field as a quantity, or None if it has none."""
-    for each in annotations:
-        found = each if isinstance(each, Quantity | Vector | Unit) else quantity_in(*get_args(each))
-        if found is not None:
-            return found
+    for annotation in annotations:
+        if isinstance(annotation, ScalarQuantity | Vector | Unit):
+            return annotation
+        if (quantity := quantity_in(*get_args(annotation))) is not None:
+            return quantity
     return None
 
 
@@ -223,17 +224,17 @@ def _share(value: object) -> float:
 
 
 Share = Annotated[float, Unit("1"), BeforeValidator(_share)]
-Number = Annotated[float, Quantity(PLAIN)]
-PositiveNumber = Annotated[float, Quantity(PLAIN, "> 0")]
-AnyTime = Annotated[float, Quantity("s")]
-Time = Annotated[float, Quantity("s", ">= 0")]
-PositiveTime = Annotated[float, Quantity("s", "> 0")]
-PositiveLength = Annotated[float, Quantity("m", "> 0")]
-Angle = Annotated[float, Quantity("rad")]
-Frequency = Annotated[float, Quantity("Hz", "> 0")]
+Number = Annotated[float, ScalarQuantity(PLAIN)]
+PositiveNumber = Annotated[float, ScalarQuantity(PLAIN, "> 0")]
+AnyTime = Annotated[float, ScalarQuantity("s")]
+Time = Annotated[float, ScalarQuantity("s", ">= 0")]
+PositiveTime = Annotated[float, ScalarQuantity("s", "> 0")]
+PositiveLength = Annotated[float, ScalarQuantity("m", "> 0")]
+Angle = Annotated[float, ScalarQuantity("rad")]
+Frequency = Annotated[float, ScalarQuantity("Hz", "> 0")]
 Band = Annotated[ArrayLike, Vector("Hz", 2)]
-PositiveForce = Annotated[float, Quantity("N", "> 0")]
-PositiveForceRate = Annotated[float, Quantity("N/s", "> 0")]
+PositiveForce = Annotated[float, ScalarQuantity("N", "> 0")]
+PositiveForceRate = Annotated[float, ScalarQuantity("N/s", "> 0")]
 Position = Annotated[ArrayLike, Vector("m", 3)]
 Orientation = Annotated[ArrayLike, Vector("rad", 3)]
 Velocity = Annotated[ArrayLike, Vector("m/s", 3)]

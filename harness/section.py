@@ -71,22 +71,22 @@ class Kind(Section):
 
 def file_names(table: Section) -> dict[tuple[str, ...], str]:
     """The files that a table and the tables in it name, by the path of the key; elements of lists count from 1."""
-    found = dict[tuple[str, ...], str]()
+    files = dict[tuple[str, ...], str]()
     for name, field in type(table).model_fields.items():
         value = getattr(table, name)
         if isinstance(value, str) and names_file(field.annotation, *field.metadata):
-            found[name,] = value
+            files[name,] = value
         elements = enumerate(value, 1) if isinstance(value, list) else [(None, value)]
-        for k, each in elements:
-            if isinstance(each, Section):
+        for k, element in elements:
+            if isinstance(element, Section):
                 place = (name,) if k is None else (name, str(k))
-                found |= {(*place, *path): file for path, file in file_names(each).items()}
-    return found
+                files |= {(*place, *path): file for path, file in file_names(element).items()}
+    return files
 
 
 def names_file(*annotations: object) -> bool:
     """Whether the annotations of a field say that it names a file."""
-    return any(isinstance(each, _NamesFile) or names_file(*get_args(each)) for each in annotations)
+    return any(isinstance(part, _NamesFile) or names_file(*get_args(part)) for part in annotations)
 
 
 class ByType:
@@ -100,18 +100,18 @@ class ByType:
 
 def kinds(base: type[Section]) -> dict[str, type[Section]]:
     """The subclasses of a base by their `type`; defining a subclass registers it."""
-    found = dict[str, type[Section]]()
-    for each in base.__subclasses__():
-        field = each.model_fields.get("type")
-        found |= ({} if field is None or field.is_required() else {str(field.default): each}) | kinds(each)
-    return found
+    by_type = dict[str, type[Section]]()
+    for kind in base.__subclasses__():
+        field = kind.model_fields.get("type")
+        by_type |= ({} if field is None or field.is_required() else {str(field.default): kind}) | kinds(kind)
+    return by_type
 
 
 def complaints(error: ValidationError, section: type[Section], values: Mapping[str, Any]) -> str:
     """What is wrong with the values of a table, once per key: key, value found, value expected, remedy."""
     lines = [
-        ": ".join(part for part in (_key_of(each["loc"], values), _complaint(each, section, values)) if part)
-        for each in error.errors()
+        ": ".join(part for part in (_key_of(detail["loc"], values), _complaint(detail, section, values)) if part)
+        for detail in error.errors()
     ]
     return "; ".join(dict.fromkeys(lines))
 
@@ -155,11 +155,11 @@ def _complaint(error: Any, section: type[Section], values: Mapping[str, Any]) ->
 def _keys_beside(place: tuple[int | str, ...], section: type[Section], values: Mapping[str, Any]) -> list[str]:
     """The keys that the table at a location may have."""
     for step in place:
-        found = _sections_in(section.model_fields[step].annotation) if step in section.model_fields else []
-        if found:
+        sections = _sections_in(section.model_fields[step].annotation) if step in section.model_fields else []
+        if sections:
             table = values.get(str(step))
-            chosen = table.get("type") if isinstance(table, Mapping) else None
-            section = kinds(found[0]).get(str(chosen), found[0])
+            type_name = table.get("type") if isinstance(table, Mapping) else None
+            section = kinds(sections[0]).get(str(type_name), sections[0])
     return list(section.model_fields)
 
 

@@ -1,20 +1,66 @@
-"""Tables of numbers from CSV and Parquet files."""
+"""Tables of numbers from CSV and Parquet files, as instruments and spreadsheets write them.
+
+Of CSV: encodings, separators, decimal commas, comments, a row of units; what could mean two things is refused. Headings
+have a name, and a unit in brackets, as in "leg_length[1] [mm]" or "time (ms)".
+"""
 
 import math
+import re
+from collections.abc import Mapping
 from importlib.resources.abc import Traversable
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from gough_stewart.harness.errors import TableError
 from gough_stewart.harness.polars_paths import read_parquet
-from gough_stewart.harness.table_text import columns_of, text_of
+from gough_stewart.harness.quantities import UNITS, unit_typed
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
     import polars
+
+_SEPARATORS = (";", "\t", ",")
+_COMMENT = "#"
+_KNOWN_UNITS = {unit for units in UNITS.values() for unit in units} | {"-", ""}
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?|[+-]?(?:nan|inf)", re.IGNORECASE)
+_WITH_UNIT = re.compile(r"(.*?)(\s*)[\[(]([^\[\]()]*)[\])]")
+_INDEX = re.compile(r"\d+(,\d+)*")
+
+
+class Heading(NamedTuple):
+    """A heading in its parts."""
+
+    column: str  # as in the file
+    name: str
+    unit: str | None
+
+    @classmethod
+    def of(cls, column: str) -> "Heading":
+        """Split a heading; "position[1]" is a name with an index, "qx [1]" has the unit 1."""
+        parts = _WITH_UNIT.fullmatch(column.strip())
+        if parts is None or (_INDEX.fullmatch(parts[3]) and not parts[2]):
+            return cls(column, column.strip(), None)
+        return cls(column, parts[1], parts[3].strip())
+
+    def factor(self, units: Mapping[str, float]) -> float:
+        """What converts the column to the first of these units, each with its factor; 1 without a unit.
+
+        Raises
+        ------
+        ValueError
+            Another unit; names those that are known.
+        """
+        if self.unit is None:
+            return 1.0
+        unit = unit_typed(self.unit)
+        if unit not in units:
+            names = ", ".join(unit for unit in units if unit)
+            raise ValueError(f"{self.column} has the unit '{self.unit}'; expected one of {names}")
+        return units[unit]
 
 
 def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
@@ -41,7 +87,7 @@ def read_table(path: Path | Traversable, what: str) -> "polars.DataFrame":
             return read_parquet(BytesIO(content))
         except (polars.exceptions.PolarsError, OSError) as error:
             raise TableError(f"is not Parquet: {str(error).splitlines()[0]}") from error
-    return columns_of(text_of(content))
+    return _columns_of(_text_of(content))
 
 
 def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "") -> FloatArray:
@@ -62,10 +108,10 @@ def numbers_of(table: "polars.DataFrame", name: str, remedy: str = "") -> FloatA
     numbers = column.cast(polars.Float64, strict=False)
     bad = [k for k, value in enumerate(numbers) if value is None or not math.isfinite(value)]
     if bad:
-        found = column[bad[0]]
-        remedy = ", with a point, not a comma" if isinstance(found, str) and "," in found else remedy
+        value = column[bad[0]]
+        remedy = ", with a point, not a comma" if isinstance(value, str) and "," in value else remedy
         more = f", and {len(bad) - 1} more in this column" if len(bad) > 1 else ""
-        raise TableError(f"{name} in row {bad[0] + 1} is {found!r}{more}; expected a finite number{remedy}")
+        raise TableError(f"{name} in row {bad[0] + 1} is {value!r}{more}; expected a finite number{remedy}")
     return np.array(numbers.to_numpy(), dtype=float)
 
 
@@ -77,12 +123,111 @@ def times_of(table: "polars.DataFrame", name: str) -> tuple[float, FloatArray]:
     Raises
     ------
     TableError
-        As `numbers_of`.
+        The column appears twice, or has values that are not finite numbers.
     """
     import polars
 
     numbers = numbers_of(table, name)
-    whole = table[name].cast(polars.Int64, strict=False)
-    is_whole = not (whole.null_count() or table[name].dtype.is_float())
-    since = (whole - whole[0]).to_numpy().astype(float) if is_whole and len(whole) else numbers - numbers[:1]
+    integers = table[name].cast(polars.Int64, strict=False)
+    is_exact = len(integers) and not (integers.null_count() or table[name].dtype.is_float())
+    since = (integers - integers[0]).to_numpy().astype(float) if is_exact else numbers - numbers[:1]
     return (float(numbers[0]) if len(numbers) else 0.0), since
+
+
+def _text_of(content: bytes) -> str:
+    """The text of a file: UTF-8, UTF-16 with its mark, or the code page 1252 of Windows.
+
+    Raises
+    ------
+    TableError
+        None of them.
+    """
+    try:
+        if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return content.decode("utf-16")
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        pass
+    try:
+        return content.decode("cp1252")
+    except UnicodeDecodeError as error:
+        raise TableError(
+            f"is not text: byte {error.start} is 0x{content[error.start]:02x}; expected CSV, best in UTF-8, or Parquet"
+        ) from error
+
+
+def _columns_of(text: str) -> "polars.DataFrame":
+    """The columns of CSV as strings, numbers with points; units of a second row are joined to the names, as "x [mm]".
+
+    Blank rows, rows that begin with #, and blanks around names and values are left out. Columns are separated by
+    semicolons or tabulators if the header has any, else by commas.
+
+    Raises
+    ------
+    TableError
+        Not CSV, or numbers with points and with commas.
+    """
+    import polars
+
+    lines = [line for line in text.splitlines() if line.strip(" \t\r;,") and not line.lstrip().startswith(_COMMENT)]
+    if not lines:
+        raise TableError("has no rows; expected a header and rows of numbers")
+    separator = next((mark for mark in _SEPARATORS if mark in lines[0]), ",")
+    units = _row_of_units(lines, separator)
+    if units is not None:
+        lines.pop(1)
+    try:
+        # as strings, so that "true" is not read as a number
+        table = polars.read_csv("\n".join(lines).encode(), infer_schema=False, separator=separator)
+    except polars.exceptions.PolarsError as error:
+        raise TableError(
+            f"is not CSV: {str(error).splitlines()[0]}; expected one header, then as many values in every row"
+        ) from error
+    names = [name.strip() for name in table.columns]
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if twice is not None:
+        raise TableError(f"has the column {twice} twice; expected every column once")
+    table.columns = names
+    table = table.with_columns(polars.all().str.strip_chars())
+    if separator != ",":
+        table = _with_points(table)
+    if units is not None:
+        table.columns = [_with_unit(name, unit) for name, unit in zip(names, units, strict=True)]
+    return table
+
+
+def _row_of_units(lines: list[str], separator: str) -> list[str] | None:
+    """The units in the second row, without brackets; None if it is not one."""
+    if len(lines) < 2:
+        return None
+    cells = [cell.strip().strip('"').strip("[]()").strip() for cell in lines[1].split(separator)]
+    names = lines[0].split(separator)
+    is_one = len(cells) == len(names) and any(cells) and all(cell in _KNOWN_UNITS for cell in cells)
+    return [cell if cell != "-" else "" for cell in cells] if is_one else None
+
+
+def _with_unit(name: str, unit: str) -> str:
+    """A name with the unit of the second row."""
+    heading_unit = Heading.of(name).unit
+    if heading_unit is None or not unit:
+        return f"{name} [{unit}]" if unit else name
+    if heading_unit == unit:
+        return name
+    raise TableError(f"the column {name} has the unit {unit} in the second row; expected one of the two")
+
+
+def _with_points(table: "polars.DataFrame") -> "polars.DataFrame":
+    """Decimal commas as points, where commas do not separate columns."""
+    import polars
+
+    for name in table.columns:
+        values = [value for value in table[name].to_list() if value and _NUMBER.fullmatch(value.replace(".", ""))]
+        commas = next((value for value in values if _DECIMAL_COMMA.fullmatch(value)), None)
+        points = next((value for value in values if "." in value), None)
+        if commas is not None and points is not None:
+            raise TableError(
+                f"the column {name} has {commas} and {points}; expected one decimal mark, and no marks of thousands"
+            )
+        if commas is not None:
+            table = table.with_columns(polars.col(name).str.replace(",", ".", literal=True))
+    return table

@@ -1,6 +1,6 @@
 """Members whose loops oscillate or grow by themselves, judged by their rows as `run` judges a record."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from math import ceil
 
@@ -58,12 +58,14 @@ def oscillations(
         # those of consecutive members without a copy
         together = slice(members[0], members[-1] + 1) if members[-1] - members[0] == len(members) - 1 else members
         errors = kept.errors[..., together]
-        for k in np.flatnonzero(~judge.sound_at_a_glance(errors)).tolist():
-            member, error = members[k], np.ascontiguousarray(errors[..., k].T)
-            sensors, platform = batch.sensors[member], batch.setups[member].platform
-            length = float(np.mean(reference) - np.mean(error))
-            least = least_amplitude(length, platform.platform_points, sensors.noise, sensors.quantisation)
-            found[member] = judge(error, least)
+
+        def least_of(k: int) -> Callable[[float], float]:
+            sensors, platform = batch.sensors[members[k]], batch.setups[members[k]].platform
+            length = float(np.mean(reference) - np.mean(errors[..., k]))
+            return least_amplitude(length, platform.platform_points, sensors.noise, sensors.quantisation)
+
+        for member, motion in zip(members, judge(errors, least_of), strict=True):
+            found[member] = motion
 
     with ThreadPoolExecutor(threads) as pool:
         for members, reference, judge in _alike(batch, outcomes, kept):

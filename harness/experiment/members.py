@@ -18,8 +18,7 @@ from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
 from gough_stewart.harness.sampling.correlation import CorrelatedInputs, correlated, correlation_of, reordered
 from gough_stewart.harness.sampling.design import SamplingDesign, in_turn
-from gough_stewart.harness.sampling.distributions import normal
-from gough_stewart.harness.sampling.variation import Spread, VariedValue
+from gough_stewart.harness.sampling.variation import Spread, VariedValue, normal
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 

@@ -26,10 +26,9 @@ from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.seeds import as_numbers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.open import open_plant
-from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants.plant import Plant, PlantKind
 from gough_stewart.harness.results.oscillation import FAULTS
 from gough_stewart.harness.results.record import Record, columns, plain
 from gough_stewart.model import interface

@@ -15,7 +15,7 @@ from gough_stewart.harness.export.designed import Designed
 from gough_stewart.harness.export.relative import home_of
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.model.vectors import FloatArray
 
 # More than any controller's coefficients and memory [bytes].

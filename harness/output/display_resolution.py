@@ -48,7 +48,7 @@ def factor_to(unit: str) -> float:
     """The factor from SI units to a unit: 1e3 for mm, 1 for SI units."""
     if unit in UNITS:  # rad/s is the SI unit of a rate, but is also listed with Hz
         return 1.0
-    return next((1 / others[unit] for others in UNITS.values() if unit in others), 1.0)
+    return next((1 / units[unit] for units in UNITS.values() if unit in units), 1.0)
 
 
 def decimated(time: FloatArray, values: FloatArray, points: int) -> tuple[FloatArray, FloatArray]:
@@ -68,7 +68,7 @@ def decimated(time: FloatArray, values: FloatArray, points: int) -> tuple[FloatA
     low = np.pad(np.where(finite, inner, np.inf), padding, constant_values=np.inf).reshape(buckets, width)
     high = np.pad(np.where(finite, inner, -np.inf), padding, constant_values=-np.inf).reshape(buckets, width)
     starts = 1 + width * np.arange(buckets)
-    kept = np.concatenate([[0, n - 1], starts + low.argmin(axis=1), starts + high.argmax(axis=1)])
+    rows = np.concatenate([[0, n - 1], starts + low.argmin(axis=1), starts + high.argmax(axis=1)])
     # the last buckets may have only padding
-    kept = np.unique(np.minimum(kept, n - 1))
-    return time[kept], values[kept]
+    rows = np.unique(np.minimum(rows, n - 1))
+    return time[rows], values[rows]

@@ -1,6 +1,7 @@
 """Versions of the software that computed a result."""
 
 import platform as machine
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 
@@ -15,16 +16,8 @@ def versions() -> dict[str, str]:
 @cache
 def _versions() -> dict[str, str]:
     """Read the versions from package metadata, once: it takes longer than a short run."""
-    return {
-        "python": machine.python_version(),
-        **{package: found for package in PACKAGES if (found := _version(package)) is not None},
-        "machine": f"{machine.system()} {machine.machine()}",
-    }
-
-
-def _version(package: str) -> str | None:
-    """The version of a package; None if it is not installed, such as those of the extra `fmu`."""
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
+    installed = {"python": machine.python_version()}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):  # such as those of the extra `fmu`
+            installed[package] = version(package)
+    return {**installed, "machine": f"{machine.system()} {machine.machine()}"}

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants.plant import Plant, tunable
 from gough_stewart.harness.plants.unit import FmuInstance, UnitFile
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import states_at
-from gough_stewart.model.errors import InterfaceError, StepError
+from gough_stewart.model.errors import StepError
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
@@ -84,13 +84,9 @@ class FmuPlant(Plant):
         self._checked("inputs", self._inputs.write)
 
     def set_parameters(self, values: Mapping[str, object]) -> None:
-        checked: dict[str, Any] = {}
-        for name, value in values.items():
-            variable, element = interface.find(name)
-            if variable not in self._variant.tunable or element is not None:
-                tunable = ", ".join(v.name for v in self._variant.tunable)
-                raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
-            checked[name] = interface.checked_value(variable, value)
+        checked: dict[str, Any] = {
+            name: interface.checked_value(tunable(self._variant, name), value) for name, value in values.items()
+        }
         if not checked:
             return
         # the FMU checks elements one by one, and an inertia as a whole at the next step

@@ -29,6 +29,10 @@ from gough_stewart.model.vectors import FloatArray
 _PATIENCE = 2.0
 # Interval at which its process checks whether the run is still alive [s].
 _WATCH = 0.5
+# Ctrl-C reaches only the run, which ends the FMU after it has kept its rows.
+_OWN_GROUP: dict[str, Any] = {"process_group": 0}
+if sys.platform == "win32":
+    _OWN_GROUP = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
 
 
 class Isolated:
@@ -41,7 +45,7 @@ class Isolated:
     Parameters
     ----------
     path
-        Of the FMU, for messages.
+        The FMU file, for messages.
     kind
         The class of the object, as "module:name", imported only there; it has a method `close`.
     arguments
@@ -54,7 +58,7 @@ class Isolated:
     Raises
     ------
     GoughStewartError
-        As for the class.
+        An error that the class raises.
     """
 
     def __init__(
@@ -80,7 +84,7 @@ class Isolated:
                     stdout=subprocess.PIPE,
                     stderr=printed,
                     env={**os.environ, "TMPDIR": self._folder.name, "TEMP": self._folder.name, **(environment or {})},
-                    **_process_group(),
+                    **_OWN_GROUP,
                 )
             self.call("start", kind, arguments)
         except BaseException:
@@ -150,7 +154,7 @@ class IsolatedFmu(Plant):
     Raises
     ------
     PlantError
-        As `FmuPlant`, or the process has ended.
+        An FMU that `FmuPlant` refuses, or whose process has ended.
     """
 
     def __init__(
@@ -225,13 +229,6 @@ def _end_with_parent(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(_WATCH)
     os._exit(1)
-
-
-def _process_group() -> dict[str, Any]:
-    """A separate process group: Ctrl-C reaches only the run, which ends the FMU after it has kept its rows."""
-    if sys.platform == "win32":
-        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
-    return {"process_group": 0}
 
 
 def _send(stream: IO[bytes], message: Any) -> None:

@@ -16,7 +16,7 @@ from gough_stewart.fmu_build.libraries import CONTROLLED, WIDTH, LanesLibrary, l
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.plant import BoolArray, Plant
+from gough_stewart.harness.plants.plant import BoolArray, Plant, tunable
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import motors_at, static_leg_forces
@@ -73,6 +73,8 @@ class LaneArrays:
     def __init__(self, members: int, variant: Variant = IDEAL) -> None:
         self.variant, self.blocks = variant, -(-members // WIDTH)
         n_states, n_parameters = interface.size_of(variant.states), interface.size_of(variant.parameters)
+        places = interface.unpack(variant.parameters, np.arange(n_parameters))
+        self._places = {name: slice(int(place.min()), int(place.max()) + 1) for name, place in places.items()}
         m, size = self.blocks * WIDTH, self.blocks * n_parameters * WIDTH
         raw = np.zeros(size + WIDTH)
         start = -raw.ctypes.data % 64 // raw.itemsize  # aligned to 64 bytes
@@ -94,7 +96,7 @@ class LaneArrays:
         """Write one parameter of N members (N, *shape)."""
         padded = self.padded(values.reshape(len(values), -1))
         by_element = self.parameters.swapaxes(0, 1)
-        by_element[_places(self.variant)[name]] = padded.reshape(len(padded), self.blocks, WIDTH)
+        by_element[self._places[name]] = padded.reshape(len(padded), self.blocks, WIDTH)
 
     def parameters_of(self, members: Any = slice(None)) -> Parameters:
         """The parameters of some members by name, with a leading axis; a copy with contiguous elements."""
@@ -106,13 +108,6 @@ class LaneArrays:
 def lane_rows(size: int, blocks: int) -> FloatArray:
     """Zeros (size, 8 `blocks`) with a stride of an odd number of vectors: see c/lanes/lanes.h."""
     return np.zeros((size, (blocks | 1) * WIDTH))[:, : blocks * WIDTH]
-
-
-@cache
-def _places(variant: Variant) -> Mapping[str, slice]:
-    """The position of each parameter in the kernels' vector."""
-    at = interface.unpack(variant.parameters, np.arange(interface.size_of(variant.parameters)))
-    return {name: slice(int(places.min()), int(places.max()) + 1) for name, places in at.items()}
 
 
 class CompiledLanes:
@@ -162,14 +157,14 @@ class LanesPlant(Plant):
     substeps
         RK4 steps per plant step; None for error-controlled steps, each member's own.
     tolerance
-        Of error-controlled steps, relative, and absolute in SI units.
+        Tolerance of error-controlled steps, relative, and absolute in SI units.
     kernel
         The machine code that steps them; without it that of the plants alone.
 
     Attributes
     ----------
     features
-        Of its machine code, see `CompiledLanes`.
+        Processor features of its machine code, see `CompiledLanes`.
     integration_error
         The largest estimate so far (N,), max |x − x'| / (1 + |x|), to compare with a tolerance that is relative, and
         absolute in SI units: the sum of the internal steps' errors in a plant step, or, with substeps, of their
@@ -204,7 +199,18 @@ class LanesPlant(Plant):
                 "each"
             )
         self._platforms = Platforms.of(platforms)
-        self._variant = variant = _variant_of(self._platforms)
+        self._variant = variant = Variant.of(platforms[0])
+        for field, has_part in (
+            ("leg_friction_model", self._platforms.field("leg_friction_model") != SMOOTH),
+            ("leg_stiffness", self._platforms.field("leg_stiffness") > 0),
+        ):
+            for k in np.flatnonzero(has_part != has_part[0])[:1].tolist():
+                words = Variant.of(platforms[k]).words.removeprefix("with ")
+                raise PlatformError(
+                    field,
+                    f"gives platform {k} other states: it has {words}, and platform 0 "
+                    f"{variant.words.removeprefix('with ')}; expected one kind, so run each kind for itself",
+                )
         if variant.parts and substeps is not None:
             raise PlantError(
                 f"a plant of many platforms {variant.words} has no steps of a fixed size; remove fixed_step_size, "
@@ -233,15 +239,10 @@ class LanesPlant(Plant):
         )
         batch.inputs[:N_LEGS] = static_leg_forces(batch.parameters_of(), position, orientation).T
         batch.running[: len(platforms)] = -1
-
-    @property
-    def internal_steps(self) -> FloatArray:
-        return self.batch.internal_steps[: self.shape[0]]
-
-    @property
-    def integration_error(self) -> FloatArray:
-        """The largest estimate so far (N,)."""
-        return self.batch.error[: self.shape[0]]
+        # views
+        self.internal_steps, self.integration_error = (
+            numbers[: len(platforms)] for numbers in (batch.internal_steps, batch.error)
+        )
 
     @property
     def loop_run(self) -> Callable[..., int] | None:
@@ -253,8 +254,17 @@ class LanesPlant(Plant):
         self._begun = True
         failures = self._stop_failed() if self._kernel.library.lanes_check(self.batch.reference) else {}
         running = self.batch.running[: self.shape[0]]
-        for k, error in self._short_legs(running != 0).items():
-            failures[k], running[k] = error, 0
+        # legs too short for a part's centre of mass
+        parameters, x = self.batch.parameters_of(slice(self.shape[0])), self.batch.states[:, : self.shape[0]].T
+        shortest = leg_geometry(parameters, x[:, :3], x[:, 3:6]).length.min(axis=-1)
+        farthest = np.maximum(parameters.leg_lower_com, parameters.leg_upper_com)
+        for k in np.flatnonzero((farthest > shortest) & (running != 0)).tolist():
+            platform = self._platforms[k]
+            try:
+                check_leg_com_offsets(platform, float(shortest[k]), "start")
+            except PlatformError as error:
+                value, reason = float(getattr(platform, error.field)), str(error).partition(": ")[2]
+                failures[k], running[k] = StepError(error.field, value, self._time, reason), 0
         return failures
 
     def came_to(self, time: float, now: FloatArray) -> None:
@@ -271,42 +281,29 @@ class LanesPlant(Plant):
         self.set_parameters_of(np.ones(self.shape, dtype=bool), values)
 
     def set_parameters_of(self, members: BoolArray, values: Mapping[str, object]) -> None:
-        present = self.batch.parameters_of(slice(self.shape[0]))
-        changed = {name: self._changed(present, name, value, members) for name, value in values.items()}
-        self._refuse_impossible(members, changed)
-        for name, value in changed.items():
-            self.batch.put_parameter(name, value)
-        if not self._begun:
-            self._place_motors(self.batch.padded(members[:, None].astype(float))[0] > 0)
-
-    def _changed(self, present: Parameters, name: str, value: object, members: BoolArray) -> FloatArray:
-        """A tunable parameter of all (N, *shape), with one new value for these members (N,), or their rows of many."""
-        variable = interface.BY_NAME.get(name)
-        if variable is None or variable not in self._variant.tunable:
-            tunable = ", ".join(v.name for v in self._variant.tunable)
-            raise InterfaceError(name, f"cannot be set during a run; expected one of {tunable}")
-        new = np.array(getattr(present, name))
-        try:
-            values = np.array(value)
-            has_members = values.ndim > len(variable.shape) and len(values) == len(members)
-            shape = new[members].shape if has_members else variable.shape
-            new[members] = real_array(values[members] if has_members else value, shape)
-        except ValueError as error:
-            raise InterfaceError(name, f"{error} [{variable.unit}], {variable.description}") from None
-        return new
-
-    def _refuse_impossible(self, members: BoolArray, values: Mapping[str, FloatArray]) -> None:
-        """Raise the error of `Platform` for the first of these members with impossible values (N, *shape).
-
-        Only those are made that fail the checks of all at once.
-        """
-        doubtful = self._platforms.having(values).doubtful(values)
-        for k in np.flatnonzero(doubtful & members).tolist():
+        present, changed = self.batch.parameters_of(slice(self.shape[0])), dict[str, FloatArray]()
+        for name, value in values.items():
+            variable, new = tunable(self._variant, name), np.array(getattr(present, name))
             try:
-                replace(self._platforms[k], **{name: value[k] for name, value in values.items()})
+                rows = np.array(value)
+                # one value for these members, or the rows of all
+                has_members = rows.ndim > len(variable.shape) and len(rows) == len(members)
+                shape = new[members].shape if has_members else variable.shape
+                new[members] = real_array(rows[members] if has_members else value, shape)
+            except ValueError as error:
+                raise InterfaceError(name, f"{error} [{variable.unit}], {variable.description}") from None
+            changed[name] = new
+        # platforms are made, which raises their errors, only of members that fail the checks of all at once
+        for k in np.flatnonzero(self._platforms.having(changed).doubtful(changed) & members).tolist():
+            try:
+                replace(self._platforms[k], **{name: value[k] for name, value in changed.items()})
             except PlatformError as error:
                 text = str(error).partition(": ")[2]
                 raise PlatformError(error.field, f"{text} (number {k} of the platforms)") from None
+        for name, new in changed.items():
+            self.batch.put_parameter(name, new)
+        if not self._begun:
+            self._place_motors(self.batch.padded(members[:, None].astype(float))[0] > 0)
 
     def signals(self) -> FloatArray:
         if self._steps == 0:  # later, the step provides them
@@ -373,19 +370,17 @@ class LanesPlant(Plant):
         try:
             motors = motors_at(self.batch.parameters_of(), starts)
         except SingularPoseError:
-            motors_of_each = [self._motors_of(k) for k in range(x.shape[1])]
+            motors_of_each = list[dict[str, FloatArray]]()
+            for k in range(x.shape[1]):
+                parameters, start = self.batch.parameters_of(k), State.from_vector(x[: interface.N_STATES, k])
+                try:
+                    motors_of_each.append(motors_at(parameters, start))
+                except SingularPoseError:  # not stretched, in a pose from which `begin` does not start
+                    motors_of_each.append(motors_at(replace(parameters, leg_stiffness=0.0), start))
             motors = {name: np.stack([of_member[name] for of_member in motors_of_each]) for name in motors_of_each[0]}
         for name, values in motors.items():
             begin = interface.size_of(states[: states.index(interface.BY_NAME[name])])
             x[begin : begin + N_LEGS, members] = values.T[:, members]
-
-    def _motors_of(self, k: int) -> dict[str, FloatArray]:
-        """Motor states of one member; not stretched in a singular pose, from which `begin` does not start."""
-        parameters, start = self.batch.parameters_of(k), State.from_vector(self.batch.states[: interface.N_STATES, k])
-        try:
-            return motors_at(parameters, start)
-        except SingularPoseError:
-            return motors_at(replace(parameters, leg_stiffness=0.0), start)
 
     def _stop_failed(self) -> dict[int, StepError]:
         batch = self.batch
@@ -393,42 +388,6 @@ class LanesPlant(Plant):
         batch.running[batch.failure != Failure.GOES_ON] = 0
         batch.failure[:] = Failure.GOES_ON
         return failures
-
-    def _short_legs(self, members: BoolArray) -> dict[int, StepError]:
-        """Which of these members (N,) have a leg too short for a part's centre of mass."""
-        n = self.shape[0]
-        parameters, x = self.batch.parameters_of(slice(n)), self.batch.states[:, :n].T
-        shortest = leg_geometry(parameters, x[:, :3], x[:, 3:6]).length.min(axis=-1)
-        farthest = np.maximum(parameters.leg_lower_com, parameters.leg_upper_com)
-        failures = {}
-        for k in np.flatnonzero((farthest > shortest) & members).tolist():
-            platform = self._platforms[k]
-            try:
-                check_leg_com_offsets(platform, float(shortest[k]), "start")
-            except PlatformError as error:
-                value = float(getattr(platform, error.field))
-                failures[k] = StepError(error.field, value, self._time, str(error).partition(": ")[2])
-        return failures
-
-
-def _variant_of(platforms: Platforms) -> Variant:
-    """The variant that all members have.
-
-    Raises
-    ------
-    PlatformError
-        Members differ in it.
-    """
-    first = Variant.of(platforms[0])
-    sticks, gives = platforms.field("leg_friction_model") != SMOOTH, platforms.field("leg_stiffness") > 0
-    for field, is_so in (("leg_friction_model", sticks), ("leg_stiffness", gives)):
-        for k in np.flatnonzero(is_so != is_so[0])[:1].tolist():
-            raise PlatformError(
-                field,
-                f"gives platform {k} other states: it has {Variant.of(platforms[k]).words.removeprefix('with ')}, and "
-                f"platform 0 {first.words.removeprefix('with ')}; expected one kind, so run each kind for itself",
-            )
-    return first
 
 
 @cache

@@ -1,11 +1,7 @@
-"""Opens the plant of a run by its kind: in process, or as an FMU, which is built if no file is given.
-
-Each kind is imported when it is opened: the FMU imports FMPy.
-"""
+"""Opens the plant of a run by its kind: in process, or as an FMU, which is built if no file is given."""
 
 import atexit
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
@@ -13,19 +9,49 @@ from typing import TYPE_CHECKING, get_args
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.isolated import IsolatedFmu
-from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
-from gough_stewart.harness.plants.plant import Plant
+from gough_stewart.harness.plants.plant import FMI_VERSIONS, Plant, PlantKind
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.state import State
+from gough_stewart.model.stepping import Integrator, SteppingModel
+from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
     from gough_stewart.harness.plants.unit import UnitFile
-    from gough_stewart.model.stepping import Integrator
 
 
-@contextmanager
+class ModelPlant(Plant):
+    """The stepping model with one of its integrators as a `Plant`, whose rules its methods follow."""
+
+    may_overrun = True
+
+    def __init__(
+        self,
+        platform: Platform,
+        start: State | None = None,
+        tolerance: float = DEFAULT_TOLERANCE,
+        fixed_step_size: float = 0.0,
+        integrator: Integrator = "compiled",
+    ) -> None:
+        self._model = model = SteppingModel(platform, tolerance, fixed_step_size, integrator)
+        self.columns = model.variant.columns
+        if start is not None:
+            model.set_many(start._asdict())
+
+    def set_inputs(self, inputs: FloatArray) -> None:
+        self._model.set_inputs(inputs)
+
+    def set_parameters(self, values: Mapping[str, object]) -> None:
+        self._model.set_many(values)
+
+    def results(self) -> FloatArray:
+        return self._model.result_vector()
+
+    def do_step(self, time: float, step: float) -> None:
+        self._model.do_step(time, step)
+
+
 def open_plant(
     kind: PlantKind,
     platform: Platform,
@@ -35,7 +61,7 @@ def open_plant(
     fixed_step_size: float = 0.0,
     fmu: Path | str | None = None,
     progress: StepProgress | None = None,
-) -> Iterator[Plant]:
+) -> Plant:
     """An open plant; an FMU without a file is built for this machine or taken from the cache.
 
     An FMU from a file is third-party code: it runs in its own process, so that a crash does not end the run.
@@ -43,38 +69,27 @@ def open_plant(
     Raises
     ------
     PlantError
-        An unknown kind, a file for the model, an FMU of the other version, or as `FmuPlant`.
+        An unknown kind, a file for the model, an FMU of the other version, or one that `FmuPlant` refuses.
     BuildError
         The FMU cannot be built, or what runs it is not installed.
     """
     if kind in ("model", "scipy"):
         if fmu is not None:
             raise PlantError(f"plant {kind!r} does not accept the file {fmu}; choose the plant fmu2 or fmu3")
-        from gough_stewart.harness.plants.model import ModelPlant
-
-        integrator: Integrator = "compiled" if kind == "model" else "scipy"
-        with ModelPlant(platform, start, tolerance, fixed_step_size, integrator) as model:
-            yield model
-        return
+        return ModelPlant(platform, start, tolerance, fixed_step_size, "compiled" if kind == "model" else "scipy")
     if kind not in FMI_VERSIONS:
         raise PlantError(f"plant is {kind!r}; expected one of {', '.join(get_args(PlantKind))}")
     version = FMI_VERSIONS[kind]
     if fmu is None:
-        from gough_stewart.harness.plants.fmu import FmuPlant
+        from gough_stewart.harness.plants.fmu import FmuPlant  # imports FMPy
 
-        with FmuPlant(
-            _cached_unit(cached_build(version, progress, Variant.of(platform))),
-            platform,
-            start,
-            tolerance,
-            fixed_step_size,
-        ) as built:
-            yield built
-        return
-    with IsolatedFmu(fmu, platform, start, tolerance, fixed_step_size) as unit:
-        if unit.fmi_version != version:
-            raise PlantError(f"{fmu}: is FMI {unit.fmi_version}; expected FMI {version} for the plant {kind}")
-        yield unit
+        built = _cached_unit(cached_build(version, progress, Variant.of(platform)))
+        return FmuPlant(built, platform, start, tolerance, fixed_step_size)
+    unit = IsolatedFmu(fmu, platform, start, tolerance, fixed_step_size)
+    if unit.fmi_version != version:
+        unit.close()
+        raise PlantError(f"{fmu}: is FMI {unit.fmi_version}; expected FMI {version} for the plant {kind}")
+    return unit
 
 
 @cache

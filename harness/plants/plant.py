@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,14 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
-from gough_stewart.model.errors import MembersError, StepError
+from gough_stewart.model.errors import InterfaceError, MembersError, StepError
+from gough_stewart.model.interface import Variant
 from gough_stewart.model.vectors import FloatArray
 
 BoolArray = NDArray[np.bool_]
+# The compiled engine, SciPy as its judge, and the units of both FMI versions.
+PlantKind = Literal["model", "scipy", "fmu2", "fmu3"]
+FMI_VERSIONS: dict[str, str] = {"fmu2": "2.0", "fmu3": "3.0"}
 
 
 class Plant(Protocol):
@@ -133,6 +137,21 @@ class PlantOfOne(Plant):
 
     def freeze(self, members: BoolArray) -> None:
         """Do nothing: with its only member the run has ended."""
+
+
+def tunable(variant: Variant, name: str) -> Variable:
+    """The parameter of this name, which may change during a run.
+
+    Raises
+    ------
+    InterfaceError
+        No such parameter; lists those that may.
+    """
+    for variable in variant.tunable:
+        if variable.name == name:
+            return variable
+    names = ", ".join(variable.name for variable in variant.tunable)
+    raise InterfaceError(name, f"cannot be set during a run; expected one of {names}")
 
 
 def seen(plant: Plant, side: signals.Side) -> FloatArray:

@@ -94,11 +94,6 @@ class FmuFile:
         """Whether it is FMI 2.0, whose variables are scalars."""
         return self.version == "2.0"
 
-    @property
-    def token(self) -> str:
-        """GUID or instantiation token."""
-        return str(self.description.guid or self.description.instantiationToken)
-
     def refusal(self, reason: str) -> GoughStewartError:
         """The error with the reason and the remedy."""
         return self.error(f"{self.path}: {reason}; {self.remedy}")
@@ -110,7 +105,7 @@ class FmuFile:
             fmu = kind.__new__(kind)  # made in two steps: the library is loaded before its functions may be missing
             try:
                 fmu.__init__(
-                    guid=self.token,
+                    guid=self.description.guid or self.description.instantiationToken,
                     unzipDirectory=str(self.folder),
                     modelIdentifier=self.description.coSimulation.modelIdentifier,  # the same for Model Exchange
                 )
@@ -195,7 +190,7 @@ class FmuInstance:
     Raises
     ------
     GoughStewartError
-        As the file's class: no binary for this machine, or one that cannot be loaded or instantiated.
+        No binary for this machine, or one that cannot be loaded or instantiated; of the class of the file's errors.
     """
 
     def __init__(self, file: FmuFile, fmi_type: FmiType = "CoSimulation", *, name: str = "plant") -> None:

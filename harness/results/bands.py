@@ -73,9 +73,12 @@ class Bands(KeptRows):
         self.needs = tuple(dict.fromkeys(name.removesuffix(".norm") for name in names))
         self.at = np.unique(np.linspace(0, timing.steps, min(times, timing.steps + 1)).round().astype(np.intp))
         self._time = timing.times[self.at]
-        of_names = [_columns(name) for name in self._names]
-        self.columns = tuple(column for columns in of_names for column in columns)
-        ends = np.cumsum([0, *map(len, of_names)]).tolist()
+        columns, ends = list[str](), [0]
+        for name in self._names:
+            prefix, dot, variable = name.rpartition(".")
+            columns += [name] if variable == "norm" else [prefix + dot + s for s in BY_NAME[variable].scalar_names]
+            ends.append(len(columns))
+        self.columns = tuple(columns)
         self._places = {name: slice(*span) for name, span in zip(self._names, pairwise(ends), strict=True)}
         self._counted = min(members, max(MOST_MEMBERS - first, 0))
         self.start(0)
@@ -85,16 +88,17 @@ class Bands(KeptRows):
         """No samples; columns are kept where they belong, and those of norms beside them."""
         self._values: FloatArray = np.zeros((len(self.at), len(self.columns), members))
         columns = {name: self._values[:, at] for name, at in self._places.items() if not name.endswith(".norm")}
-        others = [name for name in self.needs if name not in columns]
-        self.kept = columns | {name: np.zeros((len(self.at), _size(name), members)) for name in others}
+        only_in_norms = [name for name in self.needs if name not in columns]
+        sizes = {name: ROW[name].stop - ROW[name].start for name in only_in_norms}
+        self.kept = columns | {name: np.zeros((len(self.at), size, members)) for name, size in sizes.items()}
         return {}
 
     def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """No metrics; `samples` has what was kept, of members with these numbers of rows."""
         for name in self._names:
             if name.endswith(".norm"):
-                kept = self.kept[name.removesuffix(".norm")]
-                self._values[:, self._places[name]] = np.sqrt((kept * kept).sum(axis=1, keepdims=True))
+                vectors = self.kept[name.removesuffix(".norm")]
+                self._values[:, self._places[name]] = np.sqrt((vectors * vectors).sum(axis=1, keepdims=True))
         values, runs = self._values[..., : self._members], self.at[:, None] < rows[: self._members]
         # one time after the other: few numbers fit into the processor's cache
         for sampled, is_running in zip(values, runs, strict=True):
@@ -133,7 +137,15 @@ def bands_frame(samples: BandSamples) -> polars.DataFrame:
     Quantiles are over the members still running, interpolated linearly between members (NumPy's default).
     """
     t, c = samples.lowest.shape
-    quantiles = _quantiles(samples.values)
+    # one time after another, to avoid a second copy
+    quantiles = np.full((len(LEVELS), t, c), np.nan)
+    for k, values in enumerate(samples.values):
+        # NaN, of members that have ended, sorts last
+        order = np.sort(values, axis=1)
+        counts = np.count_nonzero(np.isfinite(order), axis=1)
+        for count in set(counts.tolist()) - {0}:
+            signals_of_count = counts == count
+            quantiles[:, k, signals_of_count] = np.quantile(order[signals_of_count, :count], LEVELS, axis=1)
     columns = {
         "time": np.repeat(samples.time, c),
         "signal": list(samples.columns) * t,
@@ -160,27 +172,3 @@ def samples_frame(samples: BandSamples, members: Sequence[int]) -> polars.DataFr
         **{name: values[:, k] for k, name in enumerate(samples.columns)},
     }
     return polars.DataFrame(frame, nan_to_null=True)
-
-
-def _quantiles(values: FloatArray) -> FloatArray:
-    """Quantiles (levels, T, C) of values (T, C, n) without NaN; one time after another, to avoid a second copy."""
-    quantiles = np.full((len(LEVELS), *values.shape[:2]), np.nan)
-    for k, at in enumerate(values):
-        # NaN, of members that have ended, sorts last
-        order = np.sort(at, axis=1)
-        counts = np.count_nonzero(np.isfinite(order), axis=1)
-        for count in set(counts.tolist()) - {0}:
-            columns = counts == count
-            quantiles[:, k, columns] = np.quantile(order[columns, :count], LEVELS, axis=1)
-    return quantiles
-
-
-def _columns(name: str) -> list[str]:
-    if name.endswith(".norm"):
-        return [name]
-    prefix, _, variable = name.rpartition(".")
-    return [f"{prefix}.{column}" if prefix else column for column in BY_NAME[variable].scalar_names]
-
-
-def _size(name: str) -> int:
-    return int(ROW[name].stop - ROW[name].start)

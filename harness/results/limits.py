@@ -21,29 +21,11 @@ class DriveLimit(NamedTuple):
     quantity: Quantity
 
 
-# In the order of `limited_quantities`.
 DRIVE_LIMITS = (
     DriveLimit("leg_velocity_max", "leg velocity", VELOCITY),
     DriveLimit("actuator_force_max", "actuator force", FORCE),
     DriveLimit("actuator_power_max", "actuator power", POWER),
 )
-
-
-def limited_quantities(velocity: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """What the platform limits, by row (n, ...): |ṡ|, |F|, and |F ṡ|, the larger of the values at both ends of the row.
-
-    The force is held over its row, so ṡ at its end is that of the next row; the last row has none.
-
-    Parameters
-    ----------
-    velocity, force
-        |ṡ| and |F| (n, ...).
-    """
-    power = np.empty_like(velocity)
-    np.maximum(velocity[:-1], velocity[1:], out=power[:-1])
-    power[-1:] = velocity[-1:]
-    power *= force
-    return velocity, force, power
 
 
 def column_of_drives(record: RecordData, name: str) -> str:
@@ -53,13 +35,16 @@ def column_of_drives(record: RecordData, name: str) -> str:
 
 
 def shares_of_limits(record: RecordData, platform: Mapping[str, Any]) -> dict[str, FloatArray]:
-    """Share of each stated limit that each leg uses (n, 6) [1], by the limit's name; 1 is at the limit."""
-    used = limited_quantities(
-        np.abs(record[column_of_drives(record, "motor_velocity")]), np.abs(record["actuator_force"])
-    )
+    """Share of each stated limit that each leg uses (n, 6) [1], by the limit's name; 1 is at the limit.
+
+    Limits are those of |ṡ|, |F|, and |F ṡ|, the larger of the values at both ends of the row. The force is held over
+    its row, so ṡ at its end is that of the next row; the last row has none.
+    """
+    velocity, force = (np.abs(record[column_of_drives(record, name)]) for name in ("motor_velocity", "actuator_force"))
+    power = np.concatenate([np.maximum(velocity[:-1], velocity[1:]), velocity[-1:]]) * force
     return {
-        limit.name: each / platform[limit.name]
-        for limit, each in zip(DRIVE_LIMITS, used, strict=True)
+        limit.name: values / platform[limit.name]
+        for limit, values in zip(DRIVE_LIMITS, (velocity, force, power), strict=True)
         if platform.get(limit.name) is not None
     }
 

@@ -40,7 +40,7 @@ from gough_stewart.harness.report.quantities import (
     TIME,
     Quantity,
 )
-from gough_stewart.harness.results.limits import DRIVE_LIMITS, DriveLimit
+from gough_stewart.harness.results.limits import DRIVE_LIMITS
 from gough_stewart.model.operations import greater, less, maximum, reached, where
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -93,7 +93,9 @@ class CoveredRows(Fold):
 
     def result(self, _state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`rows` and `duration`."""
-        return _named(self.metrics, (rows.astype(float), np.where(rows > 0, _duration(self._time, rows), np.nan)))
+        return _named(
+            self.metrics, (rows.astype(float), np.where(rows > 0, self._time[rows - 1] - self._time[0], np.nan))
+        )
 
 
 class Tracking(TermFold):
@@ -109,20 +111,15 @@ class Tracking(TermFold):
         path, element = f"tracking.{name}", "axis" if has_norm else "leg"
         of_one = " of an axis" if has_norm else ""
         declared = [
-            Metric(
-                f"{path}.rms", f"{text}, RMS{of_one}", quantity, f"√(∑ e²/n) of the {text}, by {element}", "smaller"
-            ),
-            Metric(
-                f"{path}.peak", f"{text}, peak{of_one}", quantity, f"largest |e| of the {text}, by {element}", "smaller"
-            ),
+            ("rms", f"{text}, RMS{of_one}", f"√(∑ e²/n) of the {text}, by {element}", not has_norm),
+            ("peak", f"{text}, peak{of_one}", f"largest |e| of the {text}, by {element}", not has_norm),
+            ("norm_rms", f"{text}, RMS", f"RMS of the {text}'s Euclidean norm", True),
+            ("norm_peak", f"{text}, peak", f"largest norm of the {text}", True),
         ]
-        if has_norm:
-            declared = [metric._replace(is_compared=False) for metric in declared]
-            declared += [
-                Metric(f"{path}.norm_rms", f"{text}, RMS", quantity, f"RMS of the {text}'s Euclidean norm", "smaller"),
-                Metric(f"{path}.norm_peak", f"{text}, peak", quantity, f"largest norm of the {text}", "smaller"),
-            ]
-        self.metrics = tuple(declared)
+        self.metrics = tuple(
+            Metric(f"{path}.{kind}", title, quantity, sentence, "smaller", is_compared)
+            for kind, title, sentence, is_compared in declared[: 4 if has_norm else 2]
+        )
 
     def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
         """Squares, also of the norm."""
@@ -140,22 +137,6 @@ class Tracking(TermFold):
             total, peak = state[f"Sum {term}"], state[f"Largest {term}"]
             values += [np.sqrt(total / rows), np.sqrt(peak)]
         return _named(self.metrics, [*values[:2], *(norm[0] for norm in values[2:])], rows > 0)
-
-
-def _of_limit(limit: DriveLimit) -> tuple[Metric, ...]:
-    path, text = f"limits.{limit.name}", limit.text
-    return (
-        Metric(f"{path}.limit", f"limit of {text}", limit.quantity, f"the platform's limit of the {text}", None, False),
-        Metric(f"{path}.used", f"{text}, of its limit", SHARE, "largest share of the limit, by leg", "smaller"),
-        Metric(
-            f"{path}.first_exceeded",
-            f"{text}, first beyond",
-            TIME,
-            "when the limit was first exceeded, by leg",
-            is_compared=False,
-            is_least=True,
-        ),
-    )
 
 
 class DriveLoads(TermFold):
@@ -195,8 +176,20 @@ class DriveLoads(TermFold):
     def __init__(self, time: FloatArray, limits: Mapping[str, Any]) -> None:
         self._time = time
         self._limits = {k: limits[limit.name] for k, limit in enumerate(DRIVE_LIMITS) if limit.name in limits}
-        of_limits = (metric for k in self._limits for metric in _of_limit(DRIVE_LIMITS[k]))
-        self.metrics = (*self.without_limits, *of_limits)
+        metrics = [*self.without_limits]
+        for name, text, quantity in (DRIVE_LIMITS[k] for k in self._limits):
+            path, used = f"limits.{name}", "largest share of the limit, by leg"
+            first = "when the limit was first exceeded, by leg"
+            metrics += [
+                Metric(
+                    f"{path}.limit", f"limit of {text}", quantity, f"the platform's limit of the {text}", None, False
+                ),
+                Metric(f"{path}.used", f"{text}, of its limit", SHARE, used, "smaller"),
+                Metric(
+                    f"{path}.first_exceeded", f"{text}, first beyond", TIME, first, is_compared=False, is_least=True
+                ),
+            ]
+        self.metrics = tuple(metrics)
         self.parameters = {
             f"{quantity} limit": np.square(self._limits.get(k, np.inf))
             for k, quantity in enumerate(("velocity", "force", "power"))
@@ -217,7 +210,7 @@ class DriveLoads(TermFold):
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """`force`, `power`, `energy`, `limits`."""
-        duration = _duration(self._time, rows)
+        duration = self._time[rows - 1] - self._time[0]
         mean_square = np.where(rows > 1, state["total"], state["total.last"]) / np.maximum(rows - 1, 1)
         peak = np.maximum(state["peak power"], state["peak power at the end"])
         velocity, force, power = (np.sqrt(square) for square in (state["peak velocity"], state["peak force"], peak))
@@ -345,51 +338,8 @@ def step_in(reference: FloatArray) -> ReferenceStep:
     return ReferenceStep(exists, first, last, start + (exists & (np.abs(following - last) <= rounding)))
 
 
-def _of_axis(axis: str, signal: str) -> tuple[Metric, ...]:
-    """The metrics of a response (y − from)/(to − from), as in python-control's `step_info`."""
-    path, pose = f"step_response.{axis}", LENGTH if signal == "position" else ANGLE
-    declared = (
-        Metric(f"{path}.from", f"{axis}: from", pose, "the reference before the step", None, False),
-        Metric(f"{path}.to", f"{axis}: to", pose, "the reference after the step", None, False),
-        Metric(f"{path}.at", f"{axis}: step at", TIME, "start of the response", None, False),
-        Metric(
-            *(f"{path}.overshoot_percent", f"{axis}: overshoot", PERCENT),
-            *("overshoot in percent of the step; 0 if it did not rise", "smaller"),
-        ),
-        Metric(f"{path}.rise_time", f"{axis}: rise time", TIME, "from 10 to 90 % of the step"),
-        Metric(
-            f"{path}.settling_time", f"{axis}: settling time", TIME, "until it stays within 2 % of the step", "smaller"
-        ),
-        Metric(f"{path}.final_error", f"{axis}: final error", pose, "reference − actual at the end", "smaller"),
-    )
-    return tuple(metric._replace(needs=(signal, f"reference.{signal}")) for metric in declared)
-
-
-_OF_AXES = tuple(_of_axis(axis, signal) for axis, signal, _ in AXES)
-STEP_METRICS = tuple(metric for of_axis in _OF_AXES for metric in of_axis)
-
-
-def steps_of(time: FloatArray, reference: FloatArray) -> list["StepResponse"]:
-    """Folds of the axes on which the reference steps.
-
-    Parameters
-    ----------
-    time
-        Times of all rows (n,) [s].
-    reference
-        Reference poses at all rows, (n, 6 or more) or (n, N, 6 or more).
-    """
-    # (n, N), or (n, 1) if common to all members
-    of_axes = [np.atleast_2d(reference[..., axis].T).T for axis in range(len(AXES))]
-    return [
-        StepResponse(axis, time, wanted, step)
-        for axis, wanted in enumerate(of_axes)
-        if (step := step_in(wanted)).exists.any()
-    ]
-
-
 class StepResponse(TermFold):
-    """The response of an axis to the step of its reference.
+    """The response (y − from)/(to − from) of an axis to the step of its reference, as in python-control's `step_info`.
 
     A member that ended early has one if its reference steps in its part of the run as in the whole.
 
@@ -400,7 +350,7 @@ class StepResponse(TermFold):
     time
         Times of all rows (n,) [s].
     reference
-        Of the axis, at all rows (n, N) or (n, 1).
+        Reference of the axis, at all rows (n, N) or (n, 1).
     step
         Its steps (N,) or (1,).
     """
@@ -416,8 +366,23 @@ class StepResponse(TermFold):
     }
 
     def __init__(self, axis: int, time: FloatArray, reference: FloatArray, step: ReferenceStep) -> None:
-        _, signal, place = AXES[axis]
-        self.needs, self.begins, self.metrics = (signal,), {"pose": place}, _OF_AXES[axis]
+        name, signal, place = AXES[axis]
+        self.needs, self.begins = (signal,), {"pose": place}
+        path, pose = f"step_response.{name}", LENGTH if signal == "position" else ANGLE
+        settled, overshoot = (
+            "until it stays within 2 % of the step",
+            "overshoot in percent of the step; 0 if it did not rise",
+        )
+        metrics = (
+            Metric(f"{path}.from", f"{name}: from", pose, "the reference before the step", None, False),
+            Metric(f"{path}.to", f"{name}: to", pose, "the reference after the step", None, False),
+            Metric(f"{path}.at", f"{name}: step at", TIME, "start of the response", None, False),
+            Metric(f"{path}.overshoot_percent", f"{name}: overshoot", PERCENT, overshoot, "smaller"),
+            Metric(f"{path}.rise_time", f"{name}: rise time", TIME, "from 10 to 90 % of the step"),
+            Metric(f"{path}.settling_time", f"{name}: settling time", TIME, settled, "smaller"),
+            Metric(f"{path}.final_error", f"{name}: final error", pose, "reference − actual at the end", "smaller"),
+        )
+        self.metrics = tuple(metric._replace(needs=(signal, f"reference.{signal}")) for metric in metrics)
         self._time, self._reference, self._step = time, reference, step
         self.parameters = {
             "from": step.first,
@@ -466,45 +431,6 @@ class StepResponse(TermFold):
         return _named(self.metrics, numbers, exists)
 
 
-_OF_MARGINS = (
-    Metric("margins.disk", "disk margin", NUMBER, "disk margin of the linear loop", "larger", False),
-    Metric("margins.stable", "stable", NUMBER, "whether the linear loop is stable: 1 or 0", "larger", False),
-)
-
-
-def _of_motion(time: FloatArray) -> list[Any]:
-    return [
-        CoveredRows(time),
-        Tracking("position", "position error", 3, LENGTH, has_norm=True),
-        Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True),
-        Tracking("leg_length", "leg error", 6, LENGTH, has_norm=False),
-    ]
-
-
-def _of_legs(time: FloatArray, limits: Mapping[str, Any], stroke: StrokeUse) -> list[Any]:
-    return [DriveLoads(time, limits), Saturation("force_limited"), Saturation("rate_limited"), stroke]
-
-
-def _declared() -> tuple[Metric, ...]:
-    none, limits = np.zeros(0), {limit.name: 1.0 for limit in DRIVE_LIMITS}
-    of_legs = [metric for fold in _of_legs(none, limits, StrokeUse(limits)) for metric in _of(fold)]
-    return (
-        *(metric for fold in _of_motion(none) for metric in _of(fold)),
-        *STEP_METRICS,
-        *sorted(of_legs, key=lambda metric: metric.path.startswith("limits.")),
-        # the linear loop has no rows: whoever computes its margins gives these
-        *_OF_MARGINS,
-    )
-
-
-def _of(fold: Any) -> list[Metric]:
-    return [metric._replace(needs=fold.needs) for metric in fold.metrics]
-
-
-METRICS = _declared()
-_BY_PATH = {metric.path: metric for metric in METRICS}
-
-
 def metric_folds(
     time: FloatArray,
     reference: FloatArray | None,
@@ -530,17 +456,47 @@ def metric_folds(
     """
     stated = {name: value for name, value in limits.items() if value is not None}
     has_flags = known is not None and known(STROKE_EXCEEDED)
-    stroke = StrokeUse(stated, has_flags, knows_exceeded=known is None or has_flags)
-    steps: list[Any] = [] if reference is None else steps_of(time, reference)
-    rows, *folds = [*_of_motion(time), *steps, *_of_legs(time, stated, stroke)]
+    steps: list[Any] = []
+    if reference is not None:
+        # (n, N), or (n, 1) if common to all members
+        poses = [np.atleast_2d(reference[..., axis].T).T for axis in range(len(AXES))]
+        steps = [
+            StepResponse(axis, time, pose, step)
+            for axis, pose in enumerate(poses)
+            if (step := step_in(pose)).exists.any()
+        ]
+    folds = [
+        Tracking("position", "position error", 3, LENGTH, has_norm=True),
+        Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True),
+        Tracking("leg_length", "leg error", 6, LENGTH, has_norm=False),
+        *steps,
+        DriveLoads(time, stated),
+        Saturation("force_limited"),
+        Saturation("rate_limited"),
+        StrokeUse(stated, has_flags, knows_exceeded=known is None or has_flags),
+    ]
+    has = known or (lambda column: reference is not None or not column.startswith("error."))
+    if wanted is not None:
+        folds = [fold for fold in folds if any(metric.path in wanted for metric in fold.metrics)]
+    return [CoveredRows(time), *(fold for fold in folds if all(map(has, fold.needs)))]
 
-    def has(column: str) -> bool:
-        return known(column) if known is not None else reference is not None or not column.startswith("error.")
 
-    def is_wanted(fold: Any) -> bool:
-        return wanted is None or any(metric.path in wanted for metric in fold.metrics)
+def _of_any_run() -> list[Any]:
+    """The folds of a run that has all metrics: its reference steps on all axes, and the platform states all limits."""
+    steps = np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0)
+    return metric_folds(np.arange(40.0), steps, {limit.name: 1.0 for limit in DRIVE_LIMITS})
 
-    return [rows, *(fold for fold in folds if all(map(has, fold.needs)) and is_wanted(fold))]
+
+METRICS = (
+    *sorted(
+        (metric._replace(needs=metric.needs or fold.needs) for fold in _of_any_run() for metric in fold.metrics),
+        key=lambda metric: metric.path.startswith("limits."),
+    ),
+    # the linear loop has no rows: whoever computes its margins gives these
+    Metric("margins.disk", "disk margin", NUMBER, "disk margin of the linear loop", "larger", False),
+    Metric("margins.stable", "stable", NUMBER, "whether the linear loop is stable: 1 or 0", "larger", False),
+)
+_BY_PATH = {metric.path: metric for metric in METRICS}
 
 
 def folds_of_loop(loop: Loop, limits: Mapping[str, Any], wanted: Collection[str] | None = None) -> list[Fold]:
@@ -570,10 +526,6 @@ def _counted(flags: Array) -> Iterator[tuple[str, Array]]:
     yield "any", reduce(maximum, (flags[..., leg : leg + 1, :] for leg in range(6)))
 
 
-def _duration(time: FloatArray, rows: NDArray[np.intp]) -> FloatArray:
-    return np.asarray(time[np.maximum(rows - 1, 0)] - time[0]) if len(time) else np.zeros(rows.shape)
-
-
 def _named(
     metrics: Sequence[Metric], results: Sequence[FloatArray], is_defined: NDArray[np.bool_] | bool = True
 ) -> dict[str, FloatArray]:
@@ -591,18 +543,16 @@ def metric_kernels() -> FoldKernels:
     Raises
     ------
     BuildError, OSError
-        As `machine_code`.
+        There is no machine code for this processor, and it cannot be built.
     """
     return FoldKernels(machine_code(folds_code()).path)
 
 
 def folds_code() -> Library:
     """Name, sources and their state."""
-    return vector_library("folds", lambda: folds_sources(_traced()), state_of_files(*_SOURCES))
 
+    def kernels() -> list[FoldKernel]:
+        folds = {fold.kernel: fold for fold in _of_any_run() if isinstance(fold, TermFold)}
+        return [fold.traced() for fold in folds.values()]
 
-def _traced() -> list[FoldKernel]:
-    """The kernels of a run with a reference that steps."""
-    steps = np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0)
-    folds = metric_folds(np.arange(40.0), steps, {})
-    return [fold.traced() for fold in {fold.kernel: fold for fold in folds if isinstance(fold, TermFold)}.values()]
+    return vector_library("folds", lambda: folds_sources(kernels()), state_of_files(*_SOURCES))

@@ -1,8 +1,7 @@
 """Metrics of a run as numbers and as tables: tracking, step responses, forces, power, energy, saturation, stroke."""
 
 import json
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -18,9 +17,18 @@ from gough_stewart.harness.results.limits import column_of_drives
 from gough_stewart.harness.results.metric_folds import METRICS, CoveredRows, metric_folds, metric_kernels, metric_of
 from gough_stewart.harness.results.oscillation import is_sound, outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
-from gough_stewart.model.vectors import FloatArray
 
 _LEGS = tuple(Column(f"{leg}") for leg in range(1, 7))
+_STEP_COLUMNS = (
+    Column(""),
+    Column("from"),
+    Column("to"),
+    Column("at", TIME),
+    Column("overshoot", PERCENT),
+    Column("rise", TIME, "from 10 to 90 % of the step"),
+    Column("settling", TIME, "until it stays within 2 % of the step"),
+    Column("final error"),
+)
 _POSE = (("position", ("x", "y", "z"), LENGTH), ("orientation", ("roll", "pitch", "yaw"), ANGLE))
 
 
@@ -83,60 +91,44 @@ def metrics(record: RecordData) -> Metrics:
     >>> print(found)
     >>> found["tracking"]["position"]["norm_peak"], found["step_response"][0]["rise_time"]
     """
-    record_of_finite = finite_part(record)
-    n = record_of_finite.table.height
-    parts = _parts(record_of_finite) if n else {}
-    steps = parts.pop("step_response", {})
-    names = ("tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
-    found = Metrics(outcome=outcome_of(record), rows=n, duration=parts.get("duration"))
-    found |= {name: parts.get(name) for name in names}
-    if n and _reference(record_of_finite) is not None:
-        found["step_response"] = [{"axis": axis, **part} for axis, part in steps.items()]
-    if found["stroke"]:
-        found["stroke"].setdefault("exceeded", None)
-    return found
-
-
-def _parts(record: RecordData) -> dict[str, Any]:
-    """Metrics of a record of at least one row, nested by the parts of their paths."""
-    folds = metric_folds(
-        record["time"],
-        _reference(record),
-        record.metadata["platform"],
-        lambda name: column_of_drives(record, name) in record,
-    )
-    rows, columns = record.table.height, dict[str, NDArray[Any]]()
-    for name in dict.fromkeys(name for fold in folds for name in fold.needs):
-        values = record[column_of_drives(record, name)][:, :, None]
-        values = values.astype(bool) if name.startswith("flag.") else values
-        columns[name] = np.concatenate([values[:1], values])  # any row stands for the one before the first
-    try:
-        kernels = metric_kernels()
-    except (BuildError, OSError):  # of a processor without machine code: NumPy computes the same, row by row
-        kernels = None
-    folding = Folding(folds, 1, kernels)
-    folding.add(Block(0, rows, columns, folding.running))
-    results = folding.results()
+    finite = finite_part(record)
+    n, poses = finite.table.height, ("reference.position", "reference.orientation")
+    reference = np.hstack([finite[name] for name in poses]) if all(name in finite for name in poses) else None
     parts = dict[str, Any]()
-    for metric in METRICS:
-        if metric.path in results:
-            *above, name = metric.path.split(".")
+    if n:
+        folds = metric_folds(
+            finite["time"],
+            reference,
+            finite.metadata["platform"],
+            lambda name: column_of_drives(finite, name) in finite,
+        )
+        columns = dict[str, NDArray[Any]]()
+        for name in dict.fromkeys(name for fold in folds for name in fold.needs):
+            rows = finite[column_of_drives(finite, name)][:, :, None]
+            rows = rows.astype(bool) if name.startswith("flag.") else rows
+            columns[name] = np.concatenate([rows[:1], rows])  # any row stands for the one before the first
+        try:
+            kernels = metric_kernels()
+        except (BuildError, OSError):  # of a processor without machine code: NumPy computes the same, row by row
+            kernels = None
+        folding = Folding(folds, 1, kernels)
+        folding.add(Block(0, n, columns, folding.running))
+        results = folding.results()
+        # nested by the parts of their paths
+        for path in (metric.path for metric in METRICS if metric.path in results):
+            *above, name = path.split(".")
             part = parts
             for key in above:
                 part = part.setdefault(key, {})
-            values = results[metric.path][..., 0].tolist()
-            part[name] = [_finite(value) for value in values] if isinstance(values, list) else _finite(values)
-    return parts
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-def _reference(record: RecordData) -> FloatArray | None:
-    """The reference poses (n, 6), if the record has them."""
-    names = ("reference.position", "reference.orientation")
-    return np.hstack([record[name] for name in names]) if all(name in record for name in names) else None
+            values = results[path][..., 0]
+            part[name] = np.where(np.isfinite(values), values.astype(object), None).tolist()
+    steps = parts.pop("step_response", {})
+    if n and reference is not None:
+        parts["step_response"] = [{"axis": axis, **part} for axis, part in steps.items()]
+    if "stroke" in parts:
+        parts["stroke"].setdefault("exceeded", None)
+    names = ("duration", "tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
+    return Metrics(outcome=outcome_of(record), rows=n, **{name: parts.get(name) for name in names})
 
 
 def metrics_json(metrics: dict[str, Any]) -> bytes:
@@ -160,101 +152,73 @@ def flattened(metrics: Mapping[str, Any]) -> dict[str, float | None]:
     A list by leg or axis is reduced to its largest value; `stroke.shortest` and `limits.….first_exceeded` to the least.
     Undefined metrics are None, also lists with an undefined element, except `first_exceeded`. The outcome is left out.
     """
-    found: dict[str, float | None] = {}
 
-    def add(path: str, value: Any) -> None:
+    def leaves(path: str, value: Any) -> Iterator[tuple[str, float | None]]:
         if isinstance(value, dict):
             for name, part in value.items():
-                add(f"{path}.{name}" if path else name, part)
+                yield from leaves(f"{path}.{name}" if path else name, part)
         elif isinstance(value, list):
-            found[path] = _of_list(path, value)
+            numbers = [number for number in value if number is not None]
+            is_defined = numbers and (len(numbers) == len(value) or path.endswith(".first_exceeded"))
+            yield path, (min if metric_of(path).is_least else max)(numbers) if is_defined else None
         elif value is not None or "." in path:
-            found[path] = value
+            yield path, value
 
+    parts = {name: part for name, part in metrics.items() if name not in ("outcome", "step_response")}
     steps = {step["axis"]: {k: v for k, v in step.items() if k != "axis"} for step in metrics["step_response"] or ()}
-    add("", {k: v for k, v in metrics.items() if k not in ("outcome", "step_response")})
-    for axis, step in steps.items():
-        for name, value in step.items():
-            found[f"step_response.{axis}.{name}"] = value
-    return found
+    return dict(leaves("", {**parts, "step_response": steps}))
 
 
-def _of_list(path: str, values: list[float | None]) -> float | None:
-    finite = [value for value in values if value is not None]
-    if not finite or (len(finite) < len(values) and not path.endswith(".first_exceeded")):
-        return None
-    return min(finite) if metric_of(path).is_least else max(finite)
-
-
-def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:
+def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 - one section for each part
     """Tables of tracking, step response and legs, where the record has their columns."""
-    parts = (("tracking", _tracking), ("step_response", _steps))
-    tables = [make(metrics[name]) for name, make in parts if metrics[name]]
-    return [*tables, _legs(metrics)] if metrics["force"] else tables
-
-
-def _tracking(tracking: Mapping[str, Any]) -> Table:
-    rows: list[tuple[Cell, ...]] = []
-    ends = []
-    for name, axes, quantity in _POSE:
-        if name not in tracking:
-            continue
-        part = tracking[name]
-        of_axes = zip(axes, part["rms"], part["peak"], strict=True)
-        for what, *values in (*of_axes, (f"|{name}|", part["norm_rms"], part["norm_peak"])):
-            rows.append((what, *(Value(each, quantity) for each in values)))
-        ends.append(len(rows) - 1)
-    columns = (Column(""), Column("RMS"), Column("peak"))
-    return Table("Tracking error", columns, tuple(rows), group_ends=tuple(ends[:-1]))
-
-
-def _steps(responses: Sequence[Mapping[str, Any]]) -> Table:
-    columns = (
-        Column(""),
-        Column("from"),
-        Column("to"),
-        Column("at", TIME),
-        Column("overshoot", PERCENT),
-        Column("rise", TIME, "from 10 to 90 % of the step"),
-        Column("settling", TIME, "until it stays within 2 % of the step"),
-        Column("final error"),
-    )
-    rows = []
-    for r in responses:
-        is_length = r["axis"] in "xyz"
-        pose, error = (POSITION, LENGTH) if is_length else (ANGLE, ANGLE)
-        times = (r[key] for key in ("at", "overshoot_percent", "rise_time", "settling_time"))
-        rows.append((r["axis"], Value(r["from"], pose), Value(r["to"], pose), *times, Value(r["final_error"], error)))
-    return Table("Step response", columns, tuple(rows))
-
-
-def _legs(metrics: Mapping[str, Any]) -> Table:
-    rows: list[tuple[Cell, ...]] = []
+    tables = []
+    if metrics["tracking"]:
+        rows: list[tuple[Cell, ...]] = []
+        ends = []
+        for name, axes, quantity in _POSE:
+            if name not in metrics["tracking"]:
+                continue
+            part = metrics["tracking"][name]
+            of_axes = zip(axes, part["rms"], part["peak"], strict=True)
+            for title, *values in (*of_axes, (f"|{name}|", part["norm_rms"], part["norm_peak"])):
+                rows.append((title, *(Value(value, quantity) for value in values)))
+            ends.append(len(rows) - 1)
+        columns = (Column(""), Column("RMS"), Column("peak"))
+        tables.append(Table("Tracking error", columns, tuple(rows), group_ends=tuple(ends[:-1])))
+    if metrics["step_response"]:
+        rows = []
+        for step in metrics["step_response"]:
+            is_length = step["axis"] in "xyz"
+            pose, error = (POSITION, LENGTH) if is_length else (ANGLE, ANGLE)
+            times = (step[key] for key in ("at", "overshoot_percent", "rise_time", "settling_time"))
+            from_to = Value(step["from"], pose), Value(step["to"], pose)
+            rows.append((step["axis"], *from_to, *times, Value(step["final_error"], error)))
+        tables.append(Table("Step response", _STEP_COLUMNS, tuple(rows)))
+    if not metrics["force"]:
+        return tables
+    # by leg: title, quantity, values, and what stands under "all"
     energy, stroke = metrics["energy"], metrics["stroke"]
-
-    def row(what: str, quantity: Quantity, values: Sequence[float | None], total: float | str | None = "") -> None:
-        last: Cell = total if isinstance(total, str) else Value(total, quantity)
-        rows.append((what, *(Value(value, quantity) for value in values), last))
-
+    legs: list[tuple[str, Quantity, Sequence[float | None], float | str | None]] = []
     if "leg_length" in (metrics["tracking"] or {}):
-        error = metrics["tracking"]["leg_length"]
-        row("RMS error", LENGTH, error["rms"])
-        row("peak error", LENGTH, error["peak"])
-    row("shortest", POSITION, stroke["shortest"])
-    row("longest", POSITION, stroke["longest"])
-    for part, name in (("force", "peak"), ("force", "rms"), ("power", "peak"), ("power", "mean")):
-        metric = metric_of(f"{part}.{name}")
-        row(metric.text, metric.quantity, metrics[part][name])
-    for name, what in (("net", "net work"), ("absolute", "work, absolute")):
-        row(what, metric_of(f"energy.{name}").quantity, energy[name], energy[f"{name}_total"])
+        errors = metrics["tracking"]["leg_length"]
+        legs += [("RMS error", LENGTH, errors["rms"], ""), ("peak error", LENGTH, errors["peak"], "")]
+    legs += [("shortest", POSITION, stroke["shortest"], ""), ("longest", POSITION, stroke["longest"], "")]
+    for group, name in (("force", "peak"), ("force", "rms"), ("power", "peak"), ("power", "mean")):
+        metric = metric_of(f"{group}.{name}")
+        legs.append((metric.text, metric.quantity, metrics[group][name], ""))
+    for name, title in (("net", "net work"), ("absolute", "work, absolute")):
+        legs.append((title, metric_of(f"energy.{name}").quantity, energy[name], energy[f"{name}_total"]))
     for name, part in (metrics["limits"] or {}).items():
-        used, first = (metric_of(f"limits.{name}.{which}") for which in ("used", "first_exceeded"))
-        row(used.text, used.quantity, part["used"])
-        if any(each is not None for each in part["first_exceeded"]):
-            row(first.text, first.quantity, part["first_exceeded"])
-    shares = {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}
-    for name, share in shares.items():
+        used, first = (metric_of(f"limits.{name}.{number}") for number in ("used", "first_exceeded"))
+        legs.append((used.text, used.quantity, part["used"], ""))
+        if any(time is not None for time in part["first_exceeded"]):
+            legs.append((first.text, first.quantity, part["first_exceeded"], ""))
+    for name, share in {**(metrics["saturation"] or {}), "stroke_exceeded": stroke["exceeded"]}.items():
         # rows of zeros say nothing
         if share and share["any"]:
-            row(name.replace("_", " "), SHARE, share["legs"], share["any"])
-    return Table("Legs", (Column(""), *_LEGS, Column("all")), tuple(rows))
+            legs.append((name.replace("_", " "), SHARE, share["legs"], share["any"]))
+    rows = [
+        (title, *(Value(value, unit) for value in values), "" if total == "" else Value(total, unit))
+        for title, unit, values, total in legs
+    ]
+    return [*tables, Table("Legs", (Column(""), *_LEGS, Column("all")), tuple(rows))]

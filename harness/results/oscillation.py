@@ -6,7 +6,7 @@ If something acts to the end, only frequencies far above the reference's own are
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -82,8 +82,10 @@ def oscillation(record: RecordData) -> Oscillation | None:
     # what acts on the loop, by the names of `acting_columns`
     names = (*_INPUTS, *FAULTS, *record.metadata.get("machine", {}))
     acting = [record[name].reshape(record.table.height, -1) for name in names if name in record]
-    legs, errors = (np.ascontiguousarray(record[name].T) for name in ("reference.leg_length", "error.leg_length"))
-    return SelfExcitation(record["time"], legs, rest_begins(acting))(errors, least)
+    legs = np.ascontiguousarray(record["reference.leg_length"].T)
+    judge = SelfExcitation(record["time"], legs, rest_begins(acting))
+    (motion,) = judge(record["error.leg_length"][:, :, None], lambda _: least)
+    return motion
 
 
 class SelfExcitation:
@@ -96,7 +98,7 @@ class SelfExcitation:
     Parameters
     ----------
     time
-        Of the rows (n,) [s].
+        Times of the rows (n,) [s].
     reference
         Leg lengths (6, n) [m].
     begin
@@ -112,83 +114,94 @@ class SelfExcitation:
             return
         self._is_at_rest = n - begin >= max(_ROWS, _REST * n)
         if self._is_at_rest:
-            self._window, self._step = begin + (n - begin) // 3, _step(reference, begin)
+            self._window = begin + (n - begin) // 3
             self._bases = (_basis(n - self._window),)
+            # the largest step of a leg's reference to this row, from rest; 0 if it came in motion [m]
+            before, self._step = reference[:, max(begin - _ROWS, 0) : begin], 0.0
+            if before.shape[1] >= 2 and np.ptp(before, axis=1).max() <= 1e-9:
+                self._step = float(np.abs(reference[:, begin] - before[:, -1]).max())
         else:
             self._window = n // 3
             self._bases, self._lowest = _explained(reference[:, self._window :], time[self._window :])
 
-    def sound_at_a_glance(self, errors: FloatArray) -> NDArray[np.bool_]:
-        """Members (N,) of which nothing is to be said, by errors (n, 6, N) of all of them, if nothing acts at the end.
-
-        It spares most members of an ensemble the closer look at each alone; bounds are a little wider than there.
-        """
-        every = np.arange(errors.shape[2])
-        if not self._bases or not self._is_at_rest:
-            return np.zeros(len(every), dtype=bool)
-        window = _without(errors[self._window :].reshape(-1, errors[0].size).T, self._bases[0]).T
-        halves = (window[len(window) // 2 :], window[: len(window) // 2])
-        late, early = (np.mean(half**2, axis=0).reshape(6, -1) for half in halves)
-        leg = late.argmax(axis=0)
-        may = late[leg, every] >= (0.95 * _LASTS) ** 2 * early[leg, every]
-        at_rest = errors[self._begin :]
-        third, quarter = len(at_rest) // 3, len(at_rest) // 4
-        from_rest = np.abs(at_rest - at_rest[-third:].mean(axis=0))
-        of_leg = from_rest[:, from_rest.max(axis=0).argmax(axis=0), every]
-        step = np.where(self._step > 0, self._step, np.inf)
-        may |= of_leg[-third:].max(axis=0) >= 0.99 * _GROWS * np.minimum(of_leg[:quarter].max(axis=0), step)
-        means = np.stack([block.mean(axis=0) for block in np.array_split(at_rest, _BLOCKS)])
-        changes = np.diff(means[:, np.abs(means[-1] - means[0]).argmax(axis=0), every], axis=0)
-        faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.14 * np.abs(changes[:-1]))
-        return np.asarray(~(may | faster.all(axis=0)))
-
-    def __call__(self, error: FloatArray, least: Callable[[float], float]) -> Oscillation | None:
-        """The oscillation or growth of a loop; None for a sound one.
+    def __call__(
+        self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
+    ) -> list[Oscillation | None]:
+        """The oscillation or growth of each of N loops; None for a sound one.
 
         Parameters
         ----------
-        error
-            Of its leg lengths (6, n) [m].
-        least
-            The amplitude [m] that sensors do not explain, by frequency [Hz].
+        errors
+            Errors of their leg lengths (n, 6, N) [m].
+        least_of
+            Gives for the k-th loop the amplitude [m] that sensors do not explain, by frequency [Hz].
         """
-        if not self._bases or not (np.abs(error) < _LARGEST).all():
-            return None
-        window, time = error[:, self._window :], self._time[self._window :]
-        if self._is_at_rest:
-            line = _line(_without(window, self._bases[0]), time, least, 0, _CYCLES)
-            return self._at_rest(error[:, self._begin :], line, least)
-        unexplained = np.stack([_without(leg, basis) for leg, basis in zip(window, self._bases, strict=True)])
-        line = _line(unexplained, time, least, self._lowest, _CYCLES_MOVING)
-        if line is None:
-            return None
-        earlier = line.amplitude / line.ratio if line.ratio >= _STEADY else None
-        return Oscillation(earlier is not None, line.leg, line.amplitude, line.frequency, earlier, float(time[0]))
+        motions: list[Oscillation | None] = [None] * errors.shape[2]
+        if self._bases:
+            judge = self._at_rest if self._is_at_rest else self._in_motion
+            with np.errstate(all="ignore"):  # of errors that are no platform's
+                for k, motion in judge(errors, least_of):
+                    # NaN is not below it either
+                    motions[k] = motion if (np.abs(errors[..., k]) < _LARGEST).all() else None
+        return motions
 
-    def _at_rest(self, error: FloatArray, line: "_Line | None", least: Callable[[float], float]) -> Oscillation | None:
-        time = self._time[self._begin :]
-        since, n, step = float(time[0]), len(time), self._step
-        steady = None if line is None else Oscillation(False, line.leg, line.amplitude, line.frequency, None, since)
-        if line is not None and line.ratio < _STEADY:
-            return steady
-        from_rest: FloatArray = error - error[:, -(n // 3) :].mean(axis=1, keepdims=True)
-        leg = int(np.abs(from_rest).max(axis=1).argmax())
-        of_leg = from_rest[leg]
-        late, early = (float(np.abs(part).max()) for part in (of_leg[-(n // 3) :], of_leg[: n // 4]))
+    def _at_rest(
+        self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
+    ) -> Iterator[tuple[int, Oscillation | None]]:
+        every, step = np.arange(errors.shape[2]), self._step
+        windows = _without(errors[self._window :].reshape(-1, errors[0].size).T, self._bases[0]).T
+        half = len(windows) // 2
+        late_power, early_power = (np.mean(part**2, axis=0).reshape(6, -1) for part in (windows[half:], windows[:half]))
+        leg = late_power.argmax(axis=0)
+        may_last = late_power[leg, every] >= 0.99 * _LASTS**2 * early_power[leg, every]
+        at_rest, time = errors[self._begin :], self._time[self._begin :]
+        since, n = float(time[0]), len(time)
+        from_rest = at_rest - at_rest[-(n // 3) :].mean(axis=0)
+        far_leg = np.abs(from_rest).max(axis=0).argmax(axis=0)
+        of_far_leg = from_rest[:, far_leg, every]
+        late, early = (np.abs(part).max(axis=0) for part in (of_far_leg[-(n // 3) :], of_far_leg[: n // 4]))
         # a sound loop does not come farther from a step than it was; it starts there at rest
-        leaves_step = late >= _GROWS * step > 0
-        if leaves_step or late >= _GROWS * early:
-            crossings = np.flatnonzero(np.diff(np.signbit(of_leg)))
-            rate = None
-            if len(crossings) > 1:
-                rate = (len(crossings) - 1) / 2 / float(time[crossings[-1]] - time[crossings[0]])
-            if leaves_step:
-                return Oscillation(True, leg + 1, late, rate, step, since)
-            if rate is not None and len(crossings) >= 3:
-                early = float(np.abs(of_leg[: max(int(crossings[0]), n // 4)]).max())
-                if late >= _GROWS * early and late >= least(rate):
-                    return Oscillation(True, leg + 1, late, rate, early, since)
-        return steady or _rising(error, since, least(1.0))
+        leaves_step = (late >= _GROWS * step) & (step > 0)
+        comes_far = leaves_step | (late >= _GROWS * early)
+        # its mean changes more from each block to the next than before: five changes of one sign, each 1.15 times the
+        # one before, come from six independent values in less than 1 of 1,000 cases.
+        means = np.stack([block.mean(axis=0) for block in np.array_split(at_rest, _BLOCKS)])
+        rising_leg = np.abs(means[-1] - means[0]).argmax(axis=0)
+        changes = np.diff(means[:, rising_leg, every], axis=0)
+        is_faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.15 * np.abs(changes[:-1]))
+        first, last = np.abs(at_rest[[0, -1]][:, rising_leg, every])
+        rises = is_faster.all(axis=0) & (last > first)
+        # most loops are sound
+        for k in np.flatnonzero(may_last | comes_far | rises).tolist():
+            window, least = np.ascontiguousarray(errors[self._window :, :, k].T), least_of(k)
+            line, ratio = _line(_without(window, self._bases[0]), self._time[self._window :], least, 0, _CYCLES)
+            motion = steady = line and line._replace(since=since)
+            if comes_far[k] and not (steady is not None and ratio < _STEADY):
+                crossings = np.flatnonzero(np.diff(np.signbit(of_far_leg[:, k])))
+                rate, amplitude, before = None, float(late[k]), step
+                if len(crossings) > 1:
+                    rate = (len(crossings) - 1) / 2 / float(time[crossings[-1]] - time[crossings[0]])
+                grows = bool(leaves_step[k])
+                if not grows and rate is not None and len(crossings) >= 3:
+                    before = float(np.abs(of_far_leg[: max(int(crossings[0]), n // 4), k]).max())
+                    grows = amplitude >= max(_GROWS * before, least(rate))
+                if grows:
+                    motion = Oscillation(True, int(far_leg[k]) + 1, amplitude, rate, before, since)
+            if motion is None and rises[k] and abs(changes[:, k].sum()) >= least(1.0):
+                motion = Oscillation(True, int(rising_leg[k]) + 1, float(last[k]), None, float(first[k]), since)
+            yield k, motion
+
+    def _in_motion(
+        self, errors: FloatArray, least_of: Callable[[int], Callable[[float], float]]
+    ) -> Iterator[tuple[int, Oscillation | None]]:
+        time = self._time[self._window :]
+        for k in range(errors.shape[2]):
+            window = np.ascontiguousarray(errors[self._window :, :, k].T)
+            unexplained = np.stack([_without(leg, basis) for leg, basis in zip(window, self._bases, strict=True)])
+            line, ratio = _line(unexplained, time, least_of(k), self._lowest, _CYCLES_MOVING)
+            if line is not None and ratio >= _STEADY:
+                line = line._replace(is_growing=True, earlier=line.amplitude / ratio)
+            yield k, line
 
 
 def least_amplitude(
@@ -203,7 +216,7 @@ def least_amplitude(
     platform_points
         Joints (6, 3) [m], whose largest distance from Op turns angles into lengths.
     noise, quantisation
-        Of the sensors, by signal, in SI units.
+        Standard deviations and steps of the sensors, by signal, in SI units.
     """
     radius = float(np.linalg.norm(np.asarray(platform_points), axis=1).max())
 
@@ -235,30 +248,6 @@ def rest_begins(acting: Iterable[NDArray[Any]]) -> int:
     return begin
 
 
-def _step(legs: FloatArray, row: int) -> float:
-    """The largest step of a leg's reference (6, n) to this row, from rest; 0 if it came in motion [m]."""
-    before = legs[:, max(row - _ROWS, 0) : row]
-    if before.shape[1] < 2 or np.ptp(before, axis=1).max() > 1e-9:
-        return 0.0
-    return float(np.abs(legs[:, row] - before[:, -1]).max())
-
-
-def _rising(error: FloatArray, since: float, least: float) -> Oscillation | None:
-    """An error that leaves its value ever faster: its mean changes more from each block to the next than before.
-
-    Five changes of one sign, each 1.15 times the one before, come from six independent values in less than 1 of 1,000
-    cases.
-    """
-    means = np.stack([block.mean(axis=1) for block in np.array_split(error, _BLOCKS, axis=1)], axis=1)
-    leg = int(np.abs(means[:, -1] - means[:, 0]).argmax())
-    changes = np.diff(means[leg])
-    is_faster = (changes[1:] * changes[:-1] > 0) & (np.abs(changes[1:]) >= 1.15 * np.abs(changes[:-1]))
-    early, late = (float(abs(error[leg, row])) for row in (0, -1))
-    if is_faster.all() and late > early and abs(changes.sum()) >= least:
-        return Oscillation(True, leg + 1, late, None, early, since)
-    return None
-
-
 def _explained(legs: FloatArray, time: FloatArray) -> tuple[tuple[FloatArray, ...], int]:
     """What a moving reference of the legs (6, n) explains of their errors; nothing without accelerations.
 
@@ -275,17 +264,13 @@ def _explained(legs: FloatArray, time: FloatArray) -> tuple[tuple[FloatArray, ..
     return bases, math.ceil(_ABOVE * max(highest, 1))
 
 
-class _Line(NamedTuple):
-    leg: int
-    frequency: float
-    amplitude: float
-    ratio: float  # RMS of the second half over that of the first
-
-
 def _line(
     error: FloatArray, time: FloatArray, least: Callable[[float], float], lowest: int, cycles: int
-) -> _Line | None:
-    """The line that dominates an error (6, n) from a bin on, if it lasts and is large enough."""
+) -> tuple[Oscillation | None, float]:
+    """The line that dominates an error (6, n) from a bin on, if it lasts and is large enough.
+
+    Also the RMS of the second half over that of the first.
+    """
     n, step = len(time), float(time[1] - time[0])
     line = error
     if lowest:  # without what is below it
@@ -298,21 +283,25 @@ def _line(
     ratio = float(size[leg]) / before if before > 0 else math.inf
     # most loops are sound, and end here
     if ratio < _LASTS:
-        return None
+        return None, ratio
     power = _spectrum(error)
     if len(power) <= lowest + 8:
-        return None
+        return None, ratio
     band = power.copy()
     band[:lowest] = 0
     peak = int(band.argmax())
     near = slice(max(peak - 2, lowest), peak + 3)
     # what leaks from below the band falls from its edge on
     if peak < cycles or (lowest and peak < lowest + 3) or band[near].sum() < _LINE * band.sum():
-        return None
-    frequency = _between(power, peak) / (n * step)
-    if size[leg] < least(frequency):
-        return None
-    return _Line(leg + 1, frequency, float(size[leg]), ratio)
+        return None, ratio
+    place = float(peak)
+    if peak < len(power) - 1 and power[peak - 1 : peak + 2].min() > 0:
+        # between bins, by a parabola through the logarithms
+        left, middle, right = np.log(power[peak - 1 : peak + 2])
+        place += float(0.5 * (left - right) / (left - 2 * middle + right))
+    frequency = place / (n * step)
+    is_large = size[leg] >= least(frequency)
+    return Oscillation(False, leg + 1, float(size[leg]), frequency, None, float(time[0])) if is_large else None, ratio
 
 
 def _spectrum(values: FloatArray) -> FloatArray:
@@ -320,14 +309,6 @@ def _spectrum(values: FloatArray) -> FloatArray:
     power: FloatArray = (np.abs(np.fft.rfft(values * np.hanning(values.shape[-1]))) ** 2).sum(axis=0)
     power[0] = 0
     return power
-
-
-def _between(power: FloatArray, peak: int) -> float:
-    """The place of a maximum between bins, by a parabola through the logarithms."""
-    if not 0 < peak < len(power) - 1 or power[peak - 1 : peak + 2].min() <= 0:
-        return float(peak)
-    low, middle, high = np.log(power[peak - 1 : peak + 2])
-    return float(peak + 0.5 * (low - high) / (low - 2 * middle + high))
 
 
 def _basis(n: int, signals: Iterable[FloatArray] = ()) -> FloatArray:

@@ -179,16 +179,12 @@ class Record(RecordData):
 
     def write_csv(self, file: Path | BytesIO) -> None:
         """Write CSV to a file without holding all of it in memory."""
-        if isinstance(file, Path):
-            write_to(file, self.table.write_csv)
-        else:
-            self.table.write_csv(file)
+        write_to(file, self.table.write_csv)
 
     def write_parquet(self, file: Path | BytesIO) -> None:
         """Write Parquet to a file without holding all of it in memory."""
         try:
-            write = partial(self.table.write_parquet, metadata={_METADATA_KEY: _json(self.metadata)})
-            write_to(file, write) if isinstance(file, Path) else write(file)
+            write_to(file, partial(self.table.write_parquet, metadata={_METADATA_KEY: _json(self.metadata)}))
         except polars.exceptions.PolarsError as error:  # raised by polars when the disk is full
             raise OSError(None, str(error)) from error
 
@@ -256,29 +252,19 @@ def plain(platform: Platform) -> dict[str, Any]:
     return {name: v.tolist() if isinstance(v, np.ndarray) else v for name, v in platform.as_dict().items()}
 
 
-def platform_of(record: Record) -> Platform:
-    """The nominal platform of a run, which its controller was designed for, from the metadata.
-
-    Raises
-    ------
-    RecordError
-        The metadata have no platform.
-    """
-    return _platform_of(record, "platform")
-
-
 def machine_of(record: Record) -> Platform:
-    """The platform that was simulated, from the metadata of a run; the nominal one if they have only that.
+    """The platform that was simulated; the nominal one if the metadata have only that, see `platform_of`."""
+    return platform_of(record, "machine" if "machine" in record.metadata else "platform")
+
+
+def platform_of(record: Record, key: str = "platform") -> Platform:
+    """The nominal platform of a run, which its controller was designed for, or another one of the metadata.
 
     Raises
     ------
     RecordError
         The metadata have no platform.
     """
-    return _platform_of(record, "machine" if "machine" in record.metadata else "platform")
-
-
-def _platform_of(record: Record, key: str) -> Platform:
     try:
         return Platform(**record.metadata[key])
     except (KeyError, TypeError) as error:
@@ -367,17 +353,16 @@ def _check_table(table: polars.DataFrame, rows: int | None) -> None:
         raise RecordError(f"time in row {row + 1} is {time[row]}; expected finite, increasing times")
 
 
-def _circumstances(record: RecordData) -> Table:
+def _circumstances(record: Record) -> Table:
     """How the run was made, and its peak errors."""
-    fineness = fineness_of_record(record.metadata)
-    known = record.metadata
+    metadata, fineness = record.metadata, fineness_of_record(record.metadata)
     rows: list[tuple[Cell, ...]] = []
-    if "platform" in known:
-        rows.append(("platform", str(known["platform"].get("name", "unnamed"))))
-    if known.get("plant"):
-        rows.append(("plant", str(known["plant"])))
-    if "outcome" in known:
-        rows.append(("outcome", outcome_text(outcome_of(record) if "platform" in known else known["outcome"])))
+    if "platform" in metadata:
+        rows.append(("platform", str(metadata["platform"].get("name", "unnamed"))))
+    if metadata.get("plant"):
+        rows.append(("plant", str(metadata["plant"])))
+    if "outcome" in metadata:
+        rows.append(("outcome", outcome_text(outcome_of(record) if "platform" in metadata else metadata["outcome"])))
     height, width = record.table.shape
     rows.append(("table", f"{height} rows, {width} columns"))
     if height and "time" in record:
@@ -390,4 +375,4 @@ def _circumstances(record: RecordData) -> Table:
             rows.append(
                 (f"peak error of {name.replace('_', ' ')}", Value(float(finite.max()), fine(quantity, fineness)))
             )
-    return Table(f"Record: {known.get('title', 'untitled')}", (Column(""), Column("")), tuple(rows))
+    return Table(f"Record: {metadata.get('title', 'untitled')}", (Column(""), Column("")), tuple(rows))

@@ -29,8 +29,8 @@ class RecordData:
         """
         columns = self._columns.get(name)
         if columns is None:
-            names = [known for known in self._columns if "[" not in known]
-            raise RecordError(f"the record has no '{name}'{interface.nearest(name, names)}")
+            variables = [variable for variable in self._columns if "[" not in variable]
+            raise RecordError(f"the record has no '{name}'{interface.nearest(name, variables)}")
         values = [self.table.get_column(column).to_numpy() for column in columns]
         return values[0] if columns == [name] else np.column_stack(values)
 

@@ -74,9 +74,28 @@ _LARGEST = 1e9
 _DRAWN = ("position", "orientation", "leg_length", "actuator_force")
 
 
+@dataclass(frozen=True, eq=False)
+class DrawnRun:
+    """A run as it is drawn: its rows that are finite, and its machine."""
+
+    record: RecordData
+    machine: Platform
+    name: str
+
+
+def shown(record: RecordData, machine: Platform, name: str) -> DrawnRun | None:
+    """The drawable part of a record; None if it has no row."""
+    finite = finite_part(record)
+    if not all(name in finite for name in _DRAWN):
+        return None
+    small = np.max([np.abs(finite[column]).max(axis=1, initial=0.0) for column in _DRAWN], axis=0) < _LARGEST
+    rows = finite.table.height if small.all() else int(small.argmin())
+    return DrawnRun(RecordData(finite.table.head(rows), record.metadata), machine, name) if rows else None
+
+
 @dataclass(frozen=True)
 class Signal:
-    """A variable of records over time, as displayed."""
+    """A variable of runs over time, as displayed."""
 
     name: str
     title: str
@@ -85,38 +104,45 @@ class Signal:
     # A name for each column; legs and axes can be selected.
     components: tuple[str, ...]
     kind: Literal["axes", "legs", "other"]
-    # Columns (n, size) in SI units, by record; None where a record has no such variable.
+    # Columns (n, size) in SI units, by run; None where a record has no such variable.
     values: tuple[FloatArray | None, ...]
     # Name of the signal drawn with it as its reference.
     reference: str | None = None
-    # In SI units.
-    limits: tuple[float, ...] = ()
-
-    @property
-    def is_flag(self) -> bool:
-        """Whether it is a boolean, which is held from row to row."""
-        return self.group == "flags"
 
 
-def signals_of(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
-    """All numeric columns of the records as variables, and signals computed by kinematics; `SHOWN` first."""
-    columns = dict.fromkeys(column.partition("[")[0] for record in records for column in record.table.columns)
-    signals = _from_home(records, platforms)
-    signals += [signal for name in columns if name != "time" for signal in _variable(name, records)]
-    signals += _computed(records, platforms)
-    limits = _limits(records, platforms)
-    known = {signal.name for signal in signals if any(values is not None for values in signal.values)}
-    signals = [
-        replace(
-            signal,
-            limits=limits.get(signal.name, ()),
-            reference=signal.reference if signal.reference in known else None,
+def signals_of(runs: Sequence[DrawnRun]) -> dict[str, Signal]:
+    """All numeric columns of runs as variables, and signals computed by kinematics, by name; `SHOWN` first."""
+    signals = list[Signal]()
+    # the pose from home, its rotation as a vector about the world's axes, and the same of its reference
+    for name, unit, components in (("position", "mm", AXES), ("orientation", "deg", _ANGLES)):
+        for prefix, group in (("", "pose"), ("reference.", "reference")):
+            poses = tuple(
+                error_between(name, run.record[prefix + name].T, getattr(run.machine, f"home_{name}")[:, None]).T
+                if prefix + name in run.record
+                else None
+                for run in runs
+            )
+            from_home = f"{prefix}{name} from home"
+            title, reference = from_home.replace(".", " "), None if prefix else f"reference.{from_home}"
+            signals.append(Signal(from_home, title, group, of_unit(unit), components, "axes", poses, reference))
+    variables = dict.fromkeys(column.partition("[")[0] for run in runs for column in run.record.table.columns)
+    for name in variables:
+        if name != "time":
+            signals += _variable(name, [run.record for run in runs])
+    powers = tuple(
+        run.record["actuator_force"] * run.record[column_of_drives(run.record, "motor_velocity")] for run in runs
+    )
+    signals.append(Signal("actuator power", "actuator power of legs", "actuators", of_unit("W"), LEGS, "legs", powers))
+    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
+        numbers = tuple(
+            conditioning(run.machine, run.record["position"], run.record["orientation"]).condition_number[:, None]
+            for run in runs
         )
-        for signal in signals
-        if signal.name in known
-    ]
+    name = "condition number"
+    signals.append(Signal(name, f"{name} of the leg Jacobian", "legs", of_unit("1"), (name,), "other", numbers))
     order = {name: k for k, name in enumerate(SHOWN)}
-    return sorted(signals, key=lambda signal: (order.get(signal.name, len(SHOWN)), GROUPS.index(signal.group)))
+    signals.sort(key=lambda signal: (order.get(signal.name, len(SHOWN)), GROUPS.index(signal.group)))
+    return {signal.name: signal for signal in signals if any(values is not None for values in signal.values)}
 
 
 def _variable(name: str, records: Sequence[RecordData]) -> list[Signal]:
@@ -137,109 +163,50 @@ def _variable(name: str, records: Sequence[RecordData]) -> list[Signal]:
         for record in records
     )
     title = _TITLES.get(name, f"{prefix} {rest}".strip().replace("_", " "))
-    signal = Signal(name, title, group, quantity, (), "other", columns, f"reference.{name}")
     sizes = {values.shape[1] for values in columns if values is not None}
+    signal = Signal(name, title, group, quantity, LEGS, "legs", columns, f"reference.{name}")
     if shape == (6, 3) and sizes == {18}:
         return [
             replace(
                 signal,
                 name=f"{name} {axis}",
                 title=f"{title}, {axis}",
-                components=LEGS,
-                kind="legs",
                 values=tuple(None if values is None else values[:, k::3] for values in columns),
             )
             for k, axis in enumerate(AXES)
         ]
+    if shape == (6,) and sizes == {6}:
+        return [signal]
     if shape == (3,) and sizes == {3}:
         return [replace(signal, components=_ANGLES if rest == "orientation" else AXES, kind="axes")]
-    if shape == (6,) and sizes == {6}:
-        return [replace(signal, components=LEGS, kind="legs")]
     size = max(sizes)
     components = (title,) if size == 1 else tuple(str(k + 1) for k in range(size))
-    whole = tuple(None if values is None or values.shape[1] < size else values for values in columns)
-    return [replace(signal, components=components, values=whole, reference=None)]
+    complete = tuple(None if values is None or values.shape[1] < size else values for values in columns)
+    return [replace(signal, components=components, kind="other", values=complete, reference=None)]
 
 
-def _from_home(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
-    """The pose relative to home, with the rotation from home as vector about the world's axes, and its reference."""
-    signals = []
-    for name, unit, components in (("position", "mm", AXES), ("orientation", "deg", _ANGLES)):
-        for prefix, group in (("", "pose"), ("reference.", "reference")):
-            values = tuple(
-                error_between(name, record[prefix + name].T, getattr(platform, f"home_{name}")[:, None]).T
-                if prefix + name in record
-                else None
-                for record, platform in zip(records, platforms, strict=True)
-            )
-            own_name = f"{prefix}{name} from home"
-            title, reference = own_name.replace(".", " "), None if prefix else f"reference.{own_name}"
-            signals.append(Signal(own_name, title, group, of_unit(unit), components, "axes", values, reference))
-    return signals
+def _limits(runs: Sequence[DrawnRun]) -> dict[str, tuple[float, ...]]:
+    """Limits of signals that are the same in all runs, in SI units."""
 
+    def common(*factors: float, limit: Callable[[DrawnRun], float | None]) -> tuple[float, ...]:
+        different = {limit(run) for run in runs}
+        value = different.pop()
+        return () if different or value is None else tuple(factor * float(value) for factor in factors)
 
-def _computed(records: Sequence[RecordData], platforms: Sequence[Platform]) -> list[Signal]:
-    """Power of the actuators, and condition number of the leg Jacobian."""
-    powers = tuple(record["actuator_force"] * record[column_of_drives(record, "motor_velocity")] for record in records)
-    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
-        numbers = tuple(
-            conditioning(platform, record["position"], record["orientation"]).condition_number[:, None]
-            for record, platform in zip(records, platforms, strict=True)
-        )
-    name = "condition number"
-    return [
-        Signal("actuator power", "actuator power of legs", "actuators", of_unit("W"), LEGS, "legs", powers),
-        Signal(name, f"{name} of the leg Jacobian", "legs", of_unit("1"), (name,), "other", numbers),
-    ]
-
-
-def _limits(records: Sequence[RecordData], platforms: Sequence[Platform]) -> dict[str, tuple[float, ...]]:
-    """Limits of signals that are the same in all records."""
-
-    def common(*factors: float, limit: Callable[[RecordData, Platform], float | None]) -> tuple[float, ...]:
-        different = {limit(record, platform) for record, platform in zip(records, platforms, strict=True)}
-        (one,) = different if len(different) == 1 else (None,)
-        return () if one is None else tuple(factor * float(one) for factor in factors)
-
-    velocity = "motor_velocity" if any("motor_velocity" in record for record in records) else "leg_velocity"
-    shortest, longest = (
-        common(1, limit=lambda _, platform: platform.leg_length_min),
-        common(1, limit=lambda _, platform: platform.leg_length_max),
-    )
+    velocity = "motor_velocity" if any("motor_velocity" in run.record for run in runs) else "leg_velocity"
+    shortest = common(1, limit=lambda run: run.machine.leg_length_min)
     return {
-        "leg_length": shortest + longest,
-        velocity: common(1, -1, limit=lambda _, platform: platform.leg_velocity_max),
-        "actuator_force": common(1, -1, limit=lambda record, _: record.metadata.get("force_limit")),
-        "actuator power": common(1, -1, limit=lambda _, platform: platform.actuator_power_max),
+        "leg_length": shortest + common(1, limit=lambda run: run.machine.leg_length_max),
+        velocity: common(1, -1, limit=lambda run: run.machine.leg_velocity_max),
+        "actuator_force": common(1, -1, limit=lambda run: run.record.metadata.get("force_limit")),
+        "actuator power": common(1, -1, limit=lambda run: run.machine.actuator_power_max),
     }
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnRun:
-    """A run as it is drawn: its rows that are finite, and its machine."""
-
-    record: RecordData
-    machine: Platform
-    name: str
-
-
-def shown(record: RecordData, machine: Platform, name: str) -> DrawnRun | None:
-    """The drawable part of a record; None if it has no row."""
-    finite = finite_part(record)
-    if not all(name in finite for name in _DRAWN):
-        return None
-    small = np.max([np.abs(finite[column]).max(axis=1, initial=0.0) for column in _DRAWN], axis=0) < _LARGEST
-    rows = finite.table.height if small.all() else int(small.argmin())
-    return DrawnRun(RecordData(finite.table.head(rows), record.metadata), machine, name) if rows else None
 
 
 def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
     """The charts of runs over time, one series per run and component; and all other signals, which open if needed."""
-    several = len(runs) > 1
-    times = [run.record["time"] for run in runs]
-    signals = {
-        signal.name: signal for signal in signals_of([run.record for run in runs], [run.machine for run in runs])
-    }
+    several, times, limits = len(runs) > 1, [run.record["time"] for run in runs], _limits(runs)
+    signals = signals_of(runs)
     references = {signal.reference for signal in signals.values()}
     strips = () if several else limits_reached(runs[0].record, runs[0].machine)
     charts: dict[str, Chart] = {}
@@ -247,10 +214,38 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
         if name in references:
             continue
         reference = signals.get(signal.reference or "")
-        charts[name] = _chart(signal, reference, runs, times, strips, several=several)
+        role: Role = "error" if signal.group == "errors" else "reference" if signal.group == "reference" else "actual"
+        series = []
+        for k, run in enumerate(runs):
+            columns, targets = signal.values[k], None if reference is None else reference.values[k]
+            if columns is None:
+                continue
+            for j, component in enumerate(signal.components):
+                options: dict[str, Any] = {
+                    "leg": j + 1 if signal.kind == "legs" else None,
+                    "run": k if several else None,
+                    "component": component,
+                    "x": times[k] if several else None,
+                }
+                title = f"{run.name}: {component}" if several else component
+                series.append(Series(title, signal.quantity, _finite(columns[:, j]), role, **options))
+                if targets is not None:
+                    values = _finite(targets[:, j])
+                    series.append(Series(f"{title}, reference", signal.quantity, values, "reference", **options))
+        charts[name] = Chart(
+            signal.title,
+            time_axis(times[0]),
+            tuple(series),
+            "step" if signal.group in ("flags", "actuators", "controller") else "line",
+            y=Axis("", labels=("no", "yes")) if signal.group == "flags" else None,
+            marks=tuple(Mark(limit, "limit") for limit in limits.get(name, ())),
+            strips=strips,
+            group=signal.group,
+            detail=name not in FIRST,
+        )
     first = [charts[name] for name in FIRST if name in charts]
-    others = [chart for name, chart in charts.items() if name not in FIRST]
-    return Section("Over time", tuple(first)), Section("All other signals", tuple(others), detail=True)
+    rest = [chart for name, chart in charts.items() if name not in FIRST]
+    return Section("Over time", tuple(first)), Section("All other signals", tuple(rest), detail=True)
 
 
 def limits_reached(record: RecordData, machine: Platform) -> tuple[Strip, ...]:
@@ -285,47 +280,6 @@ def scenes(runs: Sequence[DrawnRun], frames: int = FRAMES) -> list[Scene]:
     return [
         scene_of(run.record, run.machine, run.name, of_run, k if len(runs) > 1 else None) for k, run in enumerate(runs)
     ]
-
-
-def _chart(
-    signal: Signal,
-    reference: Signal | None,
-    runs: Sequence[DrawnRun],
-    times: list[FloatArray],
-    strips: tuple[Strip, ...],
-    *,
-    several: bool,
-) -> Chart:
-    quantity = signal.quantity
-    role: Role = "error" if signal.group == "errors" else "reference" if signal.group == "reference" else "actual"
-    series = []
-    for k, run in enumerate(runs):
-        values = signal.values[k]
-        if values is None:
-            continue
-        for j, component in enumerate(signal.components):
-            name = f"{run.name}: {component}" if several else component
-            own: dict[str, Any] = {
-                "leg": j + 1 if signal.kind == "legs" else None,
-                "run": k if several else None,
-                "component": component,
-                "x": times[k] if several else None,
-            }
-            series.append(Series(name, quantity, _finite(values[:, j]), role, **own))
-            wanted = None if reference is None else reference.values[k]
-            if wanted is not None:
-                series.append(Series(f"{name}, reference", quantity, _finite(wanted[:, j]), "reference", **own))
-    return Chart(
-        signal.title,
-        time_axis(times[0]),
-        tuple(series),
-        "step" if signal.is_flag or signal.group in ("actuators", "controller") else "line",
-        y=Axis("", labels=("no", "yes")) if signal.is_flag else None,
-        marks=tuple(Mark(limit, "limit") for limit in signal.limits),
-        strips=strips,
-        group=signal.group,
-        detail=signal.name not in FIRST,
-    )
 
 
 def _finite(values: FloatArray) -> FloatArray:

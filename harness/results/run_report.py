@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,11 +68,20 @@ def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Rob
         cause = f": {outcome['cause']}" if outcome.get("cause") else ""
         return Verdict(sentence([f"{outcome['status']} at {outcome['time']:.4g} s{of_planned}{cause}"]), "bad")
     fineness = fineness_of_record(record.metadata)
-    parts = [
-        *_tracking(record, measured, fineness),
-        *_drives(record, measured, fineness),
-        *_settling(measured),
-    ]
+    parts = [*_tracking(record, measured, fineness), *_drives(record, measured, fineness)]
+    steps = measured["step_response"] or ()
+    late = next((step for step in steps if step["settling_time"] is None), None)
+    if steps:
+        step = late or max(steps, key=lambda step: step["settling_time"])
+        duration, path = step["settling_time"], f"step_response.{step['axis']}.settling_time"
+        text = (
+            f"settles in {about(TIME, duration)}"
+            if late is None
+            else (
+                f"{step['axis']} has not settled to 2 % within {about(TIME, outcome['time'] - step['at'])} of its step"
+            )
+        )
+        parts.append(_Part(text, late is not None, Number(path, "settling time", duration, TIME)))
     if robustness is not None:
         number = Number("margins.disk", "disk margin", robustness.alpha, NUMBER)
         size = at_least(DECIBEL, robustness.decibels) if math.isfinite(robustness.decibels) else "any gain"
@@ -99,14 +107,13 @@ def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Rob
 
 def run_numbers(measured: Mapping[str, Any], robustness: Robustness | None = None) -> tuple[Number, ...]:
     """All numbers of a run by the paths of its metrics; of several legs the largest, or the least where that counts."""
-    numbers = []
-    for path, value in flattened(measured).items():
-        metric = metric_of(path)
-        numbers.append(Number(path, metric.text, value, metric.quantity, explanation=metric.sentence))
+    values, doubts = flattened(measured), dict[str, str]()
     if robustness is not None:
-        metric = metric_of("margins.disk")
-        disk = Number("margins.disk", metric.text, robustness.alpha, explanation=metric.sentence)
-        numbers.append(replace(disk, doubt=robustness.doubt))
+        values["margins.disk"], doubts["margins.disk"] = robustness.alpha, robustness.doubt
+    numbers = []
+    for path, value in values.items():
+        metric, doubt = metric_of(path), doubts.get(path, "")
+        numbers.append(Number(path, metric.text, value, metric.quantity, explanation=metric.sentence, doubt=doubt))
     return tuple(numbers)
 
 
@@ -189,22 +196,6 @@ def _drives(record: RecordData, measured: Mapping[str, Any], fineness: float) ->
     return parts
 
 
-def _settling(measured: Mapping[str, Any]) -> list[_Part]:
-    """When the slowest of the step responses settles."""
-    steps = measured["step_response"] or ()
-    if not steps:
-        return []
-    late = [step for step in steps if step["settling_time"] is None]
-    if late:
-        step = late[0]
-        waited = measured["outcome"]["time"] - step["at"]
-        text = f"{step['axis']} has not settled to 2 % within {about(TIME, waited)} of its step"
-        return [_Part(text, True, Number(f"step_response.{step['axis']}.settling_time", "settling time", None, TIME))]
-    step = max(steps, key=lambda step: step["settling_time"])
-    number = Number(f"step_response.{step['axis']}.settling_time", "settling time", step["settling_time"], TIME)
-    return [_Part(f"settles in {about(TIME, step['settling_time'])}", number=number)]
-
-
 def report_of_run(
     record: RecordData,
     machine: Platform,
@@ -224,12 +215,12 @@ def report_of_run(
     if charts:
         drawn = shown(record, machine, "run")
         if drawn is not None:
-            first, others = run_charts([drawn])
-            sections = [Section("Motion", tuple(scenes([drawn]))), *sections, first, others]
+            first, rest = run_charts([drawn])
+            sections = [Section("Motion", tuple(scenes([drawn]))), *sections, first, rest]
         limits = limits_table(drawn.record, machine) if drawn is not None else None
         about_run = (run_table(record, believed), limits, parameters_table(machine, believed), versions_table(record))
-        known = tuple(table for table in about_run if table is not None and table.rows)
-        sections.append(Section("Run, parameters, versions", known, detail=True))
+        tables_about_run = tuple(table for table in about_run if table is not None and table.rows)
+        sections.append(Section("Run, parameters, versions", tables_about_run, detail=True))
     metadata = record.metadata
     platform, outcome = (metadata.get("platform") or {}).get("name"), metadata.get("outcome") or {}
     lead = [

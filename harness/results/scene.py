@@ -24,8 +24,8 @@ _OVERLAP, _SHORTEST = 0.06, 0.97
 def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:
     """Rows that become frames: every s-th and the last, with the smallest s that keeps to this number of frames."""
     stride = max(1, math.ceil((rows - 1) / max(frames - 1, 1)))
-    kept = np.arange(0, rows, stride)
-    return kept if kept[-1] == rows - 1 else np.append(kept, rows - 1)
+    frames_at = np.arange(0, rows, stride)
+    return frames_at if frames_at[-1] == rows - 1 else np.append(frames_at, rows - 1)
 
 
 def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FRAMES, run: int | None = None) -> Scene:
@@ -37,7 +37,11 @@ def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FR
     rows = frame_rows(record.table.height, frames)
     few = RecordData(record.table[rows], record.metadata)
     lower, upper = leg_parts(record["leg_length"], platform)
-    nearness = nearness_to_limits(few, platform)
+    nearness, flags = nearness_to_limits(few, platform), list[Flag]()
+    for flag in FLAGS:
+        if f"flag.{flag}" in record:
+            is_set = np.asarray(record[f"flag.{flag}"].astype(bool).any(axis=1))
+            flags.append(Flag(flag, "".join("01"[int(is_set[a:b].any())] for a, b in pairwise(rows))))
     return Scene(
         name,
         platform.base_points,
@@ -56,7 +60,7 @@ def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FR
         external_force=few["external_force"] if few["external_force"].any() else None,
         nearness=np.max(list(nearness.values()), axis=0) if nearness else None,
         nearness_of=tuple(nearness),
-        flags=tuple(Flag(name, _any_until_next(record, rows, name)) for name in FLAGS if f"flag.{name}" in record),
+        flags=tuple(flags),
         rows=record.table.height,
         run=run,
         decimals=max(4, 3 + round(-math.log10(fineness_of(platform)))),
@@ -81,9 +85,3 @@ def _poses(position: FloatArray, orientation: FloatArray) -> FloatArray:
 
     rotation = matrix_from_orientation(orientation)
     return np.concatenate([position, Rotation.from_matrix(rotation).as_quat()], axis=-1)
-
-
-def _any_until_next(record: RecordData, rows: NDArray[np.int64], name: str) -> str:
-    """One character per frame except the last: the values of a row hold until the next one."""
-    up = np.asarray(record[f"flag.{name}"].astype(bool).any(axis=1))
-    return "".join("01"[int(up[a:b].any())] for a, b in pairwise(rows))

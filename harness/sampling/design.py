@@ -80,19 +80,16 @@ class SamplingDesign:
         """The points of members first to last − 1 (last − first, size)."""
         if not self.size:
             return np.zeros((last - first, 0))
-        points = {
-            "random": self._random,
-            "latin_hypercube": lambda a, b: np.asarray(_hypercube(self.size, self.members, self.seed)[a:b]),
-            "sobol": lambda a, b: _sobol(self.size, self.seed, a, b),
-            "saltelli": self._saltelli,
-        }[self.sampling](first, last)
+        if self.sampling == "random":
+            sizes = zip(self.names, self.sizes, strict=True)
+            points = np.concatenate([_stream(self.seed, name, size, first, last) for name, size in sizes], axis=1)
+        elif self.sampling == "latin_hypercube":
+            points = _hypercube(self.size, self.members, self.seed)[first:last]
+        elif self.sampling == "sobol":
+            points = _sobol(self.size, self.seed, first, last)
+        else:
+            points = self._saltelli(first, last)
         return np.asarray(np.maximum(points, _SMALLEST))
-
-    def _random(self, first: int, last: int) -> FloatArray:
-        return np.concatenate(
-            [_stream(self.seed, name, size, first, last) for name, size in zip(self.names, self.sizes, strict=True)],
-            axis=1,
-        )
 
     def _saltelli(self, first: int, last: int) -> FloatArray:
         block, d = self.block, self.size

@@ -1,8 +1,11 @@
-"""`{ normal = ["120 kg", "10 kg"] }` and others: how one value varies, as written in an experiment file."""
+"""`{ normal = ["120 kg", "10 kg"] }` and others: how one value varies, as written in an experiment file.
 
-from collections.abc import Callable
+Quantile functions turn numbers in (0, 1), random ones or those of a design, into values. All are computed element by
+element, so a value does not depend on its neighbours.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from math import prod
 from typing import Any
 
@@ -10,7 +13,6 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from gough_stewart.harness.quantities import PLAIN, number, plain_number
-from gough_stewart.harness.sampling.distributions import choice, lognormal, normal, truncated_normal, uniform
 from gough_stewart.harness.section import Section
 from gough_stewart.model.vectors import FloatArray
 
@@ -127,7 +129,7 @@ class Variation(Section):
         among = values if all(isinstance(value, int) for value in values) else parsed
 
         def draw(u: FloatArray) -> Any:
-            return choice(u, among) if target.unit is None else np.asarray(choice(u, among))
+            return _choice(u, among) if target.unit is None else np.asarray(_choice(u, among))
 
         return Spread(1, draw, len(values) if kind == "grid" else None)
 
@@ -171,42 +173,76 @@ def _positive(size: FloatArray, value: Any, expected: str) -> FloatArray:
     return size
 
 
+def normal(u: FloatArray, mean: FloatArray, deviation: FloatArray) -> FloatArray:
+    """N(μ, σ²): μ + σ Φ⁻¹(u)."""
+    return np.asarray(mean + deviation * _scores(u))
+
+
 def _normal(value: Any, target: VariedValue) -> Quantile:
     *mean, deviation = _listed(value, (1, 2), "normal")
     middle = _number_or_all(mean[0], target) if mean else _nominal(target)
     size = _positive(_number_or_all(deviation, target), value, "a standard deviation > 0")
-    return partial(normal, mean=middle, deviation=size)
+    return lambda u: normal(u, middle, size)
 
 
 def _uniform(value: Any, target: VariedValue) -> Quantile:
+    """From a to b: a + (b − a) u."""
     bounds = [_number_or_all(bound, target) for bound in _listed(value, (1, 2), "uniform")]
     if len(bounds) == 1:
         half = _positive(bounds[0], value, "a half width > 0")
-        return partial(uniform, low=_nominal(target) - half, high=_nominal(target) + half)
-    _positive(bounds[1] - bounds[0], value, "the lower bound below the upper one")
-    return partial(uniform, low=bounds[0], high=bounds[1])
+        bounds = [_nominal(target) - half, _nominal(target) + half]
+    else:
+        _positive(bounds[1] - bounds[0], value, "the lower bound below the upper one")
+    low, high = bounds
+    return lambda u: np.asarray(low + (high - low) * u)
 
 
 def _truncated_normal(value: Any, target: VariedValue) -> Quantile:
+    """N(μ, σ²) between two bounds: μ + σ Φ⁻¹(Φ(α) + u (Φ(β) − Φ(α))), α and β the bounds as multiples of σ from μ."""
     parts = [_number_or_all(part, target) for part in _listed(value, (2, 4), "truncated_normal")]
     if len(parts) == 2:
         deviation, bound = parts
         _positive(bound, value, "a bound > 0")
-        middle, low, high = _nominal(target), _nominal(target) - bound, _nominal(target) + bound
+        mean, low, high = _nominal(target), _nominal(target) - bound, _nominal(target) + bound
     else:
-        middle, deviation, low, high = parts
+        mean, deviation, low, high = parts
     _positive(deviation, value, "a standard deviation > 0")
     _positive(high - low, value, "the lower bound below the upper one")
-    return partial(truncated_normal, mean=middle, deviation=deviation, low=low, high=high)
+
+    def quantile(u: FloatArray) -> FloatArray:
+        from scipy.special import ndtr
+
+        a, b = (low - mean) / deviation, (high - mean) / deviation
+        # near 1, differences of Φ lose digits: in the upper tail use the mirrored distribution
+        upper = a > 0
+        a, b, v = np.where(upper, -b, a), np.where(upper, -a, b), np.where(upper, 1 - u, u)
+        z = _scores(ndtr(a) + v * (ndtr(b) - ndtr(a)))
+        return np.clip(mean + deviation * np.where(upper, -z, z), low, high)
+
+    return quantile
 
 
 def _lognormal(value: Any, target: VariedValue) -> Quantile:
+    """The logarithm is normal, with mean ln m and deviation s: m exp(s Φ⁻¹(u)); m is the median."""
     *median, deviation = _listed(value, (1, 2), "lognormal")
     middle = _number_or_all(median[0], target) if median else _nominal(target)
     if not (middle > 0).all():
         raise ValueError(f"lognormal has the median {middle.tolist()}; expected a median > 0")
     size = _positive(np.array(plain_number(deviation)), value, "a deviation of the logarithm > 0")
-    return partial(lognormal, median=middle, log_deviation=size)
+    return lambda u: np.asarray(middle * np.exp(size * _scores(u)))
+
+
+def _scores(u: FloatArray) -> FloatArray:
+    """Φ⁻¹(u)."""
+    from scipy.special import ndtri  # not needed, and slow, without an ensemble
+
+    return np.asarray(ndtri(u))
+
+
+def _choice(u: FloatArray, values: Sequence[Any]) -> list[Any]:
+    """One of n values with equal probability, the one at ⌊n u⌋, for each of u (m, 1)."""
+    n = len(values)
+    return [values[min(int(n * share), n - 1)] for share in np.ravel(u).tolist()]
 
 
 _DISTRIBUTIONS: dict[str, Callable[[Any, VariedValue], Quantile]] = {

@@ -2,11 +2,10 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
 from pydantic import TypeAdapter, ValidationError
 
 from gough_stewart.harness import quantities
@@ -109,12 +108,7 @@ def test_what_is_no_quantity_says_what_is_one(value: Any, unit: str, message: st
         message,
         message.replace("of at most 1e+12 in SI units", "of N, or a string with one of the units N, kN"),
     )
-
-
-def test_the_largest_number_is_still_one() -> None:
-    assert number(1e12, "N") == 1e12
-    assert number("-1e9 kN", "N") == -1e12
-    assert number(2, PLAIN) == 2
+    assert number(1e12, "N") == -number("-1e9 kN", "N") == 1e12
 
 
 def test_vectors_have_their_size_and_channels_may_be_one_number() -> None:
@@ -197,8 +191,6 @@ def test_each_field_has_its_unit_size_and_bound(name: str) -> None:
     found = field.validate_python(written(0.5))
     assert np.ravel(found) == pytest.approx(0.5 * factor)
     assert np.size(found) == max(size, 1)
-    # what a type checker and editors see
-    assert get_args(getattr(quantities, name))[0] == (ArrayLike if size else float)
     annotation = quantity_in(getattr(quantities, name))
     assert annotation is not None
     assert annotation.unit == unit
@@ -235,8 +227,3 @@ def test_a_share_is_from_nothing_to_below_all() -> None:
             share.validate_python(value)
     with pytest.raises(ValidationError, match="expected a number from 0 to below 1, or a string such as '10 %'"):
         share.validate_python("10 m")
-
-
-def test_a_type_without_a_quantity_has_none() -> None:
-    assert quantity_in(int, str) is None
-    assert quantity_in(str, quantities.Force | None) == Vector("N", 3)

@@ -9,7 +9,7 @@ from gough_stewart.harness.experiment.file import experiment_from
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.run import Run, simulate
-from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.model.platform import save_platform
 from tests.support.uneven import UNEVEN
 

@@ -23,7 +23,7 @@ from gough_stewart.harness.export.designed import Designed
 from gough_stewart.harness.export.relative import home_of
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.vectors import FloatArray
 from tests.support.c_hosts import ZIG

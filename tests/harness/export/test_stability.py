@@ -39,7 +39,7 @@ from gough_stewart.harness.export.stability import (
     stability_of,
 )
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform

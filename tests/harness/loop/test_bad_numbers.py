@@ -11,7 +11,7 @@ from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
-from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray

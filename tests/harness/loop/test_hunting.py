@@ -31,7 +31,7 @@ def test_it_hunts_alike_in_every_host(springs: bool) -> None:
     from gough_stewart.harness.experiment.file import shipped_experiment
     from gough_stewart.harness.experiment.preparation import prepare
     from gough_stewart.harness.export.machine import machine_of
-    from gough_stewart.harness.plants.model import ModelPlant
+    from gough_stewart.harness.plants.open import ModelPlant
     from tests.harness.export.test_machine import Machine
     from tests.support.hunting import GIVES, SETTINGS, cycle_of
 

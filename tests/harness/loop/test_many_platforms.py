@@ -24,7 +24,7 @@ from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.plants.lanes import LanesPlant
-from gough_stewart.harness.plants.model import ModelPlant
+from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform

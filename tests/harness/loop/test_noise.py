@@ -14,7 +14,7 @@ from gough_stewart.harness.loop.noise import standard_normal, streams_of
 from gough_stewart.harness.loop.seeds import Seed
 from gough_stewart.harness.loop.sensors import Readings, Sensors
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.kinds import PlantKind
+from gough_stewart.harness.plants.plant import PlantKind
 from gough_stewart.model.vectors import FloatArray
 
 ALL = range(signals.SIZE)

@@ -166,20 +166,6 @@ def test_a_member_has_the_same_bits_in_any_company(steps: dict[str, Any]) -> Non
             np.testing.assert_array_equal(found, expected[chosen])
 
 
-def test_frozen_members_stay_to_the_last_bit_while_others_go_on(steps: dict[str, Any]) -> None:
-    """Expected: states as they were, and the run of the others as if nobody had been frozen."""
-    platforms, starts, inputs = members(N)
-    plant, free = (LanesPlant(platforms, starts, **steps) for _ in range(2))
-    before, frozen = run(plant, inputs, 3)[:, :24], np.arange(N) % 3 == 1
-    plant.freeze(frozen)
-    error, taken = plant.integration_error.copy(), plant.internal_steps.copy()
-    after = run(plant, inputs, 3, first=3)[:, :24]
-    np.testing.assert_array_equal(after[frozen], before[frozen])
-    np.testing.assert_array_equal(plant.integration_error[frozen], error[frozen])
-    np.testing.assert_array_equal(plant.internal_steps[frozen], taken[frozen])
-    np.testing.assert_array_equal(after[~frozen], run(free, inputs, 6)[~frozen, :24])
-
-
 # --- internal steps and their errors ---------------------------------------------------------------------------------
 
 

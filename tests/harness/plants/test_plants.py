@@ -13,8 +13,7 @@ import gough_stewart as gs
 from gough_stewart import GoughStewartError, Platform, State
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.isolated import IsolatedFmu
-from gough_stewart.harness.plants.model import ModelPlant
-from gough_stewart.harness.plants.open import open_plant
+from gough_stewart.harness.plants.open import ModelPlant, open_plant
 from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model import interface
 from tests.support.fmu_plants import Fmu

@@ -78,21 +78,6 @@ def test_a_damaged_file_is_refused_and_leaves_nothing(
     assert list((tmp_path / "temporary").iterdir()) == []
 
 
-def test_an_error_that_the_unit_logs_is_one_also_where_the_call_went_well(fmus: dict[str, Fmu]) -> None:
-    """Expected: an error of the unit, put in its mouth, raised by whatever is called next, and only once."""
-    with FmuPlant(fmus["3.0"].path, UNEVEN) as plant:
-        for call in (
-            plant.results,
-            lambda: plant.set_inputs(np.zeros(12)),
-            lambda: plant.set_parameters({"platform_mass": 12.0}),
-            lambda: plant.do_step(0.0, 0.001),
-        ):
-            plant._unit._hear(None, 3, b"logStatusError", b"the oil is cold")
-            with pytest.raises(GoughStewartError, match=r"\.fmu: the oil is cold$"):
-                call()
-        plant.results()
-
-
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_a_failed_step_of_a_unit_has_its_version_step_and_time(version: str, fmus: dict[str, Fmu]) -> None:
     """Expected: the quantity with the version, the step and the time that were asked for, and the unit's reason."""

@@ -29,30 +29,10 @@ from gough_stewart.harness.loop.term_folds import (
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.results.metric_folds import METRICS, folds_of_loop, metric_kernels
 from gough_stewart.model.operations import greater, where
-from tests.support.metric_definitions import defined_metrics, same_to_rounding
+from tests.support.metric_definitions import defined_metrics
 from tests.support.orientations import rotation_vectors
 from tests.support.records import Floats, columns
 from tests.support.rows import pass_rows
-
-HEAVE: dict[str, Any] = {"loop.duration": 0.6, "loop.plant_step": "1 ms"}
-# Members that follow, that are limited, that never rise, and that are lost.
-LOOPS: dict[str, dict[str, Any]] = {
-    "follow": {"ensemble": {"members": 5, "platform_mass": {"uniform": [900, 1500]}}},
-    "limited": {
-        "actuators.force_limit": 11000,
-        "actuators.rate_limit": 9000,
-        "ensemble": {"members": 5, "loop.delay": {"choice": [1, 4]}, "platform_mass": {"uniform": [1000, 1400]}},
-    },
-    "some are lost": {
-        "loop.delay": 20,
-        "limits.position_error": "55 mm",
-        "ensemble": {"members": 9, "controller.bandwidth": {"uniform": [0.1, 20]}},
-    },
-    "own references": {
-        "platform.parameters": {"actuator_power_max": 300.0},
-        "ensemble": {"members": 5, "reference.at": {"uniform": [0.05, 0.4]}, "platform_mass": {"uniform": [900, 1500]}},
-    },
-}
 
 
 def one_number(metrics: Mapping[str, Any], path: str) -> float | None:
@@ -70,26 +50,6 @@ def one_number(metrics: Mapping[str, Any], path: str) -> float | None:
     if path.endswith(("shortest", "first_exceeded")):
         return min(known, default=None)
     return max(known) if len(known) == len(part) else None
-
-
-@pytest.mark.parametrize("case", LOOPS)
-def test_a_table_of_members_has_the_metrics_of_their_runs(case: str) -> None:
-    """Expected: `gs.metrics` of each member's record, to the bit; and loops over its rows, to rounding."""
-    settings = {**HEAVE, **LOOPS[case]}
-    members = gs.ensemble("heave_step", settings, workers=1).members
-    paths = [name for name in members.columns if name in {metric.path for metric in METRICS}]
-    assert len(paths) >= 30
-    records = [gs.run("heave_step", settings, member=k) for k in range(members.height)]
-    statuses = {record.metadata["outcome"]["status"] for record in records}
-    assert (len(statuses) == 2) == (case == "some are lost")
-    for k, record in enumerate(records):
-        found = gs.metrics(record)
-        for path in paths:
-            expected = one_number(found, path)
-            if path == "rows" or statuses == {"completed"}:
-                assert members[path][k] == expected, (path, k)
-        known = {name: value for name, value in found.items() if name != "outcome"}
-        same_to_rounding(known, defined_metrics(record.table, record.metadata["platform"]))
 
 
 LIMITS: dict[str, Any] = {

@@ -1,7 +1,6 @@
 """Metrics of records against closed forms and against loops over the rows, and records that lack something."""
 
 import json
-import math
 from typing import Any
 
 import control
@@ -85,50 +84,6 @@ def test_every_number_is_its_definition_leg_by_leg(data: st.DataObject) -> None:
     same_to_rounding(metrics_of(gs.Record(broken, whole.metadata)), defined_metrics(table.head(row), limits))
 
 
-def test_rms_of_a_sine_is_its_amplitude_over_root_two() -> None:
-    """Expected: the mean of sin² over whole periods, exact for equally spaced samples."""
-    phase = 2 * np.pi * 3 * np.arange(1200) / 1200
-    amplitude = np.array([0.1, 0.2, 0.0])
-    tracking = gs.metrics(record_of(1200, {"error.position": amplitude * np.sin(phase)[:, None]}))["tracking"]
-    assert tracking == {
-        "position": {
-            "rms": pytest.approx((amplitude / math.sqrt(2)).tolist(), rel=1e-12),
-            "peak": pytest.approx(amplitude.tolist(), rel=1e-12),
-            "norm_rms": pytest.approx(math.hypot(0.1, 0.2) / math.sqrt(2), rel=1e-12),
-            "norm_peak": pytest.approx(math.hypot(0.1, 0.2), rel=1e-12),
-        }
-    }
-
-
-@pytest.mark.parametrize(("damping", "size"), [(0.3, 0.2), (0.6, -0.05)])
-def test_step_of_a_second_order_system_has_its_known_numbers(damping: float, size: float) -> None:
-    """Expected: overshoot exp(−πζ/√(1−ζ²)); the last time outside 2 % from the closed form on a finer grid."""
-    omega, start = 30.0, 250
-    damped = omega * math.sqrt(1 - damping**2)
-
-    def response(t: Floats) -> Floats:
-        swing = np.cos(damped * t) + damping * omega / damped * np.sin(damped * t)
-        return np.asarray(1 - np.exp(-damping * omega * t) * swing)
-
-    t = STEP * np.arange(2000)
-    wanted = 1.5 + np.where(np.arange(2000) >= start, size, 0.0)
-    actual = 1.5 + size * np.where(t > t[start], response(np.maximum(t - t[start], 0)), 0)
-    (found,) = gs.metrics(following(wanted, actual))["step_response"]
-    fine = np.arange(0, 1.7, 1e-6)
-    rise = fine[(response(fine) >= 0.9).argmax()] - fine[(response(fine) >= 0.1).argmax()]
-    overshoot = 100 * math.exp(-math.pi * damping / math.sqrt(1 - damping**2))
-    assert found == {
-        "axis": "z",
-        "from": 1.5,
-        "to": pytest.approx(1.5 + size),
-        "at": pytest.approx(t[start]),
-        "overshoot_percent": pytest.approx(overshoot, abs=0.1),
-        "rise_time": pytest.approx(rise, abs=1.001 * STEP),
-        "settling_time": pytest.approx(fine[np.abs(response(fine) - 1) >= 0.02][-1], abs=1.001 * STEP),
-        "final_error": pytest.approx(0, abs=1e-6),
-    }
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_step_numbers_are_python_controls(seed: int) -> None:
     """Expected: `control.step_info` from the jump on; responses that ring, with noise, cross a level more than once."""
@@ -179,68 +134,10 @@ def test_what_is_a_step_and_what_is_said_of_its_response(case: str) -> None:
         }
 
 
-def test_each_axis_has_a_step_of_its_own_or_none() -> None:
-    """Expected: by definition; steps up, down and late, a ramp to the end, one too late to be one, and rest."""
-    k = np.arange(120)
-    late = [np.where(k < at, 0.0, 1.0) for at in (70, 115)]
-    axes = [np.where(k < 9, 0.0, 0.4), k / 119, np.where(k < 40, 0.2, -0.5), *late, np.full(120, 0.3)]
-    wanted, actual = np.stack(axes, axis=1), np.zeros((120, 6))
-    for j in range(1, 120):
-        actual[j] = actual[j - 1] + np.array([0.3, 0.2, 0.15, 0.1, 0.4, 0.2]) * (wanted[j - 1] - actual[j - 1])
-    record = following(wanted, actual)
-    flags = {name: np.zeros((120, 6), bool) for name in ("force_limited", "rate_limited", "stroke_exceeded")}
-    more = {k: v for name, flag in flags.items() for k, v in columns(f"flag.{name}", flag).items()}
-    table = record.table.with_columns(
-        **more, **columns("error.leg_length", np.zeros((120, 6))), **columns("reference.leg_length", np.zeros((120, 6)))
-    )
-    found = gs.metrics(record)["step_response"]
-    assert [step["axis"] for step in found] == ["x", "z", "roll"]
-    same_to_rounding(found, defined_metrics(table, {})["step_response"])
-
-
 def test_a_jump_of_a_reference_is_at_its_own_time() -> None:
     """Expected: the time that the experiment names."""
     (found,) = gs.metrics(gs.run("heave_step", {"reference.at": 0.02, "loop.duration": 0.05}))["step_response"]
     assert found["at"] == 0.02
-
-
-def test_constant_force_does_force_times_displacement() -> None:
-    """Expected: W = F·ΔL, P = W/T; out and back is no net work, but twice the absolute."""
-    force, there = np.array([1.0, -2, 3, -4, 5, 0]), np.linspace(0, 0.3, 501)
-    found = gs.metrics(record_of(501, {"actuator_force": force, "leg_length": 2 + there[:, None], "leg_velocity": 0.6}))
-    assert found["energy"]["net"] == pytest.approx((0.3 * force).tolist(), rel=1e-12)
-    assert (found["energy"]["net_total"], found["energy"]["absolute_total"]) == pytest.approx((0.9, 4.5))
-    assert found["power"]["mean"] == pytest.approx((0.6 * force).tolist(), rel=1e-12)
-    assert found["power"]["peak"] == pytest.approx((0.6 * np.abs(force)).tolist(), rel=1e-12)
-    assert found["force"]["peak"] == found["force"]["rms"] == pytest.approx(np.abs(force).tolist(), rel=1e-12)
-    back = np.r_[there, there[-2::-1]]
-    found = gs.metrics(record_of(len(back), {"actuator_force": force, "leg_length": 2 + back[:, None]}))
-    assert found["energy"]["net"] == pytest.approx([0] * 6, abs=1e-14)
-    assert found["energy"]["absolute_total"] == pytest.approx(0.6 * 15)
-
-
-def test_limits_say_how_much_of_them_each_leg_used_and_when_it_went_beyond() -> None:
-    """Expected: worked out by hand; the force is held over its row, so that power counts with both ends' velocities."""
-    force, velocity = np.zeros((4, 6)), np.zeros((4, 6))
-    velocity[2, 1], velocity[3, 4] = -0.6, 0.3
-    force[1, 1], force[3, 4], force[0, 0] = 20.0, -30.0, 50.0
-    stated: dict[str, Any] = {"leg_velocity_max": 0.5, "actuator_power_max": 10.0, "actuator_force_max": 50.0}
-    found = gs.metrics(record_of(4, {"actuator_force": force, "leg_velocity": velocity}, **stated))
-    never = [None] * 6
-    assert found["limits"] == {
-        "leg_velocity_max": {
-            "limit": 0.5,
-            "used": pytest.approx([0, 1.2, 0, 0, 0.6, 0]),
-            "first_exceeded": [None, 2 * STEP, None, None, None, None],
-        },
-        "actuator_force_max": {"limit": 50, "used": pytest.approx([1, 0.4, 0, 0, 0.6, 0]), "first_exceeded": never},
-        "actuator_power_max": {
-            "limit": 10,
-            "used": pytest.approx([0, 1.2, 0, 0, 0.9, 0]),
-            "first_exceeded": [None, STEP, None, None, None, None],
-        },
-    }
-    assert "actuator power, first beyond" in str(found)
 
 
 def test_parts_without_numbers_are_none_and_not_empty() -> None:

@@ -399,21 +399,6 @@ def test_the_table_of_a_run() -> None:
         ("platform", "uneven"),
         ("rows", "301"),
     ]
-    every: tuple[str, ...] = (
-        "reference",
-        "controller",
-        "loop",
-        "sensors",
-        "actuators",
-        "limits",
-        "start",
-        "change",
-        "disturbance",
-    )
-    every += ("fault", "injection")
-    full = {**RUN.metadata, "experiment": {name: {"k": n} for n, name in enumerate(reversed(every))}}
-    rows = rows_of(part(gs.Record(RUN.table, full).report(), "Table", "Run"))
-    assert rows[8:] == [(name, f"k {10 - n}") for n, name in enumerate(every)]
 
 
 def test_the_table_of_limits_and_flags() -> None:

@@ -141,19 +141,6 @@ def test_metrics_of_a_record_that_starts_at_another_time_and_place(record: gs.Re
     same_to_rounding(found, defined_metrics(later, MACHINE.as_dict()))
 
 
-def test_limits_and_stroke_are_those_that_the_platform_states(record: gs.Record) -> None:
-    """Expected: the definitions, with one limit at a time, other values, and only one end of the stroke."""
-    for stated in (
-        {"leg_length_min": 3.0},
-        {"leg_length_max": 3.3, "leg_velocity_max": 0.4},
-        {"actuator_force_max": 70.0},
-        {"actuator_power_max": 33.0, "leg_length_min": 2.0, "leg_length_max": 3.45},
-    ):
-        found = dict(gs.metrics(gs.Record(record.table, {**record.metadata, "platform": stated})))
-        found.pop("outcome")
-        same_to_rounding(found, defined_metrics(record.table, stated))
-
-
 def test_each_row_has_the_legs_and_the_feedforward_of_its_own_reference(record: gs.Record) -> None:
     """Expected: the nominal platform's lengths and J [v; ω] along a reference that rests, moves and rests again.
 
@@ -329,54 +316,27 @@ def test_a_notebook_shows_the_same_cells(done: tuple[Result, Path], record: gs.R
     assert len(shown) == 3
 
 
-def test_tables_leave_out_what_a_record_lacks(record: gs.Record) -> None:
-    """Expected: no rows of errors, flags and limits without their columns and limits, and all others."""
-    plain = [name for name in record.table.columns if not name.startswith(("error.", "reference.", "flag."))]
-    bare = gs.Record(record.table.select(plain), {**record.metadata, "platform": {}})
-    tables = tables_in(str(gs.metrics(bare)))
-    assert list(tables) == ["Legs"]
-    names = ["shortest m", "longest m", "peak force N", "RMS force N", "peak power W", "mean power W", "net work J"]
-    assert list(tables["Legs"]) == ["", *names, "work, absolute J"]
-    found = gs.metrics(bare)
-    assert found["tracking"] is found["step_response"] is found["saturation"] is found["limits"] is None
-    assert found["stroke"]["margin"] is found["stroke"]["exceeded"] is None
-
-
 # Words, unit and factor of paths of every kind, shown anywhere.
 NAMED = {
-    "tracking.position.rms": ("position error, RMS of an axis", "mm", 1e3),
-    "tracking.position.peak": ("position error, peak of an axis", "mm", 1e3),
     "tracking.position.norm_rms": ("position error, RMS", "mm", 1e3),
     "tracking.position.norm_peak": ("position error, peak", "mm", 1e3),
-    "tracking.orientation.rms": ("orientation error, RMS of an axis", "deg", 180 / np.pi),
     "tracking.orientation.norm_peak": ("orientation error, peak", "deg", 180 / np.pi),
     "tracking.leg_length.rms": ("leg error, RMS", "mm", 1e3),
-    "tracking.leg_length.peak": ("leg error, peak", "mm", 1e3),
-    "step_response.y.from": ("y: from", "mm", 1e3),
     "step_response.yaw.to": ("yaw: to", "deg", 180 / np.pi),
     "step_response.z.at": ("z: step at", "s", 1.0),
     "step_response.roll.overshoot_percent": ("roll: overshoot", "%", 1.0),
-    "step_response.x.rise_time": ("x: rise time", "s", 1.0),
     "step_response.pitch.settling_time": ("pitch: settling time", "s", 1.0),
-    "step_response.z.final_error": ("z: final error", "mm", 1e3),
     "step_response.pitch.final_error": ("pitch: final error", "deg", 180 / np.pi),
     "force.peak": ("peak force", "N", 1.0),
-    "force.rms": ("RMS force", "N", 1.0),
     "power.peak": ("peak power", "W", 1.0),
-    "power.mean": ("mean power", "W", 1.0),
     "energy.absolute_total": ("work, absolute", "J", 1.0),
-    "energy.net_total": ("work, net", "J", 1.0),
     "energy.net": ("work of a leg, net", "J", 1.0),
-    "saturation.force_limited.any": ("force limited", "%", 100.0),
-    "saturation.rate_limited.any": ("rate limited", "%", 100.0),
     "saturation.rate_limited.legs": ("rate limited, a leg", "%", 100.0),
     "stroke.margin": ("stroke margin", "mm", 1e3),
     "stroke.exceeded.any": ("beyond stroke", "%", 100.0),
     "stroke.shortest": ("shortest leg", "mm", 1e3),
     "limits.leg_velocity_max.used": ("leg velocity, of its limit", "%", 100.0),
-    "limits.actuator_power_max.used": ("actuator power, of its limit", "%", 100.0),
     "limits.actuator_force_max.limit": ("limit of actuator force", "N", 1.0),
-    "rows": ("rows", "", 1.0),
 }
 
 

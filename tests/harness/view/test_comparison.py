@@ -203,6 +203,16 @@ def test_charts_show_the_runs_over_each_other_and_each_minus_the_first() -> None
     assert (first.run, second.run) == (0, 1)  # type: ignore[union-attr]
 
 
+def test_limits_are_drawn_where_all_runs_have_the_same() -> None:
+    """Expected: the common stroke; no limit of force, of which one run has 90 N, the other 100 N or none."""
+    made = waving_record(load_preset("motion_base"))
+    for other in (100.0, None):
+        records = [Record(made.table, {**made.metadata, "force_limit": limit}) for limit in (90.0, other)]
+        charts = charts_of(view_report(records, ["a", "b"]), "Over time")
+        assert charts["actuator force"].marks == ()
+        assert len(charts["length of legs"].marks) == 2
+
+
 def test_a_difference_is_of_the_times_that_both_records_span() -> None:
     """Expected: of two straight lines 3 + 2t and 1 − t the line −2 − 3t, at the times of both from 0.5 s to 1 s."""
     one, other = np.arange(0, 1.01, 0.25), np.arange(0.5, 2, 0.2)
