@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.errors import BuildError
 from gough_stewart.harness.loop.folding import Folding
-from gough_stewart.harness.loop.folds import ERRORS, Block
+from gough_stewart.harness.loop.folds import ERRORS
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.limits import column_of_drives
@@ -105,7 +105,7 @@ def _parts(record: RecordData) -> dict[str, Any]:
         record.metadata["platform"],
         lambda name: column_of_drives(record, name) in record,
     )
-    rows, columns = record.table.height, dict[str, NDArray[Any]]()
+    columns = dict[str, NDArray[Any]]()
     for name in dict.fromkeys(name for fold in folds for name in fold.needs):
         values = record[column_of_drives(record, name)][:, :, None]
         values = values.astype(bool) if name.startswith("flag.") else values
@@ -115,7 +115,7 @@ def _parts(record: RecordData) -> dict[str, Any]:
     except (BuildError, OSError):  # of a processor without machine code: NumPy computes the same, row by row
         kernels = None
     folding = Folding(folds, 1, kernels)
-    folding.add(Block(0, rows, columns, folding.running))
+    folding.add(0, columns)
     results = folding.results()
     parts = dict[str, Any]()
     for metric in METRICS:

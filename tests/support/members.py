@@ -12,10 +12,8 @@ from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.experiment.batch import Distinct
-from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
+from gough_stewart.harness.loop.loop import Actuators, Change, Limits, Loop, Sensors, changes_of_members
 from gough_stewart.harness.loop.run import Run, simulate
-from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import ManyMasses, Masses

@@ -8,8 +8,7 @@ import pytest
 
 from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, Limits, OnStroke
+from gough_stewart.harness.loop.loop import Actuators, Change, Limits, OnStroke
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface

@@ -14,11 +14,10 @@ from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.loop import Limits
-from gough_stewart.harness.loop.observe import observe, observe_all
 from gough_stewart.harness.loop.rows import Observer, Rows
-from gough_stewart.harness.loop.sensors import Readings, Sensors
+from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants import members, signals
+from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import ManyMasses, Masses
@@ -166,37 +165,6 @@ def test_a_limited_force_stays_so_in_the_rows_until_the_next_sample_of_its_membe
         np.testing.assert_array_equal(np.array(many.rows)[:, :, k], np.array(single.rows)[:, :, 0])
 
 
-def test_rows_after_an_end_that_is_seen_late_leave_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: of a plant that runs on before its limits are checked, what one says that stops at each row."""
-    gains = [sampled(pid(gains_of_member(k)), T) for k in range(5)]
-    limits = [
-        Limits((0.0, 9.0), "stop", 1e-3),
-        Limits((0.5, 1.61), "stop", 0.5),
-        Limits((0.0, 9.0), "stop", 4e-3),
-        Limits((0.0, 1.65), "stop", 5e-3),
-        Limits(),
-    ]
-    some = []
-    for k, limit in enumerate(limits):
-        member = member_of(k, LinearController(gains[k]))
-        fails_at = 0.05 if k == 4 else 0.21 if k == 3 else np.inf
-        some.append(
-            replace(member, loop=replace(member.loop, limits=replace(limit, on_stroke="stop")), fails_at=fails_at)
-        )
-    checked_at_each = side_by_side(some)
-    singles = [alone(each) for each in some]
-    monkeypatch.setattr(ManyMasses, "may_overrun", True)
-    monkeypatch.setattr(Masses, "may_overrun", True)
-    late = side_by_side(some)
-    assert late.outcomes == checked_at_each.outcomes
-    assert len({outcome.time for outcome in late.outcomes}) > 3
-    for k, member in enumerate(some):
-        assert_same(late, k, singles[k])
-        single = alone(member)
-        assert_same(late, k, single)
-        assert single.outcome == singles[k].outcome
-
-
 def test_the_first_outcome_of_a_member_is_its_outcome() -> None:
     """Expected: a force that is no number comes before the bound that the same row is beyond."""
     far = replace(member_of(0, law_of_member(0)).loop, limits=Limits(largest_position_error=1e-12))
@@ -251,27 +219,9 @@ def test_ctrl_c_where_no_outcome_is_read_goes_on(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(plant, "do_step", interrupted)
     law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
+    loop = loop_of_members([each.loop for each in some])
     with pytest.raises(KeyboardInterrupt):
-        observe_all(plant, law_from, loop_of_members([each.loop for each in some]), Counting(7))
-
-
-def test_noise_of_a_member_is_that_of_its_seed_alone() -> None:
-    """Expected: in any company, member k has the noise of a single run with `SeedSequence(9).spawn()[k]`."""
-    children = SeedSequence(9).spawn(5)
-    noise = {"leg_length": 1e-3, "position": 2e-3}
-    n = 150  # more than a block
-    true = np.zeros((3, signals.SIZE))
-
-    def of(seeds: tuple[SeedSequence, ...]) -> FloatArray:
-        readings = Readings(Sensors(noise, seed=seeds), len(seeds))
-        return np.array([readings(k, true[: len(seeds)]).copy() for k in range(n)])
-
-    some, fewer = of((children[4], children[1], children[2])), of((children[2],))
-    for at, k in enumerate((4, 1, 2)):
-        single = Readings(Sensors(noise, seed=SeedSequence(9, spawn_key=(k,))))
-        np.testing.assert_array_equal(some[:, at], [single(j, true[:1])[0].copy() for j in range(n)])
-    np.testing.assert_array_equal(some[:, 2], fewer[:, 0])
-    assert (some[:, 0, 12:18] != some[:, 1, 12:18]).all()
+        observe(plant, law_from, loop, Counting(7), keeps_interrupted=False)
 
 
 def test_jitter_of_a_member_is_that_of_its_seed_alone() -> None:

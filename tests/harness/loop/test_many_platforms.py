@@ -15,12 +15,9 @@ from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.linear import linearise
 from gough_stewart.harness.control.pid import pid_matrices
 from gough_stewart.harness.control.state_space import discretised
-from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, Loop
-from gough_stewart.harness.loop.observe import observe
+from gough_stewart.harness.loop.loop import Actuators, Change, Loop, Sensors
 from gough_stewart.harness.loop.rows import Observer, Rows
-from gough_stewart.harness.loop.run import Run, simulate
-from gough_stewart.harness.loop.sensors import Sensors
+from gough_stewart.harness.loop.run import Run, observe, simulate
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion

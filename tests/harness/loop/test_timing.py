@@ -7,7 +7,7 @@ import pytest
 
 from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.loop.sensors import Sensors
+from gough_stewart.harness.loop.loop import Sensors
 from gough_stewart.harness.loop.timing import MOST_STEPS, Timing
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import LENGTH
