@@ -270,7 +270,7 @@ class Batch:
         ControllerError
             Members that cannot run in parallel; names the difference.
         BuildError, OSError
-            There is no machine code of the loop, as `loop_library`.
+            There is no machine code of the loop, see `loop_kernel`.
         """
         n, setups = len(self), self.setups
         controllers = setups.map(lambda setup: setup.controller)

@@ -16,7 +16,7 @@ import numpy as np
 from gough_stewart.fmu_build.cache import state_of_files
 from gough_stewart.fmu_build.component import Sources
 from gough_stewart.fmu_build.errors import BuildError
-from gough_stewart.fmu_build.libraries import WIDTH, LanesLibrary, Library, law_library, machine_code, vector_library
+from gough_stewart.fmu_build.libraries import WIDTH, Library, law_library, machine_code, vector_library
 from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.drive import Drive
 from gough_stewart.harness.control.faults import Cut, Freeze
@@ -56,27 +56,15 @@ _SEED, _SCALES = 1, (1e-3, 1.0)
 
 
 @cache
-def loop_library(variant: Variant = IDEAL) -> LanesLibrary:
-    """The library for this processor and plants of a variant; see `libraries.machine_code`.
-
-    Raises
-    ------
-    BuildError, OSError
-        See `libraries.machine_code`.
-    """
-    return machine_code(loop_code(variant))
-
-
-@cache
 def loop_kernel(variant: Variant) -> CompiledLanes:
-    """What runs loops of plants of a variant in machine code.
+    """What runs loops of plants of a variant in machine code, for this processor.
 
     Raises
     ------
     BuildError, OSError
-        See `loop_library`.
+        There is no machine code, and it cannot be built; see `fmu_build.libraries.machine_code`.
     """
-    return CompiledLanes(loop_library(variant))
+    return CompiledLanes(machine_code(loop_code(variant)))
 
 
 def loop_code(variant: Variant = IDEAL) -> Library:

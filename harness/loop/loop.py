@@ -166,8 +166,8 @@ def changes_of_members(by_member: Sequence[Sequence[Change]], timing: Timing) ->
             alike.setdefault(kind, {})[member] = change
 
     def values(of_members: list[Any]) -> Any:
-        same = all(np.array_equal(value, of_members[0]) for value in of_members)
-        return of_members[0] if same else np.stack(of_members)
+        are_equal = all(np.array_equal(value, of_members[0]) for value in of_members)
+        return of_members[0] if are_equal else np.stack(of_members)
 
     joined = []
     for _, changing in sorted(alike.items(), key=lambda item: item[0]):

@@ -269,7 +269,7 @@ def standard_normal(streams: NDArray[np.int64], readings: range, elements: range
     Raises
     ------
     BuildError, OSError
-        See `loop_library`.
+        See `loop_kernel`.
     """
     n = streams.shape[1]
     noise = np.zeros((len(readings), len(elements), n))

@@ -183,28 +183,24 @@ def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeP
     history = _History()
     outcomes = observe(plant, law_from, loop, history, progress)
     rows, n = history.rows, history.count
+    by_row = {"results": rows.results, "inputs": rows.inputs, "rate_limited": rows.rate_limited}
+    by_sample = {
+        "measured": rows.measured,
+        "command": rows.command,
+        "controller_state": rows.state,
+        "force_limited": rows.limited,
+    }
     # members before elements
-    results, inputs, rate_limited, measured, command, state, limited = (
-        np.moveaxis(values, 1, 2)
-        for values in (
-            *(values[1 : n + 1] for values in (rows.results, rows.inputs, rows.rate_limited)),
-            *(rows.measured, rows.command, rows.state, rows.limited),
-        )
-    )
+    arrays = {name: np.moveaxis(values[1 : n + 1], 1, 2) for name, values in by_row.items()}
+    arrays |= {name: np.moveaxis(values, 1, 2) for name, values in by_sample.items()}
     run = Run(
-        loop.timing.times[:n],
-        results,
-        inputs,
-        rate_limited,
-        loop.limits.beyond_stroke(results[..., LENGTHS]),
-        samples_of_rows(loop.timing)[:n],
-        measured,
-        command,
-        state,
-        limited,
-        outcomes,
-        rows.used,
-        rows.host,
+        time=loop.timing.times[:n],
+        stroke_exceeded=loop.limits.beyond_stroke(arrays["results"][..., LENGTHS]),
+        sample_of_row=samples_of_rows(loop.timing)[:n],
+        outcomes=outcomes,
+        used=rows.used,
+        host=rows.host,
+        **arrays,
     )
     return run if getattr(plant, "shape", ()) else run.of_member(0)
 

@@ -107,12 +107,13 @@ class Timing:
         """The rows of the samples, with jitter: (m,), or (m, N) where members differ."""
         rows = np.arange(0, self.steps, self.steps_a_sample)
         if np.any(self.jitter):
-            several = isinstance(self.seed, tuple)
-            shares = [_jitter(seed, len(rows)) for seed in (self.seed if several else (self.seed,))]  # type: ignore[union-attr]
-            share = np.stack(shares, axis=-1)  # of one seed (m, 1), scaled by each member's jitter
-            late = np.floor(share * (self._steps_late + 1)).astype(np.intp)
+            seeds = self.seed if isinstance(self.seed, tuple) else (self.seed,)
+            # of one seed (m, 1), scaled by each member's jitter
+            shares = np.stack([_uniform(seed, len(rows)) for seed in seeds], axis=-1)
+            late = np.floor(shares * (self._steps_late + 1)).astype(np.intp)
             late[0] = 0  # the first sample is at the start
-            rows = rows[:, None] + late if several or np.ndim(self.jitter) else rows + late[:, 0]
+            differ = isinstance(self.seed, tuple) or np.ndim(self.jitter) > 0
+            rows = rows[:, None] + late if differ else rows + late[:, 0]
         return np.minimum(rows, self.steps - 1)
 
     @property
@@ -140,9 +141,9 @@ class Timing:
         return k
 
 
-def _jitter(seed: Seed, m: int) -> FloatArray:
-    """Uniform numbers (m,) of a stream of the seed, that after those of the signals' noise."""
-    purpose = len(signals.NAMES)
+def _uniform(seed: Seed, m: int) -> FloatArray:
+    """Random numbers (m,) from 0 to 1 for jitter: a stream after those of the signals' noise."""
+    stream = len(signals.NAMES)
     if isinstance(seed, SeedSequence):
-        return np.random.default_rng(SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, purpose))).uniform(size=m)
-    return np.random.default_rng([seed, purpose]).uniform(size=m)
+        return np.random.default_rng(SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, stream))).uniform(size=m)
+    return np.random.default_rng([seed, stream]).uniform(size=m)

@@ -605,7 +605,7 @@ def folds_code() -> Library:
 
 
 def _traced() -> list[FoldKernel]:
-    """The kernels of a run with a reference that steps."""
+    """The kernels of a run with a reference that steps, and of a record, which has flags of the stroke."""
     steps = np.repeat([[0.0] * 6, [1.0] * 6], 20, axis=0)
-    folds = metric_folds(np.arange(40.0), steps, {})
+    folds = [*metric_folds(np.arange(40.0), steps, {}), StrokeUse({}, has_flags=True)]
     return [fold.traced() for fold in {fold.kernel: fold for fold in folds if isinstance(fold, TermFold)}.values()]

@@ -339,7 +339,6 @@ def test_without_machine_code_and_compiler_an_error_names_the_remedy(
     monkeypatch.setattr(installed, "find_spec", lambda name: None if name == "ziglang" else find_spec(name))
     monkeypatch.setattr(built, "prebuilt_content", lambda *_: None)
     libraries.loop_kernel.cache_clear()
-    libraries.loop_library.cache_clear()
     with pytest.raises(
         gs.GoughStewartError, match=r"not installed: ziglang \(to compile\); .*gough-stewart\[compile\]"
     ):

@@ -76,6 +76,14 @@ def ending_members() -> list[Member]:
     ]
 
 
+def test_with_everything_on_members_are_single_runs_of_theirs() -> None:
+    """Expected: a loop of one member alone, to the bit; functions, whose arithmetic is the same in both."""
+    some = [member_of(k, law_of_member(k), FEATURES) for k in range(7)]
+    many = side_by_side(some)
+    for k, each in enumerate(some):
+        assert_same(many, k, alone(each))
+
+
 def test_members_end_each_for_its_cause_and_the_others_go_on() -> None:
     """Expected: outcome, words and rows of single runs, to the last bit."""
     some = ending_members()
