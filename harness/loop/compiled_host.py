@@ -24,7 +24,7 @@ from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of
 from gough_stewart.harness.loop.loop import Loop, ScheduledChanges, members_last
 from gough_stewart.harness.loop.python_host import of_elements, streams_of
-from gough_stewart.harness.loop.rows import AllRows, RowMonitor, Rows
+from gough_stewart.harness.loop.rows import AllRows, RowMonitor
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
 from gough_stewart.harness.plants.signals import N_LEGS
@@ -197,7 +197,7 @@ class CompiledHost:
             farthest = np.atleast_1d(np.asarray(loop.limits.largest_position_error, float))
             parts["farthest"] = self._table(farthest[None])
 
-        self._memory = {
+        self._memory: dict[str, NDArray[Any]] = {
             "signals": rows(signals.SIZE, plant.signals().T),
             "measured": rows(signals.SIZE, 0.0 if law is None else reading.T),
             "streams": streams,
@@ -229,9 +229,9 @@ class CompiledHost:
             plant_step=timing.plant_step,
             tolerance=plant.tolerance,
             substeps=plant.substeps or 0,
-            reference=self._over_time(loop.reference),
-            feedforward=self._over_time(loop.feedforward),
-            injection=self._over_time(loop.injection),
+            reference=self._table(members_last(loop.reference)),
+            feedforward=self._table(members_last(loop.feedforward)),
+            injection=self._table(members_last(loop.injection)),
             **parts,
             **{name: self._address(array) for name, array in self._memory.items()},
         )
@@ -244,16 +244,15 @@ class CompiledHost:
     def _indices(self, values: NDArray[Any]) -> int:
         return self._address(np.ascontiguousarray(values, np.int64))
 
-    def _table(self, values: FloatArray) -> _Table:
+    def _table(self, values: FloatArray | None) -> _Table:
         """Numbers (elements, N) in one row, or (rows, elements, N); (…, 1) common to all members."""
+        if values is None:
+            return _Table()
         values = values[None] if values.ndim == 2 else values
         if values.shape[-1] > 1 and values.strides[-1] != values.itemsize:
             values = np.ascontiguousarray(values)
         row, element, _ = (stride // values.itemsize for stride in values.strides)
         return _Table(self._address(values), row, element, int(values.shape[-1] > 1))
-
-    def _over_time(self, values: FloatArray | None) -> _Table:
-        return _Table() if values is None else self._table(members_last(values))
 
     def fail(self, faults: FloatArray) -> None:
         """What has failed from now on, by flags (N, N_FAULTS); (N, 0) change nothing."""
@@ -261,7 +260,7 @@ class CompiledHost:
             n = len(faults)
             self._memory["cut"][:, :n], self._memory["frozen"][:, :n] = faults[:, CUT].T, faults[:, FROZEN].T
 
-    def run(
+    def run(  # noqa: PLR0915 - from the first row to the last
         self, monitor: RowMonitor, changes: ScheduledChanges, progress: TimeProgress | None = None, threads: int = 1
     ) -> None:
         """Run the loop to its end or until no member is left; the changes of the first row have been applied.
@@ -300,8 +299,13 @@ class CompiledHost:
                 room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count
                 room = room if sink is None else len(times)
                 to = min(row + room, next(stop for stop in stops if stop > row))
-                if sink is None:
-                    self._write_to(rows, row)
+                c.first_row, at = row, rows.count + 1
+                if isinstance(rows, AllRows):
+                    c.row_results, c.row_forces = _out(rows.results[at:]), _out(rows.inputs[at:])
+                elif sink is None:
+                    c.row_signals, c.row_forces = _out(rows.signals[at:]), _out(rows.forces[at:])
+                    c.row_force_limited, c.row_motors = _out(rows.force_limited[at:]), _out(rows.motors[at:])
+                c.row_rate_limited = _out(rows.rate_limited[at:])
                 try:
                     self._advance(list(pairwise(ends_of_parts)), to, pool)
                 finally:
@@ -318,19 +322,6 @@ class CompiledHost:
                 if progress is not None:
                     progress(float(times[to - 1]))
         plant.came_to(float(times[monitor.n_rows - 1]), self._memory["signals"])
-
-    def _write_to(self, rows: Rows, row: int) -> None:
-        """Write rows from this one on, after those that are there."""
-        c, at = self.structure, rows.count + 1
-        c.first_row = row
-        if isinstance(rows, AllRows):
-            c.row_results, c.row_forces = _out(rows.results[at:]), _out(rows.inputs[at:])
-        else:
-            c.row_signals, c.row_forces = _out(rows.signals[at:]), _out(rows.forces[at:])
-            c.row_force_limited = _out(rows.force_limited[at:])
-            if rows.motors.size:
-                c.row_motors = _out(rows.motors[at:])
-        c.row_rate_limited = _out(rows.rate_limited[at:])
 
     def _advance(self, parts: list[tuple[int, int]], to: int, pool: ThreadPoolExecutor) -> None:
         """Run all members up to a row, in parts of the vectors: the first here, others in threads."""

@@ -300,8 +300,7 @@ class FoldsOfRows(Folding, Observer):
 
     def __init__(self, loop: Loop, folds: Sequence[Fold], members: int = 1, kernels: FoldKernels | None = None) -> None:
         super().__init__(folds, members, kernels)
-        self._reference = None if loop.reference is None else members_last(loop.reference)
-        self._timing = loop.timing
+        self._reference, self._timing = members_last(loop.reference), loop.timing
 
     def sink(self) -> RowSink | None:
         """What takes the rows of a run in machine code, in place of `block`; None without kernels of all folds."""

@@ -124,7 +124,8 @@ class TermRow:
 class Reduction:
     """What is kept of a term over the rows: one array of its size, or several."""
 
-    starts: ClassVar[Mapping[str, float]]  # by the part's name, which is added to that of the reduction
+    # first values by the part's name, which is added to that of the reduction
+    starts: ClassVar[Mapping[str, float]] = {"": 0.0}
 
     def __init__(self, term: str) -> None:
         self.term = term
@@ -136,8 +137,6 @@ class Reduction:
 
 class Sum(Reduction):
     """The sum over the rows."""
-
-    starts: ClassVar[Mapping[str, float]] = {"": 0.0}
 
     def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
         return (state[0] + values,)
@@ -172,8 +171,6 @@ class Smallest(Reduction):
 
 class Last(Reduction):
     """The term of the last row."""
-
-    starts: ClassVar[Mapping[str, float]] = {"": 0.0}
 
     def next(self, _state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
         return (values,)

@@ -143,8 +143,10 @@ class Loop:
         return f"the controller's forces are {command.tolist()} N"
 
 
-def members_last(values: FloatArray) -> FloatArray:
+def members_last(values: FloatArray | None) -> FloatArray | None:
     """Values over time (n, size, N) of arrays (n, N, size), or (n, size, 1) of (n, size), which all members share."""
+    if values is None:
+        return None
     return values[..., None] if values.ndim == 2 else np.moveaxis(values, 1, 2)
 
 
@@ -211,10 +213,10 @@ class ScheduledChanges:
     def apply(self, row: int) -> None:
         """Pass the changes of a row to the plant, the inputs, and the faults."""
         for change in self.by_row.get(row, ()):
-            if change.parameters and change.members is None:
-                self._plant.set_parameters(change.parameters)
-            elif change.parameters:
+            if change.members is not None and change.parameters:
                 self._plant.set_parameters_of(change.members, change.parameters)
+            elif change.parameters:
+                self._plant.set_parameters(change.parameters)
             whose = True if change.members is None else change.members[:, None]
             if change.external_wrench is not None:
                 np.copyto(self.inputs[:, N_LEGS:], change.external_wrench, where=whose)

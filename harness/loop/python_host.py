@@ -221,7 +221,7 @@ class SensorReadings:
         self._noisy = range(noisy[0], noisy[-1] + 1) if noisy else range(0)
         self._streams = streams_of(sensors.seed)
         self._block, self._first, self._size = np.zeros((0, signals.SIZE, members)), 0, max(1, _BLOCK // members)
-        self.latest: FloatArray | None = None
+        self.latest: FloatArray = np.zeros((0, signals.SIZE))
 
     def read(self, k: int, true: FloatArray, due: BoolArray | None = None) -> FloatArray:
         """Reading k (N, 24) of the true signals, for the members that are due (N,), by default for all."""
@@ -234,10 +234,11 @@ class SensorReadings:
                 self._block[:, self._noisy] = drawn * self._deviations[self._noisy]
             noise = self._block[k - self._first]
         columns = true.T
+        reading: FloatArray
         _, (reading,) = Sensor.step(self._coefficients, (), (columns, noise))
         reading = reading.copy().T if reading is columns else reading.T
         if self._frozen is not None:
-            if self.latest is None:  # a sensor that is frozen from the start has its first reading
+            if not len(self.latest):  # a sensor that is frozen from the start has its first reading
                 self.latest = reading.copy()
             _, (reading,) = Freeze.step(_NO_COEFFICIENTS, (), (reading, self.latest, self._frozen))
             if due is not None:

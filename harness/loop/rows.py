@@ -78,62 +78,6 @@ class Rows:
         self.first, self.count = self.first + self.count, 0
 
 
-class AllRows(Rows):
-    """All rows of a run as one block, with all results and inputs, and its samples.
-
-    Attributes
-    ----------
-    results, inputs
-        Sizes N_RESULTS, or more of a plant with more states, and 12.
-    measured, state, command, limited
-        By sample, arrays (m, size, N): of many members only the signals that controllers use; before the command was
-        computed; before limits; which forces are limited.
-    used
-        The signals that controllers use.
-    """
-
-    def __init__(self, timing: Timing, plant: Plant, members: int) -> None:
-        n, m, self._plant = timing.steps + 3, len(timing.samples), plant
-        self.most = n - 1  # one more than there are: they are passed on at the end
-        self.results = np.zeros((n, len(plant.columns), members))
-        self.inputs = np.zeros((n, interface.N_INPUTS, members))
-        self.signals, self.forces = self.results[:, : signals.SIZE], self.inputs[:, :6]
-        self._begin(members, 0)
-        self.measured = np.zeros((m, signals.SIZE, members))
-        self.command = np.zeros((m, 6, members))
-        self.limited = np.zeros((m, 6, members), dtype=bool)
-        self.state = np.zeros((m, 0, members))
-        self.used: tuple[str, ...] = ()
-
-    def add(self, _now: FloatArray, inputs: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
-        """Add a row, evaluated again: accelerations and joint forces under the forces that act from now on."""
-        self.count += 1
-        self.results[self.count] = self._plant.results().T
-        self.inputs[self.count] = inputs.T
-        self.rate_limited[self.count] = rate_limited.T
-
-    def begin_samples(self, used: tuple[str, ...], n_states: int) -> None:
-        """Before the first sample of controllers that use these signals and have this number of states."""
-        self.used, self.state = used, np.zeros((len(self.measured), n_states, self.measured.shape[2]))
-
-    def add_sample(
-        self,
-        j: int,
-        due: BoolArray | None,
-        measured: FloatArray,
-        state: FloatArray,
-        command: FloatArray,
-        force_limited: BoolArray,
-    ) -> None:
-        """Keep sample j of the members that are due (N,); None means all."""
-        kept = (self.measured, measured), (self.state, state), (self.command, command), (self.limited, force_limited)
-        for samples, values in kept:
-            if due is None:
-                samples[j] = values.T
-            else:
-                samples[j][:, due] = values.T[:, due]
-
-
 @dataclass
 class RowSink:
     """Takes the rows of a run in the loop's machine code; then none are written, and no Python runs between them."""
@@ -162,6 +106,70 @@ class Observer(Protocol):
         """Called with each block; views, valid during the call only."""
 
 
+class AllRows(Rows, Observer):
+    """Keeps all rows of a run as one block, with all results and inputs, and its samples.
+
+    Attributes
+    ----------
+    results, inputs
+        Sizes N_RESULTS, or more of a plant with more states, and 12.
+    measured, state, command, limited
+        By sample, arrays (m, size, N): of many members only the signals that controllers use; before the command was
+        computed; before limits; which forces are limited.
+    used
+        The signals that controllers use.
+    """
+
+    def __init__(self) -> None:
+        """Nothing before `start`."""
+
+    def start(self, timing: Timing, plant: Plant, members: int) -> Rows:
+        """Make room for all rows and samples."""
+        n, m, self._plant = timing.steps + 3, len(timing.samples), plant
+        self.most = n - 1  # one more than there are: they are passed on at the end
+        self.results = np.zeros((n, len(plant.columns), members))
+        self.inputs = np.zeros((n, interface.N_INPUTS, members))
+        self.signals, self.forces = self.results[:, : signals.SIZE], self.inputs[:, :6]
+        self._begin(members, 0)
+        self.measured = np.zeros((m, signals.SIZE, members))
+        self.command = np.zeros((m, 6, members))
+        self.limited = np.zeros((m, 6, members), dtype=bool)
+        self.state = np.zeros((m, 0, members))
+        self.used: tuple[str, ...] = ()
+        return self
+
+    def add(self, _now: FloatArray, inputs: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
+        """Add a row, evaluated again: accelerations and joint forces under the forces that act from now on."""
+        self.count += 1
+        self.results[self.count] = self._plant.results().T
+        self.inputs[self.count] = inputs.T
+        self.rate_limited[self.count] = rate_limited.T
+
+    def block(self, rows: Rows) -> None:
+        """Nothing: the rows are kept already."""
+
+    def begin_samples(self, used: tuple[str, ...], n_states: int) -> None:
+        """Before the first sample of controllers that use these signals and have this number of states."""
+        self.used, self.state = used, np.zeros((len(self.measured), n_states, self.measured.shape[2]))
+
+    def add_sample(
+        self,
+        j: int,
+        due: BoolArray | None,
+        measured: FloatArray,
+        state: FloatArray,
+        command: FloatArray,
+        force_limited: BoolArray,
+    ) -> None:
+        """Keep sample j of the members that are due (N,); None means all."""
+        kept = (self.measured, measured), (self.state, state), (self.command, command), (self.limited, force_limited)
+        for samples, values in kept:
+            if due is None:
+                samples[j] = values.T
+            else:
+                samples[j][:, due] = values.T[:, due]
+
+
 class RowMonitor:
     """Takes the rows of N members, ends members at limits and failures, and passes blocks of rows to an observer.
 
@@ -182,7 +190,7 @@ class RowMonitor:
     def __init__(self, loop: Loop, plant: Plant, observer: Observer) -> None:
         (n_members,) = plant.shape
         self._times, self._limits, self.observer = loop.timing.times, loop.limits, observer
-        self._reference = None if loop.reference is None else members_last(loop.reference)
+        self._reference = members_last(loop.reference)
         self._nearest_limit = float(np.min(loop.limits.largest_position_error))
         self._outcomes: dict[int, Outcome] = {}
         self.rows = observer.start(loop.timing, plant, n_members)
@@ -191,7 +199,9 @@ class RowMonitor:
         self.going = np.ones(n_members, dtype=bool)
         self.all_go, self.ended_now = True, False
 
-    def end(self, whose: BoolArray | bool, rows: int, status: Status, cause: str | Callable[[int], str]) -> None:
+    def end(
+        self, whose: BoolArray | np.bool_ | bool, rows: int, status: Status, cause: str | Callable[[int], str]
+    ) -> None:
         """End those of these members that still run, after a number of rows."""
         for member in np.flatnonzero(self.going & whose).tolist():
             text = cause if isinstance(cause, str) else cause(member)

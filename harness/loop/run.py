@@ -15,7 +15,7 @@ from gough_stewart.harness.loop.compiled_host import CompiledHost
 from gough_stewart.harness.loop.libraries import compiled_form
 from gough_stewart.harness.loop.loop import LENGTHS, Loop, ScheduledChanges
 from gough_stewart.harness.loop.python_host import PythonHost, SensorReadings
-from gough_stewart.harness.loop.rows import AllRows, Observer, Outcome, RowMonitor, Rows
+from gough_stewart.harness.loop.rows import AllRows, Observer, Outcome, RowMonitor
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.plant import BoolArray, Plant, PlantOfOne, seen
@@ -164,25 +164,11 @@ class Run:
         )
 
 
-class _History(Observer):
-    """Keeps all rows."""
-
-    rows: AllRows
-    count = 0
-
-    def start(self, timing: Timing, plant: Plant, members: int) -> Rows:
-        self.rows = AllRows(timing, plant, members)
-        return self.rows
-
-    def block(self, rows: Rows) -> None:
-        self.count = int(rows.counting.max())
-
-
 def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeProgress | None = None) -> Run:
     """`observe` with a complete history."""
-    history = _History()
-    outcomes = observe(plant, law_from, loop, history, progress)
-    rows, n = history.rows, history.count
+    rows = AllRows()
+    outcomes = observe(plant, law_from, loop, rows, progress)
+    n = int(rows.counting.max())
     by_row = {"results": rows.results, "inputs": rows.inputs, "rate_limited": rows.rate_limited}
     by_sample = {
         "measured": rows.measured,

@@ -70,6 +70,7 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "PID in task space": ("task", {}, VARIED),
     "PD, all": ("pd", ALL, MANY),
     "PID, all": ("pid", ALL, MANY),
+    "PID, rate limit alone": ("pid", {"actuators": {"force_limit": "none", "rate_limit": "700 N/s"}}, VARIED),
     "task space, all": ("task", ALL, MANY),
 }
 

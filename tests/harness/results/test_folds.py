@@ -124,6 +124,7 @@ class Noise:
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("gough_stewart.harness.loop.rows._FEWEST", 1)
             patch.setattr("gough_stewart.harness.loop.rows.BLOCK_SIZE", size)
+            patch.setattr("gough_stewart.harness.loop.folding._ROWS", 16)
             rows = FoldsOfRows(loop, folds(loop), number, kernels)
             arrays = (self.signals, self.forces, *self.flags)
             pass_rows(rows, TIMING, (tuple(a[k, :number] for a in arrays) for k in range(N)), self.ends[:number])
