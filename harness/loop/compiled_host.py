@@ -23,7 +23,7 @@ from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of
 from gough_stewart.harness.loop.loop import Loop, ScheduledChanges, members_last
-from gough_stewart.harness.loop.python_host import of_elements, streams_of
+from gough_stewart.harness.loop.python_host import by_element, streams_of
 from gough_stewart.harness.loop.rows import AllRows, RowMonitor
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
@@ -162,7 +162,7 @@ class CompiledHost:
         parts |= {"size": len(positions), "n_states": n_states, "used": self._indices(positions)}
 
         # sensors
-        deviations, steps = (of_elements(sizes, used, n) for sizes in (sensors.noise, sensors.quantisation))
+        deviations, steps = (by_element(sizes, used, n) for sizes in (sensors.noise, sensors.quantisation))
         noisy = {name: at for name in used if (deviations[at := AT[name]] > 0).any()}
         senses = np.where((deviations > 0).any(axis=1) | (steps != 0).any(axis=1), _SENSES, 0)
         for at in noisy.values():

@@ -57,7 +57,7 @@ class _RowsOfMembers(ctypes.Structure):
 
 
 class _KeptRows(ctypes.Structure):
-    """`kept_rows` of c/loop/loop.h, as the structure below."""
+    """`kept_rows` of c/loop/loop.h."""
 
     _fields_ = [
         ("place", ctypes.c_void_p),
@@ -69,7 +69,9 @@ class _KeptRows(ctypes.Structure):
     ]
 
 
-class _Taker(ctypes.Structure):
+class _SinkStructure(ctypes.Structure):
+    """`taker` of c/loop/loop.h."""
+
     _fields_ = [
         *((name, ctypes.c_void_p) for name in ("fold", "folding", "latest")),
         ("n_kept", ctypes.c_int64),
@@ -206,8 +208,8 @@ def _row_sink(folds: CompiledFolds, kept: Sequence[KeptRows], timing: Timing, co
             owned += [place, elements]
     kept_rows = (_KeptRows * len(records))(*records)
     function, folding = ctypes.cast(folds.kernels.add, ctypes.c_void_p).value, ctypes.addressof(folds.rows)
-    taker = _Taker(function, folding, latest.ctypes.data, len(records), ctypes.addressof(kept_rows))
-    return RowSink(ctypes.addressof(taker), counting, [*owned, kept_rows, taker])
+    structure = _SinkStructure(function, folding, latest.ctypes.data, len(records), ctypes.addressof(kept_rows))
+    return RowSink(ctypes.addressof(structure), counting, [*owned, kept_rows, structure])
 
 
 class Folding:
@@ -258,7 +260,9 @@ class Folding:
         with np.errstate(all="ignore"):
             if self._kernels is not None:
                 if self._compiled is None:
-                    self._compiled = self._compile(_row_of(columns, self._checked))
+                    stops = np.cumsum([0, *(columns[name].shape[1] for name in self._checked)]).tolist()
+                    places = map(slice, stops, stops[1:])
+                    self._compiled = self._compile(dict(zip(self._checked, places, strict=False)))
                 self._compiled.add(first, columns, ends)
             else:
                 finite = [np.isfinite(columns[name][1:]).all(axis=1) for name in self._checked]
@@ -287,12 +291,6 @@ class Folding:
             with np.errstate(all="ignore"):
                 results |= fold.result(next(states) if isinstance(fold, TermFold) else {}, rows)
         return results
-
-
-def _row_of(columns: Columns, names: Sequence[str]) -> dict[str, slice]:
-    """Places of these columns one after the other."""
-    ends = np.cumsum([0, *(columns[name].shape[1] for name in names)]).tolist()
-    return {name: slice(*ends[k : k + 2]) for k, name in enumerate(names)}
 
 
 class FoldsOfRows(Folding, Observer):

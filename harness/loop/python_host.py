@@ -214,9 +214,9 @@ class SensorReadings:
         names = signals.NAMES if used is None else tuple(used)
         self._frozen = faults[:, FROZEN] if loop.has_faults else None
         self._coefficients = Sensor.without_idle(
-            Sensor.prepare({"quantisation": of_elements(sensors.quantisation, names, members)})
+            Sensor.prepare({"quantisation": by_element(sensors.quantisation, names, members)})
         )
-        self._deviations = of_elements(sensors.noise, names, members)
+        self._deviations = by_element(sensors.noise, names, members)
         noisy = np.flatnonzero((self._deviations > 0).any(axis=1)).tolist()
         self._noisy = range(noisy[0], noisy[-1] + 1) if noisy else range(0)
         self._streams = streams_of(sensors.seed)
@@ -247,7 +247,7 @@ class SensorReadings:
         return reading
 
 
-def of_elements(sizes: Mapping[str, PerMember], names: Iterable[str], members: int) -> FloatArray:
+def by_element(sizes: Mapping[str, PerMember], names: Iterable[str], members: int) -> FloatArray:
     """A size of these signals' sensors for all elements (24, N); 0 where there is none."""
     values = np.zeros((signals.SIZE, members))
     for name in names:

@@ -120,6 +120,9 @@ class AllRows(Rows, Observer):
         The signals that controllers use.
     """
 
+    state: FloatArray
+    used: tuple[str, ...] = ()
+
     def __init__(self) -> None:
         """Nothing before `start`."""
 
@@ -134,23 +137,18 @@ class AllRows(Rows, Observer):
         self.measured = np.zeros((m, signals.SIZE, members))
         self.command = np.zeros((m, 6, members))
         self.limited = np.zeros((m, 6, members), dtype=bool)
-        self.state = np.zeros((m, 0, members))
-        self.used: tuple[str, ...] = ()
         return self
 
     def add(self, _now: FloatArray, inputs: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row, evaluated again: accelerations and joint forces under the forces that act from now on."""
-        self.count += 1
-        self.results[self.count] = self._plant.results().T
-        self.inputs[self.count] = inputs.T
-        self.rate_limited[self.count] = rate_limited.T
+        k = self.count + 1
+        self.results[k] = self._plant.results().T
+        self.inputs[k] = inputs.T
+        self.rate_limited[k] = rate_limited.T
+        self.count = k  # at last, since the plant may fail
 
     def block(self, rows: Rows) -> None:
         """Nothing: the rows are kept already."""
-
-    def begin_samples(self, used: tuple[str, ...], n_states: int) -> None:
-        """Before the first sample of controllers that use these signals and have this number of states."""
-        self.used, self.state = used, np.zeros((len(self.measured), n_states, self.measured.shape[2]))
 
     def add_sample(
         self,
@@ -216,8 +214,8 @@ class RowMonitor:
 
     def add(self, now: FloatArray, inputs: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row, see `Rows.add`, and end members that are beyond a limit there."""
-        row, self.n_rows = self.n_rows, self.n_rows + 1
         self.rows.add(now, inputs, force_limited, rate_limited)
+        row, self.n_rows = self.n_rows, self.n_rows + 1
         if self._limits.on_stroke == "stop":
             beyond = self._limits.beyond_stroke(now[:, LENGTHS]).any(axis=1)
             self.end(beyond, row + 1, "stopped", lambda k: self.beyond_stroke(k, now[k]))

@@ -102,8 +102,9 @@ def _run(
         law = law_from(loop.reference[0], reading)
 
     if isinstance(monitor.rows, AllRows):
-        n_states = 0 if law is None else law.state.shape[1]
-        monitor.rows.begin_samples(() if law is None else law.used, n_states)
+        states = np.zeros((len(monitor.going), 0)) if law is None else law.state
+        monitor.rows.used = () if law is None else law.used
+        monitor.rows.state = np.zeros((len(monitor.rows.measured), *states.T.shape))
     if isinstance(plant, LanesPlant) and plant.loop_run is not None:
         form = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
         if law is None or form is not None:

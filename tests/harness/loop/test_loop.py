@@ -8,8 +8,6 @@ from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.loop.loop import Actuators, Change
 from gough_stewart.harness.loop.run import simulate
-from gough_stewart.harness.plants import signals
-from gough_stewart.model import interface
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import LENGTH, LENGTHS, MASSES, VELOCITY, Masses, signals_of
 from tests.support.loops import FORCES, constant, loop_of, pd, pd_channel, reference, run_with
@@ -66,20 +64,6 @@ def test_command_is_law_and_feedforward_and_injection() -> None:
     assert open_loop.inputs[:-1:5, :6] == pytest.approx(feedforward, abs=0)
     assert open_loop.controller_state.shape == (50, 0)
     assert open_loop.outcome == ("completed", 0.5, None)
-
-
-def test_what_is_recorded_of_the_controller_is_its_recursion() -> None:
-    """Expected: with x of the record, C x + D e is the command and A x + B e the next x, e of reference and record."""
-    system = pd(0.01)
-    run = run_with(system, loop_of())
-    error = reference(run.time[:-1:5])[:, LENGTH] - run.measured[:, LENGTH]
-    at = signals.positions(run.used)
-    assert run.used == ("leg_length",)
-    assert run.measured[:, at] == pytest.approx(run.results[:-1:5, at], abs=0)
-    assert run.command == pytest.approx(run.controller_state @ system.C.T + error @ system.D.T, abs=1e-9)
-    assert run.controller_state[1:] == pytest.approx(
-        run.controller_state[:-1] @ system.A.T + error[:-1] @ system.B.T, abs=1e-9
-    )
 
 
 def test_changes_come_into_effect_at_their_row() -> None:
@@ -165,25 +149,6 @@ def test_what_fails_before_the_first_row_is_an_error() -> None:
         run_with(interrupt, loop_of())
 
 
-def test_a_function_sees_reference_and_measurement_by_name() -> None:
-    """Expected: at every sample the reference and the plant of that time, under the interface's names."""
-    seen: list[Sample] = []
-
-    def law(sample: Sample) -> FloatArray:
-        seen.append(sample)
-        return FORCES
-
-    loop = loop_of(0.1)
-    run = run_with(law, loop)
-    assert [sample.time for sample in seen] == pytest.approx(0.01 * np.arange(10), abs=1e-15)
-    accelerations = tuple(interface.BY_NAME[name] for name in ("acceleration", "angular_acceleration"))
-    for sample, wanted, actual in zip(seen, reference(run.time[:-1:5]), run.results[:-1:5], strict=True):
-        assert list(sample.measured) == list(signals.NAMES)
-        assert np.concatenate(list(sample.measured.values())) == pytest.approx(actual[:24], abs=0)
-        assert np.concatenate(list(sample.reference.values())) == pytest.approx(wanted, abs=1e-15)
-        assert list(sample.reference) == [*signals.NAMES, *(v.name for v in accelerations)]
-
-
 def test_a_controller_without_a_reference_is_refused() -> None:
     with pytest.raises(ControllerError, match="reference"):
         run_with(constant(), loop_of(wants=False))
@@ -198,21 +163,6 @@ def test_what_a_law_does_to_its_sample_changes_nothing() -> None:
     loop = loop_of(0.1)
     careful = run_with(constant(), loop)
     assert run_with(careless, loop).results == pytest.approx(careful.results, abs=0)
-
-
-def test_a_function_that_fails_in_mid_run_ends_it_with_its_words() -> None:
-    """Expected: an outcome with kind, text and time, and the rows before."""
-
-    def failing(sample: Sample) -> FloatArray:
-        if sample.time > 0.095:
-            raise RuntimeError("no more")
-        return FORCES
-
-    run = run_with(failing, loop_of())
-    assert run.outcome.status == "stopped"
-    assert "failed at time 0.1 s with RuntimeError: no more" in str(run.outcome.cause)
-    assert len(run.time) == 50
-    assert run.outcome.time == run.time[-1]
 
 
 def test_a_change_between_two_rows_is_refused() -> None:

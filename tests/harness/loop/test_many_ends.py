@@ -95,6 +95,7 @@ def test_members_end_each_for_its_cause_and_the_others_go_on() -> None:
     statuses = [outcome.status for outcome in many.outcomes]
     assert statuses == ["completed", "diverged", "stopped", "stopped", "diverged", "diverged", "completed"]
     assert len({outcome.time for outcome in many.outcomes}) == 6
+    assert "failed at time 0.1 s with RuntimeError: no more" in str(many.outcomes[3].cause)
 
 
 def test_members_whose_samples_are_late_end_as_they_do_alone() -> None:

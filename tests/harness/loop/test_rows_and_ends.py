@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws import controller_of
-from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.loop.loop import Limits, changes_of_members
 from gough_stewart.harness.loop.rows import BLOCK_SIZE, Observer, Rows
-from gough_stewart.harness.loop.run import Run, observe, simulate
+from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import LENGTHS, MASSES, ManyMasses, Masses, signals_of
@@ -38,13 +36,13 @@ class Failing(Masses):
 
 
 @pytest.mark.parametrize("error", [StepError("leg_length[2]", 0.0, 0.1, "it broke"), PlantError("it broke")])
-@pytest.mark.parametrize("where", ["results", "signals", "set_inputs", "do_step"])
+@pytest.mark.parametrize("where", ["results", "results of the row", "signals", "set_inputs", "do_step"])
 def test_an_error_of_the_plant_ends_the_run_with_the_rows_before_it(where: str, error: Exception) -> None:
     """Expected: the first rows of a run that goes on; a step that fails comes after its row, all else before."""
     whole, row = run_with(constant(), loop_of()), 37
     # controllers start with a reading of their own; signals are read from the results
-    call = {"results": 2 * row + 1, "signals": row + 1}.get(where, row)
-    plant = Failing(where, call, error)
+    call = {"results": 2 * row + 1, "results of the row": 2 * row + 2, "signals": row + 1}.get(where, row)
+    plant = Failing(where.partition(" ")[0], call, error)
     found = run_with(constant(), loop_of(), plant)
     rows = row + 1 if where == "do_step" else row
     assert found.outcome.status == ("diverged" if isinstance(error, StepError) else "stopped")
@@ -170,27 +168,6 @@ def test_blocks_follow_each_other_and_bring_the_row_before(members: int) -> None
     forces = np.concatenate([part[1][1:, :, -1] for part in blocks.parts])
     np.testing.assert_array_equal(forces, np.tile(FORCES, (n, 1)))
     assert (np.concatenate(blocks.counting) == np.repeat(counts, members)).all()
-
-
-def test_rows_beyond_an_end_do_not_count_in_any_block() -> None:
-    """Expected: for each member the rows up to that of its outcome, and none in later blocks."""
-    fails = np.array([np.inf, 0.1, 0.3, 0.302])
-    plant, blocks = ManyMasses(np.ones(4), fails), Blocks()
-    law = laws_of([controller_of(constant())] * 4, 0.01, NO_JACOBIANS)
-    outcomes = observe(plant, law, loop_of(start_force=FORCES), blocks)
-    counted = np.sum(blocks.counting, axis=0)
-    assert counted.tolist() == [251, 51, 151, 152]
-    assert [outcome.time for outcome in outcomes] == pytest.approx([0.5, 0.1, 0.3, 0.302])
-
-
-def test_a_single_controller_without_forces_at_first_raises_and_several_end() -> None:
-    """Expected: the error itself for a plant of one platform; an outcome of each of two members, without rows."""
-    nothing = controller_of(lambda _sample: None)
-    with pytest.raises(Exception, match="expected 6 forces"):
-        simulate(Masses(), law_of(nothing, 0.01, NO_JACOBIANS), loop_of())
-    run: Run = simulate(ManyMasses(np.ones(2)), laws_of([nothing] * 2, 0.01, NO_JACOBIANS), loop_of())
-    assert [outcome.status for outcome in run.outcomes] == ["stopped", "stopped"]
-    assert len(run.time) == 0
 
 
 def test_no_changes_of_any_member_are_none() -> None:
