@@ -25,7 +25,7 @@ from gough_stewart.harness.loop.folds import (
     error_between,
 )
 from gough_stewart.harness.loop.loop import Loop, members_last
-from gough_stewart.harness.loop.rows import Observer, Rows, RowSink
+from gough_stewart.harness.loop.rows import Observer, RowBlock, RowSink
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants.lanes import lane_rows
 from gough_stewart.harness.plants.signals import LEGS, N_LEGS
@@ -308,7 +308,7 @@ class FoldsOfRows(Folding, Observer):
         self._sink = _row_sink(self._compiled, self._kept, self._timing, self._counting)
         return self._sink
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         """Fold a block."""
         n, first = rows.count, rows.first
         columns = {name: rows.signals[: n + 1, at] for name, at in AT.items()}

@@ -30,7 +30,7 @@ class Outcome(NamedTuple):
     cause: str | None
 
 
-class Rows:
+class RowBlock:
     """A block of consecutive rows of N members: arrays (rows + 1, size, N), after the last row of the block before.
 
     Attributes
@@ -52,16 +52,12 @@ class Rows:
     host = "Python"
 
     def __init__(self, timing: Timing, plant: Plant, members: int) -> None:
+        self.first, self.count = 0, 0
         self.most = min(max(_FEWEST, BLOCK_SIZE // members), timing.steps + 1)
-        self.signals = np.zeros((self.most + 1, signals.SIZE, members))
-        self.forces = np.zeros((self.most + 1, 6, members))
-        self._begin(members, 12 if signals.MOTORS in plant.columns else 0)
-
-    def _begin(self, members: int, motors: int) -> None:
-        self.first = self.count = 0
-        self.counting = np.zeros(members, dtype=np.intp)
+        sizes = signals.SIZE, 6, 12 if signals.MOTORS in plant.columns else 0
+        self.signals, self.forces, self.motors = (np.zeros((self.most + 1, size, members)) for size in sizes)
         self.force_limited, self.rate_limited = np.zeros((2, self.most + 1, 6, members), dtype=bool)
-        self.motors = np.zeros((self.most + 1, motors, members))
+        self.counting = np.zeros(members, dtype=np.intp)
 
     def add(self, now: FloatArray, inputs: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row: signals (N, 24), inputs (N, 12), flags (N, 6)."""
@@ -98,15 +94,15 @@ class Observer(Protocol):
         """Asked for once, before the first row."""
         return None
 
-    def start(self, timing: Timing, plant: Plant, members: int) -> Rows:
+    def start(self, timing: Timing, plant: Plant, members: int) -> RowBlock:
         """The rows to be filled."""
-        return Rows(timing, plant, members)
+        return RowBlock(timing, plant, members)
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         """Called with each block; views, valid during the call only."""
 
 
-class AllRows(Rows, Observer):
+class AllRows(RowBlock, Observer):
     """Keeps all rows of a run as one block, with all results and inputs, and its samples.
 
     Attributes
@@ -126,14 +122,16 @@ class AllRows(Rows, Observer):
     def __init__(self) -> None:
         """Nothing before `start`."""
 
-    def start(self, timing: Timing, plant: Plant, members: int) -> Rows:
+    def start(self, timing: Timing, plant: Plant, members: int) -> RowBlock:
         """Make room for all rows and samples."""
         n, m, self._plant = timing.steps + 3, len(timing.samples), plant
-        self.most = n - 1  # one more than there are: they are passed on at the end
+        self.first, self.count, self.most = 0, 0, n - 1  # one more than there are: they are passed on at the end
         self.results = np.zeros((n, len(plant.columns), members))
         self.inputs = np.zeros((n, interface.N_INPUTS, members))
         self.signals, self.forces = self.results[:, : signals.SIZE], self.inputs[:, :6]
-        self._begin(members, 0)
+        self.motors = self.results[:, :0]  # they are among the results
+        self.force_limited, self.rate_limited = np.zeros((2, n, 6, members), dtype=bool)
+        self.counting = np.zeros(members, dtype=np.intp)
         self.measured = np.zeros((m, signals.SIZE, members))
         self.command = np.zeros((m, 6, members))
         self.limited = np.zeros((m, 6, members), dtype=bool)
@@ -147,7 +145,7 @@ class AllRows(Rows, Observer):
         self.rate_limited[k] = rate_limited.T
         self.count = k  # at last, since the plant may fail
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         """Nothing: the rows are kept already."""
 
     def add_sample(
@@ -213,7 +211,7 @@ class RowMonitor:
         self.end(np.arange(self.going.size) == member, rows, status, cause)
 
     def add(self, now: FloatArray, inputs: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
-        """Add a row, see `Rows.add`, and end members that are beyond a limit there."""
+        """Add a row, see `RowBlock.add`, and end members that are beyond a limit there."""
         self.rows.add(now, inputs, force_limited, rate_limited)
         row, self.n_rows = self.n_rows, self.n_rows + 1
         if self._limits.on_stroke == "stop":

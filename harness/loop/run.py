@@ -135,7 +135,7 @@ class Run:
     force_limited: BoolArray  # (m, 6)
     outcomes: tuple[Outcome, ...]  # one per member
     used: tuple[str, ...] = ()  # the measured signals that controllers use
-    host: str = "Python"  # what ran the loop, see `Rows`
+    host: str = "Python"  # what ran the loop, see `RowBlock`
 
     @property
     def outcome(self) -> Outcome:

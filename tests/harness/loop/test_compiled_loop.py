@@ -26,7 +26,7 @@ from gough_stewart.fmu_build.targets import BY_NAME
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.loop import compiled_host, libraries
-from gough_stewart.harness.loop.rows import Observer, Rows
+from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import Run, observe, simulate
 from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
 from gough_stewart.harness.plants.signals import positions
@@ -282,7 +282,7 @@ class Signals(Observer):
     def __init__(self) -> None:
         self.blocks: list[np.ndarray[Any, Any]] = []
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         n = rows.count
         self.blocks.append(np.concatenate([rows.signals[1 : n + 1], rows.forces[1 : n + 1]], axis=1))
 
@@ -303,12 +303,12 @@ def test_rows_reach_observers_in_blocks_without_gaps() -> None:
         def __init__(self) -> None:
             self.blocks: list[tuple[int, np.ndarray[Any, Any]]] = []
 
-        def start(self, timing: Any, plant: Any, members: int) -> Rows:
-            rows = Rows(timing, plant, members)
+        def start(self, timing: Any, plant: Any, members: int) -> RowBlock:
+            rows = RowBlock(timing, plant, members)
             rows.most = 16
             return rows
 
-        def block(self, rows: Rows) -> None:
+        def block(self, rows: RowBlock) -> None:
             n = rows.count
             values = [
                 rows.signals[: n + 1, :24],

@@ -14,7 +14,7 @@ from gough_stewart.harness.control.python.sample import Sample
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.loop import Limits
-from gough_stewart.harness.loop.rows import Observer, Rows
+from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.plants import members
@@ -127,7 +127,7 @@ class Counting(Observer):
     def __init__(self, n: int) -> None:
         self.rows, self.all = np.zeros(n, dtype=int), 0
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         self.rows += rows.counting
         self.all += rows.count
 
@@ -153,7 +153,7 @@ class Flags(Observer):
     def __init__(self) -> None:
         self.rows: list[BoolArray] = []
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         self.rows += list(rows.force_limited[1 : rows.count + 1].copy())
 
 

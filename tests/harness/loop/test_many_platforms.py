@@ -14,7 +14,7 @@ from gough_stewart.harness.control.linear import linearise
 from gough_stewart.harness.control.pid import pid_matrices
 from gough_stewart.harness.control.state_space import discretised
 from gough_stewart.harness.loop.loop import Actuators, Loop, Sensors
-from gough_stewart.harness.loop.rows import Observer, Rows
+from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.reach import legs_of
@@ -64,7 +64,7 @@ def test_each_controller_starts_at_rest_under_its_own_error() -> None:
 class Last(Observer):
     """Keeps the signals of the last row."""
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         self.signals = rows.signals[rows.count].T.copy()
 
 

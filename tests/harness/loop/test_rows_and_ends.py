@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.loop.loop import Limits, changes_of_members
-from gough_stewart.harness.loop.rows import BLOCK_SIZE, Observer, Rows
+from gough_stewart.harness.loop.rows import BLOCK_SIZE, Observer, RowBlock
 from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.vectors import FloatArray
@@ -141,7 +141,7 @@ class Blocks(Observer):
         self.parts: list[tuple[FloatArray, ...]] = []
         self.counting: list[NDArray[np.intp]] = []
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         names = ("signals", "forces", "force_limited", "rate_limited")
         self.first.append(rows.first)
         self.parts.append(tuple(getattr(rows, name)[: rows.count + 1].copy() for name in names))

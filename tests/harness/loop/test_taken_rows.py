@@ -12,7 +12,7 @@ from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.loop import compiled_host
 from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.loop.rows import Rows
+from gough_stewart.harness.loop.rows import RowBlock
 from gough_stewart.harness.loop.run import Run, observe
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.results.bands import Bands, BandSamples
@@ -67,7 +67,7 @@ class Blocks(FoldsOfRows):
 
     blocks = 0
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         self.blocks += 1
         super().block(rows)
 
