@@ -114,10 +114,10 @@ class CompiledHost:
         The arrays that the structure points to, by address.
     """
 
-    def __init__(  # noqa: PLR0912, PLR0915 - `loop` of c/loop/loop.h, part by part
+    def __init__(  # noqa: PLR0915 - `loop` of c/loop/loop.h, part by part
         self, plant: LanesPlant, law: LinearLaw | CompiledLaw | None, loop: Loop, reading: FloatArray
     ) -> None:
-        self._plant, self._loop, self._law = plant, loop, law
+        self._plant, self._loop = plant, loop
         (n,), blocks, timing, sensors = plant.shape, plant.batch.blocks, loop.timing, loop.sensors
         self.arrays: dict[int, NDArray[Any]] = {}
         parts: dict[str, Any] = {}
@@ -128,20 +128,17 @@ class CompiledHost:
             memory[:, :n] = start
             return memory
 
-        # the controller: which signals it uses, its memory before u and all of it, and its next states
-        n_states, width, used = 0, 1, () if law is None else law.used
-        lengths = rows(N_LEGS)
+        # the controller: the signals that it uses, and its memory, the states first
+        n_states, used, lengths = 0, () if law is None else law.used, rows(N_LEGS)
         if isinstance(law, CompiledLaw):
             traced = law.law
-            n_states, width = traced.n_states, traced.function.numel_in(0)
-            memory = rows(width)
-            memory[width - len(traced.coefficients) :, :n] = traced.coefficients
+            n_states, memory = traced.n_states, rows(traced.function.numel_in(0))
+            memory[len(memory) - len(traced.coefficients) :, :n] = traced.coefficients
             positions = np.arange(signals.SIZE)
             parts |= {"law": law.address, "kinds": 2}
         elif law is not None:
             linear = law.parts
-            n_states, width = linear.state.shape[1], linear.matrices.shape[2]
-            memory = rows(width)
+            n_states, memory = linear.state.shape[1], rows(linear.matrices.shape[2])
             memory[:n_states, :n] = linear.state.T
             positions = linear.positions
             entry_row, entry_column = np.argwhere((linear.matrices != 0).any(axis=0)).T
@@ -165,11 +162,9 @@ class CompiledHost:
         deviations, steps = (by_element(sizes, used, n) for sizes in (sensors.noise, sensors.quantisation))
         noisy = {name: at for name in used if (deviations[at := AT[name]] > 0).any()}
         senses = np.where((deviations > 0).any(axis=1) | (steps != 0).any(axis=1), _SENSES, 0)
-        for at in noisy.values():
-            senses[at] = _SENSES
         if senses.any():
-            of_sensors = [coefficients_of(Sensor, {"quantisation": step}, np.nan) for step in steps]
-            parts["sensors"] = self._table(np.concatenate(of_sensors))
+            coefficients = coefficients_of(Sensor, {"quantisation": steps}, np.nan)  # (n, 24, N)
+            parts["sensors"] = self._table(coefficients.swapaxes(0, 1).reshape(-1, n))
         if sensors.side == "motor" and plant.batch.variant.springs:
             senses[signals.LEGS] |= _AT_MOTOR
         streams = rows(4).view(np.int64)
