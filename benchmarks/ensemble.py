@@ -22,8 +22,7 @@ from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.plan import EnsemblePlan, plan_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.loop.observe import observe
-from gough_stewart.harness.loop.run import simulate
+from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels

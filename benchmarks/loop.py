@@ -22,9 +22,8 @@ from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.laws_of_members import laws_of
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.loop.observe import observe
-from gough_stewart.harness.loop.rows import Observer, Rows
-from gough_stewart.harness.loop.run import simulate
+from gough_stewart.harness.loop.rows import Observer, RowBlock
+from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.harness.plants.fmu import FmuPlant
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.open import ModelPlant
@@ -97,7 +96,7 @@ def seconds_of_many() -> tuple[float, float, float]:
 class Nothing(Observer):
     """An observer that does nothing."""
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         """Do nothing."""
 
 

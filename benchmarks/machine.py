@@ -25,7 +25,7 @@ from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.plan import plan_of
 from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.loop.observe import observe
+from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
 from gough_stewart.model.platform import Platform, load_preset

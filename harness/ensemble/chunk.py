@@ -35,8 +35,8 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.plan import EnsemblePlan
 from gough_stewart.harness.experiment.preparation import PreparedMembers
 from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.loop.observe import observe_all
-from gough_stewart.harness.loop.outcomes import Outcome
+from gough_stewart.harness.loop.rows import Outcome
+from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop, metric_kernels
 from gough_stewart.harness.results.oscillation import Oscillation
@@ -103,7 +103,9 @@ def _run(members: Members, batch: Batch, first: int, threads: int) -> _Run:
     folds = [*folds_of_loop(running.loop, limits_of_members(batch, running.size)), bands, errors]
     rows_in_blocks = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
     with running.plant:
-        outcomes = observe_all(running.plant, running.law_from, running.loop, rows_in_blocks, threads)
+        outcomes = observe(
+            running.plant, running.law_from, running.loop, rows_in_blocks, threads=threads, keeps_interrupted=False
+        )
         steps = {
             INTEGRATION_ERROR: running.plant.integration_error[:n],
             INTERNAL_STEPS: running.plant.internal_steps[:n],

@@ -12,7 +12,7 @@ from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folds import KeptRows, State
 from gough_stewart.harness.loop.loop import LENGTHS
-from gough_stewart.harness.loop.outcomes import Outcome
+from gough_stewart.harness.loop.rows import Outcome
 from gough_stewart.harness.loop.run import samples_of_rows
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.results.oscillation import Oscillation, SelfExcitation, least_amplitude, rest_begins

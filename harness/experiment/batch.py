@@ -13,13 +13,9 @@ from gough_stewart.harness.control.laws import Controller, LinearController
 from gough_stewart.harness.control.laws_of_members import KnownAhead, Law, LawFrom, SeparateLaws, law_of, laws_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.law_library import are_traced
-from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
-from gough_stewart.harness.loop.loop_library import loop_kernel
-from gough_stewart.harness.loop.seeds import Seed, Seeds, as_numbers
-from gough_stewart.harness.loop.sensors import Sensors
-from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.loop.libraries import are_traced, loop_kernel
+from gough_stewart.harness.loop.loop import Actuators, Change, Limits, Loop, Sensors, changes_of_members
+from gough_stewart.harness.loop.timing import Seed, Seeds, Timing, as_numbers
 from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.harness.motion.motion import Motion, Reference
 from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, Stepping
@@ -274,7 +270,7 @@ class Batch:
         ControllerError
             Members that cannot run in parallel; names the difference.
         BuildError, OSError
-            There is no machine code of the loop, as `loop_library`.
+            There is no machine code of the loop, see `loop_kernel`.
         """
         n, setups = len(self), self.setups
         controllers = setups.map(lambda setup: setup.controller)

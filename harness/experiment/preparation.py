@@ -24,11 +24,8 @@ from gough_stewart.harness.experiment import schema
 from gough_stewart.harness.experiment.batch import Batch, Distinct, Planned, Prepared, Setup, identity
 from gough_stewart.harness.experiment.overrides import Values, table_with
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, Limits, stroke_of
-from gough_stewart.harness.loop.seeds import Seed
-from gough_stewart.harness.loop.sensors import Sensors
-from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.loop.loop import Actuators, Change, Limits, Sensors, stroke_of
+from gough_stewart.harness.loop.timing import Seed, Timing
 from gough_stewart.harness.motion.limits.reach import WhenBeyond, check_reach, jacobians_of, legs_of
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of
 from gough_stewart.harness.motion.references import ReferenceChoice

@@ -23,7 +23,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import ERRORS, error_between
 from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.loop.run import Run, simulate
-from gough_stewart.harness.loop.seeds import as_numbers
+from gough_stewart.harness.loop.timing import as_numbers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import LanesPlant

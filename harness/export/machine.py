@@ -6,7 +6,6 @@ same for all loops of shipped components; see c/machine/machine.h.
 
 import ctypes
 import math
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -26,15 +25,10 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.plan import BY_HAND, FEEDFORWARD, N_MOTION, Plan, planned_motion, smoothing
 from gough_stewart.harness.export.turned import FIELDS as TURNING
 from gough_stewart.harness.export.turned import Turned
-from gough_stewart.harness.loop import compiled
-from gough_stewart.harness.loop.compiled import CompiledLoop
-from gough_stewart.harness.loop.law_library import CompiledLaw, compiled_form
-from gough_stewart.harness.loop.loop import Loop
-from gough_stewart.harness.loop.loop_library import components_header
-from gough_stewart.harness.loop.outcomes import Outcomes
-from gough_stewart.harness.loop.rows import Observer, Rows
-from gough_stewart.harness.loop.sensors import Encoders
-from gough_stewart.harness.loop.watch import Watch
+from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopStructure
+from gough_stewart.harness.loop.libraries import CompiledLaw, compiled_form, components_header
+from gough_stewart.harness.loop.loop import Loop, ScheduledChanges
+from gough_stewart.harness.loop.python_host import SensorReadings
 from gough_stewart.harness.motion.motion import ROUNDING
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant
@@ -98,13 +92,6 @@ class Block(NamedTuple):
     words: NDArray[np.int64]
     law: Any = None
     variant: Variant = IDEAL
-
-
-class _Nobody(Observer):
-    """Looks at no rows."""
-
-    def block(self, rows: Rows) -> None:
-        pass
 
 
 class _Field(NamedTuple):
@@ -191,9 +178,9 @@ def machine_block(
     MembersError
         The plant cannot start.
     """
-    watch = Watch(loop, Rows.of(loop.timing, 1), _Nobody(), Outcomes(1, loop.timing.times))
     changes = _changes(plant, loop)
-    reading = Encoders(loop.sensors, None, plant.shape[0])(0, seen(plant, loop.sensors.side), 0)
+    readings = SensorReadings(loop, 1, np.zeros((1, N_FAULTS)))
+    reading = readings.read(0, seen(plant, loop.sensors.side))
     law = None if law_from is None or loop.reference is None else law_from(loop.reference[0], reading)
     form = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
     if law is not None and form is None:
@@ -201,8 +188,7 @@ def machine_block(
             "the controller has no plain operations; expected a linear one, or a CasADi function, which C can have"
         )
     plant.set_inputs(changes.inputs[:1])
-    with ThreadPoolExecutor(1) as pool:
-        own = CompiledLoop(plant, form, loop if turned is None else turned.with_room(loop), watch, reading, pool, 1)
+    own = CompiledHost(plant, form, loop if turned is None else turned.with_room(loop), reading)
     own.fail(changes.faults[:1])
     if failures := plant.begin():
         raise MembersError(failures)
@@ -310,20 +296,13 @@ class _Changes(NamedTuple):
 
 def _changes(plant: LanesPlant, loop: Loop) -> _Changes:
     """Parameters, inputs and faults from the start and from each change on; the plant has those of the start again."""
-    from gough_stewart.harness.loop.observe import by_row, change_plant
-
-    acting = np.zeros((*plant.shape, 12))
-    acting[:, :N_LEGS] = loop.start_force
-    faults = np.zeros((*plant.shape, N_FAULTS))
-    rows = by_row(loop)
+    scheduled = ScheduledChanges(loop, plant)
     batch, found = plant.batch, []
     first: tuple[FloatArray, FloatArray] = batch.parameters, batch.states
-    for row in sorted({0, *rows}):
-        for change in rows.get(row, ()):
-            change_plant(change, plant, acting, faults)
-        found.append(
-            (row, batch.parameters[0, :, 0].copy(), acting[0].copy(), faults[0, : N_FAULTS * loop.has_faults].copy())
-        )
+    for row in sorted({0, *scheduled.by_row}):
+        scheduled.apply(row)
+        faults = scheduled.faults[0, : N_FAULTS * loop.has_faults]
+        found.append((row, batch.parameters[0, :, 0].copy(), scheduled.inputs[0].copy(), faults.copy()))
         if row == 0:
             first = batch.parameters.copy(), batch.states.copy()
     # a plant that has not begun moves its motors with its parameters
@@ -404,7 +383,7 @@ class _Words:
             self.add(int(value))
         elif value:
             values = arrays[value]
-            is_memory = head in compiled.MEMORY
+            is_memory = head in MEMORY
             self.array(values if not is_memory else values[:1] if values.ndim == 1 else values[:, 0])
         else:
             self.add(0)
@@ -424,7 +403,7 @@ def version(variant: Variant = IDEAL) -> int:
 @cache
 def _all_fields() -> tuple[_Field, ...]:
     found = [_Field(f"of.{name}", "WHOLE" if k < 2 else "PLACE") for k, name in enumerate(BATCH_FIELDS)]
-    for name, kind, *_ in compiled.Structure._fields_:
+    for name, kind, *_ in LoopStructure._fields_:
         if name == "law":
             found.append(_Field("with.law", "LAW"))
         elif isinstance(kind, type) and issubclass(kind, ctypes.Structure):

@@ -10,7 +10,7 @@ import numpy as np
 
 from gough_stewart.harness.control.controllers import Feedforward
 from gough_stewart.harness.control.smoothing import Smoothing, SmoothingChoice
-from gough_stewart.harness.loop.loop_library import coefficients_of
+from gough_stewart.harness.loop.libraries import coefficients_of
 from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of
 from gough_stewart.harness.motion.references import AboutPose, Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.model.platform import Platform

@@ -11,7 +11,7 @@ from gough_stewart.harness.control.smoothing import Smoothing
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.plan import N_MOTION, keys_of, variants
 from gough_stewart.harness.export.trace import solve_by_orthogonal
-from gough_stewart.harness.loop.loop_library import traced
+from gough_stewart.harness.loop.libraries import traced
 from gough_stewart.harness.motion.motion import Motion, coordinates_of, extrapolated, motion_of
 from gough_stewart.harness.motion.references import AboutPose
 from gough_stewart.model import interface

@@ -1,21 +1,215 @@
-"""Folds of the members of a run, fed with the blocks of its rows: in machine code where they are described for it."""
+"""Folds of the members of a run: fed with blocks of its rows, or within the loop in machine code."""
 
-from collections.abc import Sequence
+import ctypes
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.libraries import WIDTH
-from gough_stewart.harness.loop.fold_kernels import CompiledFolds, FoldKernels
-from gough_stewart.harness.loop.folds import AT, FORCES, LIMITED, MOTORS, ROW, Block, Fold, KeptRows, State
-from gough_stewart.harness.loop.loop import Loop
-from gough_stewart.harness.loop.rows import Observer, Rows
-from gough_stewart.harness.loop.taking import RowTaker
-from gough_stewart.harness.loop.term_folds import TermFold
+from gough_stewart.harness.loop.folds import (
+    AT,
+    ERRORS,
+    FORCES,
+    LIMITED,
+    MOTORS,
+    ROW,
+    ROW_PARTS,
+    Columns,
+    Fold,
+    KeptRows,
+    State,
+    TermFold,
+    error_between,
+)
+from gough_stewart.harness.loop.loop import Loop, members_last
+from gough_stewart.harness.loop.rows import Observer, RowBlock, RowSink
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.harness.plants.lanes import lane_rows
 from gough_stewart.harness.plants.signals import LEGS, N_LEGS
 from gough_stewart.model.vectors import FloatArray
+
+# Rows that machine code gets at once.
+_ROWS = 256
+
+
+class _Fold(ctypes.Structure):
+    """`fold` of c/folds/folds.h, as the structure below."""
+
+    _fields_ = [
+        ("kernel", ctypes.c_int64),
+        ("places", ctypes.c_void_p),
+        ("state", ctypes.c_int64),
+        ("parameter", ctypes.c_int64),
+    ]
+
+
+class _RowsOfMembers(ctypes.Structure):
+    _fields_ = [
+        *(
+            (name, ctypes.c_int64)
+            for name in ("members", "first", "rows", "n_columns", "n_folds", "n_states", "n_parameters", "n_checked")
+        ),
+        *((name, ctypes.c_void_p) for name in ("columns", "folds", "parameters", "states", "counting", "checked")),
+    ]
+
+
+class _KeptRows(ctypes.Structure):
+    """`kept_rows` of c/loop/loop.h."""
+
+    _fields_ = [
+        ("place", ctypes.c_void_p),
+        ("size", ctypes.c_int64),
+        ("elements", ctypes.c_void_p),
+        ("at", ctypes.c_void_p),
+        ("row", ctypes.c_int64),
+        ("element", ctypes.c_int64),
+    ]
+
+
+class _SinkStructure(ctypes.Structure):
+    """`taker` of c/loop/loop.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_void_p) for name in ("fold", "folding", "latest")),
+        ("n_kept", ctypes.c_int64),
+        ("kept", ctypes.c_void_p),
+    ]
+
+
+class FoldKernels:
+    """A library of c/folds; it releases the GIL while it works.
+
+    Attributes
+    ----------
+    add
+        `folds_rows`, which adds rows to states, and which c/loop calls.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._library = ctypes.CDLL(str(path))
+        self._library.folds_kernel.restype = ctypes.c_int64
+        self.add = self._library.folds_rows
+        self.add.restype = None
+        self.add.argtypes = (ctypes.c_void_p, *[ctypes.c_int64] * 4, ctypes.c_void_p, ctypes.c_void_p)
+
+    def kernel(self, fold: TermFold) -> int | None:
+        """The number of a fold's kernel, if there is one."""
+        sizes = (ctypes.c_int64 * 3)()
+        number = int(self._library.folds_kernel(fold.kernel.encode(), sizes))
+        of_fold = [sum(fold.sizes.values()), sum(size for _, size, _ in fold.states), len(fold.parameters)]
+        return number if number >= 0 and list(sizes) == of_fold else None
+
+
+class CompiledFolds:
+    """Folds in machine code, of eight members at once, and their states.
+
+    Parameters
+    ----------
+    folds
+        Each has a kernel.
+    row
+        Places of the columns in a row.
+    checked
+        Columns whose numbers have to be finite.
+    members
+        Their number N.
+    counting
+        How many rows count for each member (M,), -1 where all so far do; kept up to date.
+    """
+
+    def __init__(
+        self,
+        kernels: FoldKernels,
+        folds: Sequence[TermFold],
+        row: Mapping[str, slice],
+        checked: Sequence[str],
+        members: int,
+        counting: NDArray[np.int64],
+    ) -> None:
+        self.kernels, self._folds, self._row, self._members = kernels, folds, row, members
+        vectors = len(counting) // WIDTH
+        starts = np.array([value for fold in folds for _, size, value in fold.states for _ in range(size)])
+        self._states = np.tile(starts[:, None], (vectors, 1, WIDTH))
+        parameters = np.zeros((sum(len(fold.parameters) for fold in folds), vectors * WIDTH))
+        places, records, state, parameter = [], [], 0, 0
+        for fold in folds:
+            firsts = [
+                row[need].start + fold.begins.get(name, 0) for name, need in zip(fold.sizes, fold.needs, strict=True)
+            ]
+            places.append(np.array(firsts, np.int64))
+            records.append(_Fold(kernels.kernel(fold), places[-1].ctypes.data, state, parameter))
+            state += sum(size for _, size, _ in fold.states)
+            for value in fold.parameters.values():
+                parameters[parameter, :members] = value
+                parameter += 1
+        by_vector = parameters.reshape(parameter, vectors, WIDTH).swapaxes(0, 1).copy()
+        elements = np.array([k for name in checked for k in range(row[name].start, row[name].stop)], np.int64)
+        of_folds = (_Fold * len(records))(*records)
+        # arrays that the structure points to
+        self._arrays = places, by_vector, elements, of_folds, counting
+        self.rows = _RowsOfMembers(
+            members=members,
+            n_folds=len(folds),
+            n_states=state,
+            n_parameters=parameter,
+            n_checked=len(elements),
+            folds=ctypes.addressof(of_folds),
+            parameters=by_vector.ctypes.data,
+            states=self._states.ctypes.data,
+            counting=counting.ctypes.data,
+            checked=elements.ctypes.data,
+        )
+
+    def add(self, first: int, columns: Columns, counting: NDArray[np.int64]) -> None:
+        """Add a block of rows, as many of them as count for each member (M,), more of those that go on."""
+        vectors, width = len(counting) // WIDTH, max(at.stop for at in self._row.values())
+        rows = len(next(iter(columns.values()))) - 1
+        for begin in range(0, rows, _ROWS):
+            end = min(begin + _ROWS, rows)
+            padded = np.zeros((end - begin + 1, width, vectors * WIDTH))
+            for name, at in self._row.items():
+                padded[:, at, : self._members] = columns[name][begin : end + 1]
+            raw = np.zeros(padded.size + WIDTH)
+            aligned = raw[-raw.ctypes.data % 64 // raw.itemsize :][: padded.size]  # to 64 bytes, as vectors are
+            chunk = aligned.reshape(vectors, -1, width, WIDTH)
+            chunk[...] = padded.reshape(-1, width, vectors, WIDTH).transpose(2, 0, 1, 3)
+            ends = counting - begin
+            for vector in range(vectors):
+                pointers = ends[vector * WIDTH :].ctypes.data, chunk[vector].ctypes.data
+                self.kernels.add(ctypes.addressof(self.rows), vector, first + begin, end - begin, width, *pointers)
+
+    def states(self) -> list[State]:
+        """The states of each fold."""
+        values = np.moveaxis(self._states, 1, 0).reshape(self._states.shape[1], -1)[:, : self._members]
+        states, at = list[State](), 0
+        for fold in self._folds:
+            states.append({})
+            for name, size, _ in fold.states:
+                states[-1][name] = values[at : at + size]
+                at += size
+        return states
+
+
+def _row_sink(folds: CompiledFolds, kept: Sequence[KeptRows], timing: Timing, counting: NDArray[np.int64]) -> RowSink:
+    """What takes rows for folds with kernels, and for those that are kept."""
+    latest, records = lane_rows(ROW_PARTS["ELEMENTS"], len(counting) // WIDTH), []
+    owned: list[Any] = [folds, latest]
+    for fold in kept:
+        place = np.full(timing.steps + 1, -1, np.int64)
+        place[fold.at] = np.arange(len(fold.at))
+        for name, values in fold.kept.items():
+            elements = np.arange(ROW[name].start, ROW[name].stop, dtype=np.int64)
+            row, element, _ = (stride // values.itemsize for stride in values.strides)
+            arrays = place.ctypes.data, len(elements), elements.ctypes.data, values.ctypes.data
+            records.append(_KeptRows(*arrays, row, element))
+            owned += [place, elements]
+    kept_rows = (_KeptRows * len(records))(*records)
+    function, folding = ctypes.cast(folds.kernels.add, ctypes.c_void_p).value, ctypes.addressof(folds.rows)
+    structure = _SinkStructure(function, folding, latest.ctypes.data, len(records), ctypes.addressof(kept_rows))
+    return RowSink(ctypes.addressof(structure), counting, [*owned, kept_rows, structure])
 
 
 class Folding:
@@ -28,156 +222,103 @@ class Folding:
     members
         Their number.
     kernels
-        Machine code of folds; others, or all without it, are computed by NumPy, with the same bits.
+        Machine code of the folds; without it, or if it lacks one, NumPy computes them with the same bits.
     """
 
     def __init__(self, folds: Sequence[Fold], members: int, kernels: FoldKernels | None = None) -> None:
-        self._folds = tuple(folds)
-        self._checked = tuple(dict.fromkeys(name for fold in folds if fold.keeps_ended for name in fold.needs))
-        described: list[TermFold] = []
+        self._folds, self._members = tuple(folds), members
+        self._described = [fold for fold in folds if isinstance(fold, TermFold)]
+        self._kept = [fold for fold in folds if isinstance(fold, KeptRows)]
+        self._checked = list(
+            dict.fromkeys(name for fold in folds if not isinstance(fold, KeptRows) for name in fold.needs)
+        )
+        has_kernels = kernels is not None and all(kernels.kernel(fold) is not None for fold in self._described)
+        self._kernels = kernels if self._described and has_kernels else None
         self._compiled: CompiledFolds | None = None
-        if kernels is not None:
-            described = [fold for fold in folds if isinstance(fold, TermFold) and kernels.kernel(fold) is not None]
-            self._compiled = CompiledFolds(kernels, described, self._checked, members) if described else None
-        self._others = [fold for fold in folds if fold not in described]
-        self._states = [fold.start(members) for fold in self._others]
-        self._final: list[State] | None = None  # of members that have ended
-        self._rows = np.zeros(members, dtype=np.intp)
-        self._count = 0
-        self._taker: RowTaker | None = None
-        self.running: BoolArray = np.ones(members, dtype=bool)
+        self._states = [
+            {name: np.full((size, members), value) for name, size, value in fold.states} for fold in self._described
+        ]
+        for fold in self._kept:
+            fold.start(members)
+        self._rows = 0
+        self._counting = np.full(-(-members // WIDTH) * WIDTH, -1, np.int64)  # -1 while all rows count
+        self._counting[members:] = 0
+        self._sink: RowSink | None = None
 
-    def add(self, block: Block, counting: NDArray[np.intp] | None = None) -> None:
-        """Add a block, of which some rows of each member count (N,), by default all.
+    def add(self, first: int, columns: Columns, counting: NDArray[np.intp] | None = None) -> None:
+        """Add a block of rows from `first` on, of which some of each member count (N,), by default all.
 
-        Members whose values are not finite from a row on end before it.
+        Columns (rows + 1, size, N) begin with the row before. Members whose values are not finite from a row on end
+        before it.
         """
-        done, others = 0, list(zip(self._others, self._states, strict=True))
+        n = self._members
+        rows = len(next(iter(columns.values()))) - 1 if columns else 0
+        ends = np.full(len(self._counting), rows + 1)
+        if counting is not None:
+            ends[:n] = np.where(counting < rows, counting, rows + 1)
         # members that have ended may compute NaN, and squares may overflow
         with np.errstate(all="ignore"):
-            for row, ending in [*self._ends(block, counting), (block.rows, None)]:
-                if row > done:
-                    part = block if row - done == block.rows or not others else block.part(done, row, self.running)
-                    for fold, state in others:
-                        fold.rows(state, part)
-                    done, self._count = row, block.first + row
-                if ending is not None:
-                    self._end(ending & self.running)
+            if self._kernels is not None:
+                if self._compiled is None:
+                    stops = np.cumsum([0, *(columns[name].shape[1] for name in self._checked)]).tolist()
+                    places = map(slice, stops, stops[1:])
+                    self._compiled = self._compile(dict(zip(self._checked, places, strict=False)))
+                self._compiled.add(first, columns, ends)
+            else:
+                finite = [np.isfinite(columns[name][1:]).all(axis=1) for name in self._checked]
+                broken = ~np.logical_and.reduce(finite) if finite else np.zeros((rows, n), dtype=bool)
+                ends[:n] = np.minimum(ends[:n], np.where(broken.any(axis=0), broken.argmax(axis=0), rows + 1))
+                goes_on = self._counting[:n] < 0
+                count = np.where(goes_on, np.minimum(ends[:n], rows), 0)
+                for fold, state in zip(self._described, self._states, strict=True):
+                    fold.add(state, first, columns, count)
+                self._counting[:n] = np.where(goes_on & (ends[:n] <= rows), first + count, self._counting[:n])
+        for kept in self._kept:
+            kept.keep(first, columns)
+        self._rows = first + rows
 
-    def taker(self, timing: Timing) -> RowTaker | None:
-        """What takes the rows of a run in machine code, in place of `add`; None if a fold needs blocks of rows."""
-        is_known = all(name in ROW for fold in self._folds for name in fold.needs)
-        kept = [fold for fold in self._others if isinstance(fold, KeptRows)]
-        idle = [fold for fold in self._others if type(fold).rows is Fold.rows]
-        if self._compiled is None or not is_known or len(kept) + len(idle) < len(self._others):
-            return None
-        self._taker = RowTaker(self._compiled, kept, timing, -(-len(self.running) // WIDTH))
-        return self._taker
-
-    def _end(self, members: BoolArray) -> None:
-        """End members (N,): later rows do not count for them."""
-        if not members.any():
-            return
-        if self._final is None:
-            self._final = [{name: np.zeros_like(each) for name, each in state.items()} for state in self._states]
-        for final, state in zip(self._final, self._states, strict=True):
-            for name, values in state.items():
-                final[name][..., members] = values[..., members]
-        self._rows[members] = self._count
-        self.running &= ~members
+    def _compile(self, row: Mapping[str, slice]) -> CompiledFolds:
+        assert self._kernels is not None
+        return CompiledFolds(self._kernels, self._described, row, self._checked, self._members, self._counting)
 
     def results(self) -> dict[str, FloatArray]:
         """Results (..., N) of all folds by name, so far."""
-        rows = np.where(self.running, self._count, self._rows)
-        if self._taker is not None:
-            counting = self._taker.counting[: len(rows)]
-            rows = np.where(counting < 0, self._taker.rows, counting)
-        compiled = iter([] if self._compiled is None else self._compiled.states())
-        others = iter(self._kept())
-        found = dict[str, FloatArray]()
+        counting = self._counting[: self._members]
+        rows = np.where(counting < 0, self._rows if self._sink is None else self._sink.rows, counting)
+        states = iter(self._states if self._compiled is None else self._compiled.states())
+        results = dict[str, FloatArray]()
         for fold in self._folds:
             with np.errstate(all="ignore"):
-                found |= fold.result(next(others if fold in self._others else compiled), rows)
-        return found
-
-    def _kept(self) -> list[State]:
-        """The states at the members' last rows, of the folds without machine code."""
-        if self._final is None:
-            return self._states
-        return [
-            {name: np.where(self.running, each, final[name]) for name, each in state.items()}
-            if fold.keeps_ended
-            else state
-            for fold, state, final in zip(self._others, self._states, self._final, strict=True)
-        ]
-
-    def _ends(self, block: Block, counting: NDArray[np.intp] | None) -> list[tuple[int, BoolArray]]:
-        """Rows of a block before which members end (N,), in order: no more of theirs count, or one is not finite."""
-        whole = np.full(self.running.shape, block.rows) if counting is None else np.minimum(counting, block.rows)
-        count = np.where(self.running, whole, 0).astype(np.int64, copy=False)
-        if self._compiled is not None:
-            self._compiled.add(block, count)
-        else:
-            for row, broken in self._breaks(block):
-                np.minimum(count, row, out=count, where=broken)
-        early = count[self.running & (count < block.rows)]
-        return [(row, count == row) for row in np.unique(early).tolist()]
-
-    def _breaks(self, block: Block) -> list[tuple[int, BoolArray]]:
-        """Rows of a block before which members end (N,), since values that a fold needs are not finite."""
-        # squares are finite only if all values are; ones that overflow are looked at closely
-        if block.whole and all(np.isfinite(np.vdot(each, each)) for each in block.whole):
-            return []
-        used = [each for name in self._checked if (each := block[name]).dtype != bool]
-        broken = ~np.logical_and.reduce([np.isfinite(each).all(axis=1) for each in used]) & self.running
-        at = np.where(broken.any(axis=0), broken.argmax(axis=0), block.rows)
-        return [(row, at == row) for row in np.unique(at[at < block.rows]).tolist()]
+                results |= fold.result(next(states) if isinstance(fold, TermFold) else {}, rows)
+        return results
 
 
-class FoldsOfRows(Observer):
-    """A loop observer that passes rows to folds.
-
-    Parameters
-    ----------
-    loop
-        The loop to be run.
-    folds
-        What is kept.
-    members
-        Their number.
-    kernels
-        Machine code of folds, see `Folding`.
-    """
+class FoldsOfRows(Folding, Observer):
+    """A loop observer that passes rows to folds; `loop` is the one to be run, for the rest see `Folding`."""
 
     def __init__(self, loop: Loop, folds: Sequence[Fold], members: int = 1, kernels: FoldKernels | None = None) -> None:
-        self._folding = Folding(folds, members, kernels)
-        self._reference, self._timing = loop.reference_rows, loop.timing
+        super().__init__(folds, members, kernels)
+        self._reference, self._timing = members_last(loop.reference), loop.timing
 
-    def taker(self) -> RowTaker | None:
-        """Folds and kept rows within the loop's machine code, if all can be."""
-        return self._folding.taker(self._timing)
+    def sink(self) -> RowSink | None:
+        """What takes the rows of a run in machine code, in place of `block`; None without kernels of all folds."""
+        if self._kernels is None or not all(name in ROW for fold in self._folds for name in fold.needs):
+            return None
+        self._compiled = self._compile(ROW)
+        self._sink = _row_sink(self._compiled, self._kept, self._timing, self._counting)
+        return self._sink
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         """Fold a block."""
         n, first = rows.count, rows.first
-        reference = None if self._reference is None else self._reference[first : first + n]
-        columns = {
-            **{name: rows.signals[: n + 1, at] for name, at in AT.items()},
-            FORCES: rows.forces[: n + 1],
-            LIMITED[0]: rows.force_limited[: n + 1],
-            LIMITED[1]: rows.rate_limited[: n + 1],
-        }
-        whole = [
-            rows.signals[1 : n + 1],
-            rows.forces[1 : n + 1],
-            *([] if reference is None else [reference]),
-            rows.motors[1 : n + 1],
-        ]
+        columns = {name: rows.signals[: n + 1, at] for name, at in AT.items()}
+        columns[FORCES] = rows.forces[: n + 1]
+        columns |= zip(LIMITED, (rows.force_limited[: n + 1], rows.rate_limited[: n + 1]), strict=True)
         motors = rows.motors if rows.motors.size else rows.signals[:, LEGS]
         columns |= {name: motors[: n + 1, k * N_LEGS : (k + 1) * N_LEGS] for k, name in enumerate(MOTORS)}
-        block = Block(first, n, columns, self._folding.running, reference, whole)
-        self._folding.add(block, rows.counting)
-
-    def results(self) -> dict[str, FloatArray]:
-        """Results (..., N) of all folds by name, of the rows so far."""
-        return self._folding.results()
+        for name, at in ERRORS.items():
+            if self._reference is not None and any(name in fold.needs for fold in self._folds):
+                signal = name.removeprefix("error.")
+                error = error_between(signal, self._reference[first : first + n, at], columns[signal][1:])
+                columns[name] = np.concatenate([error[:1], error])  # no fold uses the one before
+        self.add(first, columns, rows.counting)

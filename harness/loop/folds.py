@@ -1,24 +1,31 @@
 """Folds over the rows of a run: what is kept of them, for one member or many.
 
-1. A fold names the columns it needs, as a record does. `start` gives its state: arrays with the members on their last
-   axis; `rows` adds a block of rows to it in place; `result` reads it.
-2. A row may be used with the one before it, which a block brings along: a result does not depend on where blocks end.
-3. A sum takes one row after the other, with the state as its first term. So a member's sums have the same bits alone,
-   among others, and for every size of blocks.
-4. A fold need not look at which members have ended: their state is kept as it was at their last row. One that has to
-   know, such as a count of running members, reads `running` and sets `keeps_ended` to False.
+1. A fold names the columns it needs, as a record does. Rows come in blocks: columns (rows + 1, size, N) that begin with
+   the row before, so that a result does not depend on where blocks end. The row before the first is the first itself.
+2. A `TermFold` is described once, for one row after the other: traced to C, and in NumPy where there is no machine
+   code. A sum takes one row after the other, with the state as its first term. So a member's sums have the same bits
+   alone, among others, and for every size of blocks.
+3. `terms` gives named arrays of a row: a pure function of columns of the row and the row before it, the row's index and
+   the fold's parameters; not of the error of the row before. Nothing branches on a value: what compares is in
+   `model/operations.py`. Arrays have elements and members last, (size, N): numbers of N members, or CasADi symbols of
+   one.
+4. Each term has reductions, which `next` defines from row to row. A member's state stays as it was at its last row.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.model.operations import maximum, minimum, where
 from gough_stewart.model.rotations import rotation_between
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import Array, FloatArray, Scalars
+
+if TYPE_CHECKING:
+    from gough_stewart.fmu_build.libraries import FoldKernel
 
 FORCES, LIMITED = "actuator_force", ("flag.force_limited", "flag.rate_limited")
 # What the drives move; of rigid legs their lengths and velocities.
@@ -29,15 +36,12 @@ ERRORS: Mapping[str, slice] = {f"error.{name}": AT[name] for name in ("position"
 
 
 def _row() -> dict[str, slice]:
-    sizes = {
-        **{name: at.stop - at.start for name, at in {**AT, **ERRORS}.items()},
-        **dict.fromkeys((FORCES, *LIMITED, *MOTORS), 6),
-    }
-    found, end = dict[str, slice](), 0
+    sizes = {name: at.stop - at.start for name, at in {**AT, **ERRORS}.items()}
+    places, end = dict[str, slice](), 0
     for name in (*AT, FORCES, *ERRORS, *LIMITED, *MOTORS):
-        found[name] = slice(end, end + sizes[name])
-        end += sizes[name]
-    return found
+        places[name] = slice(end, end + sizes.get(name, signals.N_LEGS))
+        end = places[name].stop
+    return places
 
 
 # Places of columns in a row of machine code: signals, forces, errors, flags, motors; and where these parts begin.
@@ -51,106 +55,23 @@ ROW_PARTS: Mapping[str, int] = {
 }
 
 State = dict[str, NDArray[Any]]
+Columns = Mapping[str, NDArray[Any]]
+# Whether elements of an array and a bound have a relation.
+Comparison = Callable[[Array, Scalars], Array]
 
 
-def error_between(name: str, reference: FloatArray, actual: FloatArray, out: FloatArray | None = None) -> FloatArray:
+def error_between(name: str, reference: FloatArray, actual: FloatArray) -> FloatArray:
     """The error of a signal (..., size, N): reference − actual, or of orientations the rotation from actual to it."""
     if name != "orientation":
-        return np.asarray(np.subtract(reference, actual, out=out))
-    turn = rotation_between(*(np.moveaxis(each, -2, -1) for each in (actual, reference)))
-    error: FloatArray = np.moveaxis(turn, -1, -2)
-    if out is not None:
-        np.copyto(out, error)
-    return error
-
-
-class Block:
-    """Consecutive rows of N members; views, valid during the call only.
-
-    Parameters
-    ----------
-    first, rows
-        Index of the first row, and their number.
-    columns
-        Columns (rows + 1, size, N) by name, beginning with the row before, which is undefined in the first block.
-    running
-        Members (N,) for which these rows count.
-    reference
-        Reference signals (rows, 30, N), or (rows, 30, 1) if common to all members, for errors that are no columns.
-    whole
-        Contiguous arrays that have all numbers of the columns and the reference.
-    """
-
-    def __init__(
-        self,
-        first: int,
-        rows: int,
-        columns: Mapping[str, NDArray[Any]],
-        running: BoolArray,
-        reference: FloatArray | None = None,
-        whole: Sequence[FloatArray] = (),
-    ) -> None:
-        self.first, self.rows, self.running, self.whole = first, rows, running, whole
-        self._columns, self._reference = columns, reference
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._columns or (self._reference is not None and name in ERRORS)
-
-    def __getitem__(self, name: str) -> NDArray[Any]:
-        """A column (rows, size, N)."""
-        return self.of_rows(slice(None), name)
-
-    def of_rows(self, rows: slice | NDArray[np.intp], name: str, out: FloatArray | None = None) -> NDArray[Any]:
-        """A column at some rows of the block, in `out` if there is one; else a view, or an error that is computed."""
-        if name in self._columns:
-            values = self._columns[name][1:][rows]
-            if out is None:
-                return values
-            np.copyto(out, values)
-            return out
-        assert self._reference is not None
-        signal = name.removeprefix("error.")
-        return error_between(signal, self._reference[rows, ERRORS[name]], self._columns[signal][1:][rows], out)
-
-    def stored(self, name: str) -> tuple[NDArray[Any], FloatArray | None]:
-        """A column (rows, size, N) in memory, before which there is the row before unless it is the first row.
-
-        Of an error that is no column, the signal and the reference (rows, size, N) or (rows, size, 1), of which it is
-        the difference; an error of orientation is computed.
-        """
-        if name in self._columns:
-            return self._columns[name][1:], None
-        assert self._reference is not None
-        if name == "error.orientation":
-            error = self[name]
-            return np.concatenate([error[:1], error])[1:], None
-        return self._columns[name.removeprefix("error.")][1:], self._reference[:, ERRORS[name]]
-
-    def before(self, name: str) -> NDArray[Any]:
-        """A column of the row before each row (rows, size, N); before the first row, of the first row itself."""
-        values = self._columns[name]
-        return values[:-1] if self.first else np.concatenate((values[1:2], values[1:-1]))
-
-    def part(self, first: int, last: int, running: BoolArray) -> "Block":
-        """Rows first to last − 1 of the block, for these members."""
-        reference = None if self._reference is None else self._reference[first:last]
-        columns = {name: each[first : last + 1] for name, each in self._columns.items()}
-        return Block(self.first + first, last - first, columns, running, reference)
+        return np.asarray(reference - actual)
+    turn = rotation_between(*(np.moveaxis(angles, -2, -1) for angles in (actual, reference)))
+    return np.moveaxis(turn, -1, -2)
 
 
 class Fold(Protocol):
-    """What is kept of the rows of a run; see the rules above."""
+    """What is kept of the rows of a run: a `TermFold`, `KeptRows`, or only the number of rows."""
 
     needs: Sequence[str] = ()
-    keeps_ended: bool = True
-
-    def start(self, _members: int) -> State:
-        """The state before the first row; by default none by member."""
-        return {}
-
-    def rows(self, _state: State, _block: Block) -> None:
-        """Add a block to the state, in place; by default nothing."""
-        return
 
     def result(self, _state: State, _rows: NDArray[np.intp]) -> dict[str, FloatArray]:
         """Results (..., N) by name for members with these numbers of rows (N,); NaN where undefined."""
@@ -168,19 +89,211 @@ class KeptRows(Fold):
         By column (rows, size, N): where they are kept, from `start` on.
     """
 
-    keeps_ended = False
     at: NDArray[np.intp]
     kept: Mapping[str, FloatArray] = {}
 
-    def rows(self, _state: State, block: Block) -> None:
-        """Keep the rows whose turn it is; of columns that the block lacks, NaN."""
-        first, last = np.searchsorted(self.at, (block.first, block.first + block.rows))
-        if first == last:
-            return
-        at = self.at[first:last] - block.first
-        rows = slice(None) if last - first == block.rows else at
-        for name, into in self.kept.items():
-            if name in block:
-                block.of_rows(rows, name, into[first:last])
-            else:
-                into[first:last] = np.nan
+    def start(self, members: int) -> State:
+        """Make room for members; there is no other state."""
+        raise NotImplementedError
+
+    def keep(self, first: int, columns: Columns) -> None:
+        """Keep those rows of a block whose turn it is; of columns that the block lacks, NaN."""
+        n = len(next(iter(columns.values()))) - 1
+        places = slice(*np.searchsorted(self.at, (first, first + n)).tolist())
+        for name, values in self.kept.items():
+            values[places] = columns[name][1:][self.at[places] - first] if name in columns else np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class TermRow:
+    """What the terms of a row are computed from."""
+
+    columns: Mapping[str, Array]  # (size, N), by the names that the terms use
+    before: Mapping[str, Array]  # those of the row before
+    index: Array  # of the row (1, 1)
+    parameters: Mapping[str, Array]  # of the fold (1, N) or (1, 1)
+
+    def __getitem__(self, column: str) -> Array:
+        return self.columns[column]
+
+    def bound(self, bound: str | float) -> Any:
+        """A number, or that of a parameter."""
+        return self.parameters[bound] if isinstance(bound, str) else bound
+
+
+class Reduction:
+    """What is kept of a term over the rows: one array of its size, or several."""
+
+    # first values by the part's name, which is added to that of the reduction
+    starts: ClassVar[Mapping[str, float]] = {"": 0.0}
+
+    def __init__(self, term: str) -> None:
+        self.term = term
+
+    def next(self, state: tuple[Array, ...], values: Array, row: TermRow) -> tuple[Array, ...]:
+        """The state after a row in which the term has these values (size, N), from that before."""
+        raise NotImplementedError
+
+
+class Sum(Reduction):
+    """The sum over the rows."""
+
+    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
+        return (state[0] + values,)
+
+
+class SumButLast(Reduction):
+    """The sum over the rows but the last, and, as `.last`, the last."""
+
+    starts: ClassVar[Mapping[str, float]] = {"": 0.0, ".last": 0.0}
+
+    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
+        return state[0] + state[1], values
+
+
+class Largest(Reduction):
+    """The largest over the rows."""
+
+    starts: ClassVar[Mapping[str, float]] = {"": -np.inf}
+
+    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
+        return (maximum(state[0], values),)
+
+
+class Smallest(Reduction):
+    """The smallest over the rows."""
+
+    starts: ClassVar[Mapping[str, float]] = {"": np.inf}
+
+    def next(self, state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
+        return (minimum(state[0], values),)
+
+
+class Last(Reduction):
+    """The term of the last row."""
+
+    def next(self, _state: tuple[Array, ...], values: Array, _row: TermRow) -> tuple[Array, ...]:
+        return (values,)
+
+
+class First(Reduction):
+    """The first row at which the term has a relation to a number or a parameter, infinite if none has."""
+
+    starts: ClassVar[Mapping[str, float]] = {"": np.inf}
+
+    def __init__(self, term: str, relation: Comparison, bound: str | float) -> None:
+        super().__init__(term)
+        self.relation, self.bound = relation, bound
+
+    def next(self, state: tuple[Array, ...], values: Array, row: TermRow) -> tuple[Array, ...]:
+        holds = self.relation(values, row.bound(self.bound))
+        return (where(holds, minimum(state[0], row.index), state[0]),)
+
+
+class AfterLast(First):
+    """The row after the last at which the term has a relation, 0 if none has."""
+
+    starts: ClassVar[Mapping[str, float]] = {"": 0.0}
+
+    def next(self, state: tuple[Array, ...], values: Array, row: TermRow) -> tuple[Array, ...]:
+        holds = self.relation(values, row.bound(self.bound))
+        return (where(holds, row.index + 1.0, state[0]),)
+
+
+class TermFold(Fold):
+    """A fold that is described by terms and reductions; see the rules above.
+
+    Attributes
+    ----------
+    kernel
+        The description's name; folds of the same name differ in nothing but their columns' names and parameters.
+    needs
+        Columns of the rows that the terms use.
+    sizes
+        Of the columns, by the names that the terms use, in the order of `needs`.
+    begins
+        Their first elements in the rows' columns, by default 0.
+    term_sizes
+        Of the terms.
+    reductions
+        By the names of their states.
+    parameters
+        A number, or one per member (N,).
+    """
+
+    kernel: str
+    sizes: Mapping[str, int]
+    begins: Mapping[str, int] = {}
+    term_sizes: Mapping[str, int]
+    reductions: Mapping[str, Reduction]
+    parameters: Mapping[str, Any]
+
+    def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
+        """The terms of a row by name."""
+        raise NotImplementedError
+
+    @property
+    def states(self) -> list[tuple[str, int, float]]:
+        """Names, sizes and first values of the arrays that reductions keep, in order."""
+        return [
+            (f"{name}{part}", self.term_sizes[reduction.term], value)
+            for name, reduction in self.reductions.items()
+            for part, value in reduction.starts.items()
+        ]
+
+    def add(self, state: State, first: int, columns: Columns, counting: NDArray[np.int64]) -> None:
+        """Reduce one row of a block after the other, as many of them as count for each member (N,)."""
+        parts = {}
+        for name, column in zip(self.sizes, self.needs, strict=True):
+            begin = self.begins.get(name, 0)
+            parts[name] = columns[column][:, begin : begin + self.sizes[name]]
+        parameters = {name: np.atleast_2d(value) for name, value in self.parameters.items()}
+        for k in range(int(counting.max(initial=0))):
+            before = k if first + k else k + 1
+            row = TermRow(
+                {name: values[k + 1] for name, values in parts.items()},
+                {name: values[before] for name, values in parts.items()},
+                np.array([[first + k]], float),
+                parameters,
+            )
+            for name, values in self._next(state, row).items():
+                np.copyto(state[name], values, where=counting > k)
+
+    def _next(self, state: State, row: TermRow) -> State:
+        """The state after a row, from that before."""
+        following = State()
+        for term, values in self.terms(row):
+            for name, reduction in self.reductions.items():
+                if reduction.term == term:
+                    names = [f"{name}{part}" for part in reduction.starts]
+                    after = reduction.next(tuple(state[part] for part in names), values, row)
+                    following |= dict(zip(names, after, strict=True))
+        return following
+
+    def traced(self) -> "FoldKernel":
+        """The states after a row, from those before."""
+        import casadi  # needed once, to build
+
+        from gough_stewart.fmu_build.libraries import FoldKernel
+
+        def symbols(name: str, size: int) -> Array:
+            vector = casadi.vertsplit(casadi.SX.sym(name, size)) if size else []
+            return np.array([[symbol] for symbol in vector], dtype=object)
+
+        def joined(arrays: Iterable[Array]) -> Any:
+            return casadi.vertcat(*(symbol for array in arrays for symbol in np.ravel(array)))
+
+        row, before = (
+            {name: symbols(f"{of_row}{k}", size) for k, (name, size) in enumerate(self.sizes.items())}
+            for of_row in ("row", "before")
+        )
+        index, parameters = symbols("index", 1), symbols("parameters", len(self.parameters))
+        state = {name: symbols("state", size) for name, size, _ in self.states}
+        named = {name: parameters[k : k + 1] for k, name in enumerate(self.parameters)}
+        following = self._next(state, TermRow(row, before, index, named))
+        columns = [*row.values(), *before.values()]
+        inputs = [*(joined([part]) for part in (*columns, index, parameters)), joined(state.values())]
+        names = [f"{of_row}{k}" for of_row in ("row", "before") for k in range(len(row))]
+        names += ["index", "parameters", "state"]
+        outputs = [joined(following[name] for name in state)]
+        return FoldKernel(casadi.Function(self.kernel, inputs, outputs, names, ["next"]), len(row))

@@ -10,16 +10,55 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.sensors import Sensors
-from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.control.faults import N_FAULTS
+from gough_stewart.harness.loop.timing import Seeds, Timing
+from gough_stewart.harness.plants import members, signals
 from gough_stewart.harness.plants.members import PerMember
-from gough_stewart.harness.plants.plant import BoolArray
+from gough_stewart.harness.plants.plant import BoolArray, Plant
+from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model import interface
 from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 
 OnStroke = Literal["ignore", "warn", "stop"]
 LENGTHS = slice(12, 18)  # leg lengths, in the vector of all signals
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """Per signal: standard deviation of white noise, and quantisation step, in the signal's unit.
+
+    measured = q · round((true + σ N(0, 1)) / q), independently for each reading and element. Readings are taken at the
+    controller's samples; with a separate `sample_time` [s], at its multiples, and the controller uses the latest one.
+    For many members σ and q may be arrays (N,), 0 where a member has none, with one seed for each.
+    """
+
+    noise: Mapping[str, PerMember] = field(default_factory=dict)
+    quantisation: Mapping[str, PerMember] = field(default_factory=dict)
+    sample_time: float | None = None
+    seed: Seeds = 0
+    side: signals.Side = "leg"  # of elastic legs, where lengths and velocities are read
+
+
+@dataclass(frozen=True)
+class Actuators:
+    """The path from the commanded force to the force that acts.
+
+    The command is clipped to ± `force_limit`, held, and reaches the drive `delay` samples later. The drive follows it
+    within `rate_limit` [N/s] and, with a time constant `lag` τ [s], as τ ḟ = r − f. No limits by default. For many
+    members each may be an array (N,), with infinite limits for members that have none.
+    """
+
+    force_limit: PerMember | None = None  # [N]
+    rate_limit: PerMember | None = None  # [N/s]
+    lag: PerMember = 0.0  # [s]
+    delay: PerMember = 0  # [samples], integer
+
+    @property
+    def values(self) -> dict[str, PerMember]:
+        """Limits and lag by the keys of `[actuators]`; infinite where there is none."""
+        limits = {"force_limit": self.force_limit, "rate_limit": self.rate_limit}
+        return {key: np.inf if limit is None else limit for key, limit in limits.items()} | {"lag": self.lag}
 
 
 @dataclass(frozen=True)
@@ -47,7 +86,7 @@ class Limits:
 
     def beyond_stroke(self, lengths: FloatArray) -> BoolArray:
         """Which leg lengths (..., 6) [m] are outside of the stroke."""
-        low, high = (np.asarray(each)[..., None] for each in self.stroke)
+        low, high = (np.asarray(end)[..., None] for end in self.stroke)
         return np.asarray((lengths < low) | (lengths > high))
 
 
@@ -81,63 +120,105 @@ class Loop:
         return any(change.faults is not None for change in self.changes)
 
     @property
+    def steps_a_reading(self) -> int:
+        """Plant steps between readings of sensors with a clock of their own; 0 for readings at the samples."""
+        period = self.sensors.sample_time
+        return 0 if period is None else self.timing.steps_in(period, "the sensors' sample_time")
+
+    @property
     def worst_delay(self) -> float:
         """What the sensors' own clock and jitter add at most to the delay of the loop [s].
 
         With readings every m plant steps and samples every n, that of a sample is up to m − gcd(m, n) steps old.
         """
-        timing, own = self.timing, self.sensors.sample_time
-        n = timing.steps_a_sample
-        m = n if own is None else timing.steps_in(own, "the sensors' sample_time")
-        return (m - math.gcd(m, n) + timing.most_steps_late) * timing.plant_step
+        n = self.timing.steps_a_sample
+        m = self.steps_a_reading or n
+        return (m - math.gcd(m, n) + self.timing.most_steps_late) * self.timing.plant_step
 
-    @property
-    def reference_rows(self) -> FloatArray | None:
-        """The reference with the members last (n, 30, N), or (n, 30, 1) if common to all; None without one."""
-        if self.reference is None:
-            return None
-        return self.reference[..., None] if self.reference.ndim == 2 else np.moveaxis(self.reference, 1, 2)
-
-
-def failure_of_forces(injection: FloatArray | None, sample: int, command: FloatArray) -> str:
-    """Who made a command (6,) [N] no number, or too large: the injection of a function, or the controller."""
-    if injection is not None and not (np.abs(injection[sample]) <= LARGEST_NUMBER).all():
-        return f"the injection's forces are {injection[sample].tolist()} N"
-    return f"the controller's forces are {command.tolist()} N"
+    def failure_of_forces(self, sample: int, command: FloatArray) -> str:
+        """Who made a command (6,) [N] no number, or too large: the injection of a function, or the controller."""
+        injected = None if self.injection is None else self.injection[sample]
+        if injected is not None and not (np.abs(injected) <= LARGEST_NUMBER).all():
+            return f"the injection's forces are {injected.tolist()} N"
+        return f"the controller's forces are {command.tolist()} N"
 
 
-def changes_of_members(each: Sequence[Sequence[Change]], timing: Timing) -> tuple[Change, ...]:
+def members_last(values: FloatArray | None) -> FloatArray | None:
+    """Values over time (n, size, N) of arrays (n, N, size), or (n, size, 1) of (n, size), which all members share."""
+    if values is None:
+        return None
+    return values[..., None] if values.ndim == 2 else np.moveaxis(values, 1, 2)
+
+
+def changes_of_members(by_member: Sequence[Sequence[Change]], timing: Timing) -> tuple[Change, ...]:
     """The changes of N members as those of one loop, in order of time, and of each member's own at equal times.
 
     The i-th changes of members at a row are one if they change the same parameters, the wrench, or faults.
     """
-    if all(changes is each[0] for changes in each):
-        return tuple(each[0])
-    kinds: dict[Any, dict[int, Change]] = {}
-    for member, changes in enumerate(each):
-        of_row: dict[int, int] = {}
+    if all(changes is by_member[0] for changes in by_member):
+        return tuple(by_member[0])
+    alike: dict[Any, dict[int, Change]] = {}
+    for member, changes in enumerate(by_member):
+        number_at_row: dict[int, int] = {}
         for change in changes:
             row = timing.row(change.time, "a change")
-            of_row[row] = of_row.get(row, -1) + 1
-            given = change.external_wrench is not None, change.faults is not None
-            kind = (row, of_row[row], tuple(sorted(change.parameters)), *given)
-            kinds.setdefault(kind, {})[member] = change
-    return tuple(_change_of_some(kinds[kind], len(each)) for kind in sorted(kinds))
+            number = number_at_row[row] = number_at_row.get(row, -1) + 1
+            has_wrench, has_faults = change.external_wrench is not None, change.faults is not None
+            kind = row, number, tuple(sorted(change.parameters)), has_wrench, has_faults
+            alike.setdefault(kind, {})[member] = change
+
+    def values(of_members: list[Any]) -> Any:
+        are_equal = all(np.array_equal(value, of_members[0]) for value in of_members)
+        return of_members[0] if are_equal else np.stack(of_members)
+
+    joined = []
+    for _, changing in sorted(alike.items(), key=lambda item: item[0]):
+        any_change = next(iter(changing.values()))  # gives those who do not change some values
+        changes = [changing.get(member, any_change) for member in range(len(by_member))]
+        whose = np.array([member in changing for member in range(len(by_member))])
+        joined.append(
+            Change(
+                any_change.time,
+                {name: values([change.parameters[name] for change in changes]) for name in any_change.parameters},
+                None if any_change.external_wrench is None else values([c.external_wrench for c in changes]),
+                None if whose.all() else whose,
+                None if any_change.faults is None else values([change.faults for change in changes]),
+            )
+        )
+    return tuple(joined)
 
 
-def _change_of_some(changes: Mapping[int, Change], n: int) -> Change:
-    """The changes of some of n members as one; others have any values."""
-    some = next(iter(changes.values()))
-    own = [changes.get(member, some) for member in range(n)]
-    whose = np.array([member in changes for member in range(n)])
+class ScheduledChanges:
+    """The changes of a loop by row, and what they change: parameters of a plant, its inputs, and what fails.
 
-    def values(each: list[Any]) -> Any:
-        return each[0] if all(np.array_equal(value, each[0]) for value in each) else np.stack(each)
+    Attributes
+    ----------
+    by_row
+        Changes at rows.
+    inputs
+        Of the plant (N, 12), with the start forces at first.
+    faults
+        Flags (N, N_FAULTS), 1 of what has failed.
+    """
 
-    return Change(
-        some.time,
-        {name: values([change.parameters[name] for change in own]) for name in some.parameters},
-        None if some.external_wrench is None else values([change.external_wrench for change in own]),
-        None if whose.all() else whose,
-        None if some.faults is None else values([change.faults for change in own]),
-    )
+    def __init__(self, loop: Loop, plant: Plant) -> None:
+        self._plant = plant
+        self.inputs = members.zeros(plant.shape, interface.N_INPUTS)
+        self.inputs[:, :N_LEGS] = loop.start_force
+        self.faults = members.zeros(plant.shape, N_FAULTS)
+        self.by_row: dict[int, list[Change]] = {}
+        for change in loop.changes:
+            self.by_row.setdefault(loop.timing.row(change.time, "a change"), []).append(change)
+
+    def apply(self, row: int) -> None:
+        """Pass the changes of a row to the plant, the inputs, and the faults."""
+        for change in self.by_row.get(row, ()):
+            if change.members is not None and change.parameters:
+                self._plant.set_parameters_of(change.members, change.parameters)
+            elif change.parameters:
+                self._plant.set_parameters(change.parameters)
+            whose = True if change.members is None else change.members[:, None]
+            if change.external_wrench is not None:
+                np.copyto(self.inputs[:, N_LEGS:], change.external_wrench, where=whose)
+            if change.faults is not None:
+                np.copyto(self.faults, change.faults, where=whose)

@@ -1,31 +1,44 @@
-"""The rows of a run, as the loop fills them and as observers get them: in blocks, members last."""
+"""The rows of a run: how they are kept, checked against limits, and passed on in blocks; and how members end."""
 
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gough_stewart.harness.loop.loop import LENGTHS, Loop, members_last
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants import members, signals
 from gough_stewart.harness.plants.plant import BoolArray, Plant
 from gough_stewart.model import interface
+from gough_stewart.model.platform import LARGEST_NUMBER
 from gough_stewart.model.vectors import FloatArray
 
-if TYPE_CHECKING:
-    from gough_stewart.harness.loop.taking import RowTaker
+# Rows times members in a block, and the fewest rows. Smaller blocks cost calls, larger ones no longer fit into the
+# processor's cache.
+BLOCK_SIZE, _FEWEST = 8192, 16
 
-# Rows times members in a block. Fewer cost calls, more no longer fit into the processor's cache.
-_SIZE = 8192
-# Rows that run before the limits are checked, of any number of members, so that this does not depend on it.
-CHECKED = 16
+Status = Literal["completed", "diverged", "stopped", "interrupted"]
 
 
-class Rows:
-    """Consecutive rows of N members: arrays (rows + 1, size, N), after the last row of the block before.
+class Outcome(NamedTuple):
+    """How a run ended."""
+
+    status: Status
+    time: float  # [s]
+    cause: str | None
+
+
+class RowBlock:
+    """A block of consecutive rows of N members: arrays (rows + 1, size, N), after the last row of the block before.
 
     Attributes
     ----------
     host
         What runs the loop, in words.
+    most
+        Rows that fit.
     first, count
         Index of the first row, and the number of rows.
     counting
@@ -33,42 +46,64 @@ class Rows:
     signals, forces, force_limited, rate_limited
         Sizes 24, 6, 6, 6; the forces act from the row on.
     motors
-        Positions and velocities of the motors of legs that give, size 12; 0 of rigid ones.
+        Positions and velocities of the motors of elastic legs, size 12; 0 of rigid ones.
     """
 
     host = "Python"
 
-    def __init__(self, most: int, members: int, signals_: FloatArray, forces: FloatArray, motors: int = 0) -> None:
-        self.most, self.first, self.count = most, 0, 0
+    def __init__(self, timing: Timing, plant: Plant, members: int) -> None:
+        self.first, self.count = 0, 0
+        self.most = min(max(_FEWEST, BLOCK_SIZE // members), timing.steps + 1)
+        sizes = signals.SIZE, 6, 12 if signals.MOTORS in plant.columns else 0
+        self.signals, self.forces, self.motors = (np.zeros((self.most + 1, size, members)) for size in sizes)
+        self.force_limited, self.rate_limited = np.zeros((2, self.most + 1, 6, members), dtype=bool)
         self.counting = np.zeros(members, dtype=np.intp)
-        self.signals, self.forces = signals_, forces
-        self.force_limited, self.rate_limited = np.zeros((2, most + 1, 6, members), dtype=bool)
-        self.motors = np.zeros((most + 1, motors, members))
 
-    @classmethod
-    def of(cls, timing: Timing, members: int, motors: int = 0) -> "Rows":
-        """Blocks that fit into the processor's cache."""
-        most = min(max(CHECKED, _SIZE // members), timing.steps + 1)
-        now, forces = (np.zeros((most + 1, size, members)) for size in (signals.SIZE, 6))
-        return Rows(most, members, now, forces, motors)
-
-    def add(self, now: FloatArray, acting: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
+    def add(self, now: FloatArray, inputs: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row: signals (N, 24), inputs (N, 12), flags (N, 6)."""
         self.count += 1
         k = self.count
         self.signals[k] = now.T
-        self.forces[k] = acting.T[:6]
+        self.forces[k] = inputs.T[:6]
         self.force_limited[k], self.rate_limited[k] = force_limited.T, rate_limited.T
 
     def clear(self) -> None:
         """Begin the next block."""
-        for each in (self.signals, self.forces, self.force_limited, self.rate_limited, self.motors):
-            each[0] = each[self.count]
+        for values in (self.signals, self.forces, self.force_limited, self.rate_limited, self.motors):
+            values[0] = values[self.count]
         self.first, self.count = self.first + self.count, 0
 
 
-class AllRows(Rows):
-    """All rows of a run, with all results and inputs, and its samples.
+@dataclass
+class RowSink:
+    """Takes the rows of a run in the loop's machine code; then none are written, and no Python runs between them."""
+
+    address: int  # of `taker` of c/loop/loop.h
+    counting: NDArray[np.int64]  # how many rows count for each member (M,), -1 where all so far do
+    owned: Any  # what the address leads to
+    rows: int = 0  # how many rows the run has come to
+
+
+class Observer(Protocol):
+    """Gets the rows of a run in blocks, in order, after their limits have been checked.
+
+    One with a `sink` gets none where machine code runs the loop, which gives them to that instead.
+    """
+
+    def sink(self) -> RowSink | None:
+        """Asked for once, before the first row."""
+        return None
+
+    def start(self, timing: Timing, plant: Plant, members: int) -> RowBlock:
+        """The rows to be filled."""
+        return RowBlock(timing, plant, members)
+
+    def block(self, rows: RowBlock) -> None:
+        """Called with each block; views, valid during the call only."""
+
+
+class AllRows(RowBlock, Observer):
+    """Keeps all rows of a run as one block, with all results and inputs, and its samples.
 
     Attributes
     ----------
@@ -81,31 +116,39 @@ class AllRows(Rows):
         The signals that controllers use.
     """
 
-    def __init__(self, timing: Timing, members: int, plant: Plant) -> None:
-        n, m, self._plant = timing.steps + 2, len(timing.samples), plant
+    state: FloatArray
+    used: tuple[str, ...] = ()
+
+    def __init__(self) -> None:
+        """Nothing before `start`."""
+
+    def start(self, timing: Timing, plant: Plant, members: int) -> RowBlock:
+        """Make room for all rows and samples."""
+        n, m, self._plant = timing.steps + 3, len(timing.samples), plant
+        self.first, self.count, self.most = 0, 0, n - 1  # one more than there are: they are passed on at the end
         self.results = np.zeros((n, len(plant.columns), members))
-        self.inputs = np.zeros((n, interface.size_of(interface.INPUTS), members))
-        # more than there will be: they are passed on at the end
-        super().__init__(n + CHECKED, members, self.results[:, : signals.SIZE], self.inputs[:, :6])
+        self.inputs = np.zeros((n, interface.N_INPUTS, members))
+        self.signals, self.forces = self.results[:, : signals.SIZE], self.inputs[:, :6]
+        self.motors = self.results[:, :0]  # they are among the results
+        self.force_limited, self.rate_limited = np.zeros((2, n, 6, members), dtype=bool)
+        self.counting = np.zeros(members, dtype=np.intp)
         self.measured = np.zeros((m, signals.SIZE, members))
         self.command = np.zeros((m, 6, members))
         self.limited = np.zeros((m, 6, members), dtype=bool)
-        self.state = np.zeros((m, 0, members))
-        self.used: tuple[str, ...] = ()
+        return self
 
-    def add(self, _now: FloatArray, acting: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
+    def add(self, _now: FloatArray, inputs: FloatArray, _force_limited: BoolArray, rate_limited: BoolArray) -> None:
         """Add a row, evaluated again: accelerations and joint forces under the forces that act from now on."""
         k = self.count + 1
         self.results[k] = self._plant.results().T
-        self.inputs[k] = acting.T
+        self.inputs[k] = inputs.T
         self.rate_limited[k] = rate_limited.T
-        self.count = k
+        self.count = k  # at last, since the plant may fail
 
-    def begin(self, used: tuple[str, ...], n_states: int) -> None:
-        """Before the first sample of controllers that use these signals and have this number of states."""
-        self.used, self.state = used, np.zeros((len(self.measured), n_states, self.measured.shape[2]))
+    def block(self, rows: RowBlock) -> None:
+        """Nothing: the rows are kept already."""
 
-    def sample(
+    def add_sample(
         self,
         j: int,
         due: BoolArray | None,
@@ -113,34 +156,121 @@ class AllRows(Rows):
         state: FloatArray,
         command: FloatArray,
         force_limited: BoolArray,
-        used: tuple[str, ...],
     ) -> None:
         """Keep sample j of the members that are due (N,); None means all."""
-        if j == 0:
-            self.begin(used, state.shape[-1])
-        if due is None:
-            self.measured[j], self.state[j] = measured.T, state.T
-            self.command[j], self.limited[j] = command.T, force_limited.T
-            return
-        np.copyto(self.measured[j], measured.T, where=due)
-        np.copyto(self.state[j], state.T, where=due)
-        np.copyto(self.command[j], command.T, where=due)
-        np.copyto(self.limited[j], force_limited.T, where=due)
+        kept = (self.measured, measured), (self.state, state), (self.command, command), (self.limited, force_limited)
+        for samples, values in kept:
+            if due is None:
+                samples[j] = values.T
+            else:
+                samples[j][:, due] = values.T[:, due]
 
 
-class Observer(Protocol):
-    """Gets the rows of a run in blocks, in order, after their limits have been checked.
+class RowMonitor:
+    """Takes the rows of N members, ends members at limits and failures, and passes blocks of rows to an observer.
 
-    One with a `taker` gets none where machine code runs the loop, which gives them to that instead.
+    Attributes
+    ----------
+    rows
+        The block that is being filled.
+    n_rows
+        Number of rows so far.
+    counting
+        How many rows count for each member (N,).
+    going, all_go
+        Members without an outcome (N,); whether all are.
+    ended_now
+        Whether some have ended since this was set to False.
     """
 
-    def taker(self) -> "RowTaker | None":
-        """Asked for once, before the first row."""
-        return None
+    def __init__(self, loop: Loop, plant: Plant, observer: Observer) -> None:
+        (n_members,) = plant.shape
+        self._times, self._limits, self.observer = loop.timing.times, loop.limits, observer
+        self._reference = members_last(loop.reference)
+        self._nearest_limit = float(np.min(loop.limits.largest_position_error))
+        self._outcomes: dict[int, Outcome] = {}
+        self.rows = observer.start(loop.timing, plant, n_members)
+        self.n_rows = 0
+        self.counting = np.full(n_members, len(self._times))
+        self.going = np.ones(n_members, dtype=bool)
+        self.all_go, self.ended_now = True, False
 
-    def start(self, timing: Timing, plant: Plant, members: int) -> Rows:
-        """The rows to be filled."""
-        return Rows.of(timing, members, 12 if signals.MOTORS in plant.columns else 0)
+    def end(
+        self, whose: BoolArray | np.bool_ | bool, rows: int, status: Status, cause: str | Callable[[int], str]
+    ) -> None:
+        """End those of these members that still run, after a number of rows."""
+        for member in np.flatnonzero(self.going & whose).tolist():
+            text = cause if isinstance(cause, str) else cause(member)
+            self._outcomes[member] = Outcome(status, float(self._times[max(rows - 1, 0)]), text)
+            self.counting[member] = rows
+            self.going[member] = self.all_go = False
+            self.ended_now = True
 
-    def block(self, rows: Rows) -> None:
-        """Called with each block; views, valid during the call only."""
+    def end_one(self, member: int, rows: int, status: Status, cause: str) -> None:
+        """End a member that still runs after a number of rows."""
+        self.end(np.arange(self.going.size) == member, rows, status, cause)
+
+    def add(self, now: FloatArray, inputs: FloatArray, force_limited: BoolArray, rate_limited: BoolArray) -> None:
+        """Add a row, see `RowBlock.add`, and end members that are beyond a limit there."""
+        self.rows.add(now, inputs, force_limited, rate_limited)
+        row, self.n_rows = self.n_rows, self.n_rows + 1
+        if self._limits.on_stroke == "stop":
+            beyond = self._limits.beyond_stroke(now[:, LENGTHS]).any(axis=1)
+            self.end(beyond, row + 1, "stopped", lambda k: self.beyond_stroke(k, now[k]))
+        if self._reference is not None:
+            gap = self._reference[row, :3] - now.T[:3]
+            if not members.all_below(gap, self._nearest_limit):
+                x, y, z = gap
+                away = ~np.less_equal(np.sqrt(x * x + y * y + z * z), self._limits.largest_position_error)
+                self.end(away, row + 1, "diverged", lambda k: self.too_far(k, row, now[k]))  # also for NaN
+        if self.rows.count == self.rows.most:
+            self.pass_on()
+
+    def beyond_stroke(self, member: int, now: FloatArray) -> str:
+        """Why a member with these signals (24,) is stopped: its first leg that is beyond its stroke."""
+        low, high = (members.of(end, member) for end in self._limits.stroke)
+        lengths = now[LENGTHS]
+        leg = int(((lengths < low) | (lengths > high)).argmax())
+        return f"leg {leg + 1} is {lengths[leg]:.6g} m long; its stroke is {low:g} to {high:g} m"
+
+    def too_far(self, member: int, row: int, now: FloatArray) -> str:
+        """Why a member with these signals (24,) has diverged: its distance from the reference."""
+        assert self._reference is not None
+        wanted = self._reference[row, :3, member if self._reference.shape[2] > 1 else 0]
+        limit = members.of(self._limits.largest_position_error, member)
+        error = np.linalg.norm(wanted - now[:3])
+        return f"the platform is {error:.3g} m from its reference; the limit is {limit:g} m"
+
+    def check_plant(self, now: FloatArray, at_motors: FloatArray) -> None:
+        """Keep the motors of the next row, and end members there whose plant gives no numbers, or too large ones.
+
+        Signals (N, 24), and the same with the legs' at the motors' side.
+        """
+        # of rigid legs both sides are the same array
+        values = now if at_motors is now else np.concatenate([now, at_motors[:, signals.LEGS]], axis=1)
+        if self.rows.motors.size:
+            self.rows.motors[self.rows.count + 1] = values.T[signals.SIZE :]
+        if members.all_below(values.T, LARGEST_NUMBER):
+            return
+        broken = ~(np.abs(values) <= LARGEST_NUMBER)
+        columns = signals.column_names([*signals.NAMES, *signals.AT_MOTORS.values()])
+
+        def cause(k: int) -> str:
+            at = int(broken[k].argmax())
+            unit = interface.BY_NAME[columns[at].partition("[")[0]].unit
+            return f"the plant gave {columns[at]} = {values[k, at]:g} {unit}"
+
+        self.end(broken.any(axis=1), self.n_rows + 1, "diverged", cause)
+
+    def pass_on(self) -> None:
+        """Give the rows since the last call to the observer."""
+        rows = self.rows
+        if rows.count:
+            rows.counting = np.clip(self.counting - rows.first, 0, rows.count)
+            self.observer.block(rows)
+            rows.clear()
+
+    def outcomes(self) -> tuple[Outcome, ...]:
+        """The outcomes of all members at the end of the run."""
+        completed = Outcome("completed", float(self._times[-1]), None)
+        return tuple(self._outcomes.get(member, completed) for member in range(self.going.size))

@@ -1,20 +1,117 @@
-"""A run with its complete history, row by row."""
+"""Runs of the sampled loop: a controller in discrete time around the plant, as it would run on the machine.
+
+A run has N members, N >= 1, which run in parallel; arrays have a leading member axis.
+"""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws_of_members import LawFrom
-from gough_stewart.harness.loop.loop import LENGTHS, Loop
-from gough_stewart.harness.loop.observe import observe
-from gough_stewart.harness.loop.outcomes import Outcome
-from gough_stewart.harness.loop.rows import AllRows, Observer, Rows
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom, LinearLaw, LinearLaws
+from gough_stewart.harness.errors import ControllerError, PlantError
+from gough_stewart.harness.loop.compiled_host import CompiledHost
+from gough_stewart.harness.loop.libraries import compiled_form
+from gough_stewart.harness.loop.loop import LENGTHS, Loop, ScheduledChanges
+from gough_stewart.harness.loop.python_host import PythonHost, SensorReadings
+from gough_stewart.harness.loop.rows import AllRows, Observer, Outcome, RowMonitor
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants.plant import BoolArray, Plant
+from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.plant import BoolArray, Plant, PlantOfOne, seen
+from gough_stewart.model.errors import StepError
 from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.vectors import FloatArray
+
+
+def observe(
+    plant: Plant,
+    law_from: LawFrom | None,
+    loop: Loop,
+    observer: Observer,
+    progress: TimeProgress | None = None,
+    threads: int = 1,
+    *,
+    keeps_interrupted: bool = True,
+) -> tuple[Outcome, ...]:
+    """Run the loop until it ends or cannot continue; either is an outcome of each member, not an error.
+
+    At each sample: measure, compute, and hold the forces (`actuators.delay` samples later). At each plant step: apply
+    changes, advance the drives, call the observer, step the plant. Members that have ended stay frozen while the others
+    continue.
+
+    Parameters
+    ----------
+    plant
+        Of N members; a plant of one platform is a member alone.
+    law_from
+        Makes the controllers of all members, see `laws_of` and `law_of`; None for feedforward alone.
+    loop
+        With the plant's shape, or one loop for all members.
+    progress
+        Called with the time [s] from time to time.
+    threads
+        For loops in machine code, at the most; results do not depend on their number.
+    keeps_interrupted
+        Whether an interrupt is an outcome, with the rows so far; else it goes on.
+
+    Raises
+    ------
+    ControllerError
+        The controller of a plant of one platform gave no forces at its first sample, otherwise an outcome; or wrong
+        loop shape; or a factory gave two members the same controller.
+    PlantError
+        The plant refuses a request before the first row; later this ends the run.
+    KeyboardInterrupt
+        The run was interrupted before the first row, or is not to be kept.
+    """
+    shape: tuple[int, ...] = getattr(plant, "shape", ())
+    if loop.shape not in ((), shape):
+        raise ControllerError(f"a loop of shape {loop.shape} with a plant of shape {shape}; expected the same shape")
+    several = plant if shape else PlantOfOne(plant)
+    monitor = RowMonitor(loop, several, observer)
+    try:
+        # members that have ended may compute NaN, which is not used; in a run of one, warnings are of the user's code
+        with np.errstate(all="ignore") if shape else np.errstate(over="ignore"):
+            _run(several, law_from, loop, monitor, progress, threads)
+    except (StepError, ControllerError, PlantError) as error:
+        if not monitor.n_rows:
+            raise
+        monitor.end(True, monitor.n_rows, "diverged" if isinstance(error, StepError) else "stopped", str(error))
+    except KeyboardInterrupt:
+        if not monitor.n_rows or not keeps_interrupted:
+            raise
+        monitor.end(True, monitor.n_rows, "interrupted", "interrupted by the user")
+    monitor.pass_on()
+    return monitor.outcomes()
+
+
+def _run(
+    plant: Plant, law_from: LawFrom | None, loop: Loop, monitor: RowMonitor, progress: TimeProgress | None, threads: int
+) -> None:
+    """Make the controllers at the first sample, and run in machine code if they and the plant can, else in Python."""
+    if law_from is not None and loop.reference is None:
+        raise ControllerError("a controller without a reference; expected the reference signals for it to follow")
+    changes = ScheduledChanges(loop, plant)
+    changes.apply(0)
+    used = law_from.used if isinstance(law_from, LinearLaws) else None
+    readings = SensorReadings(loop, len(monitor.going), changes.faults, used)
+    reading = readings.read(0, seen(plant, loop.sensors.side))
+    law: Law | None = None
+    if law_from is not None and loop.reference is not None:
+        law = law_from(loop.reference[0], reading)
+
+    if isinstance(monitor.rows, AllRows):
+        states = np.zeros((len(monitor.going), 0)) if law is None else law.state
+        monitor.rows.used = () if law is None else law.used
+        monitor.rows.state = np.zeros((len(monitor.rows.measured), *states.T.shape))
+    if isinstance(plant, LanesPlant) and plant.loop_run is not None:
+        form = law if law is None or isinstance(law, LinearLaw) else compiled_form(law)
+        if law is None or form is not None:
+            for member, error in ({} if law is None else law.failures).items():
+                monitor.end_one(member, 0, "stopped", str(error))
+            CompiledHost(plant, form, loop, reading).run(monitor, changes, progress, threads)
+            return
+    PythonHost(plant, law, loop, readings).run(monitor, changes, progress)
 
 
 @dataclass(frozen=True)
@@ -37,7 +134,7 @@ class Run:
     force_limited: BoolArray  # (m, 6)
     outcomes: tuple[Outcome, ...]  # one per member
     used: tuple[str, ...] = ()  # the measured signals that controllers use
-    host: str = "Python"  # what ran the loop, see `Rows`
+    host: str = "Python"  # what ran the loop, see `RowBlock`
 
     @property
     def outcome(self) -> Outcome:
@@ -50,65 +147,48 @@ class Run:
         outcome = self.outcomes[member]
         # half a row later than its end, since times are rounded
         rows = np.searchsorted(self.time, outcome.time + (self.time[1] if len(self.time) > 1 else 1.0) / 2)
-        by_member = self.sample_of_row if self.sample_of_row.ndim == 1 else self.sample_of_row[:, member]
+        samples = self.sample_of_row if self.sample_of_row.ndim == 1 else self.sample_of_row[:, member]
+        by_row = {name: getattr(self, name)[:rows, member] for name in ("inputs", "rate_limited", "stroke_exceeded")}
+        by_sample = {
+            name: getattr(self, name)[:, member]
+            for name in ("measured", "command", "controller_state", "force_limited")
+        }
         return replace(
             self,
             time=self.time[:rows],
             results=np.ascontiguousarray(self.results[:rows, member]),
-            inputs=self.inputs[:rows, member],
-            rate_limited=self.rate_limited[:rows, member],
-            stroke_exceeded=self.stroke_exceeded[:rows, member],
-            sample_of_row=by_member[:rows],
-            measured=self.measured[:, member],
-            command=self.command[:, member],
-            controller_state=self.controller_state[:, member],
-            force_limited=self.force_limited[:, member],
+            sample_of_row=samples[:rows],
             outcomes=(outcome,),
+            **by_row,
+            **by_sample,
         )
 
 
 def simulate(plant: Plant, law_from: LawFrom | None, loop: Loop, progress: TimeProgress | None = None) -> Run:
     """`observe` with a complete history."""
-    history = _History()
-    outcomes = observe(plant, law_from, loop, history, progress)
-    rows, timing = history.rows, loop.timing
-    k = slice(1, history.count + 1)
-    results = _of_members(rows.results[k])
+    rows = AllRows()
+    outcomes = observe(plant, law_from, loop, rows, progress)
+    n = int(rows.counting.max())
+    by_row = {"results": rows.results, "inputs": rows.inputs, "rate_limited": rows.rate_limited}
+    by_sample = {
+        "measured": rows.measured,
+        "command": rows.command,
+        "controller_state": rows.state,
+        "force_limited": rows.limited,
+    }
+    # members before elements
+    arrays = {name: np.moveaxis(values[1 : n + 1], 1, 2) for name, values in by_row.items()}
+    arrays |= {name: np.moveaxis(values, 1, 2) for name, values in by_sample.items()}
     run = Run(
-        timing.times[: history.count],
-        results,
-        _of_members(rows.inputs[k]),
-        _of_members(rows.rate_limited[k]),
-        loop.limits.beyond_stroke(results[..., LENGTHS]),
-        samples_of_rows(timing)[: history.count],
-        _of_members(rows.measured),
-        _of_members(rows.command),
-        _of_members(rows.state),
-        _of_members(rows.limited),
-        outcomes,
-        rows.used,
-        rows.host,
+        time=loop.timing.times[:n],
+        stroke_exceeded=loop.limits.beyond_stroke(arrays["results"][..., LENGTHS]),
+        sample_of_row=samples_of_rows(loop.timing)[:n],
+        outcomes=outcomes,
+        used=rows.used,
+        host=rows.host,
+        **arrays,
     )
     return run if getattr(plant, "shape", ()) else run.of_member(0)
-
-
-def _of_members(rows: NDArray[Any]) -> NDArray[Any]:
-    """(n, N, size) of rows (n, size, N)."""
-    return np.moveaxis(rows, 1, 2)
-
-
-class _History(Observer):
-    """Keeps all rows."""
-
-    rows: AllRows
-    count = 0
-
-    def start(self, timing: Timing, plant: Plant, members: int) -> Rows:
-        self.rows = AllRows(timing, members, plant)
-        return self.rows
-
-    def block(self, rows: Rows) -> None:
-        self.count = int(rows.counting.max())
 
 
 def samples_of_rows(timing: Timing) -> NDArray[np.intp]:
@@ -116,4 +196,4 @@ def samples_of_rows(timing: Timing) -> NDArray[np.intp]:
     rows, all_rows = timing.rows_of_samples, np.arange(timing.steps + 1)
     if rows.ndim == 1:
         return np.searchsorted(rows, all_rows, side="right") - 1
-    return np.stack([np.searchsorted(each, all_rows, side="right") - 1 for each in rows.T], axis=-1)
+    return np.stack([np.searchsorted(of_member, all_rows, side="right") - 1 for of_member in rows.T], axis=-1)

@@ -1,21 +1,34 @@
-"""The clocks of a run: plant steps, samples, and jitter."""
+"""The clocks of a run, plant steps, samples and jitter; and the seeds of its random numbers."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.random import SeedSequence
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.loop.seeds import Seeds, stream
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.members import PerMember
 from gough_stewart.model.vectors import FloatArray
+
+# Seed of one run; member k of an ensemble has `SeedSequence(seed, spawn_key=(k,))`.
+Seed = int | SeedSequence
+# Seed of one run or common to all members, or one per member.
+Seeds = Seed | tuple[Seed, ...]
 
 MOST_STEPS = 1_000_000
 # Measured: some 150 numbers a row, in the loop's arrays, in the record's table, and in a copy while it is built.
 BYTES_A_STEP = 4_000
 # Relative tolerance within which times are multiples of the plant step.
 _ROUNDING = 1e-6
+
+
+def as_numbers(seed: Seeds) -> Any:
+    """A seed as plain types: itself, or a sequence's entropy and its spawn key."""
+    if isinstance(seed, tuple):
+        return [as_numbers(of_member) for of_member in seed]
+    return {"entropy": seed.entropy, "spawn_key": list(seed.spawn_key)} if isinstance(seed, SeedSequence) else seed
 
 
 @dataclass(frozen=True)
@@ -43,21 +56,21 @@ class Timing:
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise ControllerError(f"{name} is {value!r}; expected a time > 0 s")
-        for whole, part in (("sample_time", "plant_step"), ("duration", "plant_step")):
-            long, short = getattr(self, whole), getattr(self, part)
+        short = self.plant_step
+        for name, long in (("sample_time", self.sample_time), ("duration", self.duration)):
             if not long / short <= MOST_STEPS:
                 raise ControllerError(
-                    f"{whole} {long:g} s has {long / short:.3g} plant steps of {short:g} s; expected at most "
+                    f"{name} {long:g} s has {long / short:.3g} plant steps of {short:g} s; expected at most "
                     f"{MOST_STEPS}, which fill about {MOST_STEPS * BYTES_A_STEP / 1e9:.2g} GB of memory; make it "
                     "shorter, or the plant_step longer"
                 )
             if round(long / short) < 1 or abs(long / short - round(long / short)) > _ROUNDING:
                 raise ControllerError(
-                    f"{part} {short:g} s does not divide {whole} {long:g} s ({long / short:g} times); expected a whole "
-                    f"number, for instance a {part} of {long / max(1, round(long / short)):g} s"
+                    f"plant_step {short:g} s does not divide {name} {long:g} s ({long / short:g} times); expected a "
+                    f"whole number, for instance a plant_step of {long / max(1, round(long / short)):g} s"
                 )
-        jitter, steps = np.ravel(self.jitter), np.ravel(self._largest_delay)
-        beyond = (jitter != 0) & ~((steps >= 1) & (steps < self.steps_a_sample))
+        jitter, late = np.ravel(self.jitter), np.ravel(self._steps_late)
+        beyond = (jitter != 0) & ~((late >= 1) & (late < self.steps_a_sample))
         if beyond.any():
             raise ControllerError(
                 f"jitter is {jitter[beyond][0]:g} s; expected less than the sample_time of {self.sample_time:g} s, and "
@@ -77,7 +90,7 @@ class Timing:
     @property
     def most_steps_late(self) -> int:
         """The longest delay of a sample by jitter, of any member: ⌊jitter / plant step⌋ plant steps."""
-        return int(np.max(np.floor(np.asarray(self.jitter) / self.plant_step + _ROUNDING)))
+        return int(np.max(self._steps_late))
 
     @property
     def times(self) -> FloatArray:
@@ -94,42 +107,43 @@ class Timing:
         """The rows of the samples, with jitter: (m,), or (m, N) where members differ."""
         rows = np.arange(0, self.steps, self.steps_a_sample)
         if np.any(self.jitter):
-            late = self._delays(len(rows))
+            seeds = self.seed if isinstance(self.seed, tuple) else (self.seed,)
+            # of one seed (m, 1), scaled by each member's jitter
+            shares = np.stack([_uniform(seed, len(rows)) for seed in seeds], axis=-1)
+            late = np.floor(shares * (self._steps_late + 1)).astype(np.intp)
             late[0] = 0  # the first sample is at the start
-            rows = rows[:, None] + late if late.ndim == 2 else rows + late
+            differ = isinstance(self.seed, tuple) or np.ndim(self.jitter) > 0
+            rows = rows[:, None] + late if differ else rows + late[:, 0]
         return np.minimum(rows, self.steps - 1)
 
     @property
-    def _largest_delay(self) -> FloatArray:
+    def _steps_late(self) -> FloatArray:
         """Whole plant steps in the jitter, () or (N,); rounded, since 0.3e-3 / 0.1e-3 is below 3."""
         return np.asarray(np.floor(np.asarray(self.jitter) / self.plant_step + _ROUNDING))
 
-    def _delays(self, m: int) -> NDArray[np.intp]:
-        """The delay of each of m samples (m,) or (m, N) [plant steps]."""
-        # a random stream after those of the sensors' noise
-        purpose = len(signals.NAMES)
-        if isinstance(self.seed, tuple):
-            share = np.stack([stream(seed, purpose).uniform(size=m) for seed in self.seed], axis=-1)
-        else:  # one stream, scaled by each member's jitter
-            share = stream(self.seed, purpose).uniform(size=m)
-            share = share[:, None] if np.ndim(self.jitter) else share
-        return np.floor(share * (self._largest_delay + 1)).astype(np.intp)
-
-    def steps_in(self, time: float, what: str) -> int:
+    def steps_in(self, time: float, name: str) -> int:
         """The number of plant steps in a time [s], which must be a whole number."""
         steps = round(time / self.plant_step)
         if steps < 1 or abs(time / self.plant_step - steps) > _ROUNDING:
             raise ControllerError(
-                f"{what} is {time:g} s; expected a multiple of the plant_step of {self.plant_step:g} s"
+                f"{name} is {time:g} s; expected a multiple of the plant_step of {self.plant_step:g} s"
             )
         return steps
 
-    def row(self, time: float, what: str) -> int:
+    def row(self, time: float, name: str) -> int:
         """The row of a time [s], which must be a multiple of the plant step."""
         k = round(time / self.plant_step)
         if abs(time / self.plant_step - k) > _ROUNDING or not 0 <= k <= self.steps:
             raise ControllerError(
-                f"{what} at {time:g} s; expected a time from 0 to {self.duration:g} s that is a multiple of the "
+                f"{name} at {time:g} s; expected a time from 0 to {self.duration:g} s that is a multiple of the "
                 f"plant_step of {self.plant_step:g} s"
             )
         return k
+
+
+def _uniform(seed: Seed, m: int) -> FloatArray:
+    """Random numbers (m,) from 0 to 1 for jitter: a stream after those of the signals' noise."""
+    stream = len(signals.NAMES)
+    if isinstance(seed, SeedSequence):
+        return np.random.default_rng(SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, stream))).uniform(size=m)
+    return np.random.default_rng([seed, stream]).uniform(size=m)

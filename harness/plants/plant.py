@@ -12,6 +12,7 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
 from gough_stewart.model.errors import InterfaceError, MembersError, StepError
 from gough_stewart.model.interface import Variant
+from gough_stewart.model.parameters import Variable
 from gough_stewart.model.vectors import FloatArray
 
 BoolArray = NDArray[np.bool_]

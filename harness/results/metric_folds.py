@@ -13,21 +13,24 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.cache import state_of_files
 from gough_stewart.fmu_build.libraries import FoldKernel, Library, folds_sources, machine_code, vector_library
-from gough_stewart.harness.loop.fold_kernels import FoldKernels
-from gough_stewart.harness.loop.folds import FORCES, MOTORS, Fold, State
-from gough_stewart.harness.loop.loop import Loop, stroke_of
-from gough_stewart.harness.loop.term_folds import (
+from gough_stewart.harness.loop.folding import FoldKernels
+from gough_stewart.harness.loop.folds import (
+    FORCES,
+    MOTORS,
     AfterLast,
     First,
+    Fold,
     Largest,
     Last,
     Reduction,
     Smallest,
+    State,
     Sum,
     SumButLast,
     TermFold,
     TermRow,
 )
+from gough_stewart.harness.loop.loop import Loop, stroke_of
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     ENERGY,
@@ -63,7 +66,7 @@ _ROUNDING = 1e-9
 # The reference of a step has to be constant over this share of the rows at the end.
 _REST = 0.1
 # Sources of the machine code, besides those of the plant's.
-_SOURCES = (("gough_stewart.harness.loop", "term_folds.py"), (str(__package__), "metric_folds.py"))
+_SOURCES = (("gough_stewart.harness.loop", "folds.py"), (str(__package__), "metric_folds.py"))
 
 
 class Metric(NamedTuple):
@@ -552,7 +555,9 @@ def folds_code() -> Library:
     """Name, sources and their state."""
 
     def kernels() -> list[FoldKernel]:
-        folds = {fold.kernel: fold for fold in _of_any_run() if isinstance(fold, TermFold)}
+        # of a run, and of a record, which has flags of the stroke
+        all_folds = [*_of_any_run(), StrokeUse({}, has_flags=True)]
+        folds = {fold.kernel: fold for fold in all_folds if isinstance(fold, TermFold)}
         return [fold.traced() for fold in folds.values()]
 
     return vector_library("folds", lambda: folds_sources(kernels()), state_of_files(*_SOURCES))

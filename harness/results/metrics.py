@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.harness.loop.folding import Folding
-from gough_stewart.harness.loop.folds import ERRORS, Block
+from gough_stewart.harness.loop.folds import ERRORS
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.limits import column_of_drives
@@ -112,7 +112,7 @@ def metrics(record: RecordData) -> Metrics:
         except (BuildError, OSError):  # of a processor without machine code: NumPy computes the same, row by row
             kernels = None
         folding = Folding(folds, 1, kernels)
-        folding.add(Block(0, n, columns, folding.running))
+        folding.add(0, columns)
         results = folding.results()
         # nested by the parts of their paths
         for path in (metric.path for metric in METRICS if metric.path in results):

@@ -17,7 +17,7 @@ from gough_stewart.harness.experiment.overrides import Values
 from gough_stewart.harness.experiment.preparation import PreparedMembers
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.loop.observe import observe_all
+from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop, metric_kernels
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.tuning.conditions import Condition
@@ -180,7 +180,9 @@ class Candidates:
         folds = folds_of_loop(running.loop, limits_of_members(batch, running.size), names)
         rows = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
         with running.plant:
-            outcomes = observe_all(running.plant, running.law_from, running.loop, rows, cores())
+            outcomes = observe(
+                running.plant, running.law_from, running.loop, rows, threads=cores(), keeps_interrupted=False
+            )
             self.integration_error = max(self.integration_error, float(np.max(running.plant.integration_error[:n])))
         return outcomes[:n], {name: values[:n] for name, values in columns_of(rows.results()).items()}
 

@@ -12,10 +12,8 @@ from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.control.pid import Gains
 from gough_stewart.harness.experiment.batch import Distinct
-from gough_stewart.harness.loop.actuators import Actuators
-from gough_stewart.harness.loop.loop import Change, Limits, Loop, changes_of_members
+from gough_stewart.harness.loop.loop import Actuators, Change, Limits, Loop, Sensors, changes_of_members
 from gough_stewart.harness.loop.run import Run, simulate
-from gough_stewart.harness.loop.sensors import Sensors
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import ManyMasses, Masses
@@ -43,19 +41,12 @@ class Member:
     fails_at: float = np.inf
 
 
-def jacobians_of(member: int, n: int = 50) -> FloatArray:
-    """Six by six, another one at each sample, far from singular."""
-    rng = np.random.default_rng([7, member])
-    return np.asarray(np.eye(6) + 0.08 * rng.normal(size=(n, 6, 6)))
-
-
-def alone(member: Member, jacobians: FloatArray | None = None) -> Run:
+def alone(member: Member) -> Run:
     """As a single run."""
     made = controller_of(member.controller)
-    J = np.zeros((0, 6, 6)) if jacobians is None else jacobians
     return simulate(
         Masses(member.platform_mass, member.fails_at),
-        law_of(made, T, J),
+        law_of(made, T, np.zeros((0, 6, 6))),
         member.loop,
     )
 
@@ -100,17 +91,16 @@ def loop_of_members(loops: Sequence[Loop]) -> Loop:
     )
 
 
-def side_by_side(some: Sequence[Member], jacobians: FloatArray | None = None) -> Run:
+def side_by_side(some: Sequence[Member]) -> Run:
     """All at once."""
-    J = np.zeros((0, 6, 6)) if jacobians is None else jacobians
     return simulate(
         ManyMasses([each.platform_mass for each in some], [each.fails_at for each in some]),
-        laws_of([controller_of(each.controller) for each in some], T, J),
+        laws_of([controller_of(each.controller) for each in some], T, np.zeros((0, 6, 6))),
         loop_of_members([each.loop for each in some]),
     )
 
 
-def assert_same(many: Run, k: int, single: Run, tolerance: float = 0.0) -> None:
+def assert_same(many: Run, k: int, single: Run) -> None:
     """Every row and sample of a member, up to its own end; flags and outcome, too."""
     rows = len(single.time)
     at = single.sample_of_row if single.sample_of_row.ndim == 1 else single.sample_of_row[:, 0]
@@ -121,17 +111,12 @@ def assert_same(many: Run, k: int, single: Run, tolerance: float = 0.0) -> None:
     for name, n in (("results", rows), ("inputs", rows), ("command", samples), ("controller_state", samples)):
         found, expected = getattr(many, name)[:n, k], getattr(single, name)[:n]
         expected = expected.reshape(found.shape)
-        if tolerance:
-            np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * max(1.0, np.abs(expected).max()))
-        else:
-            np.testing.assert_array_equal(found, expected)
+        np.testing.assert_array_equal(found, expected)
     assert many.used
     for signal in many.used:
         part = _PLACES[signal]
         found, expected = many.measured[:samples, k, part], single.measured[:samples].reshape(samples, -1)[:, part]
-        np.testing.assert_array_equal(found, expected) if not tolerance else np.testing.assert_allclose(
-            found, expected, rtol=0, atol=tolerance * max(1.0, np.abs(expected).max())
-        )
+        np.testing.assert_array_equal(found, expected)
     for name, n in (("rate_limited", rows), ("stroke_exceeded", rows), ("force_limited", samples)):
         found, expected = getattr(many, name)[:n, k], getattr(single, name)[:n]
         np.testing.assert_array_equal(found, expected.reshape(found.shape))

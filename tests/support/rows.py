@@ -27,4 +27,5 @@ def pass_rows(
         block.add(*row)
         if block.count == block.most:
             pass_on()
-    pass_on()
+    if block.count:
+        pass_on()

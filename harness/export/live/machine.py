@@ -19,7 +19,6 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.live.behind import behind_of
 from gough_stewart.harness.export.machine import Block, fields, machine_of
 from gough_stewart.harness.export.turned import MOST_DELAY, POLES, WANTED, Turned, turned_of
-from gough_stewart.harness.loop.observe import by_row
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
@@ -138,7 +137,7 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
         ),
         "stroke": stroke if None not in stroke else None,
         # rows of the experiment's changes, and sizes of what they and a hand change
-        "changes": sorted(set(by_row(loop)) - {0}),
+        "changes": sorted({loop.timing.row(change.time, "a change") for change in loop.changes} - {0}),
         "sizes": {
             **{"parameters": ends[-1], "inputs": N_INPUTS},
             **{"cut": N_LEGS, "frozen": signals.SIZE, "cut,frozen": N_FAULTS},

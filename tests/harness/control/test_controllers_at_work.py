@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.loop.noise import standard_normal, streams_of
+from gough_stewart.harness.loop.python_host import standard_normal, streams_of
 from gough_stewart.harness.results.metrics import flattened
 from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.laws_of_members import SeparateLaws
-from gough_stewart.harness.loop.actuators import Actuators, Drives
+from gough_stewart.harness.loop.loop import Actuators
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import LENGTH, Masses
@@ -127,11 +127,11 @@ def test_rate_limit_and_lag_act_by_their_mean_over_a_step(rate_limit: float | No
     rng = np.random.default_rng(3)
     start, commands = rng.normal(size=6), rng.normal(size=(12, 6))
     commands[5] = commands[4]  # reached at last
-    drives = Drives(Actuators(rate_limit=rate_limit, lag=lag), start[None], h, h)
+    actuators = Actuators(rate_limit=rate_limit, lag=lag)
+    loop = loop_of(12 * h, h, h, actuators=actuators, start_force=start, feedforward=commands)
+    run = run_with(constant(np.zeros(6)), loop)
     ramp, force = start.copy(), start.copy()
     for j, command in enumerate(commands):
-        drives.command(j, command[None])
-        mean, held_back = (each[0] for each in drives.step())
         total = np.zeros(6)
         for _ in range(fine):
             before = ramp
@@ -142,8 +142,8 @@ def test_rate_limit_and_lag_act_by_their_mean_over_a_step(rate_limit: float | No
             after = middle if lag == 0 else middle + (force - middle) * np.exp(-h / fine / lag)
             total += after if lag == 0 else (force + after) / 2
             force = after
-        assert mean == pytest.approx(total / fine, abs=4e-6)
-        assert held_back.tolist() == (ramp != command).tolist()
+        assert run.inputs[j, :6] == pytest.approx(total / fine, abs=4e-6)
+        assert run.rate_limited[j].tolist() == (ramp != command).tolist()
 
 
 def test_a_rate_limited_run_does_not_depend_on_the_plant_step() -> None:
@@ -158,15 +158,3 @@ def test_a_rate_limited_run_does_not_depend_on_the_plant_step() -> None:
     )
     assert coarse.rate_limited.any()
     assert np.abs(coarse.results[:, LENGTH] - fine.results[::10, LENGTH]).max() < 1e-6
-
-
-def test_drives_keep_no_array_of_their_callers() -> None:
-    """Expected: what a caller does to its arrays afterwards changes nothing."""
-    start, force = START.copy(), FORCES.copy()
-    drives = Drives(Actuators(delay=1), start[None], 0.01, 0.01)
-    start[:] = np.nan
-    assert drives.command(0, force[None])[1][0] == pytest.approx(np.zeros(6), abs=0)
-    force[:] = np.nan
-    assert drives.step()[0][0] == pytest.approx(START, abs=0)
-    drives.command(1, np.zeros((1, 6)))
-    assert drives.step()[0][0] == pytest.approx(FORCES, abs=0)

@@ -9,7 +9,7 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.loop.observe import observe
+from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
 from gough_stewart.harness.plants.open import ModelPlant
 from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels

@@ -12,7 +12,7 @@ from gough_stewart.fmu_build import toolchain
 from gough_stewart.fmu_build.cache import BuildError
 from gough_stewart.harness.control.traced_law import traced_law_of
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.loop import law_library
+from gough_stewart.harness.loop import libraries
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.plants.lanes import Stepping
 from tests.support.uneven_loops import experiment_of as uneven_experiment
@@ -134,7 +134,7 @@ def test_a_law_is_compiled_once_and_not_at_all_without_a_compiler(monkeypatch: p
     traced = traced_law_of([law])
     assert traced is not None
     lanes.law_library(traced.function).path.unlink()
-    law_library._library.cache_clear()
+    libraries._library.cache_clear()
     calls, compile_ = [], toolchain.compile_library
 
     def counted(*arguments: Any, **options: Any) -> bytes:
@@ -143,7 +143,7 @@ def test_a_law_is_compiled_once_and_not_at_all_without_a_compiler(monkeypatch: p
 
     monkeypatch.setattr(lanes, "compile_library", counted)
     hosts = [gs.run("heave_step", {"loop.duration": 0.01}, controller=law).metadata["host"] for _ in range(2)]
-    law_library._library.cache_clear()
+    libraries._library.cache_clear()
     hosts.append(gs.run("heave_step", {"loop.duration": 0.01}, controller=law).metadata["host"])
     assert calls == ["law"]
     assert {each[:8] for each in hosts} == {"compiled"}
@@ -151,10 +151,10 @@ def test_a_law_is_compiled_once_and_not_at_all_without_a_compiler(monkeypatch: p
     def missing(_function: object) -> None:
         raise BuildError("no compiler")
 
-    monkeypatch.setattr(law_library, "law_library", missing)
-    law_library._library.cache_clear()
+    monkeypatch.setattr(libraries, "law_library", missing)
+    libraries._library.cache_clear()
     assert gs.run("heave_step", {"loop.duration": 0.01}, controller=law).metadata["host"] == "Python"
-    law_library._library.cache_clear()
+    libraries._library.cache_clear()
 
 
 def test_what_has_no_plain_operations_or_differs_runs_in_numpys_loop() -> None:
@@ -223,7 +223,7 @@ def test_operations_of_a_law_are_those_of_the_c_library() -> None:
     law = casadi.Function("law", [x, y, memory], [force, found], names, ["actuator_force", "memory_next"])
     traced = traced_law_of([law])
     assert traced is not None
-    library = law_library._library(traced.function.serialize())
+    library = libraries._library(traced.function.serialize())
     assert library is not None
     rng = np.random.default_rng(3)
     given = np.zeros((traced.function.numel_in(0), 8))
@@ -231,7 +231,7 @@ def test_operations_of_a_law_are_those_of_the_c_library() -> None:
     velocity, length = (rng.uniform(-0.95, 0.95, (6, 8)) for _ in range(2))
     given[first + 18 : first + 24], given[first + 12 : first + 18] = velocity, length
     out = np.zeros((n + 6, 8))
-    law_library.call(library, given, out)
+    libraries.call(library, given, out)
     a, b = velocity, length
     expected = [(own[name] if name in own else getattr(np, name))(a) for name in made]
     expected += [getattr(np, name)(a, b) for name in two]

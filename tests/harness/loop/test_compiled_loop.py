@@ -20,15 +20,14 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.fmu_build import libraries as lanes
+from gough_stewart.fmu_build import libraries as built
 from gough_stewart.fmu_build.libraries import loop_sources
 from gough_stewart.fmu_build.toolchain import BY_NAME
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.loop import compiled, loop_library
-from gough_stewart.harness.loop.observe import observe
-from gough_stewart.harness.loop.rows import Observer, Rows
-from gough_stewart.harness.loop.run import Run, simulate
+from gough_stewart.harness.loop import compiled_host, libraries
+from gough_stewart.harness.loop.rows import Observer, RowBlock
+from gough_stewart.harness.loop.run import Run, observe, simulate
 from gough_stewart.harness.plants.lanes import LanesPlant, Stepping
 from gough_stewart.harness.plants.signals import positions
 from gough_stewart.model.process import installed
@@ -71,6 +70,7 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "PID in task space": ("task", {}, VARIED),
     "PD, all": ("pd", ALL, MANY),
     "PID, all": ("pid", ALL, MANY),
+    "PID, rate limit alone": ("pid", {"actuators": {"force_limit": "none", "rate_limit": "700 N/s"}}, VARIED),
     "task space, all": ("task", ALL, MANY),
 }
 
@@ -166,8 +166,8 @@ def test_a_members_bits_do_not_depend_on_the_others_or_on_the_size_of_calls(monk
         at = chosen.index(4)
         for name in ("results", "inputs", "command", "measured", "controller_state", "rate_limited"):
             assert np.array_equal(getattr(part, name)[:, at], getattr(whole, name)[:, 4]), name
-    monkeypatch.setattr(compiled, "_ROWS", 7)
-    monkeypatch.setattr(compiled, "_WORK", 3)
+    monkeypatch.setattr(compiled_host, "_ROWS", 7)
+    monkeypatch.setattr(compiled_host, "_WORK", 3)
     assert_same(run_of(batch), whole, 11, 0.0)
 
 
@@ -232,7 +232,7 @@ def test_an_interrupt_keeps_the_rows_that_all_members_have_done(monkeypatch: pyt
     """Expected: after the third part of the work, an outcome at the last row of all; its rows are those of the run."""
     batch = batch_of("pd", {}, VARIED, 3)
     whole = run_of(batch)
-    monkeypatch.setattr(compiled, "_WORK", 10)
+    monkeypatch.setattr(compiled_host, "_WORK", 10)
     running = batch.in_parallel(STEPPING)
     run, calls = running.plant.loop_run, []
 
@@ -257,7 +257,7 @@ def test_threads_do_not_change_a_bit_and_an_interrupt_stops_them_all(monkeypatch
     batch = batch_of("task", ALL, MANY, 41)
     rows = [rows_with(batch, threads) for threads in (1, 2, 3, 50)]
     assert all(np.array_equal(rows[0], each) for each in rows[1:])
-    monkeypatch.setattr(compiled, "_WORK", 10)
+    monkeypatch.setattr(compiled_host, "_WORK", 10)
     running = batch.in_parallel(STEPPING)
     run, calls, main = running.plant.loop_run, [], threading.get_ident()
 
@@ -282,7 +282,7 @@ class Signals(Observer):
     def __init__(self) -> None:
         self.blocks: list[np.ndarray[Any, Any]] = []
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         n = rows.count
         self.blocks.append(np.concatenate([rows.signals[1 : n + 1], rows.forces[1 : n + 1]], axis=1))
 
@@ -303,12 +303,12 @@ def test_rows_reach_observers_in_blocks_without_gaps() -> None:
         def __init__(self) -> None:
             self.blocks: list[tuple[int, np.ndarray[Any, Any]]] = []
 
-        def start(self, timing: Any, _plant: Any, members: int) -> Rows:
-            rows = Rows.of(timing, members)
+        def start(self, timing: Any, plant: Any, members: int) -> RowBlock:
+            rows = RowBlock(timing, plant, members)
             rows.most = 16
             return rows
 
-        def block(self, rows: Rows) -> None:
+        def block(self, rows: RowBlock) -> None:
             n = rows.count
             values = [
                 rows.signals[: n + 1, :24],
@@ -338,9 +338,8 @@ def test_without_machine_code_and_compiler_an_error_names_the_remedy(
 ) -> None:
     """Expected: the extra that brings a compiler, and no other loop instead."""
     monkeypatch.setattr(installed, "find_spec", lambda name: None if name == "ziglang" else find_spec(name))
-    monkeypatch.setattr(lanes, "prebuilt_content", lambda *_: None)
-    loop_library.loop_kernel.cache_clear()
-    loop_library.loop_library.cache_clear()
+    monkeypatch.setattr(built, "prebuilt_content", lambda *_: None)
+    libraries.loop_kernel.cache_clear()
     with pytest.raises(
         gs.GoughStewartError, match=r"not installed: ziglang \(to compile\); .*gough-stewart\[compile\]"
     ):
@@ -351,7 +350,7 @@ def test_without_machine_code_and_compiler_an_error_names_the_remedy(
 @pytest.mark.parametrize("name", ["aarch64-darwin", "aarch64-linux", "x86_64-windows"])
 def test_other_systems_can_compile_the_loop(name: str, tmp_path: Path) -> None:
     """Expected: no complaint of the compiler, with the components' equations in it."""
-    units, headers = loop_sources(loop_library.components_header())
+    units, headers = loop_sources(libraries.components_header())
     for file, text in {**units, **headers}.items():
         (tmp_path / file).write_text(text)
     command = [sys.executable, "-m", "ziglang", "cc", "-target", BY_NAME[name].triple, "-std=c11", "-O0", "-Werror"]

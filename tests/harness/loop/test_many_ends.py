@@ -14,11 +14,10 @@ from gough_stewart.harness.control.pid import pid, sampled
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, PlantError
 from gough_stewart.harness.loop.loop import Limits
-from gough_stewart.harness.loop.observe import observe, observe_all
-from gough_stewart.harness.loop.rows import Observer, Rows
-from gough_stewart.harness.loop.sensors import Readings, Sensors
+from gough_stewart.harness.loop.rows import Observer, RowBlock
+from gough_stewart.harness.loop.run import observe
 from gough_stewart.harness.loop.timing import Timing
-from gough_stewart.harness.plants import members, signals
+from gough_stewart.harness.plants import members
 from gough_stewart.harness.plants.plant import BoolArray
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import ManyMasses, Masses
@@ -77,6 +76,14 @@ def ending_members() -> list[Member]:
     ]
 
 
+def test_with_everything_on_members_are_single_runs_of_theirs() -> None:
+    """Expected: a loop of one member alone, to the bit; functions, whose arithmetic is the same in both."""
+    some = [member_of(k, law_of_member(k), FEATURES) for k in range(7)]
+    many = side_by_side(some)
+    for k, each in enumerate(some):
+        assert_same(many, k, alone(each))
+
+
 def test_members_end_each_for_its_cause_and_the_others_go_on() -> None:
     """Expected: outcome, words and rows of single runs, to the last bit."""
     some = ending_members()
@@ -88,6 +95,7 @@ def test_members_end_each_for_its_cause_and_the_others_go_on() -> None:
     statuses = [outcome.status for outcome in many.outcomes]
     assert statuses == ["completed", "diverged", "stopped", "stopped", "diverged", "diverged", "completed"]
     assert len({outcome.time for outcome in many.outcomes}) == 6
+    assert "failed at time 0.1 s with RuntimeError: no more" in str(many.outcomes[3].cause)
 
 
 def test_members_whose_samples_are_late_end_as_they_do_alone() -> None:
@@ -119,7 +127,7 @@ class Counting(Observer):
     def __init__(self, n: int) -> None:
         self.rows, self.all = np.zeros(n, dtype=int), 0
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         self.rows += rows.counting
         self.all += rows.count
 
@@ -145,7 +153,7 @@ class Flags(Observer):
     def __init__(self) -> None:
         self.rows: list[BoolArray] = []
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         self.rows += list(rows.force_limited[1 : rows.count + 1].copy())
 
 
@@ -164,37 +172,6 @@ def test_a_limited_force_stays_so_in_the_rows_until_the_next_sample_of_its_membe
         observe(Masses(each.platform_mass), law_of(each.controller, T, np.zeros((0, 6, 6))), each.loop, single)
         assert len(single.rows) == len(many.rows) == 151
         np.testing.assert_array_equal(np.array(many.rows)[:, :, k], np.array(single.rows)[:, :, 0])
-
-
-def test_rows_after_an_end_that_is_seen_late_leave_no_trace(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: of a plant that runs on before its limits are checked, what one says that stops at each row."""
-    gains = [sampled(pid(gains_of_member(k)), T) for k in range(5)]
-    limits = [
-        Limits((0.0, 9.0), "stop", 1e-3),
-        Limits((0.5, 1.61), "stop", 0.5),
-        Limits((0.0, 9.0), "stop", 4e-3),
-        Limits((0.0, 1.65), "stop", 5e-3),
-        Limits(),
-    ]
-    some = []
-    for k, limit in enumerate(limits):
-        member = member_of(k, LinearController(gains[k]))
-        fails_at = 0.05 if k == 4 else 0.21 if k == 3 else np.inf
-        some.append(
-            replace(member, loop=replace(member.loop, limits=replace(limit, on_stroke="stop")), fails_at=fails_at)
-        )
-    checked_at_each = side_by_side(some)
-    singles = [alone(each) for each in some]
-    monkeypatch.setattr(ManyMasses, "may_overrun", True)
-    monkeypatch.setattr(Masses, "may_overrun", True)
-    late = side_by_side(some)
-    assert late.outcomes == checked_at_each.outcomes
-    assert len({outcome.time for outcome in late.outcomes}) > 3
-    for k, member in enumerate(some):
-        assert_same(late, k, singles[k])
-        single = alone(member)
-        assert_same(late, k, single)
-        assert single.outcome == singles[k].outcome
 
 
 def test_the_first_outcome_of_a_member_is_its_outcome() -> None:
@@ -251,27 +228,9 @@ def test_ctrl_c_where_no_outcome_is_read_goes_on(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(plant, "do_step", interrupted)
     law_from = laws_of([each.controller for each in some], T, np.zeros((0, 6, 6)))
+    loop = loop_of_members([each.loop for each in some])
     with pytest.raises(KeyboardInterrupt):
-        observe_all(plant, law_from, loop_of_members([each.loop for each in some]), Counting(7))
-
-
-def test_noise_of_a_member_is_that_of_its_seed_alone() -> None:
-    """Expected: in any company, member k has the noise of a single run with `SeedSequence(9).spawn()[k]`."""
-    children = SeedSequence(9).spawn(5)
-    noise = {"leg_length": 1e-3, "position": 2e-3}
-    n = 150  # more than a block
-    true = np.zeros((3, signals.SIZE))
-
-    def of(seeds: tuple[SeedSequence, ...]) -> FloatArray:
-        readings = Readings(Sensors(noise, seed=seeds), len(seeds))
-        return np.array([readings(k, true[: len(seeds)]).copy() for k in range(n)])
-
-    some, fewer = of((children[4], children[1], children[2])), of((children[2],))
-    for at, k in enumerate((4, 1, 2)):
-        single = Readings(Sensors(noise, seed=SeedSequence(9, spawn_key=(k,))))
-        np.testing.assert_array_equal(some[:, at], [single(j, true[:1])[0].copy() for j in range(n)])
-    np.testing.assert_array_equal(some[:, 2], fewer[:, 0])
-    assert (some[:, 0, 12:18] != some[:, 1, 12:18]).all()
+        observe(plant, law_from, loop, Counting(7), keeps_interrupted=False)
 
 
 def test_jitter_of_a_member_is_that_of_its_seed_alone() -> None:

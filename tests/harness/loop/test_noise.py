@@ -10,12 +10,13 @@ from numpy.random import SeedSequence
 from scipy import stats
 
 import gough_stewart as gs
-from gough_stewart.harness.loop.noise import standard_normal, streams_of
-from gough_stewart.harness.loop.seeds import Seed
-from gough_stewart.harness.loop.sensors import Readings, Sensors
+from gough_stewart.harness.loop.loop import Sensors
+from gough_stewart.harness.loop.python_host import standard_normal, streams_of
+from gough_stewart.harness.loop.timing import Seed
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.plant import PlantKind
 from gough_stewart.model.vectors import FloatArray
+from tests.support.loops import constant, loop_of, run_with
 
 ALL = range(signals.SIZE)
 SEEDS: tuple[Seed, ...] = (0, 1, *(SeedSequence(seed, spawn_key=(k,)) for seed in (0, 1) for k in (0, 1, 2, 7, 511)))
@@ -68,12 +69,13 @@ def test_numbers_are_those_of_seed_reading_and_element() -> None:
 def test_readings_have_the_noise_of_their_elements() -> None:
     """Expected: σ times the numbers of the stream, for signals of three and six elements, and blocks of readings."""
     deviations = {name: 1e-3 * (k + 1) for k, name in enumerate(signals.NAMES)}
-    readings = Readings(Sensors(deviations, seed=6))
+    run = run_with(constant(np.zeros(6)), loop_of(1.51, 0.01, 0.01, sensors=Sensors(deviations, seed=6)))
+    noise = run.measured - run.results[:-1, : signals.SIZE]
     for k in (0, 1, 63, 64, 150):
-        found = readings(k, np.zeros((1, signals.SIZE)))[0]
         for name, deviation in deviations.items():
             for element in signals.positions([name]).tolist():
-                assert found[element] == pytest.approx(deviation * number_of(6, k, element), rel=2e-7), (k, element)
+                expected = deviation * number_of(6, k, element)
+                assert noise[k, element] == pytest.approx(expected, rel=2e-7, abs=1e-15), (k, element)
 
 
 def test_a_members_numbers_depend_on_no_company_block_or_order() -> None:

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gough_stewart.harness.control.laws import controller_of
-from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.loop.loop import Limits, changes_of_members
-from gough_stewart.harness.loop.observe import observe
-from gough_stewart.harness.loop.rows import CHECKED, Observer, Rows
-from gough_stewart.harness.loop.run import Run, simulate
+from gough_stewart.harness.loop.rows import BLOCK_SIZE, Observer, RowBlock
+from gough_stewart.harness.loop.run import observe, simulate
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import LENGTHS, MASSES, ManyMasses, Masses, signals_of
@@ -38,16 +35,14 @@ class Failing(Masses):
         setattr(self, name, failing)
 
 
-@pytest.mark.parametrize("overruns", [False, True])
 @pytest.mark.parametrize("error", [StepError("leg_length[2]", 0.0, 0.1, "it broke"), PlantError("it broke")])
-@pytest.mark.parametrize("where", ["results", "signals", "set_inputs", "do_step"])
-def test_an_error_of_the_plant_ends_the_run_with_the_rows_before_it(
-    where: str, error: Exception, overruns: bool
-) -> None:
+@pytest.mark.parametrize("where", ["results", "results of the row", "signals", "set_inputs", "do_step"])
+def test_an_error_of_the_plant_ends_the_run_with_the_rows_before_it(where: str, error: Exception) -> None:
     """Expected: the first rows of a run that goes on; a step that fails comes after its row, all else before."""
     whole, row = run_with(constant(), loop_of()), 37
-    plant = Failing(where, 2 * row if where == "results" else row, error)  # signals are read from the results
-    plant.may_overrun = overruns
+    # controllers start with a reading of their own; signals are read from the results
+    call = {"results": 2 * row + 1, "results of the row": 2 * row + 2, "signals": row + 1}.get(where, row)
+    plant = Failing(where.partition(" ")[0], call, error)
     found = run_with(constant(), loop_of(), plant)
     rows = row + 1 if where == "do_step" else row
     assert found.outcome.status == ("diverged" if isinstance(error, StepError) else "stopped")
@@ -70,9 +65,8 @@ def _rows_of(forces: FloatArray, n: int) -> FloatArray:
     return signals_of(LENGTHS + a * t**2 / 2, a * t, a + 0 * t)
 
 
-@pytest.mark.parametrize("overruns", [False, True])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_stroke_ends_members_at_their_first_row_beyond_it(overruns: bool, sign: float) -> None:
+def test_a_stroke_ends_members_at_their_first_row_beyond_it(sign: float) -> None:
     """Expected: row, leg and length by hand, of members with forces of their own; the one within goes on."""
     factors = [14.0, 9.5, 11.0, 0.01]
     low, high = 0.78, 1.612
@@ -80,7 +74,6 @@ def test_a_stroke_ends_members_at_their_first_row_beyond_it(overruns: bool, sign
     n = loop.timing.steps + 1
     forces = np.array([sign * f * FORCES for f in factors])
     plant = ManyMasses(np.ones(4))
-    plant.may_overrun = overruns
     many = replace(loop, feedforward=np.repeat(forces[None], 50, axis=0), start_force=forces, shape=(4,))
     run = simulate(plant, None, many)
     for k, own in enumerate(forces):
@@ -100,14 +93,12 @@ def test_a_stroke_ends_members_at_their_first_row_beyond_it(overruns: bool, sign
     assert run.outcomes[3].status == "completed"
 
 
-@pytest.mark.parametrize("overruns", [False, True])
-def test_the_distance_from_the_reference_ends_members_with_bounds_of_their_own(overruns: bool) -> None:
+def test_the_distance_from_the_reference_ends_members_with_bounds_of_their_own() -> None:
     """Expected: by hand the first row at which the distance in space is beyond the member's bound, and both numbers."""
     bounds = np.array([5e-3, np.inf, 0.02, 0.011])
     loop = loop_of(limits=Limits(largest_position_error=bounds), start_force=FORCES)
     n = loop.timing.steps + 1
     plant = ManyMasses(np.ones(4))
-    plant.may_overrun = overruns
     run = simulate(plant, None, replace(loop, feedforward=np.tile(FORCES, (50, 1)), shape=(4,)))
     error = np.linalg.norm(reference(loop.timing.times)[:, :3] - _rows_of(FORCES, n)[:, :3], axis=1)
     for k, bound in enumerate(bounds):
@@ -150,7 +141,7 @@ class Blocks(Observer):
         self.parts: list[tuple[FloatArray, ...]] = []
         self.counting: list[NDArray[np.intp]] = []
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         names = ("signals", "forces", "force_limited", "rate_limited")
         self.first.append(rows.first)
         self.parts.append(tuple(getattr(rows, name)[: rows.count + 1].copy() for name in names))
@@ -166,7 +157,7 @@ def test_blocks_follow_each_other_and_bring_the_row_before(members: int) -> None
     counts = [len(part[0]) - 1 for part in blocks.parts]
     assert blocks.first == np.cumsum([0, *counts[:-1]]).tolist()
     assert sum(counts) == n
-    assert max(counts) <= max(CHECKED, 8192 // members)
+    assert max(counts) <= max(16, BLOCK_SIZE // members)
     assert len(counts) == {1: 1, 3: 1, 700: 16, 1500: 16}[members]  # 251 rows, at least 16 at a time
     for before, after in zip(blocks.parts, blocks.parts[1:], strict=False):
         for last, first in zip(before, after, strict=True):
@@ -177,27 +168,6 @@ def test_blocks_follow_each_other_and_bring_the_row_before(members: int) -> None
     forces = np.concatenate([part[1][1:, :, -1] for part in blocks.parts])
     np.testing.assert_array_equal(forces, np.tile(FORCES, (n, 1)))
     assert (np.concatenate(blocks.counting) == np.repeat(counts, members)).all()
-
-
-def test_rows_beyond_an_end_do_not_count_in_any_block() -> None:
-    """Expected: for each member the rows up to that of its outcome, and none in later blocks."""
-    fails = np.array([np.inf, 0.1, 0.3, 0.302])
-    plant, blocks = ManyMasses(np.ones(4), fails), Blocks()
-    law = laws_of([controller_of(constant())] * 4, 0.01, NO_JACOBIANS)
-    outcomes = observe(plant, law, loop_of(start_force=FORCES), blocks)
-    counted = np.sum(blocks.counting, axis=0)
-    assert counted.tolist() == [251, 51, 151, 152]
-    assert [outcome.time for outcome in outcomes] == pytest.approx([0.5, 0.1, 0.3, 0.302])
-
-
-def test_a_single_controller_without_forces_at_first_raises_and_several_end() -> None:
-    """Expected: the error itself for a plant of one platform; an outcome of each of two members, without rows."""
-    nothing = controller_of(lambda _sample: None)
-    with pytest.raises(Exception, match="expected 6 forces"):
-        simulate(Masses(), law_of(nothing, 0.01, NO_JACOBIANS), loop_of())
-    run: Run = simulate(ManyMasses(np.ones(2)), laws_of([nothing] * 2, 0.01, NO_JACOBIANS), loop_of())
-    assert [outcome.status for outcome in run.outcomes] == ["stopped", "stopped"]
-    assert len(run.time) == 0
 
 
 def test_no_changes_of_any_member_are_none() -> None:

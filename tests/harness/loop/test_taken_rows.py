@@ -10,16 +10,13 @@ from gough_stewart.harness.ensemble.chunk import limits_of_members
 from gough_stewart.harness.ensemble.oscillations import LegErrors
 from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.loop import compiled
+from gough_stewart.harness.loop import compiled_host
 from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.loop.folds import Fold, State
-from gough_stewart.harness.loop.observe import observe
-from gough_stewart.harness.loop.rows import Rows
-from gough_stewart.harness.loop.run import Run
+from gough_stewart.harness.loop.rows import RowBlock
+from gough_stewart.harness.loop.run import Run, observe
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.results.bands import Bands, BandSamples
 from gough_stewart.harness.results.metric_folds import folds_of_loop, metric_kernels
-from gough_stewart.model.vectors import FloatArray
 from tests.harness.loop.test_compiled_loop import ALL, MANY, STEPPING, STICKY, TWIST, VARIED, batch_of, run_of
 from tests.support.rows import pass_rows
 
@@ -37,11 +34,11 @@ SHOWN = (
 class Folded:
     """Metrics, bands and leg errors of a batch."""
 
-    def __init__(self, batch: Batch, *others: Fold) -> None:
+    def __init__(self, batch: Batch) -> None:
         self.running = batch.in_parallel(STEPPING)
         loop, size = self.running.loop, self.running.size
         self.bands, self.errors = Bands(SHOWN, loop.timing, len(batch), times=40), LegErrors(loop.timing)
-        self.folds = [*folds_of_loop(loop, limits_of_members(batch, size)), self.bands, self.errors, *others]
+        self.folds = [*folds_of_loop(loop, limits_of_members(batch, size)), self.bands, self.errors]
         self.members = len(batch)
 
     def in_the_loop(self, threads: int = 1) -> "Folded":
@@ -70,27 +67,9 @@ class Blocks(FoldsOfRows):
 
     blocks = 0
 
-    def block(self, rows: Rows) -> None:
+    def block(self, rows: RowBlock) -> None:
         self.blocks += 1
         super().block(rows)
-
-
-class Largest(Fold):
-    """A fold that nobody described for machine code."""
-
-    needs = ("actuator_force",)
-
-    def start(self, members: int) -> State:
-        """Nothing yet."""
-        return {"largest": np.zeros(members)}
-
-    def rows(self, state: State, block: Any) -> None:
-        """Of a block."""
-        np.maximum(state["largest"], np.abs(block["actuator_force"]).max(axis=(0, 1)), out=state["largest"])
-
-    def result(self, state: State, _rows: Any) -> dict[str, FloatArray]:
-        """The largest force."""
-        return {"largest": state["largest"]}
 
 
 def _of(samples: Any, k: int) -> Any:
@@ -158,20 +137,11 @@ def test_parts_of_the_work_and_threads_do_not_matter(monkeypatch: pytest.MonkeyP
     batch = batch_of("pd", ALL, MANY, 41)
     whole = Folded(batch).in_the_loop()
     for work, threads in ((3, 1), (41, 3), (30_000, 2)):
-        monkeypatch.setattr(compiled, "_WORK", work)
+        monkeypatch.setattr(compiled_host, "_WORK", work)
         part = Folded(batch).in_the_loop(threads)
         assert part.blocks == 0
         assert_equal(part, whole)
         assert np.array_equal(part.errors.errors, whole.errors.errors)
-
-
-def test_a_fold_that_is_not_described_gets_blocks_and_so_do_the_others() -> None:
-    """Expected: the same numbers, and the largest force of the rows."""
-    batch = batch_of("pd", {}, VARIED, 9)
-    ours, theirs = Folded(batch, Largest()).in_the_loop(), Folded(batch, Largest()).of(run_of(batch))
-    assert ours.blocks > 0
-    assert_equal(ours, theirs)
-    assert (ours.metrics["largest"][:9] > 0).all()
 
 
 def test_of_a_reference_alone_there_are_no_errors(monkeypatch: pytest.MonkeyPatch) -> None:

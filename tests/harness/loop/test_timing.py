@@ -1,41 +1,15 @@
 """The clocks of a run: rows, samples, jitter, and encoders with a clock of their own."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.loop.sensors import Sensors
+from gough_stewart.harness.loop.loop import Sensors
 from gough_stewart.harness.loop.timing import MOST_STEPS, Timing
 from gough_stewart.model.vectors import FloatArray
 from tests.support.fake_plants import LENGTH
-from tests.support.loops import FORCES, constant, loop_of, reference, run_with
-
-
-def test_rows_and_samples_are_multiples_of_their_steps() -> None:
-    """Expected: no sample at the end, where nothing would follow."""
-    timing = Timing(0.05, 0.02, 0.01)
-    assert timing.steps == 5
-    assert timing.steps_a_sample == 2
-    assert timing.times == pytest.approx([0, 0.01, 0.02, 0.03, 0.04, 0.05], abs=1e-15)
-    assert timing.samples == pytest.approx([0, 0.02, 0.04], abs=1e-15)
-    assert timing.rows_of_samples.tolist() == [0, 2, 4]
-    assert Timing(0.04, 0.02, 0.01).rows_of_samples.tolist() == [0, 2]
-
-
-def test_times_go_to_rows_and_steps() -> None:
-    """Expected: from the first row to the last; a duration of one step at least."""
-    timing = Timing(0.05, 0.02, 0.01)
-    assert [timing.row(time, "it") for time in (0.0, 0.03, 0.05)] == [0, 3, 5]
-    assert [timing.steps_in(time, "it") for time in (0.01, 0.03)] == [1, 3]
-    for time in (-0.01, 0.06, 0.025):
-        with pytest.raises(ControllerError, match=f"it at {time} s; expected a time from 0 to 0.05 s"):
-            timing.row(time, "it")
-    for time in (0.0, -0.01, 0.015):
-        with pytest.raises(ControllerError, match=f"it is {time:g} s; expected a multiple of the plant_step of 0.01 s"):
-            timing.steps_in(time, "it")
+from tests.support.loops import FORCES, loop_of, reference, run_with
 
 
 @pytest.mark.parametrize(
@@ -67,18 +41,6 @@ def test_clocks_fit_within_rounding_and_up_to_the_most_steps() -> None:
     assert Timing(float(MOST_STEPS), 1.0, 1.0).steps == 1_000_000
     with pytest.raises(ControllerError, match="expected at most 1000000"):
         Timing(MOST_STEPS + 1.0, 1.0, 1.0)
-
-
-def test_samples_come_late_by_their_jitter() -> None:
-    """Expected: from 0 up to the jitter in whole steps, both included, uniform, after a first one in time."""
-    timing = Timing(20.0, 0.01, 0.001, jitter=0.006, seed=3)
-    late = timing.rows_of_samples - np.arange(0, 20000, 10)
-    assert late[0] == 0
-    assert np.unique(late).tolist() == [0, 1, 2, 3, 4, 5, 6]
-    # five standard errors of a share of 1/7 among 2,000
-    assert np.abs(np.bincount(late) / 2000 - 1 / 7).max() < 5 * np.sqrt(6 / 49 / 2000)
-    assert (timing.rows_of_samples != Timing(20.0, 0.01, 0.001, jitter=0.006, seed=4).rows_of_samples).any()
-    assert (timing.rows_of_samples == Timing(20.0, 0.01, 0.001, jitter=0.006, seed=3).rows_of_samples).all()
 
 
 def test_the_last_sample_comes_before_the_end() -> None:
@@ -120,23 +82,10 @@ def test_encoders_with_a_clock_of_their_own_hold_their_latest_reading(encoder: f
     assert (run.measured[:, :12] == run.results[ticks, :12]).all()
 
 
-@pytest.mark.parametrize(
-    ("make", "match"),
-    [
-        (lambda: Timing(1.0, 0.01, 0.001, jitter=0.01), "jitter is 0.01 s; expected less than the sample_time of 0.01"),
-        (lambda: Timing(1.0, 0.01, 0.01, jitter=0.001), "at least the plant_step of 0.01 s"),
-        # the next sample, within rounding
-        (lambda: Timing(1.0, 0.01, 0.001, jitter=np.nextafter(0.01, 0)), "expected less than the sample_time of 0.01"),
-        (lambda: Timing(1.0, 0.01, 0.001, jitter=float("nan")), "jitter is nan s; expected less than"),
-        (
-            lambda: run_with(constant(), loop_of(sensors=Sensors(sample_time=0.013))),
-            "the sensors' sample_time is 0.013 s; expected a multiple",
-        ),
-    ],
-)
-def test_jitter_and_encoders_that_do_not_fit_the_steps_are_refused(make: Callable[[], object], match: str) -> None:
-    with pytest.raises(ControllerError, match=match):
-        make()
+@pytest.mark.parametrize("jitter", [np.nextafter(0.01, 0), float("nan")])
+def test_a_jitter_to_the_next_sample_within_rounding_or_none_at_all_is_refused(jitter: float) -> None:
+    with pytest.raises(ControllerError, match="expected less than the sample_time"):
+        Timing(1.0, 0.01, 0.001, jitter=jitter)
 
 
 @pytest.mark.parametrize(

@@ -10,22 +10,21 @@ from numpy.typing import NDArray
 
 import gough_stewart as gs
 from gough_stewart.fmu_build.libraries import folds_sources, machine_code, state_of_c, vector_library
-from gough_stewart.harness.loop.fold_kernels import FoldKernels
-from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.loop.folds import Fold, State
-from gough_stewart.harness.loop.loop import Limits, Loop
-from gough_stewart.harness.loop.term_folds import (
+from gough_stewart.harness.loop.folding import FoldKernels, FoldsOfRows
+from gough_stewart.harness.loop.folds import (
     AfterLast,
     First,
     Largest,
     Last,
     Reduction,
     Smallest,
+    State,
     Sum,
     SumButLast,
     TermFold,
     TermRow,
 )
+from gough_stewart.harness.loop.loop import Limits, Loop
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.results.metric_folds import METRICS, folds_of_loop, metric_kernels
 from gough_stewart.model.operations import greater, where
@@ -83,8 +82,9 @@ class Noise:
         """Of the first members, in blocks of so many numbers; `folds` are made for their loop."""
         loop = Loop(TIMING, self.reference[:, :number], np.zeros((20, 6)), np.zeros(6), limits=Limits((0.9, 2.4)))
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("gough_stewart.harness.loop.rows.CHECKED", 1)
-            patch.setattr("gough_stewart.harness.loop.rows._SIZE", size)
+            patch.setattr("gough_stewart.harness.loop.rows._FEWEST", 1)
+            patch.setattr("gough_stewart.harness.loop.rows.BLOCK_SIZE", size)
+            patch.setattr("gough_stewart.harness.loop.folding._ROWS", 16)
             rows = FoldsOfRows(loop, folds(loop), number, kernels)
             arrays = (self.signals, self.forces, *self.flags)
             pass_rows(rows, TIMING, (tuple(a[k, :number] for a in arrays) for k in range(N)), self.ends[:number])
@@ -206,25 +206,6 @@ class MadeUp(TermFold):
         return {**state, "row": rows[None].astype(float)}
 
 
-class Seen(Fold):
-    """A fold that is not described: the sum of the forces of the first leg."""
-
-    needs = ("actuator_force",)
-
-    def start(self, members: int) -> State:
-        """Nothing yet."""
-        return {"force": np.zeros((1, members))}
-
-    def rows(self, state: State, block: Any) -> None:
-        """Row by row."""
-        for force in block["actuator_force"]:
-            state["force"] += force[:1]
-
-    def result(self, state: State, _rows: NDArray[np.intp]) -> dict[str, Floats]:
-        """The sum."""
-        return {"seen": state["force"]}
-
-
 @pytest.fixture(scope="module")
 def kernels() -> FoldKernels:
     sources = folds_sources([MadeUp(1.0).traced()])
@@ -248,8 +229,7 @@ def test_a_fold_that_is_described_is_the_same_in_machine_code_and_by_plain_loops
         array[row, member, at] = (np.nan, np.inf, -np.inf)[row % 3]
     for number, size in ((1, 16), (MOST, 40), (MOST, 1000)):
         compiled, by_numpy = (
-            noise.results(lambda _loop, n=number: [Seen(), MadeUp(bound[:n])], number, code, size)
-            for code in (kernels, None)
+            noise.results(lambda _loop, n=number: [MadeUp(bound[:n])], number, code, size) for code in (kernels, None)
         )
         assert list(compiled) == list(by_numpy)
         for name, values in by_numpy.items():
@@ -277,7 +257,6 @@ def test_a_fold_that_is_described_is_the_same_in_machine_code_and_by_plain_loops
         assert compiled["last"][0, k] == (error[-1] if rows else 0.0)
         assert compiled["after"][0, k] == max((i + 1.0 for i, value in enumerate(error) if value > 0.4), default=0.0)
         assert compiled["flags"][:, k].tolist() == flags.sum(axis=0).tolist()
-        assert compiled["seen"][0, k] == pytest.approx(sum(noise.forces[:rows, k, 0].tolist()))
     fold = MadeUp(1.0)
     assert kernels.kernel(fold) == 0
     fold.sizes = {**fold.sizes, "error": 2}

@@ -1,0 +1,369 @@
+"""The host of the sampled loop in machine code: c/loop moves time and values, the components' equations are theirs.
+
+It runs linear controllers, traced laws and feedforward alone, on platforms that machine code steps. Rows, ends and
+causes are those of the host in Python, which stays the readable reference, to rounding.
+"""
+
+import ctypes
+from concurrent.futures import ThreadPoolExecutor, wait
+from itertools import pairwise
+from threading import Event
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough_stewart.fmu_build.libraries import WIDTH
+from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
+from gough_stewart.harness.control.drive import Drive, ForceLimits
+from gough_stewart.harness.control.faults import CUT, FROZEN
+from gough_stewart.harness.control.laws_of_members import LinearLaw
+from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.loop.folds import AT
+from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of
+from gough_stewart.harness.loop.loop import Loop, ScheduledChanges, members_last
+from gough_stewart.harness.loop.python_host import by_element, streams_of
+from gough_stewart.harness.loop.rows import AllRows, RowMonitor
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.lanes import LanesPlant, lane_rows
+from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model.process.progress import TimeProgress
+from gough_stewart.model.vectors import FloatArray
+
+# Internal steps of eight members between two looks at the world, some 0.05 s: interrupts wait for them.
+_WORK = 30_000
+# Rows in one call, where all rows are kept.
+_ROWS = 1024
+# Parts of the members per thread, since some take longer.
+_PARTS = 4
+# Of `senses`: whether a sensor does anything, and whether it reads at the motor's side of an elastic leg.
+_SENSES, _AT_MOTOR = 1, 2
+
+
+class _Table(ctypes.Structure):
+    """`table` of c/loop/loop.h, as the structures below."""
+
+    _fields_ = [("at", ctypes.c_void_p), *((name, ctypes.c_int64) for name in ("row", "element", "member"))]
+
+
+class _Indices(ctypes.Structure):
+    _fields_ = [("at", ctypes.c_void_p), ("row", ctypes.c_int64), ("member", ctypes.c_int64)]
+
+
+class _Out(ctypes.Structure):
+    _fields_ = [("at", ctypes.c_void_p), ("row", ctypes.c_int64), ("element", ctypes.c_int64)]
+
+
+# Arrays that the loop remembers.
+MEMORY = (
+    *("signals", "measured", "streams", "memory", "next", "pose", "lengths", "command", "excess", "limited"),
+    *("planned", "delayed", "target", "driven", "acting", "cut", "frozen", "held", "at_row", "ended"),
+)
+_ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_motors", "row_force_limited", "row_rate_limited")
+_SAMPLES_OUT = ("sample_measured", "sample_state", "sample_command", "sample_limited")
+
+
+class LoopStructure(ctypes.Structure):
+    """`loop` of c/loop/loop.h."""
+
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in ("members", "last", "every", "reading_every")),
+        ("sampled", _Indices),
+        ("plant_step", ctypes.c_double),
+        ("tolerance", ctypes.c_double),
+        ("substeps", ctypes.c_int64),
+        *((name, _Table) for name in ("reference", "feedforward", "injection")),
+        *((name, ctypes.c_int64) for name in ("kinds", "size", "n_states")),
+        ("law", ctypes.c_void_p),
+        ("entries", ctypes.c_int64),
+        *((name, ctypes.c_void_p) for name in ("entry_row", "entry_column")),
+        ("values", _Table),
+        ("used", ctypes.c_void_p),
+        ("jacobian", _Table),
+        ("inverse", _Table),
+        ("senses", ctypes.c_void_p),
+        ("n_noisy", ctypes.c_int64),
+        ("noisy", ctypes.c_void_p),
+        *((name, _Table) for name in ("deviations", "sensors", "limits", "drives", "delay")),
+        ("most_delay", ctypes.c_int64),
+        *((name, _Table) for name in ("shortest", "longest", "farthest")),
+        *((name, ctypes.c_void_p) for name in MEMORY),
+        ("first_row", ctypes.c_int64),
+        *((name, _Out) for name in (*_ROWS_OUT, *_SAMPLES_OUT)),
+        ("takes", ctypes.c_void_p),
+    ]
+
+
+class CompiledHost:
+    """A run of a plant with the machine code of c/loop.
+
+    Parameters
+    ----------
+    plant
+        Steps its members in machine code that has the loop.
+    law, reading
+        Linear or traced controllers before their first sample, and what they read then (N, 24); None for feedforward
+        alone.
+
+    Attributes
+    ----------
+    structure
+        What machine code gets.
+    arrays
+        The arrays that the structure points to, by address.
+    """
+
+    def __init__(  # noqa: PLR0915 - `loop` of c/loop/loop.h, part by part
+        self, plant: LanesPlant, law: LinearLaw | CompiledLaw | None, loop: Loop, reading: FloatArray
+    ) -> None:
+        self._plant, self._loop = plant, loop
+        (n,), blocks, timing, sensors = plant.shape, plant.batch.blocks, loop.timing, loop.sensors
+        self.arrays: dict[int, NDArray[Any]] = {}
+        parts: dict[str, Any] = {}
+
+        def rows(size: int, start: FloatArray | float = 0.0) -> FloatArray:
+            """Memory (size, M) that begins with these values (size, N)."""
+            memory = lane_rows(size, blocks)
+            memory[:, :n] = start
+            return memory
+
+        # the controller: the signals that it uses, and its memory, the states first
+        n_states, used, lengths = 0, () if law is None else law.used, rows(N_LEGS)
+        if isinstance(law, CompiledLaw):
+            traced = law.law
+            n_states, memory = traced.n_states, rows(traced.function.numel_in(0))
+            memory[len(memory) - len(traced.coefficients) :, :n] = traced.coefficients
+            positions = np.arange(signals.SIZE)
+            parts |= {"law": law.address, "kinds": 2}
+        elif law is not None:
+            n_states, memory = law.state.shape[1], rows(law.matrices.shape[2])
+            memory[:n_states, :n] = law.state.T
+            positions = law.positions
+            entry_row, entry_column = np.argwhere((law.matrices != 0).any(axis=0)).T
+            parts |= {
+                "kinds": law.kinds,
+                "entries": len(entry_row),
+                "entry_row": self._indices(entry_row),
+                "entry_column": self._indices(entry_column),
+                "values": self._table(np.ascontiguousarray(law.matrices[:, entry_row, entry_column].T)),
+            }
+            if law.jacobians is not None and law.inverses is not None:
+                lengths[:, :n] = law.lengths
+                m = len(law.jacobians)
+                parts["jacobian"] = self._table(law.jacobians.reshape(m, 36, -1))
+                parts["inverse"] = self._table(law.inverses.reshape(m, 36, -1))
+        else:
+            memory, positions = rows(1), np.zeros(0, np.int64)
+        parts |= {"size": len(positions), "n_states": n_states, "used": self._indices(positions)}
+
+        # sensors
+        deviations, steps = (by_element(sizes, used, n) for sizes in (sensors.noise, sensors.quantisation))
+        noisy = {name: at for name in used if (deviations[at := AT[name]] > 0).any()}
+        senses = np.where((deviations > 0).any(axis=1) | (steps != 0).any(axis=1), _SENSES, 0)
+        if senses.any():
+            coefficients = coefficients_of(Sensor, {"quantisation": steps}, np.nan)  # (n, 24, N)
+            parts["sensors"] = self._table(coefficients.swapaxes(0, 1).reshape(-1, n))
+        if sensors.side == "motor" and plant.batch.variant.springs:
+            senses[signals.LEGS] |= _AT_MOTOR
+        streams = rows(4).view(np.int64)
+        if noisy:
+            streams[:, :n] = streams_of(sensors.seed)
+            parts["noisy"] = self._indices(np.array([(at.start, at.stop - at.start) for at in noisy.values()]))
+            parts["deviations"] = self._table(np.array([deviations[at.start] for at in noisy.values()]))
+        parts |= {"senses": self._indices(senses), "n_noisy": len(noisy)}
+
+        # actuators
+        values = {name: np.full(n, value, float) for name, value in loop.actuators.values.items()}
+        delay = np.full(n, loop.actuators.delay, float)
+        if np.isfinite(values["force_limit"]).any() or np.isfinite(values["rate_limit"]).any():
+            parts["limits"] = self._table(coefficients_of(ForceLimits, values, timing.sample_time))
+        if np.isfinite(values["rate_limit"]).any() or (values["lag"] > 0).any():
+            parts["drives"] = self._table(coefficients_of(Drive, values, timing.plant_step))
+        parts |= {"delay": self._table(delay[None]), "most_delay": int(delay.max())}
+        forces = np.broadcast_to(loop.start_force, (n, N_LEGS)).T
+
+        # ends of runs; without a limit, what is not a number is too far from the reference
+        if loop.limits.on_stroke == "stop":
+            low, high = (self._table(np.atleast_1d(np.asarray(end, float))[None]) for end in loop.limits.stroke)
+            parts |= {"shortest": low, "longest": high}
+        if loop.reference is not None:
+            farthest = np.atleast_1d(np.asarray(loop.limits.largest_position_error, float))
+            parts["farthest"] = self._table(farthest[None])
+
+        self._memory: dict[str, NDArray[Any]] = {
+            "signals": rows(signals.SIZE, plant.signals().T),
+            "measured": rows(signals.SIZE, 0.0 if law is None else reading.T),
+            "streams": streams,
+            "memory": memory,
+            "next": rows(N_LEGS + n_states),
+            "pose": rows(N_LEGS),
+            "lengths": lengths,
+            "command": rows(N_LEGS),
+            "excess": rows(N_LEGS),
+            "limited": rows(N_LEGS),
+            "planned": rows(N_LEGS, forces),
+            "delayed": rows((int(delay.max()) + 1) * N_LEGS, np.tile(forces, (int(delay.max()) + 1, 1))),
+            "target": rows(N_LEGS, forces),
+            "driven": rows(2 * N_LEGS, np.tile(forces, (2, 1))),
+            "acting": rows(N_LEGS, forces),
+            "at_row": np.zeros(blocks, np.int64),
+            "ended": np.full(blocks * WIDTH, -1, np.int64),
+        }
+        if loop.has_faults:
+            faults = {"cut": rows(N_LEGS), "frozen": rows(signals.SIZE), "held": rows(signals.SIZE, reading.T)}
+            self._memory |= faults
+        sampled = np.ascontiguousarray(timing.rows_of_samples, np.int64)
+        self.structure = LoopStructure(
+            members=n,
+            last=timing.steps,
+            every=timing.steps_a_sample,
+            reading_every=loop.steps_a_reading,
+            sampled=_Indices(self._address(sampled), sampled.strides[0] // 8, int(sampled.ndim == 2)),
+            plant_step=timing.plant_step,
+            tolerance=plant.tolerance,
+            substeps=plant.substeps or 0,
+            reference=self._table(members_last(loop.reference)),
+            feedforward=self._table(members_last(loop.feedforward)),
+            injection=self._table(members_last(loop.injection)),
+            **parts,
+            **{name: self._address(array) for name, array in self._memory.items()},
+        )
+
+    def _address(self, array: NDArray[Any]) -> int:
+        if array.size:
+            self.arrays[array.ctypes.data] = array
+        return array.ctypes.data if array.size else 0
+
+    def _indices(self, values: NDArray[Any]) -> int:
+        return self._address(np.ascontiguousarray(values, np.int64))
+
+    def _table(self, values: FloatArray | None) -> _Table:
+        """Numbers (elements, N) in one row, or (rows, elements, N); (…, 1) common to all members."""
+        if values is None:
+            return _Table()
+        values = values[None] if values.ndim == 2 else values
+        if values.shape[-1] > 1 and values.strides[-1] != values.itemsize:
+            values = np.ascontiguousarray(values)
+        row, element, _ = (stride // values.itemsize for stride in values.strides)
+        return _Table(self._address(values), row, element, int(values.shape[-1] > 1))
+
+    def fail(self, faults: FloatArray) -> None:
+        """What has failed from now on, by flags (N, N_FAULTS); (N, 0) change nothing."""
+        if self._loop.has_faults and faults.size:
+            n = len(faults)
+            self._memory["cut"][:, :n], self._memory["frozen"][:, :n] = faults[:, CUT].T, faults[:, FROZEN].T
+
+    def run(  # noqa: PLR0915 - from the first row to the last
+        self, monitor: RowMonitor, changes: ScheduledChanges, progress: TimeProgress | None = None, threads: int = 1
+    ) -> None:
+        """Run the loop to its end or until no member is left; the changes of the first row have been applied.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            Between two parts of the work; rows that all members have done count.
+        """
+        plant, batch, rows, c = self._plant, self._plant.batch, monitor.rows, self.structure
+        times, n = self._loop.timing.times, len(monitor.going)
+        rows.host = f"compiled, {plant.features}"
+        sink = monitor.observer.sink()
+        if sink is not None:
+            sink.counting[:n] = np.where(monitor.going, -1, 0)
+            c.takes = sink.address
+        if isinstance(rows, AllRows):
+            c.sample_measured, c.sample_command = _out(rows.measured), _out(rows.command)
+            c.sample_state, c.sample_limited = _out(rows.state), _out(rows.limited)
+        plant.set_inputs(changes.inputs)
+        self.fail(changes.faults)
+        plant.freeze(~monitor.going)
+        not_started = plant.begin()
+        for member in not_started:  # they end at the first row
+            batch.failure[member], batch.running[member] = Failure.NOT_STARTED, -1
+        parts = 1 if threads == 1 else min(batch.blocks, _PARTS * threads)
+        ends_of_parts = np.linspace(0, batch.blocks, parts + 1).astype(int).tolist()
+        stops = sorted({*changes.by_row, len(times)} - {0})
+        row = 0
+        with ThreadPoolExecutor(threads) as pool:
+            while row < len(times) and monitor.going.any():
+                if row in changes.by_row and row:
+                    changes.apply(row)
+                    plant.set_inputs(changes.inputs)
+                    self.fail(changes.faults)
+                room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count
+                room = room if sink is None else len(times)
+                to = min(row + room, next(stop for stop in stops if stop > row))
+                c.first_row, at = row, rows.count + 1
+                if isinstance(rows, AllRows):
+                    c.row_results, c.row_forces = _out(rows.results[at:]), _out(rows.inputs[at:])
+                elif sink is None:
+                    c.row_signals, c.row_forces = _out(rows.signals[at:]), _out(rows.forces[at:])
+                    c.row_force_limited, c.row_motors = _out(rows.force_limited[at:]), _out(rows.motors[at:])
+                c.row_rate_limited = _out(rows.rate_limited[at:])
+                try:
+                    self._advance(list(pairwise(ends_of_parts)), to, pool)
+                finally:
+                    done = int(self._memory["at_row"].min())
+                    monitor.n_rows = done
+                    if sink is None:
+                        rows.count += done - row
+                    else:
+                        sink.rows = done
+                    self._end_members(monitor, done, not_started)
+                row = to
+                if rows.count == rows.most:
+                    monitor.pass_on()
+                if progress is not None:
+                    progress(float(times[to - 1]))
+        plant.came_to(float(times[monitor.n_rows - 1]), self._memory["signals"])
+
+    def _advance(self, parts: list[tuple[int, int]], to: int, pool: ThreadPoolExecutor) -> None:
+        """Run all members up to a row, in parts of the vectors: the first here, others in threads."""
+        run, is_interrupted = self._plant.loop_run, Event()
+        assert run is not None  # whoever made this has asked for it
+        batch, loop = self._plant.batch.reference, ctypes.byref(self.structure)
+
+        def advance(vectors: tuple[int, int]) -> None:
+            numbers = [ctypes.c_int64(number) for number in (*vectors, to, _WORK)]
+            while not is_interrupted.is_set() and not run(batch, loop, *numbers):
+                pass
+
+        started = [pool.submit(advance, part) for part in parts[1:]]
+        try:
+            advance(parts[0])
+            for part in started:
+                part.result()
+        except BaseException:
+            is_interrupted.set()
+            wait(started)
+            raise
+
+    def _end_members(self, monitor: RowMonitor, done: int, not_started: dict[int, Any]) -> None:
+        """Give the monitor the members that ended in rows before `done`."""
+        batch, plant, memory = self._plant.batch, self._plant, self._memory
+        for k in np.flatnonzero(batch.failure[: len(monitor.going)]).tolist():
+            row, failure = int(memory["ended"][k]), int(batch.failure[k])
+            if not 0 <= row < done:
+                continue
+            now = memory["signals"][:, k]
+            if failure == Failure.STROKE:
+                monitor.end_one(k, row + 1, "stopped", monitor.beyond_stroke(k, now))
+            elif failure == Failure.AWAY:
+                monitor.end_one(k, row + 1, "diverged", monitor.too_far(k, row, now))
+            else:
+                if failure == Failure.COMMAND:
+                    sample = row // self._loop.timing.steps_a_sample
+                    cause = self._loop.failure_of_forces(sample, memory["command"][:, k])
+                elif failure == Failure.NOT_STARTED:
+                    cause = str(not_started[k])
+                else:
+                    batch.inputs[:N_LEGS, k] = memory["acting"][:, k]
+                    cause = str(plant.failure(k, float(self._loop.timing.times[row])))
+                monitor.end_one(k, row + 1, "diverged", cause)
+            batch.failure[k] = Failure.GOES_ON
+
+
+def _out(values: NDArray[Any]) -> _Out:
+    """Rows (n, size, N) that are written; nothing of a size of 0."""
+    if not values.size:
+        return _Out()
+    return _Out(values.ctypes.data, *(stride // values.itemsize for stride in values.strides[:2]))

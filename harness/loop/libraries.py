@@ -1,0 +1,218 @@
+"""The machine code of loops: c/loop with the components' equations, and the laws that users wrote.
+
+The first is built once from the equations that the host in Python executes, and kept; a loop made of these components
+is data. A user's law is compiled when it runs for the first time.
+"""
+
+import ctypes
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.fmu_build.cache import BuildError, state_of_files
+from gough_stewart.fmu_build.component import Sources
+from gough_stewart.fmu_build.libraries import WIDTH, Library, law_library, machine_code, vector_library
+from gough_stewart.harness.control.component import Stepped
+from gough_stewart.harness.control.drive import Drive, ForceLimits
+from gough_stewart.harness.control.faults import Cut, Freeze
+from gough_stewart.harness.control.laws import Controller
+from gough_stewart.harness.control.laws_of_members import Law, SeparateLaws
+from gough_stewart.harness.control.makers import Maker
+from gough_stewart.harness.control.sensor import Sensor
+from gough_stewart.harness.control.traced_law import TracedLaw, is_casadi_function, traced_law_of
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.loop.folds import AT, ROW_PARTS
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.lanes import CompiledLanes
+from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model.interface import IDEAL, Variant
+from gough_stewart.model.platform import LARGEST_NUMBER
+from gough_stewart.model.rotations import rotation_between
+from gough_stewart.model.vectors import FloatArray
+
+# Of c/loop: its name, the beginning of its sizes' names, the component, and how many channels one call computes.
+_COMPONENTS: tuple[tuple[str, str, type[Stepped], int], ...] = (
+    ("sensor", "SENSOR", Sensor, 1),
+    ("limits", "LIMIT", ForceLimits, N_LEGS),
+    ("drive", "DRIVE", Drive, N_LEGS),
+    ("cut", "CUT", Cut, N_LEGS),
+    ("freeze", "FREEZE", Freeze, 1),
+)
+# Sources besides those of the plant's machine code.
+_SOURCES = (
+    ("gough_stewart.harness.control", "component.py", "drive.py", "faults.py", "sensor.py"),
+    (str(__package__), "folds.py", "libraries.py"),
+)
+# Share of the largest number by which a law's machine code may differ from its function; they differ by rounding.
+_AGREES = 1e-9
+_SEED, _SCALES = 1, (1e-3, 1.0)
+
+
+@cache
+def loop_kernel(variant: Variant) -> CompiledLanes:
+    """What runs loops of plants of a variant in machine code, for this processor.
+
+    Raises
+    ------
+    BuildError, OSError
+        There is no machine code, and it cannot be built; see `fmu_build.libraries.machine_code`.
+    """
+    return CompiledLanes(machine_code(loop_code(variant)))
+
+
+def loop_code(variant: Variant = IDEAL) -> Library:
+    """The description of the library."""
+
+    def sources() -> Sources:
+        from gough_stewart.fmu_build.libraries import loop_sources
+
+        return loop_sources(components_header(), variant)
+
+    return vector_library("loop", sources, state_of_files(*_SOURCES), variant)
+
+
+def coefficients_of(component: type[Stepped], values: dict[str, Any], period: float) -> FloatArray:
+    """What c/loop wants of a component: its coefficients (n, N) from the values of its keys (N,)."""
+    prepared = component.prepare(values, np.full(1, period))
+    return np.array(np.broadcast_arrays(*prepared), dtype=float)
+
+
+def components_header() -> str:
+    """`components.h`: the equations on vectors of members, and sizes."""
+    import casadi  # needed once, to build
+
+    from gough_stewart.fmu_build.codegen import in_lanes
+    from gough_stewart.fmu_build.sources import GENERATED, defines
+
+    sizes: dict[str, Any] = {
+        "LARGEST_COMMAND": LARGEST_NUMBER,
+        "FIRST_LENGTH": AT["leg_length"].start,
+        "FIRST_ANGLE": AT["orientation"].start,
+        "N_POSE": AT["velocity"].start,
+        **{f"ROW_{name}": place for name, place in ROW_PARTS.items()},
+        "N_ACCELERATIONS": 6,
+        "MOST_ELEMENTS": 6,
+    }
+    pair = [casadi.SX.sym(name, 3) for name in ("orientation", "to")]
+    rotation = rotation_between(*(np.array([casadi.vertsplit(angles)], dtype=object) for angles in pair))
+    function = casadi.Function("rotation_between", pair, [casadi.vertcat(*rotation[0])])
+    texts = [in_lanes(function, "static void component_", exact=True)]
+    for name, macro, component, channels in _COMPONENTS:
+        text, n_coefficients, n_states = traced(component, name, channels)
+        texts.append(text)
+        named = {f"{macro}_COEFFICIENTS": n_coefficients, f"{macro}_STATES": n_states}
+        sizes |= {size: n for size, n in named.items() if n}
+    return f"{GENERATED}\n{defines(sizes)}\n{''.join(texts)}"
+
+
+def traced(component: type[Stepped], name: str, channels: int) -> tuple[str, int, int]:
+    """The C of a step, `component_NAME(coefficients, states, inputs ..., next states, outputs ...)`, and its sizes.
+
+    Without coefficients or states these arguments are missing.
+    """
+    import casadi  # needed once, to build
+
+    from gough_stewart.fmu_build.codegen import in_lanes
+
+    def column(symbol: Any) -> Any:
+        return np.array([[symbol[k]] for k in range(symbol.numel())], dtype=object)
+
+    def joined(arrays: Any) -> Any:
+        return casadi.vertcat(*(element for array in arrays for element in np.ravel(array)))
+
+    one = np.ones(1)
+    coefficients_type = type(component.prepare(dict.fromkeys(component.keys, one), one))
+    n_coefficients = len(coefficients_type._fields)
+    c = casadi.SX.sym("coefficients", n_coefficients)
+    coefficients = coefficients_type(*column(c))
+    symbols = {key: casadi.SX.sym(key, channels) for key in component.inputs}
+    columns = tuple(map(column, symbols.values()))
+    states = [casadi.SX.sym("states", channels) for _ in component.start(coefficients, columns)]
+    following, results = component.step(coefficients, tuple(map(column, states)), columns)
+    x = casadi.vertcat(*states)
+    inputs = {**({"coefficients": c} if n_coefficients else {}), **({"states": x} if states else {}), **symbols}
+    outputs = {"next": joined(following)} if states else {}
+    outputs |= {key: joined([result]) for key, result in zip(component.outputs, results, strict=True)}
+    function = casadi.Function(name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])
+    return in_lanes(function, "static void component_", exact=True), n_coefficients, int(x.numel())
+
+
+@dataclass(frozen=True)
+class CompiledLaw:
+    """A traced law with its machine code."""
+
+    law: TracedLaw
+    library: ctypes.CDLL
+
+    used = signals.NAMES
+
+    @property
+    def address(self) -> int:
+        """Of its function, see c/law/law.h."""
+        return ctypes.cast(self.library.law_step, ctypes.c_void_p).value or 0
+
+
+def are_traced(controllers: Iterable[Controller | None]) -> bool:
+    """Whether controllers are, or make, CasADi functions that machine code can have together."""
+    try:
+        made = [controller.peek() if isinstance(controller, Maker) else controller for controller in controllers]
+    except ControllerError:  # the run says so
+        return False
+    return all(map(is_casadi_function, made)) and compiled_law(made) is not None
+
+
+def compiled_form(law: Law) -> CompiledLaw | None:
+    """The controllers of a run in machine code; None if there is none for them."""
+    functions = law.traced if isinstance(law, SeparateLaws) else None
+    return None if functions is None else compiled_law(functions)
+
+
+def compiled_law(functions: Sequence[Any]) -> CompiledLaw | None:
+    """The laws of members from their CasADi functions; None if there is no machine code for them."""
+    law = traced_law_of(functions)
+    library = None if law is None else _library(law.function.serialize())
+    return None if law is None or library is None else CompiledLaw(law, library)
+
+
+@lru_cache(64)
+def _library(serialized: str) -> ctypes.CDLL | None:
+    import casadi  # who has a function of it has imported it
+
+    function = casadi.Function.deserialize(serialized)
+    try:
+        library = ctypes.CDLL(str(law_library(function).path))
+    except (BuildError, OSError, RuntimeError):
+        return None
+    gap = _gap(function, library)
+    if not gap <= _AGREES:
+        warnings.warn(
+            f"the machine code of the controller computes forces that differ by {gap:.2g} of the largest one from its "
+            "function's; it runs in Python instead, more slowly",
+            stacklevel=2,
+        )
+        return None
+    return library
+
+
+def call(library: ctypes.CDLL, memory: FloatArray, following: FloatArray) -> None:
+    """Write (6 + states, 8) of numbers (k, 8), see c/law/law.h."""
+    pointers = (ctypes.c_void_p(array.ctypes.data) for array in (memory, following))
+    library.law_step(*pointers, ctypes.c_int64(WIDTH))
+
+
+def _gap(function: Any, library: ctypes.CDLL) -> float:
+    """The largest difference between both, as a share of the largest number; for eight points, not alike."""
+    drawn = np.random.default_rng(_SEED)
+    memory = np.repeat(_SCALES, WIDTH // len(_SCALES)) * drawn.standard_normal((function.numel_in(0), WIDTH))
+    compiled: FloatArray = np.zeros((function.numel_out(0), WIDTH))
+    call(library, memory, compiled)
+    expected = np.stack([np.asarray(function(memory[:, k])).ravel() for k in range(WIDTH)], axis=1)
+    known = np.isfinite(expected)
+    if not np.array_equal(known, np.isfinite(compiled)):
+        return np.inf
+    scale = np.abs(expected[known]).max(initial=0.0)
+    return float(np.abs(compiled - expected)[known].max(initial=0.0) / scale) if scale else 0.0
