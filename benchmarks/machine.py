@@ -22,9 +22,9 @@ from gough_stewart.fmu_build.sources import sources, start_source
 from gough_stewart.fmu_build.targets import native
 from gough_stewart.fmu_build.toolchain import compile_library
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
-from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.plan import plan_of
+from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe
 from gough_stewart.harness.plants.lanes import Stepping

@@ -1,7 +1,6 @@
 """A chunk of an ensemble: some members, prepared, run in parallel, and reduced."""
 
 from collections.abc import Callable, Mapping, Sequence
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,10 +29,9 @@ from gough_stewart.harness.errors import (
     SharedMemoryError,
     UnstableLoopError,
 )
-from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.plan import EnsemblePlan
-from gough_stewart.harness.experiment.preparation import PreparedMembers
+from gough_stewart.harness.experiment.preparation import Batch, Prepared, PreparedMembers, one_or_each
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.outcomes import Outcome
@@ -152,9 +150,9 @@ def _signals(members: Members) -> Sequence[str]:
 
 def limits_of_members(batch: Batch, size: int) -> dict[str, Any]:
     """Limits of the nominal models, one number if they are all the same; of a size, with copies of the last one."""
-    filled = batch.setups.map(attrgetter("platform")).take(np.minimum(np.arange(size), len(batch) - 1))
-    stated = [row.name for row in LIMITS if getattr(filled[0], row.name) is not None]
-    return {name: filled.numbers(attrgetter(name)) for name in stated}
+    platforms = [batch.setups[min(k, len(batch) - 1)].platform for k in range(size)]
+    stated = [row.name for row in LIMITS if getattr(platforms[0], row.name) is not None]
+    return {name: one_or_each([getattr(platform, name) for platform in platforms]) for name in stated}
 
 
 def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:

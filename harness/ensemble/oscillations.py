@@ -8,7 +8,7 @@ import numpy as np
 import polars
 
 from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY, GROWING, OSCILLATING, OSCILLATION
-from gough_stewart.harness.experiment.batch import Batch
+from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folds import KeptRows, State
 from gough_stewart.harness.loop.loop import LENGTHS
@@ -95,7 +95,7 @@ def _alike(
         if outcome.status == "completed" and setup.planned is not None and setup.controller is not None:
             # changes are each machine's own, and with jitter the rows of an injection each member's
             own = k if setup.injection is not None and setup.timing.jitter else None
-            key = id(setup.planned), int(batch.changes.of[k]), id(setup.injection), own
+            key = id(setup.planned), id(batch.changes[k]), id(setup.injection), own
             alike.setdefault(key, []).append(k)
     for members in alike.values():
         prepared = batch.member(members[0])

@@ -15,11 +15,10 @@ from gough_stewart.harness.control.python.makers import Maker
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.control.structure import Structure, structural_modes, structure_of
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
-from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.margins_report import FRAIL, LoopMargins
 from gough_stewart.harness.experiment.overrides import Settings
-from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.model.errors import GoughStewartError

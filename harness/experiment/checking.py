@@ -15,9 +15,8 @@ from gough_stewart.harness.errors import ExperimentError, MotionError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import (
-    Preparation,
-    force_limit_of,
-    limited_by,
+    limited_platform,
+    nominal_platform,
     reference_motion,
     timing_of,
 )
@@ -261,8 +260,8 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     >>> record = gs.run(slower.experiment, {"loop.duration": 0.1})
     """
     chosen = experiment_of(experiment, settings)
-    nominal = Preparation(chosen).nominal(chosen.platform)
-    platform = limited_by(force_limit_of(chosen.actuators.force_limit, nominal), nominal)
+    nominal = nominal_platform(chosen, chosen.platform)
+    platform = limited_platform(nominal, chosen.actuators.force_limit)
     timing = timing_of(chosen, chosen.loop)
     if chosen.reference is None:
         raise ExperimentError(chosen.where, "reference", "is missing; add one, so that there is a motion")

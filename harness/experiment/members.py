@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.overrides import Place, Values, place_of
-from gough_stewart.harness.experiment.preparation import Preparation, PreparedMembers, platforms_of
+from gough_stewart.harness.experiment.preparation import Batch, Preparation, PreparedMembers, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice

@@ -162,10 +162,16 @@ def experiment_with(experiment: Experiment, values: Values) -> Experiment:
     ExperimentError
         Invalid values.
     """
-    by_table = dict[str, dict[tuple[str, ...], Any]]()
+    changed = by_table(values)
+    return experiment.model_copy(update={name: table_with(experiment, name, changed[name]) for name in changed})
+
+
+def by_table(values: Values) -> dict[str, dict[tuple[str, ...], Any]]:
+    """Values by the name of their table, and by their paths in it."""
+    tables = dict[str, dict[tuple[str, ...], Any]]()
     for (name, *path), value in values.items():
-        by_table.setdefault(name, {})[tuple(path)] = value
-    return experiment.model_copy(update={name: table_with(experiment, name, own) for name, own in by_table.items()})
+        tables.setdefault(name, {})[tuple(path)] = value
+    return tables
 
 
 @dataclass(frozen=True)

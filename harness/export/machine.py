@@ -24,7 +24,7 @@ from gough_stewart.harness.control.feedforward import Feedforward
 from gough_stewart.harness.control.laws_of_members import LawFrom
 from gough_stewart.harness.control.linear_law import LinearLaw
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.experiment.batch import Prepared
+from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.plan import BY_HAND, FEEDFORWARD, N_MOTION, Plan, planned_motion, smoothing
 from gough_stewart.harness.export.turned import FIELDS as TURNING

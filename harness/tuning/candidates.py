@@ -11,10 +11,9 @@ from gough_stewart.harness.ensemble.chunk import SIZE, Results, check_memory, li
 from gough_stewart.harness.ensemble.columns import MARGINS
 from gough_stewart.harness.ensemble.local import cores
 from gough_stewart.harness.errors import TuningError
-from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Values
-from gough_stewart.harness.experiment.preparation import PreparedMembers
+from gough_stewart.harness.experiment.preparation import Batch, PreparedMembers
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.observe import observe_all
