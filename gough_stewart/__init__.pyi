@@ -18,7 +18,6 @@ from gough_stewart.harness.ensemble.assembly import read_ensemble as read_ensemb
 from gough_stewart.harness.ensemble.ensemble import ensemble as ensemble
 from gough_stewart.harness.ensemble.result import Ensemble as Ensemble
 from gough_stewart.harness.errors import UnstableLoopError as UnstableLoopError
-from gough_stewart.harness.experiment.analysis import margins as margins
 from gough_stewart.harness.experiment.checking import MotionCheck as MotionCheck
 from gough_stewart.harness.experiment.checking import check as check
 from gough_stewart.harness.experiment.file import experiment_names as experiment_names
@@ -26,7 +25,8 @@ from gough_stewart.harness.experiment.file import load_experiment as load_experi
 from gough_stewart.harness.experiment.files import save_record as save_record
 from gough_stewart.harness.experiment.frf import FrequencyResponse as FrequencyResponse
 from gough_stewart.harness.experiment.frf import frf as frf
-from gough_stewart.harness.experiment.margins_report import LoopMargins as LoopMargins
+from gough_stewart.harness.experiment.margins import LoopMargins as LoopMargins
+from gough_stewart.harness.experiment.margins import margins as margins
 from gough_stewart.harness.experiment.run import run as run
 from gough_stewart.harness.experiment.schema import Experiment as Experiment
 from gough_stewart.harness.export.export import export as export

@@ -133,7 +133,7 @@ def run_command(
             progress.update(task, total=None, description="files and report")
             robustness = None
             if controller is None and member is None and any(each.path == "margins.disk" for each in requirements):
-                from gough_stewart.harness.experiment.analysis import robustness_of
+                from gough_stewart.harness.experiment.margins import robustness_of
 
                 robustness = robustness_of(chosen)
             own = oscillation(record)

@@ -160,7 +160,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
 
     Also the causes (n,) of members whose margins cannot be computed, None of the others.
     """
-    from gough_stewart.harness.experiment.analysis import judged
+    from gough_stewart.harness.experiment.margins import judged
 
     stable, disk = np.full(len(prepared), np.nan), np.full(len(prepared), np.nan)
     causes: list[str | None] = [None] * len(prepared)

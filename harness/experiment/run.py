@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gough_stewart.harness.control.faults import CUT, FROZEN, N_FAULTS
 from gough_stewart.harness.control.python.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError
-from gough_stewart.harness.experiment.analysis import growing_of
 from gough_stewart.harness.experiment.file import digests, experiment_of
+from gough_stewart.harness.experiment.margins import growing_of
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
 from gough_stewart.harness.experiment.plan import EnsemblePlan, fingerprint, plan_of
 from gough_stewart.harness.experiment.preparation import Batch, Injection, Prepared, prepare, with_hints
@@ -37,6 +37,7 @@ from gough_stewart.model.variant import Variant
 from gough_stewart.model.vectors import FloatArray
 
 FORMAT = 1
+_OF_PLANTS = ("set_inputs", "set_parameters", "results", "do_step")
 _INPUT_COLUMNS = [name for v in interface.INPUTS for name in v.scalar_names]
 _REFERENCE = (
     *((f"reference.{name}", 3) for name in (*signals.NAMES[:4], "acceleration", "angular_acceleration")),
@@ -45,7 +46,7 @@ _REFERENCE = (
 )
 
 
-def run(
+def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     experiment: Experiment | Path | str,
     settings: Settings = (),
     *,
@@ -109,33 +110,79 @@ def run(
     >>> record = gs.run("heave_step", {"loop.duration": 0.3, "controller.bandwidth": 3})
     >>> record["position"][-1], record["error.leg_length"].shape
     """
+    # read and prepare; a member of an ensemble has the values, noise and jitter of its number
     chosen = experiment_of(experiment, settings)
     replaced = [name for name, other in (("controller", controller), ("injection", injection)) if other is not None]
     before = fingerprint(controller) if isinstance(controller, FunctionType) else ""
     if member is None:
-        own, prepared = chosen, prepare(chosen, controller, injection)
+        prepared = prepare(chosen, controller, injection)
     elif injection is not None:
         raise ExperimentError(chosen.where, "member", "has the experiment's injection; remove injection")
     else:
         plan = plan_of(chosen, controller)
-        own, prepared = member_of(plan, member)
+        (chosen,), batch = _members_of(plan, [member])
+        prepared = with_hints(chosen, batch.member(0))
+
+    # what is to be said before
     growing = growing_of(prepared)
     said_before = (*prepared.warnings, *growing)
     if warn is not None:
         for text in said_before:
             warn(text)
+
+    # simulate: a member by itself in its ensemble's plant, else in the experiment's plant, or the one that replaces it
+    choice, opening = chosen.plant, None
     if member is not None and plant is None and fmu is None:
         record = records_of(plan, [member], progress)[0]
     else:
-        record = run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
-    if growing:
-        record.metadata.setdefault("warnings", []).extend(growing)
+        if plant is None or isinstance(plant, str):
+            kind: PlantKind = plant or choice.kind
+            name: str = kind
+            if (own := choice.own_unit(plant, fmu)) is not None:
+                fmu = chosen.folder / own
+            # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant here
+            is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
+            opening: AbstractContextManager[Plant]
+            if is_whole and (kernel := prepared.kernel) is not None:
+                opening = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
+            else:
+                opening = open_plant(
+                    kind,
+                    prepared.machine,
+                    prepared.start,
+                    tolerance=choice.tolerance,
+                    fixed_step_size=choice.fixed_step_size,
+                    fmu=fmu,
+                    progress=status,
+                )
+        else:
+            missing = [name for name in _OF_PLANTS if not hasattr(plant, name)]
+            if missing:
+                raise PlantError(
+                    f"plant is {plant!r}, without {', '.join(missing)}; expected "
+                    f"{', '.join(map(repr, get_args(PlantKind)))}, or an object that follows the rules of "
+                    "gough_stewart.harness.plants.plant.Plant"
+                )
+            if fmu is not None:
+                raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")
+            name, opening = type(plant).__name__, nullcontext(plant)
+        with opening as opened, prepared.law_in_a_run() as law_from:
+            done = simulate(opened, law_from, prepared.loop, progress)
+            done = done.of_member(0) if getattr(opened, "shape", ()) else done
+            remarks = opened.remarks() if hasattr(opened, "remarks") else ""
+        record = record_of(done, prepared, chosen, name, replaced)
+        if remarks:
+            record.metadata.setdefault("warnings", []).append(remarks)
+
+    # what is to be said afterwards
+    warnings = list(growing)
     if before and fingerprint(controller) != before:
-        text = (
+        warnings.append(
             f"the function {name_of(controller)} keeps memory, which the run has changed, and another run goes on from "
             "there; use a class or factory"
         )
-        record.metadata.setdefault("warnings", []).append(text)
+    if warnings:
+        record.metadata.setdefault("warnings", []).extend(warnings)
     if warn is not None:
         for text in record.metadata.get("warnings", []):
             if text not in said_before:
@@ -143,87 +190,14 @@ def run(
     return record
 
 
-def run_prepared(
-    experiment: Experiment,
-    prepared: Prepared,
-    *,
-    plant: PlantKind | Plant | None = None,
-    fmu: Path | str | None = None,
-    progress: TimeProgress | None = None,
-    status: StepProgress | None = None,
-    replaced: Sequence[str] = (),
-) -> Record:
-    """`run` for an experiment that is already prepared, with some of its tables replaced by objects."""
-    choice = experiment.plant
-    if plant is None or isinstance(plant, str):
-        kind: PlantKind = plant or choice.kind
-        name: str = kind
-        if (own := choice.own_unit(plant, fmu)) is not None:
-            fmu = experiment.folder / own
-        opening: AbstractContextManager[Plant]
-        # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant from here
-        is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
-        if is_whole and (kernel := prepared.kernel) is not None:
-            opening = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
-        else:
-            opening = open_plant(
-                kind,
-                prepared.machine,
-                prepared.start,
-                tolerance=choice.tolerance,
-                fixed_step_size=choice.fixed_step_size,
-                fmu=fmu,
-                progress=status,
-            )
-    else:
-        _check_plant(plant, fmu)
-        name, opening = type(plant).__name__, nullcontext(plant)
-    with opening as opened, prepared.law_in_a_run() as law_from:
-        done = simulate(opened, law_from, prepared.loop, progress)
-        done = done.of_member(0) if getattr(opened, "shape", ()) else done
-        remarks = opened.remarks() if hasattr(opened, "remarks") else ""
-    circumstances: dict[str, Any] = {
-        "title": experiment.title,
-        "plant": name,
-        "experiment": experiment.model_dump(mode="json"),
-    }
-    if experiment.changed:
-        circumstances["settings"] = experiment.changed
-    if files := digests(experiment):
-        circumstances["files"] = files
-    if replaced:
-        circumstances["replaced"] = list(replaced)
-    record = record_of(done, prepared, circumstances)
-    if remarks:
-        record.metadata.setdefault("warnings", []).append(remarks)
-    return record
-
-
-def _check_plant(plant: object, fmu: object) -> None:
-    """Refuse an object that is not a plant, or a plant object together with an FMU."""
-    missing = [name for name in ("set_inputs", "set_parameters", "results", "do_step") if not hasattr(plant, name)]
-    if missing:
-        raise PlantError(
-            f"plant is {plant!r}, without {', '.join(missing)}; expected {', '.join(map(repr, get_args(PlantKind)))}, "
-            "or an object that follows the rules of gough_stewart.harness.plants.plant.Plant"
-        )
-    if fmu is not None:
-        raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")
-
-
-def member_of(plan: EnsemblePlan, member: int) -> tuple[Experiment, Prepared]:
-    """The experiment of a member, and the same prepared.
+def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
+    """The experiments of members, and the same prepared.
 
     Raises
     ------
     ExperimentError
         No member of that number, or one that is impossible.
     """
-    (experiment,), batch = _members_of(plan, [member])
-    return experiment, with_hints(experiment, batch.member(0))
-
-
-def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
     for member in numbers:
         if member is not None and not 0 <= member < plan.members:
             raise ExperimentError(plan.where, "member", f"is {member}; expected 0 to {plan.members - 1}")
@@ -246,7 +220,7 @@ def records_of(plan: EnsemblePlan, members: Sequence[int | None], progress: Time
     Raises
     ------
     ExperimentError
-        As `member_of`.
+        No member of that number, or one that is impossible.
     """
     if not members:
         return []
@@ -254,25 +228,30 @@ def records_of(plan: EnsemblePlan, members: Sequence[int | None], progress: Time
     running = batch.in_parallel(plan.prepared.stepping)
     with running.plant:
         run = simulate(running.plant, running.law_from, running.loop, progress)
+    replaced = ["controller"] if plan.controller else []
     return [
-        record_of(
-            run.of_member(k),
-            with_hints(experiment, batch.member(k)),
-            {
-                "title": experiment.title,
-                "plant": "lanes",
-                **({} if member is None else {"member": member}),
-                "experiment": experiment.model_dump(mode="json"),
-                **({"files": plan.files} if plan.files else {}),
-                **({"replaced": ["controller"]} if plan.controller else {}),
-            },
-        )
-        for k, (member, experiment) in enumerate(zip(members, experiments, strict=True))
+        record_of(run.of_member(k), with_hints(experiment, batch.member(k)), experiment, "lanes", replaced, members[k])
+        for k, experiment in enumerate(experiments)
     ]
 
 
-def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Record:
-    """The table of a run, and its metadata: those passed in, and those of the run itself."""
+def record_of(
+    run: Run,
+    prepared: Prepared,
+    experiment: Experiment,
+    plant: str,
+    replaced: Sequence[str] = (),
+    member: int | None = None,
+) -> Record:
+    """The table of a run, and its metadata.
+
+    Parameters
+    ----------
+    replaced
+        Tables of the experiment that objects stood in for.
+    member
+        Its number if it ran in its ensemble's plant.
+    """
     n, at = len(run.time), run.sample_of_row
     parts: list[tuple[list[str], Any]] = [
         (["time"], run.time[:, None]),
@@ -282,7 +261,13 @@ def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Re
     if prepared.motion is not None and prepared.legs is not None:
         reference = np.concatenate([*prepared.motion, *prepared.legs], axis=1)[:n]
         parts.append(([name for prefix, size in _REFERENCE for name in columns(prefix, size)], reference))
-        parts += _errors(run.results, reference)
+        actual, first = interface.unpack(interface.RESULTS, run.results), 0
+        for prefix, size in _REFERENCE:
+            name = prefix.removeprefix("reference.")
+            if f"error.{name}" in ERRORS:
+                between = error_between(name, reference[:, first : first + size].T, actual[name].T).T
+                parts.append((columns(f"error.{name}", size), between))
+            first += size
     if run.used:
         names = [f"measured.{name}" for name in signals.column_names(run.used)]
         parts.append((names, run.measured[at][:, signals.positions(run.used)]))
@@ -295,21 +280,30 @@ def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Re
     parts.append((columns("flag.rate_limited", 6), run.rate_limited))
     parts.append((columns("flag.stroke_exceeded", 6), run.stroke_exceeded))
     table = polars.DataFrame({name: values[:, k] for names, values in parts for k, name in enumerate(names)})
-    return Record(table, _metadata(run, prepared, circumstances))
-
-
-def _errors(results: FloatArray, reference: FloatArray) -> list[tuple[list[str], FloatArray]]:
-    """As `error_between`."""
-    actual = interface.unpack(interface.RESULTS, results)
-    references, at = {}, 0
-    for name, size in _REFERENCE:
-        references[name.removeprefix("reference.")] = reference[:, at : at + size]
-        at += size
-    return [
-        (columns(error, actual[name].shape[1]), error_between(name, references[name].T, actual[name].T).T)
-        for error in ERRORS
-        for name in [error.removeprefix("error.")]
-    ]
+    timing, files = prepared.loop.timing, digests(experiment)
+    metadata = {
+        "format": FORMAT,
+        "title": experiment.title,
+        "plant": plant,
+        **({} if member is None else {"member": member}),
+        "experiment": experiment.model_dump(mode="json"),
+        **({"settings": experiment.changed} if experiment.changed else {}),
+        **({"files": files} if files else {}),
+        **({"replaced": list(replaced)} if replaced else {}),
+        **({"warnings": list(prepared.warnings)} if prepared.warnings else {}),
+        "host": run.host,
+        "rows": len(run.time),
+        "outcome": run.outcome._asdict(),
+        "duration": timing.duration,
+        "sample_time": timing.sample_time,
+        "plant_step": timing.plant_step,
+        "seed": as_numbers(prepared.loop.sensors.seed),
+        "force_limit": prepared.loop.actuators.force_limit,
+        "platform": plain(prepared.platform),
+        "machine": plain(prepared.machine),
+        "versions": versions(),
+    }
+    return Record(table, metadata)
 
 
 def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[tuple[list[str], NDArray[Any]]]:
@@ -340,23 +334,3 @@ def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[
         if faults[:, at].any():
             parts.append((columns(name, len(at)), faults[:, at] > 0))
     return parts
-
-
-def _metadata(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> dict[str, Any]:
-    timing, actuators = prepared.loop.timing, prepared.loop.actuators
-    return {
-        "format": FORMAT,
-        **circumstances,
-        **({"warnings": list(prepared.warnings)} if prepared.warnings else {}),
-        "host": run.host,
-        "rows": len(run.time),
-        "outcome": run.outcome._asdict(),
-        "duration": timing.duration,
-        "sample_time": timing.sample_time,
-        "plant_step": timing.plant_step,
-        "seed": as_numbers(prepared.loop.sensors.seed),
-        "force_limit": actuators.force_limit,
-        "platform": plain(prepared.platform),
-        "machine": plain(prepared.machine),
-        "versions": versions(),
-    }

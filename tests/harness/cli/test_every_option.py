@@ -59,8 +59,8 @@ def size_of(folder: str) -> str:
 @pytest.mark.parametrize("is_default", [True, False])
 def test_margins(notes: Notes, is_default: bool) -> None:
     found = SimpleNamespace(report=lambda *, charts: made_report("gains") if not charts else None)
-    notes.replace("harness.experiment.analysis.margins", found)
-    notes.replace("harness.experiment.margins_report.margins_file", b"x" * 700)
+    notes.replace("harness.experiment.margins.margins", found)
+    notes.replace("harness.experiment.margins.margins_file", b"x" * 700)
     more = () if is_default else ("--set", "controller.bandwidth=3.5", "--set", "loop.delay=2", "--out", "x y")
     done = invoke("margins", "heave_step", *more)
     out = "results/margins_heave_step" if is_default else "x y"

@@ -24,7 +24,7 @@ from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.control.state_space import control_system
 from gough_stewart.harness.control.structured import bounds_of_the_largest, scaled_norm
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
-from gough_stewart.harness.experiment.analysis import margins as margins_of
+from gough_stewart.harness.experiment.margins import margins as margins_of
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform_toml import load_preset
 from tests.support.laws import law_of

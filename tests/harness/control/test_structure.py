@@ -14,7 +14,7 @@ from gough_stewart.harness.control.margins import DiskMargin, disk_margin, loop_
 from gough_stewart.harness.control.state_space import StateSpace
 from gough_stewart.harness.control.structure import largest_bandwidth, structural_modes
 from gough_stewart.harness.errors import UnstableLoopError
-from gough_stewart.harness.experiment.margins_report import LoopMargins
+from gough_stewart.harness.experiment.margins import LoopMargins
 from gough_stewart.harness.report.table import Table
 from gough_stewart.model.dynamics import mass_matrix
 from gough_stewart.model.kinematics import leg_jacobian
