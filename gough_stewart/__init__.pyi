@@ -14,9 +14,9 @@ from gough_stewart.harness.control.pid import Gains as Gains
 from gough_stewart.harness.control.pid import pid as pid
 from gough_stewart.harness.control.pid import sampled as sampled
 from gough_stewart.harness.control.python.sample import Sample as Sample
-from gough_stewart.harness.ensemble.assembly import read_ensemble as read_ensemble
 from gough_stewart.harness.ensemble.ensemble import ensemble as ensemble
-from gough_stewart.harness.ensemble.result import Ensemble as Ensemble
+from gough_stewart.harness.ensemble.report import Ensemble as Ensemble
+from gough_stewart.harness.ensemble.report import read_ensemble as read_ensemble
 from gough_stewart.harness.errors import UnstableLoopError as UnstableLoopError
 from gough_stewart.harness.experiment.checking import MotionCheck as MotionCheck
 from gough_stewart.harness.experiment.checking import check as check

@@ -6,19 +6,19 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.columns import (
+from gough_stewart.harness.ensemble.data import (
     ENDED,
     MEMBER,
     OUTCOME,
-)
-from gough_stewart.harness.ensemble.data import EnsembleData
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity
-from gough_stewart.harness.ensemble.statistics import (
+    EnsembleData,
     counted,
     finite,
     left_out,
+    named_signal,
+    quantity_of_input,
+    usual_metrics,
 )
-from gough_stewart.harness.ensemble.tables import named_signal, quantity_of_input, usual_metrics
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Samples, Series, time_axis
 from gough_stewart.harness.report.document import Part, Report, Section
 from gough_stewart.harness.report.quantities import NUMBER

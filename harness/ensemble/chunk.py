@@ -1,7 +1,14 @@
-"""A chunk of an ensemble: some members, prepared, run in parallel, and reduced."""
+"""A chunk of an ensemble: some members, prepared, run in parallel, and reduced; its files."""
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from io import BytesIO
+from math import ceil
+from pathlib import Path
 from typing import Any, NamedTuple
+from zlib import crc32
 
 import numpy as np
 import polars
@@ -9,19 +16,23 @@ import polars
 from gough_stewart.harness.control.laws import linear_of
 from gough_stewart.harness.control.laws_of_members import shared_by_members
 from gough_stewart.harness.control.python.makers import name_of
-from gough_stewart.harness.ensemble.columns import (
+from gough_stewart.harness.ensemble.data import (
+    AMPLITUDE,
     CAUSE,
     ENDED,
+    FREQUENCY,
+    GROWING,
     IMPOSSIBLE,
     INTEGRATION_ERROR,
     INTERNAL_STEPS,
     MARGINS,
     MEMBER,
+    OSCILLATING,
+    OSCILLATION,
     OUTCOME,
     SHORT,
     VARIED,
 )
-from gough_stewart.harness.ensemble.oscillations import LegErrors, oscillation_columns, oscillations
 from gough_stewart.harness.errors import (
     ControllerError,
     ExperimentError,
@@ -32,19 +43,51 @@ from gough_stewart.harness.errors import (
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.plan import EnsemblePlan
 from gough_stewart.harness.experiment.preparation import Batch, Prepared, PreparedMembers, one_or_each
+from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folding import FoldsOfRows
+from gough_stewart.harness.loop.folds import KeptRows, State
+from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.outcomes import Outcome
+from gough_stewart.harness.loop.run import samples_of_rows
+from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop, metric_kernels
-from gough_stewart.harness.results.oscillation import Oscillation
+from gough_stewart.harness.results.oscillation import Oscillation, SelfExcitation, least_amplitude, rest_begins
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import LIMITS
+from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.vectors import FloatArray
 
 # Members per chunk: enough to make Python's overhead small, few enough that two workers share a thousand evenly.
 SIZE = 512
+# Rows that are kept of each member: 100 kB, 50 MB in a chunk.
+MOST_ROWS = 2048
+# Members that a thread looks at in one go.
+_TOGETHER = 64
+FOLDER = "chunks"
+
+
+class LegErrors(KeptRows):
+    """Keeps the errors of the leg lengths (rows, 6, N), of every row or of each so-many-th."""
+
+    needs = ("error.leg_length",)
+
+    def __init__(self, timing: Timing) -> None:
+        self.every = ceil((timing.steps + 1) / MOST_ROWS)
+        self.at = np.arange(0, timing.steps + 1, self.every)
+        self.time = timing.times[:: self.every]
+
+    @property
+    def errors(self) -> FloatArray:
+        """What is kept (rows, 6, N)."""
+        return self.kept[self.needs[0]]
+
+    def start(self, members: int) -> State:
+        """None by member: whoever reads the errors knows who has ended."""
+        self.kept = {self.needs[0]: np.zeros((len(self.at), 6, members))}
+        return {}
 
 
 class Chunk(NamedTuple):
@@ -249,3 +292,150 @@ def _rows(
         whole[found.numbers] = values
         columns[name] = whole
     return polars.DataFrame(columns, nan_to_null=True)
+
+
+def oscillations(
+    batch: Batch, outcomes: Sequence[Outcome], kept: LegErrors, threads: int = 1
+) -> list[Oscillation | None]:
+    """The motion by itself of each member that completed; None for a sound loop.
+
+    Rows that are left out of long runs make fast oscillations look slower, so that `frequency` is then None.
+    """
+    found: list[Oscillation | None] = [None] * len(batch)
+
+    def judged(members: list[int], reference: FloatArray, judge: SelfExcitation) -> None:
+        # those of consecutive members without a copy
+        together = slice(members[0], members[-1] + 1) if members[-1] - members[0] == len(members) - 1 else members
+        errors = kept.errors[..., together]
+        for k in np.flatnonzero(~judge.sound_at_a_glance(errors)).tolist():
+            member, error = members[k], np.ascontiguousarray(errors[..., k].T)
+            sensors, platform = batch.sensors[member], batch.setups[member].platform
+            length = float(np.mean(reference) - np.mean(error))
+            least = least_amplitude(length, platform.platform_points, sensors.noise, sensors.quantisation)
+            found[member] = judge(error, least)
+
+    with ThreadPoolExecutor(threads) as pool:
+        for members, reference, judge in _alike(batch, outcomes, kept):
+            parts = [members[k : k + _TOGETHER] for k in range(0, len(members), _TOGETHER)]
+            list(pool.map(lambda part, reference=reference, judge=judge: judged(part, reference, judge), parts))
+    return found if kept.every == 1 else [motion and motion._replace(frequency=None) for motion in found]
+
+
+def oscillation_columns(found: Sequence[Oscillation | None]) -> dict[str, polars.Series]:
+    """Kind, amplitude [m] and frequency [Hz] (N,); null for a sound loop."""
+    kinds = [each and (GROWING if each.is_growing else OSCILLATING) for each in found]
+    numbers = {
+        AMPLITUDE: [each and each.amplitude for each in found],
+        FREQUENCY: [each and each.frequency for each in found],
+    }
+    return {
+        OSCILLATION: polars.Series(kinds, dtype=polars.String),
+        **{name: polars.Series(values, dtype=polars.Float64) for name, values in numbers.items()},
+    }
+
+
+def _alike(
+    batch: Batch, outcomes: Sequence[Outcome], kept: LegErrors
+) -> Iterator[tuple[list[int], FloatArray, SelfExcitation]]:
+    """Members that completed and share what acts on them, their legs' reference at the kept rows, and their judge."""
+    alike = dict[tuple[int | None, ...], list[int]]()
+    for k, outcome in enumerate(outcomes):
+        setup = batch.setups[k]
+        if outcome.status == "completed" and setup.planned is not None and setup.controller is not None:
+            # changes are each machine's own, and with jitter the rows of an injection each member's
+            own = k if setup.injection is not None and setup.timing.jitter else None
+            key = id(setup.planned), id(batch.changes[k]), id(setup.injection), own
+            alike.setdefault(key, []).append(k)
+    for members in alike.values():
+        prepared = batch.member(members[0])
+        assert prepared.loop.reference is not None
+        reference = np.ascontiguousarray(prepared.loop.reference[:: kept.every, LENGTHS].T)
+        acting = acting_columns(prepared, samples_of_rows(prepared.loop.timing))
+        # up to the first kept row at or after it
+        begin = ceil(rest_begins(values for _, values in acting) / kept.every)
+        yield members, reference, SelfExcitation(kept.time, reference, begin)
+
+
+@dataclass(frozen=True)
+class ChunkBytes:
+    """A chunk as bytes, on its way from a worker to its files."""
+
+    rows: bytes  # Parquet
+    bands: bytes
+    features: str
+
+    @classmethod
+    def of(cls, chunk: Chunk) -> "ChunkBytes":
+        """The same chunk always gives the same bytes."""
+        rows, bands = BytesIO(), BytesIO()
+        chunk.rows.write_parquet(rows, statistics=False)
+        part = chunk.bands
+        arrays: dict[str, Any] = {name: getattr(part, name) for name in part._fields}
+        arrays["columns"] = np.array(part.columns, dtype=str)
+        np.savez(bands, **arrays)
+        return cls(rows.getvalue(), bands.getvalue(), chunk.features)
+
+
+class ChunkFiles:
+    """Chunks in a folder; a chunk that starts at member k has k.parquet, k.npz, and, written last, k.json."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder / FOLDER
+
+    def write(self, first: int, chunk: ChunkBytes) -> None:
+        """Write a chunk completely or not at all.
+
+        Raises
+        ------
+        OSError
+            It cannot be written; partial files are ignored.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        write_whole(self.rows(first), chunk.rows)
+        write_whole(self._bands(first), chunk.bands)
+        says = {"features": chunk.features, "rows": _digest(chunk.rows), "bands": _digest(chunk.bands)}
+        write_whole(self._says(first), json.dumps(says, indent=1).encode())
+
+    def features(self, first: int) -> str | None:
+        """The processor features of the chunk's machine code; None if the chunk is missing or incomplete."""
+        try:
+            says = json.loads(self._says(first).read_bytes())
+            whole = all(
+                _digest(path.read_bytes()) == says[name]
+                for name, path in (("rows", self.rows(first)), ("bands", self._bands(first)))
+            )
+            return str(says["features"]) if whole else None
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+
+    def rows(self, first: int) -> Path:
+        """The table of its members."""
+        return self.folder / f"{first:08d}.parquet"
+
+    def bands(self, first: int) -> BandSamples:
+        """Its samples over time."""
+        with np.load(self._bands(first)) as arrays:
+            found: dict[str, Any] = {name: arrays[name] for name in BandSamples._fields}
+        return BandSamples(**{**found, "columns": tuple(found["columns"].tolist())})
+
+    def count(self) -> int:
+        """The number of chunks."""
+        return len(list(self.folder.glob("*.json")))
+
+    def remove(self) -> None:
+        """Remove all chunks."""
+        for path in sorted(self.folder.glob("*")):
+            path.unlink()
+        if self.folder.is_dir():
+            self.folder.rmdir()
+
+    def _bands(self, first: int) -> Path:
+        return self.folder / f"{first:08d}.npz"
+
+    def _says(self, first: int) -> Path:
+        return self.folder / f"{first:08d}.json"
+
+
+def _digest(content: bytes) -> str:
+    """A checksum against torn files and failing disks, at a tenth of the time of SHA-256."""
+    return f"{crc32(content):08x}"

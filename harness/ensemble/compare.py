@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from gough_stewart.harness.ensemble.charts import ensemble_charts
-from gough_stewart.harness.ensemble.columns import CAUSE, ENDED, MEMBER, OUTCOME, VARIED
+from gough_stewart.harness.ensemble.data import CAUSE, ENDED, MEMBER, OUTCOME, VARIED, usual_metrics
 from gough_stewart.harness.ensemble.ensemble import ensemble
-from gough_stewart.harness.ensemble.report import ensemble_numbers, fineness_in, worst_by
-from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.report import Ensemble, ensemble_numbers, fineness_in, worst_by
 from gough_stewart.harness.ensemble.sensitivity import sensitivity_if_known
-from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.polars_paths import write_to

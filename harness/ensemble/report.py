@@ -1,25 +1,27 @@
 """What an ensemble found, as a report: how many machines do it and how well, what fails, what makes them differ."""
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars
 
 from gough_stewart.harness.ensemble.charts import ensemble_charts
-from gough_stewart.harness.ensemble.columns import (
+from gough_stewart.harness.ensemble.data import (
+    BANDS,
     ENDED,
     GROWING,
     MARGINS,
     MEMBER,
+    MEMBERS,
+    METADATA,
     OUTCOME,
+    SAMPLES,
     VARIED,
-    metric_name,
-    numbers,
-)
-from gough_stewart.harness.ensemble.data import EnsembleData
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity
-from gough_stewart.harness.ensemble.statistics import (
+    EnsembleData,
     are_counted,
     counted,
     failures,
@@ -28,16 +30,24 @@ from gough_stewart.harness.ensemble.statistics import (
     judgement_warning,
     kinds_of_oscillation,
     left_out,
+    metric_name,
+    numbers,
     oscillation_warning,
     quantiles,
+    quantity_of_input,
+    usual_metrics,
     works,
 )
-from gough_stewart.harness.ensemble.tables import quantity_of_input, usual_metrics
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity_if_known
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.polars_paths import read_parquet
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
+from gough_stewart.harness.report.notebook import to_html
 from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
 from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity
 from gough_stewart.harness.report.small_machine import fine
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
+from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.report.words import about, at_least, at_most, listed, percent, sentence
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.results.bands import LEVELS, QUANTILES
@@ -70,6 +80,65 @@ _MOST_NAMED = 3
 # Inputs that a table of members has as columns.
 _MOST_COLUMNS = 5
 _THREE = Quantity("", "", digits=3)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ensemble(EnsembleData):
+    """An ensemble that has run; displays the quantiles of its metrics, and its failures."""
+
+    def report(self, *, charts: bool = True, worst: Sequence[int] | Mapping[int, str] = ()) -> Report:
+        """How many machines complete their runs and how well, what fails, and what makes them differ.
+
+        Parameters
+        ----------
+        charts
+            Also bands over time, histograms and dependence.
+        worst
+            Members to list, or a mapping with the address of each one's page, "" for none.
+
+        Returns
+        -------
+        Report
+            Verdict, all metrics as numbers with a value for each member, tables, and with `charts` bands and
+            distributions.
+        """
+        by = worst_by(self)
+        return ensemble_report(self, by, sensitivity_if_known(self, by), worst, charts=charts)
+
+    def __repr__(self) -> str:
+        """Title and report as in the terminal."""
+        return "\n".join([f"Ensemble: {self.title}", text_of(self.report(charts=False))])
+
+    def _repr_html_(self) -> str:
+        """The report, for a notebook."""
+        return to_html(self.report(charts=False))
+
+
+def read_ensemble(folder: Path | str) -> Ensemble:
+    """An ensemble from its folder.
+
+    Returns
+    -------
+    Ensemble
+        As `ensemble` returned it.
+
+    Raises
+    ------
+    RecordError
+        The folder has no ensemble.
+    """
+    folder = Path(folder)
+    try:
+        metadata: dict[str, Any] = json.loads((folder / METADATA).read_bytes())
+        return Ensemble(
+            read_parquet(folder / MEMBERS),
+            read_parquet(folder / BANDS),
+            metadata,
+            # results of older versions have none
+            read_parquet(folder / SAMPLES) if (folder / SAMPLES).is_file() else None,
+        )
+    except (OSError, ValueError, polars.exceptions.PolarsError) as error:
+        raise RecordError(f"{folder} has no ensemble: {error}") from error
 
 
 def worst_by(found: EnsembleData) -> str:

@@ -7,8 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.columns import OUTCOME, metric_name
-from gough_stewart.harness.ensemble.data import EnsembleData
+from gough_stewart.harness.ensemble.data import OUTCOME, EnsembleData, metric_name
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.model.vectors import FloatArray
 

@@ -13,7 +13,7 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.frequency_response import Response, response_of_periods
-from gough_stewart.harness.control.laws import Controller, controller_of, linear_of
+from gough_stewart.harness.control.laws import controller_of, linear_of
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import is_stable, response
 from gough_stewart.harness.control.structured import ComplexArray
@@ -66,7 +66,22 @@ class FrequencyResponse:
 
     def __repr__(self) -> str:
         """Channel, band, coherence, and the largest difference from the linear model."""
-        return "\n".join([f"Frequency response: {self.title}", *(f"  {line}" for line in self._summary())])
+        seen, f, peak = self.measured, self.frequency, int(np.abs(self.measured.S).argmax())
+        lines = [
+            f"Frequency response: {self.title}",
+            f"{self.channel}, {self._band}",
+            f"largest |S| {abs(seen.S[peak]):.4g} at {f[peak]:.4g} Hz; smallest coherence {seen.coherence.min():.3g}",
+        ]
+        if self.predicted is not None:
+            gap = np.abs(seen.S - 1 / (1 + self.predicted))
+            worst = int(gap.argmax())
+            lines.append(f"farthest from the linear model: S by {gap[worst]:.3g} at {f[worst]:.4g} Hz")
+        return "\n  ".join([*lines, *self.notes])
+
+    @property
+    def _band(self) -> str:
+        f = self.frequency
+        return f"{len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {self.measured.periods} periods"
 
     def _repr_html_(self) -> str:
         return to_html(self.report(charts=False))
@@ -80,31 +95,16 @@ class FrequencyResponse:
             Verdict, numbers such as `S.peak` and `L.crossover`, a table, and with `charts` the Bode plot.
         """
         sections = [Section("Bode plot", _charts(self))] if charts else []
-        f = self.frequency
         return Report(
             f"{self.title}: {self.channel}",
             _verdict(self),
             (*sections, Section("Values", (_table(self),))),
             study="frf",
             settings=settings_of(self.changed),
-            lead=f"{len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {self.measured.periods} periods",
+            lead=self._band,
             numbers=_numbers(self),
             notes=tuple(Note(text, "warning") for text in self.notes),
         )
-
-    def _summary(self) -> list[str]:
-        measured, f = self.measured, self.frequency
-        peak = int(np.abs(measured.S).argmax())
-        lines = [
-            f"{self.channel}, {len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {measured.periods} periods",
-            f"largest |S| {abs(measured.S[peak]):.4g} at {f[peak]:.4g} Hz; "
-            f"smallest coherence {measured.coherence.min():.3g}",
-        ]
-        if self.predicted is not None:
-            gap = np.abs(measured.S - 1 / (1 + self.predicted))
-            worst = int(gap.argmax())
-            lines.append(f"farthest from the linear model: S by {gap[worst]:.3g} at {f[worst]:.4g} Hz")
-        return [*lines, *self.notes]
 
     def table(self) -> polars.DataFrame:
         """One row per frequency: gains [1], phases [rad], radii of 95 % confidence, coherence."""
@@ -163,32 +163,66 @@ def frf(
     >>> found.frequency.shape == found.measured.L.shape
     True
     """
+    # read: the run's experiment, in the folder of the one that the caller has passed
     if not isinstance(record, Record):
         record = read_record(record)
-    own = _experiment_of(record)
+    metadata = record.metadata
+    try:
+        chosen = Experiment.built().model_validate_json(json.dumps(metadata["experiment"]))
+    except (KeyError, ValueError) as error:
+        raise RecordError(f"the metadata contain no experiment ({error}); expected a record of `run`") from error
     if experiment is not None:
-        own = _with_folder(own, experiment_of(experiment))
-    choice = own.injection
+        other = experiment_of(experiment)
+        if chosen.controller.code != other.controller.code:
+            names = [", ".join(each.controller.code) or "no file" for each in (other, chosen)]
+            raise RecordError(
+                f"{other.where} has a controller of {names[0]}, the record's run one of {names[1]}; expected the "
+                "experiment of this run"
+            )
+        chosen = chosen.from_file(other.where, other.folder)
+    choice = chosen.injection
     if choice is None or "controller.injection" not in record:
         raise RecordError("the record's run had no [injection]; expected an experiment with that table")
-    if "injection" in record.metadata.get("replaced", []):
+    if "injection" in metadata.get("replaced", []):
         raise RecordError("the run had an injection of its own instead of [injection]; expected that of the experiment")
-    sample_time = float(record.metadata["sample_time"])
-    J = leg_jacobian(platform_of(record), *_pose(record))
-    a, b = choice.directions(J)
+
+    # measure: S of the excited channel in the first pose of the reference, or at home
+    sample_time, platform = float(metadata["sample_time"]), platform_of(record)
+    pose = platform.home_position, platform.home_orientation
+    if "reference.position" in record:
+        pose = record["reference.position"][0], record["reference.orientation"][0]
+    a, b = choice.directions(leg_jacobian(platform, *pose))
     # commands are held, so the last row before the next sample also has that of a delayed sample
-    every = round(sample_time / float(record.metadata["plant_step"]))
+    every = round(sample_time / float(metadata["plant_step"]))
     at = slice(every - 1, len(record.table) - 1, every)
     injected = record["controller.injection"][at] @ b
     force = (record["controller.force"] - record["controller.feedforward"])[at] @ b
     lines, samples = choice.lines(sample_time), len(choice.signal(sample_time))
     measured = response_of_periods(injected, force, samples, lines, choice.settle)
     frequency = lines / (samples * sample_time)
-    predicted, notes = None, _notes(record)
+
+    # compare: L of the linear model, as in `margins`
+    predicted, notes = None, _doubts_of_run(record)
     try:
         if controller is None:
-            notes += _doubts_of_controller(record, own, is_given=experiment is not None)
-        L = _linear_loop(record, own, controller)
+            notes += _doubts_of_controller(record, chosen, is_given=experiment is not None)
+            made = chosen.controller.controller(platform, sample_time, chosen.folder)
+        else:
+            made = controller_of(controller, chosen.controller.design(platform, sample_time))
+        linear = linear_of(made)
+        if linear is None:
+            raise ControllerError("the controller is not linear, or there is none")
+        L = loop_transfer(
+            machine_of(record),
+            linear,
+            sample_time,
+            believed=platform,
+            delay=chosen.loop.delay,
+            lag=chosen.actuators.lag,
+            position=pose[0],
+            orientation=pose[1],
+            side=chosen.sensors.side,
+        )
         # of one channel, the others closed: 1/(b S a) − 1 with S = (1 + L)⁻¹ (n, 6, 6)
         S = np.linalg.inv(np.eye(6) + response(L, 2 * np.pi * frequency))
         predicted = np.asarray(1 / (S @ a @ b) - 1)
@@ -196,27 +230,16 @@ def frf(
             notes.append("the linear loop is unstable; `gough-stewart margins` shows the cause")
     except GoughStewartError as error:
         notes.append(f"no linear model to compare with: {error}")
-    changed = record.metadata.get("settings") or {}
-    numbers = (frequency, measured, predicted, tuple(notes), changed, own.requirements)
-    return FrequencyResponse(own.title, choice.channel, *numbers)
-
-
-def _experiment_of(record: Record) -> Experiment:
-    try:
-        return Experiment.built().model_validate_json(json.dumps(record.metadata["experiment"]))
-    except (KeyError, ValueError) as error:
-        raise RecordError(f"the metadata contain no experiment ({error}); expected a record of `run`") from error
-
-
-def _with_folder(own: Experiment, other: Experiment) -> Experiment:
-    """The record's experiment, which may have other settings, with the folder of the other one."""
-    if own.controller.code != other.controller.code:
-        names = [", ".join(experiment.controller.code) or "no file" for experiment in (other, own)]
-        raise RecordError(
-            f"{other.where} has a controller of {names[0]}, the record's run one of {names[1]}; expected the "
-            "experiment of this run"
-        )
-    return own.from_file(other.where, other.folder)
+    return FrequencyResponse(
+        chosen.title,
+        choice.channel,
+        frequency,
+        measured,
+        predicted,
+        tuple(notes),
+        metadata.get("settings") or {},
+        chosen.requirements,
+    )
 
 
 def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> list[str]:
@@ -247,41 +270,7 @@ def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> li
     return notes
 
 
-def _pose(record: Record) -> tuple[FloatArray, FloatArray]:
-    """The pose of linearisation: the first of the reference, or home."""
-    if "reference.position" in record:
-        return record["reference.position"][0], record["reference.orientation"][0]
-    platform = platform_of(record)
-    return platform.home_position, platform.home_orientation
-
-
-def _linear_loop(record: Record, experiment: Experiment, controller: Any) -> Any:
-    """The loop transfer of the run, as in `margins`."""
-    platform, sample_time = platform_of(record), float(record.metadata["sample_time"])
-    own: Controller | None
-    own = (
-        experiment.controller.controller(platform, sample_time, experiment.folder)
-        if controller is None
-        else controller_of(controller, experiment.controller.design(platform, sample_time))
-    )
-    made = linear_of(own)
-    if made is None:
-        raise ControllerError("the controller is not linear, or there is none")
-    position, orientation = _pose(record)
-    return loop_transfer(
-        machine_of(record),
-        made,
-        sample_time,
-        believed=platform,
-        delay=experiment.loop.delay,
-        lag=experiment.actuators.lag,
-        position=position,
-        orientation=orientation,
-        side=experiment.sensors.side,
-    )
-
-
-def _notes(record: Record) -> list[str]:
+def _doubts_of_run(record: Record) -> list[str]:
     notes = []
     limited = float(record["flag.force_limited"].any(axis=1).mean())
     if limited:
@@ -309,7 +298,7 @@ def loop_is_known(result: Response) -> NDArray[np.bool_]:
 def _verdict(result: FrequencyResponse) -> Verdict:
     """The peak of S, where L is 1, at how many frequencies L is known, and how many agree with the linear model."""
     numbers = {number.path: number for number in _numbers(result)}
-    peak, crossover, agree = (numbers[path] for path in ("S.peak", "L.crossover", "agreement"))
+    carried = peak, crossover, agree = tuple(numbers[path] for path in ("S.peak", "L.crossover", "agreement"))
     n, known = len(result.frequency), int(loop_is_known(result.measured).sum())
     at = result.frequency[int(np.abs(result.measured.S).argmax())]
     parts: list[str | None] = [
@@ -324,7 +313,7 @@ def _verdict(result: FrequencyResponse) -> Verdict:
     else:
         parts.append(f"S agrees with the linear model within its 95 % confidence at {percent(agree.value)} of them")
         status = "marginal" if agree.value < _FEW else status
-    return Verdict(sentence(parts), status, tuple(numbers[path] for path in ("S.peak", "L.crossover", "agreement")))
+    return Verdict(sentence(parts), status, carried)
 
 
 def _numbers(result: FrequencyResponse) -> tuple[Number, ...]:
@@ -454,7 +443,4 @@ def frf_files(result: FrequencyResponse) -> dict[str, bytes]:
     """The table by file name."""
     table, parquet = result.table(), BytesIO()
     table.write_parquet(parquet)
-    return {
-        "frf.csv": table.write_csv().encode(),
-        "frf.parquet": parquet.getvalue(),
-    }
+    return {"frf.csv": table.write_csv().encode(), "frf.parquet": parquet.getvalue()}

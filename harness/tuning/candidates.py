@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.ensemble.chunk import SIZE, Results, check_memory, limits_of_members, margins_of
-from gough_stewart.harness.ensemble.columns import MARGINS
-from gough_stewart.harness.ensemble.local import cores
+from gough_stewart.harness.ensemble.data import MARGINS
+from gough_stewart.harness.ensemble.workers import cores
 from gough_stewart.harness.errors import TuningError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Values

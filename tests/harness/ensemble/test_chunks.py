@@ -8,7 +8,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble.chunk import SIZE, Chunk, chunk
-from gough_stewart.harness.ensemble.columns import INTEGRATION_ERROR, INTERNAL_STEPS
+from gough_stewart.harness.ensemble.data import INTEGRATION_ERROR, INTERNAL_STEPS
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.members import Members

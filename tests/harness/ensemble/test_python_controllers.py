@@ -9,8 +9,8 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble import ensemble as runner
-from gough_stewart.harness.ensemble.local import chunks_here
-from gough_stewart.harness.ensemble.statistics import worst_members
+from gough_stewart.harness.ensemble.data import worst_members
+from gough_stewart.harness.ensemble.workers import chunks_here
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
 from gough_stewart.harness.experiment.plan import fingerprint, plan_from, plan_of
 from gough_stewart.harness.experiment.run import records_of

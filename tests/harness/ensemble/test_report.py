@@ -8,8 +8,7 @@ import polars
 import pytest
 from scipy.stats import binomtest
 
-from gough_stewart.harness.ensemble.report import ensemble_report
-from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.model.vectors import FloatArray

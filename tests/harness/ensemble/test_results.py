@@ -8,10 +8,9 @@ from scipy.stats import sobol_indices
 
 from gough_stewart.harness.ensemble.charts import FIGURES
 from gough_stewart.harness.ensemble.compare import compare, comparison_report, comparison_tables
-from gough_stewart.harness.ensemble.report import ensemble_report, sensitivity_table
-from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.data import failures, integration_warning, quantiles, worst_members
+from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report, sensitivity_table
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
-from gough_stewart.harness.ensemble.statistics import failures, integration_warning, quantiles, worst_members
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.table import Table

@@ -14,7 +14,16 @@ from gough_stewart.harness.ensemble.compare import (
     comparison_tables,
     known_numbers,
 )
+from gough_stewart.harness.ensemble.data import (
+    failures,
+    oscillation_warning,
+    quantiles,
+    usual_metrics,
+    works,
+    worst_members,
+)
 from gough_stewart.harness.ensemble.report import (
+    Ensemble,
     ensemble_report,
     failure_table,
     quantile_table,
@@ -22,16 +31,7 @@ from gough_stewart.harness.ensemble.report import (
     worst_by,
     worst_table,
 )
-from gough_stewart.harness.ensemble.result import Ensemble
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
-from gough_stewart.harness.ensemble.statistics import (
-    failures,
-    oscillation_warning,
-    quantiles,
-    works,
-    worst_members,
-)
-from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.model.vectors import FloatArray
