@@ -22,12 +22,12 @@ from gough_stewart.harness.experiment.checking import MotionCheck as MotionCheck
 from gough_stewart.harness.experiment.checking import check as check
 from gough_stewart.harness.experiment.file import experiment_names as experiment_names
 from gough_stewart.harness.experiment.file import load_experiment as load_experiment
-from gough_stewart.harness.experiment.files import save_record as save_record
 from gough_stewart.harness.experiment.frf import FrequencyResponse as FrequencyResponse
 from gough_stewart.harness.experiment.frf import frf as frf
 from gough_stewart.harness.experiment.margins import LoopMargins as LoopMargins
 from gough_stewart.harness.experiment.margins import margins as margins
 from gough_stewart.harness.experiment.run import run as run
+from gough_stewart.harness.experiment.run import save_record as save_record
 from gough_stewart.harness.experiment.schema import Experiment as Experiment
 from gough_stewart.harness.export.export import export as export
 from gough_stewart.harness.identify.estimate import Estimate as Estimate

@@ -41,6 +41,7 @@ from gough_stewart.harness.plants.signals import VARIABLES
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError, SingularPoseError
 from gough_stewart.model.interface import nearest
+from gough_stewart.model.joint_circles import KEYS
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
 from gough_stewart.model.platform import Platform, Platforms, platforms_with
 from gough_stewart.model.platform_checks import by_leg
@@ -498,7 +499,8 @@ class Preparation:
         tables = {name: self._once(table_with, experiment, name, values) for name, values in changed.items()}
         tables = dict(experiment) | tables
         nominal = self._once(nominal_platform, experiment, tables["platform"])
-        return _Believed(tables, nominal, self._once(machine_base, experiment, nominal))
+        file = experiment.plant.file
+        return _Believed(tables, nominal, nominal if file is None else self._once(_machine_from, experiment, file))
 
     def _sensors(self, changed: Values) -> Sensors:
         return Sensors(**dict(table_with(self.experiment, "sensors", changed) if changed else self.experiment.sensors))
@@ -673,18 +675,16 @@ class Preparation:
 def nominal_platform(experiment: Experiment, choice: schema.PlatformChoice) -> Platform:
     """The platform that the designer believes in."""
     with part_of(experiment.where, "platform"):
-        is_preset = choice.file is None
-        platform = load_preset(choice.preset_name) if is_preset else load_platform(experiment.folder / choice.file)
-        parameters = joints_of_keys(choice.circles) | choice.parameters
+        file = choice.file
+        platform = load_preset(choice.preset_name) if file is None else load_platform(experiment.folder / file)
+        circles = {key: value for key in KEYS if (value := getattr(choice, key)) is not None}
+        parameters = joints_of_keys(circles) | choice.parameters
         return platform.with_parameters(parameters) if parameters else platform
 
 
-def machine_base(experiment: Experiment, nominal: Platform) -> Platform:
-    """The platform whose parameters those of the machine replace: of a file, or the nominal model."""
-    if experiment.plant.file is None:
-        return nominal
+def _machine_from(experiment: Experiment, file: str) -> Platform:
     with part_of(experiment.where, "plant"):
-        return load_platform(experiment.folder / experiment.plant.file)
+        return load_platform(experiment.folder / file)
 
 
 def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
@@ -695,8 +695,8 @@ def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
     ExperimentError
         An invalid one.
     """
-    nominal = nominal_platform(experiment, experiment.platform)
-    base, parameters = machine_base(experiment, nominal), experiment.plant.parameters
+    _, nominal, base = Preparation(experiment)._believed({})
+    parameters = experiment.plant.parameters
     with part_of(experiment.where, "plant"):
         return nominal, base.with_parameters(parameters) if parameters else base
 

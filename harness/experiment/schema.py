@@ -36,7 +36,6 @@ from gough_stewart.harness.quantities import (
 from gough_stewart.harness.report.requirements import required
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.section import ByType, FileName, Section
-from gough_stewart.model import joint_circles
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.joint_circles import Pairing
@@ -87,11 +86,6 @@ class PlatformChoice(Section):
         if self.preset is not None and self.file is not None:
             raise ValueError("expected preset or file, not both")
         return self
-
-    @property
-    def circles(self) -> dict[str, Any]:
-        """The given ones of the keys that place the joints on circles."""
-        return {key: value for key in joint_circles.KEYS if (value := getattr(self, key)) is not None}
 
     @property
     def preset_name(self) -> str:

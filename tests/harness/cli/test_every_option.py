@@ -17,7 +17,7 @@ import pytest
 
 from gough_stewart.harness.ensemble.data import AMPLITUDE, FREQUENCY
 from gough_stewart.harness.ensemble.worst import Worst
-from gough_stewart.harness.experiment.files import Written
+from gough_stewart.harness.experiment.run import Written
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.results.record import Record
