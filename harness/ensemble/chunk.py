@@ -110,11 +110,11 @@ def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
     """
     members = plan.prepared
     draws = members.draws(first, last)
-    found = members.prepared_with(draws.values, range(first, last))
-    batch = found.batch
+    prepared = members.prepared_with(draws.values, range(first, last))
+    batch = prepared.batch
     if not len(batch):
         metrics, nothing = _none(members, first)
-        return Chunk(_rows(first, draws.columns, found, (), (), metrics), nothing, "")
+        return Chunk(_rows(first, draws.columns, prepared, (), (), metrics), nothing, "")
     run = _run(members, batch, first, threads)
     check_memory(batch, run[:2], lambda one: _run(members, one, first, threads)[:2])
     columns, ended = run.columns, list(run.outcomes)
@@ -123,8 +123,8 @@ def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
         for k, cause in enumerate(judged.pop(CAUSE)):
             ended[k] = ended[k]._replace(cause=ended[k].cause or cause)
         columns |= judged
-    own = oscillations(batch, ended, run.errors, threads)
-    return Chunk(_rows(first, draws.columns, found, ended, own, columns), run.bands.samples(), run.features)
+    motions = oscillations(batch, ended, run.errors, threads)
+    return Chunk(_rows(first, draws.columns, prepared, ended, motions, columns), run.bands.samples(), run.features)
 
 
 class _Run(NamedTuple):
@@ -207,19 +207,19 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
 
     stable, disk = np.full(len(prepared), np.nan), np.full(len(prepared), np.nan)
     causes: list[str | None] = [None] * len(prepared)
-    for k, each in enumerate(prepared):
+    for k, member in enumerate(prepared):
         try:
-            controller = linear_of(each.controller)
+            controller = linear_of(member.controller)
         except ControllerError:  # the run says so
             continue
         if controller is None:
             continue
         try:
-            found = judged(each, each.machine, controller)
-            if found.doubt:  # a number that cannot be told is none
-                causes[k] = f"no margins: {found.doubt}"
+            loop = judged(member, member.machine, controller)
+            if loop.doubt:  # a number that cannot be told is none
+                causes[k] = f"no margins: {loop.doubt}"
             else:
-                stable[k], disk[k] = 1.0, found.margins.disk.alpha
+                stable[k], disk[k] = 1.0, loop.margins.disk.alpha
         except UnstableLoopError:
             stable[k] = 0.0
         except (GoughStewartError, np.linalg.LinAlgError) as error:
@@ -288,9 +288,9 @@ def _rows(
         **oscillation_columns(motions),
     }
     for name, values in metrics.items():
-        whole = np.full(n, np.nan)
-        whole[found.numbers] = values
-        columns[name] = whole
+        of_all = np.full(n, np.nan)
+        of_all[found.numbers] = values
+        columns[name] = of_all
     return polars.DataFrame(columns, nan_to_null=True)
 
 
@@ -301,7 +301,7 @@ def oscillations(
 
     Rows that are left out of long runs make fast oscillations look slower, so that `frequency` is then None.
     """
-    found: list[Oscillation | None] = [None] * len(batch)
+    motions: list[Oscillation | None] = [None] * len(batch)
 
     def judged(members: list[int], reference: FloatArray, judge: SelfExcitation) -> None:
         # those of consecutive members without a copy
@@ -312,21 +312,21 @@ def oscillations(
             sensors, platform = batch.sensors[member], batch.setups[member].platform
             length = float(np.mean(reference) - np.mean(error))
             least = least_amplitude(length, platform.platform_points, sensors.noise, sensors.quantisation)
-            found[member] = judge(error, least)
+            motions[member] = judge(error, least)
 
     with ThreadPoolExecutor(threads) as pool:
         for members, reference, judge in _alike(batch, outcomes, kept):
             parts = [members[k : k + _TOGETHER] for k in range(0, len(members), _TOGETHER)]
             list(pool.map(lambda part, reference=reference, judge=judge: judged(part, reference, judge), parts))
-    return found if kept.every == 1 else [motion and motion._replace(frequency=None) for motion in found]
+    return motions if kept.every == 1 else [motion and motion._replace(frequency=None) for motion in motions]
 
 
 def oscillation_columns(found: Sequence[Oscillation | None]) -> dict[str, polars.Series]:
     """Kind, amplitude [m] and frequency [Hz] (N,); null for a sound loop."""
-    kinds = [each and (GROWING if each.is_growing else OSCILLATING) for each in found]
+    kinds = [motion and (GROWING if motion.is_growing else OSCILLATING) for motion in found]
     numbers = {
-        AMPLITUDE: [each and each.amplitude for each in found],
-        FREQUENCY: [each and each.frequency for each in found],
+        AMPLITUDE: [motion and motion.amplitude for motion in found],
+        FREQUENCY: [motion and motion.frequency for motion in found],
     }
     return {
         OSCILLATION: polars.Series(kinds, dtype=polars.String),
@@ -343,8 +343,8 @@ def _alike(
         setup = batch.setups[k]
         if outcome.status == "completed" and setup.planned is not None and setup.controller is not None:
             # changes are each machine's own, and with jitter the rows of an injection each member's
-            own = k if setup.injection is not None and setup.timing.jitter else None
-            key = id(setup.planned), id(batch.changes[k]), id(setup.injection), own
+            jittered = k if setup.injection is not None and setup.timing.jitter else None
+            key = id(setup.planned), id(batch.changes[k]), id(setup.injection), jittered
             alike.setdefault(key, []).append(k)
     for members in alike.values():
         prepared = batch.member(members[0])
@@ -400,11 +400,11 @@ class ChunkFiles:
         """The processor features of the chunk's machine code; None if the chunk is missing or incomplete."""
         try:
             says = json.loads(self._says(first).read_bytes())
-            whole = all(
+            is_complete = all(
                 _digest(path.read_bytes()) == says[name]
                 for name, path in (("rows", self.rows(first)), ("bands", self._bands(first)))
             )
-            return str(says["features"]) if whole else None
+            return str(says["features"]) if is_complete else None
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
@@ -415,8 +415,8 @@ class ChunkFiles:
     def bands(self, first: int) -> BandSamples:
         """Its samples over time."""
         with np.load(self._bands(first)) as arrays:
-            found: dict[str, Any] = {name: arrays[name] for name in BandSamples._fields}
-        return BandSamples(**{**found, "columns": tuple(found["columns"].tolist())})
+            parts: dict[str, Any] = {name: arrays[name] for name in BandSamples._fields}
+        return BandSamples(**{**parts, "columns": tuple(parts["columns"].tolist())})
 
     def count(self) -> int:
         """The number of chunks."""

@@ -65,8 +65,8 @@ _FAR_BEYOND = 10.0
 
 def metric_names(members: polars.DataFrame) -> tuple[str, ...]:
     """The columns that are metrics or margins."""
-    other = (MEMBER, OUTCOME, ENDED, CAUSE, OSCILLATION, AMPLITUDE, FREQUENCY, *_CIRCUMSTANCES)
-    return tuple(name for name in members.columns if name not in other and not name.startswith(VARIED))
+    no_metrics = (MEMBER, OUTCOME, ENDED, CAUSE, OSCILLATION, AMPLITUDE, FREQUENCY, *_CIRCUMSTANCES)
+    return tuple(name for name in members.columns if name not in no_metrics and not name.startswith(VARIED))
 
 
 def metric_name(members: polars.DataFrame, name: str) -> str:
@@ -77,9 +77,9 @@ def metric_name(members: polars.DataFrame, name: str) -> str:
     RecordError
         Unknown; suggests the nearest name.
     """
-    known, full = metric_names(members), SHORT.get(name, name)
-    if full not in known:
-        raise RecordError(f"no metric '{name}'{nearest(name, known)}")
+    names, full = metric_names(members), SHORT.get(name, name)
+    if full not in names:
+        raise RecordError(f"no metric '{name}'{nearest(name, names)}")
     return full
 
 
@@ -152,8 +152,8 @@ def are_counted(members: polars.DataFrame, name: str) -> NDArray[np.bool_]:
     Numbers of a run that ended early are of a shorter time, often without the step or the peak. A margin is not a
     number of the run, and counts for all.
     """
-    has = np.isfinite(numbers(members, name))
-    return np.asarray(has if name.startswith(MARGINS) else has & _are_completed(members))
+    has_value = np.isfinite(numbers(members, name))
+    return np.asarray(has_value if name.startswith(MARGINS) else has_value & _are_completed(members))
 
 
 def counted(members: polars.DataFrame, name: str) -> FloatArray:
@@ -195,16 +195,16 @@ def failures(members: polars.DataFrame) -> tuple[Failure, ...]:
 
     Causes that differ only in numbers count as one.
     """
-    found: dict[tuple[str, str], list[int]] = {}
+    members_of: dict[tuple[str, str], list[int]] = {}
     first: dict[tuple[str, str], str] = {}
     failed = members.filter(polars.col(OUTCOME) != "completed")
     for member, outcome, cause in failed.select(MEMBER, OUTCOME, CAUSE).iter_rows():
         text = str(cause or "")
         key = (str(outcome), _NUMBER.sub("#", text))
-        found.setdefault(key, []).append(int(member))
+        members_of.setdefault(key, []).append(int(member))
         first.setdefault(key, text)
-    made = [Failure(key[0], first[key], tuple(each)) for key, each in found.items()]
-    return tuple(sorted(made, key=lambda failure: -len(failure.members)))
+    causes = [Failure(key[0], first[key], tuple(numbers_of)) for key, numbers_of in members_of.items()]
+    return tuple(sorted(causes, key=lambda failure: -len(failure.members)))
 
 
 def kinds_of_oscillation(members: polars.DataFrame) -> dict[str, list[int]]:
@@ -222,9 +222,9 @@ def oscillation_warning(members: polars.DataFrame) -> str:
         if which:
             worst = members.row(by_predicate=polars.col(MEMBER) == which[0], named=True)
             rate = "" if worst[FREQUENCY] is None else f" at {worst[FREQUENCY]:.3g} Hz"
-            what = "oscillate" if kind == OSCILLATING else "grow"
+            verb = "oscillate" if kind == OSCILLATING else "grow"
             parts.append(
-                f"the loops of {len(which)} of {members.height} members {what} by themselves; member {which[0]} has "
+                f"the loops of {len(which)} of {members.height} members {verb} by themselves; member {which[0]} has "
                 f"the largest amplitude, {exactly(LENGTH, worst[AMPLITUDE], 3)}{rate}"
             )
     return f"{'; '.join(parts)}. `run --member K` shows one" if parts else ""

@@ -142,15 +142,15 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         chunks = ceil((asked or 0) / SIZE)
         useful = min(workers, chunks) if workers else processes_for(chunks, number, chosen, controller)
         alone = resume or scheduler is not None or useful < 2
-        here: Workers | int = number if alone else stack.enter_context(Workers(useful))
+        processes: Workers | int = number if alone else stack.enter_context(Workers(useful))
         plan = _planned(chosen, controller, folder, files, resume)
         if plan is None:
             return read_ensemble(folder)
         ranges = [(k, min(k + SIZE, plan.members)) for k in range(0, plan.members, SIZE)]
         say("checking finished chunks" if resume else "running")
         features = {part: files.features(part[0]) for part in ranges} if resume else {}
-        left = [part for part in ranges if features.get(part) is None]
-        done = plan.members - sum(last - first for first, last in left)
+        missing = [part for part in ranges if features.get(part) is None]
+        finished = plan.members - sum(last - first for first, last in missing)
 
         # run; whatever ends it, finished chunks are kept
         say("running")
@@ -158,26 +158,30 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
             folder.mkdir(parents=True, exist_ok=True)
             begun = {"plan": plan.text, "made_with": exact_versions()}
             write_whole(folder / PLAN, json.dumps(begun, indent=1).encode())
-            if left:
-                source = chunks_here(plan, left, here) if scheduler is None else chunks_there(plan, left, scheduler)
+            if missing:
+                source = (
+                    chunks_here(plan, missing, processes)
+                    if scheduler is None
+                    else chunks_there(plan, missing, scheduler)
+                )
                 with closing(source):
                     for (first, last), content in source:
                         files.write(first, content)
                         features[first, last] = content.features
-                        done += last - first
+                        finished += last - first
                         if progress is not None:
-                            progress(done, plan.members)
+                            progress(finished, plan.members)
             say("tables")
-            result = _assembled(plan, files, ranges, sorted({each for each in features.values() if each}), folder)
+            result = _assembled(plan, files, ranges, sorted(set(filter(None, features.values()))), folder)
         except BaseException as error:
             n = files.count()
-            kept = f"{'1 finished chunk is' if n == 1 else f'{n} finished chunks are'} kept in {folder}"
+            are_kept = f"{'1 finished chunk is' if n == 1 else f'{n} finished chunks are'} kept in {folder}"
             if n:
-                error.add_note(f"{kept}; continue with --resume")
+                error.add_note(f"{are_kept}; continue with --resume")
             if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
                 raise OutputError(
-                    f"{error.filename or folder}: no space left on the disk; {kept}: free some space, then continue "
-                    "with --resume"
+                    f"{error.filename or folder}: no space left on the disk; {are_kept}: free some space, then "
+                    "continue with --resume"
                 ) from error
             raise
         files.remove()
@@ -212,13 +216,13 @@ def _planned(
     if requested.hash != plan.hash:
         differences = list(_different(requested.decisive, plan.decisive, ""))
         # without values that also appear in the experiment
-        differs = [text for text in differences if not any(other.endswith(f".{text}") for other in differences)]
+        differs = [text for text in differences if not any(longer.endswith(f".{text}") for longer in differences)]
         raise EnsembleError(
             f"{folder} has results of another experiment: {'; '.join(differs[:3])}; choose another --out, or omit "
             "--resume"
         )
-    if others := difference(exact_versions(), made_with):
-        raise EnsembleError(f"{folder} has results of other versions: {others}; omit --resume")
+    if differing := difference(exact_versions(), made_with):
+        raise EnsembleError(f"{folder} has results of other versions: {differing}; omit --resume")
     return None if is_finished else replace(plan, given=requested.given)
 
 
@@ -226,8 +230,8 @@ def _begun(folder: Path) -> tuple[EnsemblePlan, dict[str, str], bool] | None:
     """The plan of a folder's results, the versions that made them, and whether they are complete."""
     for name in (PLAN, METADATA):
         try:
-            found = json.loads((folder / name).read_bytes())
-            return plan_from(found["plan"]), dict(found["made_with"]), name == METADATA
+            content = json.loads((folder / name).read_bytes())
+            return plan_from(content["plan"]), dict(content["made_with"]), name == METADATA
         except FileNotFoundError:
             continue
         except (OSError, ValueError, KeyError, TypeError) as error:

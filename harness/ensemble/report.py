@@ -143,9 +143,9 @@ def read_ensemble(folder: Path | str) -> Ensemble:
 
 def worst_by(found: EnsembleData) -> str:
     """The metric that ranks the worst members: the experiment's, or that of tracking."""
-    chosen = ((found.metadata.get("experiment") or {}).get("ensemble") or {}).get("worst_by")
-    if chosen is not None:
-        return metric_name(found.members, chosen)
+    by = ((found.metadata.get("experiment") or {}).get("ensemble") or {}).get("worst_by")
+    if by is not None:
+        return metric_name(found.members, by)
     return next(name for name in (*_WORST_BY, *found.metrics) if name in found.metrics)
 
 
@@ -183,8 +183,8 @@ def ensemble_report(
     sections = [Section("Members", tuple(tables))]
     if charts:
         sections += ensemble_charts(found, by, known)
-        every = [name for name in found.metrics if len(counted(members, name))]
-        sections.append(Section("All metrics", (quantile_table(members, every),), detail=True))
+        all_metrics = [name for name in found.metrics if len(counted(members, name))]
+        sections.append(Section("All metrics", (quantile_table(members, all_metrics),), detail=True))
     seed = f", seed {found.metadata['seed']}" if "seed" in found.metadata else ""
     return fine(
         Report(
@@ -213,9 +213,9 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     low, high = share_interval(sound / found.block, n / found.block)
     grows = bool(kinds_of_oscillation(members)[GROWING])
     how = "complete their runs without a growing loop" if grows else "complete their runs"
-    of = count(n, "machine")
+    machines = count(n, "machine")
     interval = f"95 % confidence: {_interval(low, high)}"
-    parts: list[str | None] = [f"{sound:,} of {of} {how} ({interval})"]
+    parts: list[str | None] = [f"{sound:,} of {machines} {how} ({interval})"]
     share, method = replace(SHARE, digits=4), METHOD.format("members" if found.block == 1 else "points of the design")
     carried = [Number("", "machines that complete", sound / n, share, low, high, explanation=method)]
     values = counted(members, by)
@@ -280,9 +280,9 @@ def _cause(known: Sensitivity) -> str | None:
     names = [known.inputs[k] for k in sure[:_MOST_NAMED]]
     if len(sure) == 1:
         return f"{names[0]} matters most"
-    others = [count(len(sure) - _MOST_NAMED, "other")] if len(sure) > _MOST_NAMED else []
+    unnamed = [count(len(sure) - _MOST_NAMED, "other")] if len(sure) > _MOST_NAMED else []
     told = [f"{effect[k]:.2f} [{effect[k] - half[k]:.2f}, {effect[k] + half[k]:.2f}]" for k in sure[:_MOST_NAMED]]
-    return f"{listed([*names, *others])} matter alike ({listed(told)})"
+    return f"{listed([*names, *unnamed])} matter alike ({listed(told)})"
 
 
 def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
@@ -291,19 +291,19 @@ def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
     Of a metric that is better if larger, 95 % stay above.
     """
     completed = (found.members[OUTCOME] == "completed").to_numpy()
-    made = []
+    told = []
     for name in found.metrics:
         values = found.values(name)
-        own = values if name.startswith(MARGINS) else np.where(completed, values, np.nan)
-        made.append(number_of_members(name, own, found.block))
-    return tuple(made)
+        of_members = values if name.startswith(MARGINS) else np.where(completed, values, np.nan)
+        told.append(number_of_members(name, of_members, found.block))
+    return tuple(told)
 
 
 def number_of_members(name: str, members: FloatArray, block: int = 1) -> Number:
     """A metric with its value for each member (N,), and the value that 95 % of those with one do not exceed."""
-    metric, known = metric_of(name), finite(members)
+    metric, defined = metric_of(name), finite(members)
     level = 1 - SHARE_TOLD if metric.better == "larger" else SHARE_TOLD
-    value = float(np.quantile(known, level)) if len(known) else None
+    value = float(np.quantile(defined, level)) if len(defined) else None
     return Number(
         name,
         metric.text,
@@ -340,17 +340,17 @@ def _ended(members: polars.DataFrame) -> str:
     """How the runs of the members ended."""
     counts = members[OUTCOME].value_counts().sort(OUTCOME).iter_rows()
     ended = ", ".join(f"{number} {outcome}" for outcome, number in counts)
-    own = [f"{len(which)} {kind}" for kind, which in kinds_of_oscillation(members).items() if which]
-    ended += f" ({' and '.join(own)} by themselves)" if own else ""
+    motions = [f"{len(which)} {kind}" for kind, which in kinds_of_oscillation(members).items() if which]
+    ended += f" ({' and '.join(motions)} by themselves)" if motions else ""
     return f"{count(members.height, 'member')}: {ended}"
 
 
 def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:
     """Of a time of a step response that some lack: after how long they had not reached it."""
-    part, _, what = name.rpartition(".")
+    part, _, time = name.rpartition(".")
     words = {"settling_time": "settled to 2 %", "rise_time": "risen to 90 %"}
     total = members.height - left_out(members)
-    if what not in words or defined == total or f"{part}.at" not in members.columns:
+    if time not in words or defined == total or f"{part}.at" not in members.columns:
         return []
     at, duration = (counted(members, path) for path in (f"{part}.at", ENDED))
     waited = ""
@@ -358,17 +358,17 @@ def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:
         waited = f" {about(TIME, float(duration.max() - at.min()))} after its step, when the run ended"
     axis = part.rpartition(".")[2]
     return [
-        f"In {total - defined:,} of {count(total, 'member')} {axis} had not {words[what]}{waited}: "
+        f"In {total - defined:,} of {count(total, 'member')} {axis} had not {words[time]}{waited}: "
         "they have no such time, and the quantiles are of the faster ones."
     ]
 
 
 def failure_table(members: polars.DataFrame, most: int = _MOST_CAUSES, pages: Mapping[int, str] | None = None) -> Table:
     """Members that did not complete, by cause; the first of each stands for it, with its page if there is one."""
-    found, pages = failures(members), pages or {}
+    causes, pages = failures(members), pages or {}
     columns = (Column(MEMBER), Column("outcome"), Column("cause"), Column("members with it"))
-    rows = tuple((each.members[0], each.outcome, each.cause, len(each.members)) for each in found)
-    links = tuple(pages.get(each.members[0], "") for each in found)
+    rows = tuple((cause.members[0], cause.outcome, cause.cause, len(cause.members)) for cause in causes)
+    links = tuple(pages.get(cause.members[0], "") for cause in causes)
     note = "The first member of each cause. `gough-stewart run EXPERIMENT --member N --open` shows member N as a run."
     shown = links if any(links) else ()
     return Table("Not completed", columns, rows, sortable=True, first_shown=most, note=note, links=shown)
@@ -401,13 +401,13 @@ def worst_table(
     inputs: Sequence[str] | None = None,
 ) -> Table:
     """These members with their outcome, the metric, and what was drawn for the first of the inputs."""
-    metric, every = metric_of(by), found.varied if inputs is None else inputs
-    inputs = every[:_MOST_COLUMNS]
+    metric, all_inputs = metric_of(by), found.varied if inputs is None else inputs
+    inputs = all_inputs[:_MOST_COLUMNS]
     columns = (
         Column("member"),
         Column("outcome"),
         Column(metric.text, metric.quantity),
-        *(Column(each, quantity_of_input(each)) for each in inputs),
+        *(Column(name, quantity_of_input(name)) for name in inputs),
     )
     merit = found.values(by)
     rows: list[tuple[Cell, ...]] = []
@@ -415,7 +415,7 @@ def worst_table(
     drawn = [numbers(found.members, f"{VARIED}{name}") for name in inputs]
     for member in worst:
         k = row_of[member]
-        rows.append((member, str(found.members[OUTCOME][k]), float(merit[k]), *(float(each[k]) for each in drawn)))
+        rows.append((member, str(found.members[OUTCOME][k]), float(merit[k]), *(float(column[k]) for column in drawn)))
     links = tuple((pages or {}).get(member, "") for member in worst)
     return Table(
         f"Worst members by {metric.text}",
@@ -424,7 +424,9 @@ def worst_table(
         sortable=True,
         detail=True,
         links=links if pages else (),
-        note=f"{len(every) - len(inputs)} more inputs are in `members.parquet`." if len(every) > len(inputs) else "",
+        note=f"{len(all_inputs) - len(inputs)} more inputs are in `members.parquet`."
+        if len(all_inputs) > len(inputs)
+        else "",
     )
 
 
@@ -435,8 +437,8 @@ def _notes(found: EnsembleData) -> tuple[Note, ...]:
     notes, n = [Note(text, "warning") for text in warnings if text], found.members.height
     combinations = found.metadata.get("combinations", 1)
     if n % combinations:
-        what = f"{count(n, 'member')} of grids with {combinations:,} combinations have the first ones more often"
-        notes.append(Note(f"{what}: choose a multiple for shares and quantiles of the whole grids", "warning"))
+        remark = f"{count(n, 'member')} of grids with {combinations:,} combinations have the first ones more often"
+        notes.append(Note(f"{remark}: choose a multiple for shares and quantiles of the whole grids", "warning"))
     text = _CONFIDENCE.get(found.metadata.get("sampling", "random"), "")
     if text:
         text = text.format(points=f"{n // found.block:,}", members=f"{n:,}", block=found.block)

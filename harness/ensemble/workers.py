@@ -82,8 +82,8 @@ def chunks_here(plan: EnsemblePlan, ranges: Sequence[Range], workers: "int | Wor
         with Workers(number) as started:
             yield from started.chunks(plan, ranges)
     else:
-        for each in ranges:
-            yield each, ChunkBytes.of(chunk(plan, *each, workers))
+        for part in ranges:
+            yield part, ChunkBytes.of(chunk(plan, *part, workers))
 
 
 class Workers:
@@ -113,20 +113,20 @@ class Workers:
     def chunks(self, plan: EnsemblePlan, ranges: Sequence[Range]) -> Chunks:
         """See `chunks_here`. The others begin with the first chunk, this process with the last."""
         controller = packed(plan)
-        waiting = {self._threads.submit(self._chunk, plan.text, controller, each): each for each in ranges}
+        waiting = {self._threads.submit(self._chunk, plan.text, controller, part): part for part in ranges}
         while waiting:
-            own = next((each for each in reversed(waiting) if each.cancel()), None)
-            if own is not None:
-                own_range = waiting.pop(own)
+            taken_back = next((future for future in reversed(waiting) if future.cancel()), None)
+            if taken_back is not None:
+                own_range = waiting.pop(taken_back)
                 yield own_range, ChunkBytes.of(chunk(plan, *own_range))
-            for done in wait(waiting, _WAIT if own is None else 0, FIRST_COMPLETED).done:
-                yield waiting.pop(done), done.result()
+            for future in wait(waiting, _WAIT if taken_back is None else 0, FIRST_COMPLETED).done:
+                yield waiting.pop(future), future.result()
 
     def _chunk(self, plan: str, controller: bytes | None, members: Range) -> ChunkBytes:
         """A chunk from this thread's process, which is restarted if it dies."""
         for last in (*[False] * (_TRIES - 1), True):
             try:
-                found: ChunkBytes = self._worker().call("chunk", plan, *members, controller)
+                content: ChunkBytes = self._worker().call("chunk", plan, *members, controller)
             except _DiedError as error:
                 self._forget()
                 if last or self._ended:
@@ -135,7 +135,7 @@ class Workers:
                         "Use fewer --workers"
                     ) from error
             else:
-                return found
+                return content
         raise AssertionError
 
     def _forget(self) -> None:
@@ -297,8 +297,8 @@ def _pickler() -> ModuleType:
         import cloudpickle
     except ImportError:
         return pickle
-    found: ModuleType = cloudpickle
-    return found
+    pickler: ModuleType = cloudpickle
+    return pickler
 
 
 @cache

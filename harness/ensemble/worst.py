@@ -98,12 +98,12 @@ def _beside_nominal(nominal: Record, worst: Record, member: int, page: str = "",
             continue
         (t0, first), (t1, second) = (curve for curve in curves if curve is not None)
         common, gap = difference((t0, t1), (first, second))
-        both = (
+        curves_of_both = (
             Series("nominal machine", quantity, first, "nominal", x=t0),
             Series(f"member {member}", quantity, second, "actual", x=t1),
         )
         axis = Axis(title, quantity)
-        charts.append(Chart(title, time_axis(t0 if len(t0) >= len(t1) else t1), both, y=axis, group="beside"))
+        charts.append(Chart(title, time_axis(t0 if len(t0) >= len(t1) else t1), curves_of_both, y=axis, group="beside"))
         if len(common):
             series = (Series(f"member {member} − nominal machine", quantity, gap, "error"),)
             y = Axis("difference", quantity)
@@ -119,17 +119,21 @@ def _curve(record: Record, name: str, kind: str) -> tuple[FloatArray, FloatArray
     if name not in part or not part.table.height:
         return None
     values = np.asarray(part[name], dtype=float)
-    one = np.linalg.norm(values, axis=1) if kind == "length" else np.abs(values).max(axis=1)
-    return part["time"], np.asarray(one)
+    curve = np.linalg.norm(values, axis=1) if kind == "length" else np.abs(values).max(axis=1)
+    return part["time"], np.asarray(curve)
 
 
 def _table(nominal: Record, worst: Record, member: int, page: str, own: str) -> Table:
     measured = [metrics(record) for record in (nominal, worst)]
-    flat = [flattened(each) for each in measured]
-    shown = [path for path in _METRICS if any(each.get(path) is not None for each in flat)]
+    flat = [flattened(of_record) for of_record in measured]
+    shown = [path for path in _METRICS if any(of_record.get(path) is not None for of_record in flat)]
     rows: list[tuple[Cell, ...]] = [
-        (name, outcome_text(each["outcome"]), *(Value(values.get(path), metric_of(path).quantity) for path in shown))
-        for name, each, values in zip(("nominal machine", f"member {member}"), measured, flat, strict=True)
+        (
+            name,
+            outcome_text(of_record["outcome"]),
+            *(Value(values.get(path), metric_of(path).quantity) for path in shown),
+        )
+        for name, of_record, values in zip(("nominal machine", f"member {member}"), measured, flat, strict=True)
     ]
     columns = (Column("machine"), Column("outcome"), *(Column(metric_of(path).text) for path in shown))
     links = ("", page or own) if page or own else ()

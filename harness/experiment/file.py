@@ -231,16 +231,16 @@ def text_with_settings(source: Experiment | Path | str, *settings: Settings, fol
         text, where, origin = _read(source)
     document = tomlkit.parse(text)
     expected: Mapping[str, Any] = toml_values(text)
-    chosen = [*settings]
+    all_settings = [*settings]
     for keys in settings:
         expected = with_settings(expected, keys)
     experiment = experiment_from(expected, where, origin)
     if folder is not None:
         names = {".".join(key): name for key, name in names_from(experiment, folder).items()}
-        chosen.append(names)
+        all_settings.append(names)
         expected = with_settings(expected, names)
     try:
-        for keys in chosen:
+        for keys in all_settings:
             for setting, key, value in keys_and_values(keys):
                 set_key(document, setting, key, value)
         written = tomlkit.dumps(document)
@@ -341,8 +341,8 @@ def _name_from(experiment: Experiment, key: tuple[str, ...], name: Path, folder:
             )
         return str(name)
     # resolved first: ".." leads elsewhere from a folder that is a link
-    target, there = (experiment.folder / name.parent).resolve() / name.name, folder.resolve()
+    target, home = (experiment.folder / name.parent).resolve() / name.name, folder.resolve()
     try:
-        return Path(os.path.relpath(target, there)).as_posix()
+        return Path(os.path.relpath(target, home)).as_posix()
     except ValueError:  # on another drive
         return target.as_posix()

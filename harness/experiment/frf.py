@@ -172,14 +172,14 @@ def frf(
     except (KeyError, ValueError) as error:
         raise RecordError(f"the metadata contain no experiment ({error}); expected a record of `run`") from error
     if experiment is not None:
-        other = experiment_of(experiment)
-        if chosen.controller.code != other.controller.code:
-            names = [", ".join(each.controller.code) or "no file" for each in (other, chosen)]
+        now = experiment_of(experiment)
+        if chosen.controller.code != now.controller.code:
+            names = [", ".join(source.controller.code) or "no file" for source in (now, chosen)]
             raise RecordError(
-                f"{other.where} has a controller of {names[0]}, the record's run one of {names[1]}; expected the "
+                f"{now.where} has a controller of {names[0]}, the record's run one of {names[1]}; expected the "
                 "experiment of this run"
             )
-        chosen = chosen.from_file(other.where, other.folder)
+        chosen = chosen.from_file(now.where, now.folder)
     choice = chosen.injection
     if choice is None or "controller.injection" not in record:
         raise RecordError("the record's run had no [injection]; expected an experiment with that table")
@@ -193,8 +193,8 @@ def frf(
         pose = record["reference.position"][0], record["reference.orientation"][0]
     a, b = choice.directions(leg_jacobian(platform, *pose))
     # commands are held, so the last row before the next sample also has that of a delayed sample
-    every = round(sample_time / float(metadata["plant_step"]))
-    at = slice(every - 1, len(record.table) - 1, every)
+    steps_a_sample = round(sample_time / float(metadata["plant_step"]))
+    at = slice(steps_a_sample - 1, len(record.table) - 1, steps_a_sample)
     injected = record["controller.injection"][at] @ b
     force = (record["controller.force"] - record["controller.feedforward"])[at] @ b
     lines, samples = choice.lines(sample_time), len(choice.signal(sample_time))
@@ -206,10 +206,10 @@ def frf(
     try:
         if controller is None:
             notes += _doubts_of_controller(record, chosen, is_given=experiment is not None)
-            made = chosen.controller.controller(platform, sample_time, chosen.folder)
+            law = chosen.controller.controller(platform, sample_time, chosen.folder)
         else:
-            made = controller_of(controller, chosen.controller.design(platform, sample_time))
-        linear = linear_of(made)
+            law = controller_of(controller, chosen.controller.design(platform, sample_time))
+        linear = linear_of(law)
         if linear is None:
             raise ControllerError("the controller is not linear, or there is none")
         L = loop_transfer(
@@ -291,20 +291,20 @@ def loop_is_known(result: Response) -> NDArray[np.bool_]:
     At high frequencies S is near 1 and L = 1/S − 1 is the small difference of two larger numbers, however coherent
     force and injection are.
     """
-    known = (result.loop_radius < np.abs(result.L)) & (result.radius < _SMALL * np.abs(result.S))
-    return np.asarray(known)
+    is_known = (result.loop_radius < np.abs(result.L)) & (result.radius < _SMALL * np.abs(result.S))
+    return np.asarray(is_known)
 
 
 def _verdict(result: FrequencyResponse) -> Verdict:
     """The peak of S, where L is 1, at how many frequencies L is known, and how many agree with the linear model."""
     numbers = {number.path: number for number in _numbers(result)}
     carried = peak, crossover, agree = tuple(numbers[path] for path in ("S.peak", "L.crossover", "agreement"))
-    n, known = len(result.frequency), int(loop_is_known(result.measured).sum())
+    n, n_known = len(result.frequency), int(loop_is_known(result.measured).sum())
     at = result.frequency[int(np.abs(result.measured.S).argmax())]
     parts: list[str | None] = [
         f"|S| peaks at {about(DECIBEL, 20 * math.log10(peak.value or math.nan))} at {about(FREQUENCY, float(at))}",
         None if crossover.value is None else f"the gain of L is 1 at {about(FREQUENCY, crossover.value)}",
-        f"L is known at {known} of {n} frequencies" if known < n else f"L is known at all {n} frequencies",
+        f"L is known at {n_known} of {n} frequencies" if n_known < n else f"L is known at all {n} frequencies",
     ]
     status: Status = "marginal" if (peak.value or 0.0) > _HIGH else "good"
     if agree.value is None:
@@ -318,7 +318,7 @@ def _verdict(result: FrequencyResponse) -> Verdict:
 
 def _numbers(result: FrequencyResponse) -> tuple[Number, ...]:
     seen = result.measured
-    size, known = np.abs(seen.S), loop_is_known(seen)
+    size, is_known = np.abs(seen.S), loop_is_known(seen)
     peak = int(size.argmax())
     within = None
     if result.predicted is not None:
@@ -333,11 +333,11 @@ def _numbers(result: FrequencyResponse) -> tuple[Number, ...]:
             float(size[peak] + seen.radius[peak]),
             explanation="the largest amplification of a disturbance, with its 95 % confidence",
         ),
-        Number("L.crossover", "crossover of L", _crossover(result, known), FREQUENCY, explanation="where |L| is 1"),
+        Number("L.crossover", "crossover of L", _crossover(result, is_known), FREQUENCY, explanation="where |L| is 1"),
         Number(
             "L.known",
             "frequencies at which L is known",
-            float(known.mean()),
+            float(is_known.mean()),
             SHARE,
             explanation="where the 95 % confidence of L leaves 0 out",
         ),
@@ -368,7 +368,7 @@ def _crossover(result: FrequencyResponse, known: NDArray[np.bool_]) -> float | N
 def _table(result: FrequencyResponse) -> Table:
     """All frequencies, of which the terminal shows some; L where it is known."""
     seen, n = result.measured, len(result.frequency)
-    known = loop_is_known(seen)
+    is_known = loop_is_known(seen)
     columns = [
         Column("f", FREQUENCY),
         Column("|S|", _PLAIN, "gain from the injected to the total force"),
@@ -382,26 +382,26 @@ def _table(result: FrequencyResponse) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for k in np.unique(np.linspace(0, n - 1, min(_SHOWN_ROWS, n)).round().astype(int)):
         cells: list[Cell] = [float(result.frequency[k]), float(abs(seen.S[k])), float(abs(seen.T[k]))]
-        cells += [float(abs(seen.L[k])), float(np.angle(seen.L[k]))] if known[k] else [None, None]
+        cells += [float(abs(seen.L[k])), float(np.angle(seen.L[k]))] if is_known[k] else [None, None]
         if result.predicted is not None:
             cells += [float(abs(result.predicted[k])), float(np.angle(result.predicted[k]))]
         rows.append((*cells, float(seen.coherence[k])))
-    some = f"{len(rows)} of {n} frequencies; frf.csv has all. " if len(rows) < n else ""
-    note = f"{some}Coherence is of S and T: it may be 1 where L is not known."
+    shown = f"{len(rows)} of {n} frequencies; frf.csv has all. " if len(rows) < n else ""
+    note = f"{shown}Coherence is of S and T: it may be 1 where L is not known."
     return Table("Frequency response", tuple(columns), tuple(rows), note=note)
 
 
 def _charts(result: FrequencyResponse) -> tuple[Chart, ...]:
     seen = result.measured
-    known = loop_is_known(seen)
+    is_known = loop_is_known(seen)
     x = Axis("frequency", FREQUENCY, result.frequency, scale="log")
-    L = np.where(known, seen.L, np.nan)
-    radius = np.where(known, seen.loop_radius, np.nan)
+    L = np.where(is_known, seen.L, np.nan)
+    radius = np.where(is_known, seen.loop_radius, np.nan)
     size = np.abs(L)
     angle = np.full(len(L), np.nan)
-    angle[known] = np.unwrap(np.angle(seen.L[known]))
+    angle[is_known] = np.unwrap(np.angle(seen.L[is_known]))
     spread = np.full(len(L), np.nan)
-    spread[known] = np.arcsin(np.minimum(1.0, radius[known] / size[known]))
+    spread[is_known] = np.arcsin(np.minimum(1.0, radius[is_known] / size[is_known]))
     gain = [Series("run", _GAIN, size, "measured", low=size - radius, high=size + radius)]
     phase = [Series("run", _PHASE, angle, "measured", low=angle - spread, high=angle + spread)]
     sizes = {
@@ -414,23 +414,23 @@ def _charts(result: FrequencyResponse) -> tuple[Chart, ...]:
     if result.predicted is not None:
         line = np.unwrap(np.angle(result.predicted))
         # by full turns to the nearest phase
-        turns = np.round(np.median(angle[known] - line[known]) / (2 * math.pi)) if known.any() else 0.0
+        turns = np.round(np.median(angle[is_known] - line[is_known]) / (2 * math.pi)) if is_known.any() else 0.0
         S = 1 / (1 + result.predicted)
         gain.append(Series("linear model", _GAIN, np.abs(result.predicted), "nominal"))
         phase.append(Series("linear model", _PHASE, line + 2 * math.pi * turns, "nominal"))
         for name, values in (("S", S), ("T", 1 - S)):
             sizes[name].append(Series("linear model", _GAIN, np.abs(values), "nominal"))
-    one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
-    unknown = "" if known.all() else "L is left out where its 95 % confidence includes 0."
+    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
+    unknown = "" if is_known.all() else "L is left out where its 95 % confidence includes 0."
     half_turn = Mark(-math.pi, "−180°", role="neutral", tells=False)
     coherence = Series("coherence of S and T", _COHERENCE, seen.coherence, "measured")
     return (
-        Chart("gain of L", x, tuple(gain), y=Axis("gain of L", _GAIN, scale="log"), marks=one, note=unknown,
+        Chart("gain of L", x, tuple(gain), y=Axis("gain of L", _GAIN, scale="log"), marks=unity, note=unknown,
               group="bode"),
         Chart("phase of L", x, tuple(phase), y=Axis("phase of L", ANGLE), marks=(half_turn,),
               note=unknown, group="bode"),
         *(
-            Chart(f"gain of {name}", x, tuple(series), y=Axis(f"gain of {name}", _GAIN, scale="log"), marks=one,
+            Chart(f"gain of {name}", x, tuple(series), y=Axis(f"gain of {name}", _GAIN, scale="log"), marks=unity,
                   group="bode")
             for name, series in sizes.items()
         ),

@@ -262,34 +262,35 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     prepared = prepare(experiment_of(chosen, {"limits.reference": "warn"}), controller)
     linear = linear_of(prepared.controller)
     if linear is None:
-        what = "an open loop has no margins" if prepared.controller is None else "a function has no transfer function"
-        raise ControllerError(f"{chosen.where}: controller: {what}; choose an experiment with a linear controller")
+        why = "an open loop has no margins" if prepared.controller is None else "a function has no transfer function"
+        raise ControllerError(f"{chosen.where}: controller: {why}; choose an experiment with a linear controller")
     actuators, machine, believed = prepared.loop.actuators, prepared.machine, prepared.platform
     sample_time = prepared.loop.timing.sample_time
     choice = chosen.controller if controller is None else None
-    other, warnings = None, tuple[str, ...]()
+    of_believed, warnings = None, tuple[str, ...]()
     if machine != believed:
         try:
-            other = judged(prepared, believed, linear).margins
+            of_believed = judged(prepared, believed, linear).margins
         except UnstableLoopError:
             warnings = ("with the believed platform as machine the loop would be unstable",)
     try:
         L, of_machine, doubt, warning = judged(prepared, machine, linear)
     except UnstableLoopError as error:
         moved = _what_moved_it(prepared, linear, choice)
-        if other is not None:
+        if of_believed is not None:
             moved.append(
-                f"it is stable with the believed platform as machine, with a disk margin of {other.disk.alpha:.3g}"
+                "it is stable with the believed platform as machine, with a disk margin of "
+                f"{of_believed.disk.alpha:.3g}"
             )
         raise UnstableLoopError("; ".join([str(error), *moved]), error.eigenvalue) from None
     family = None
     if isinstance(choice, PD | PID) and choice.bandwidth is not None:
 
         def with_bandwidth(bandwidth: float, choice: PD | PID = choice) -> StateSpace:
-            other = choice.model_copy(update={"bandwidth": bandwidth}).controller(
+            of_believed = choice.model_copy(update={"bandwidth": bandwidth}).controller(
                 believed, prepared.loop.timing.sample_time
             )
-            return transfer_of(prepared, machine, other)
+            return transfer_of(prepared, machine, of_believed)
 
         family = choice.bandwidth, with_bandwidth
     return LoopMargins(
@@ -305,7 +306,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         structure=structure_of(machine, L, family, FRAIL, *_pose(prepared)),
         late=0.0 if doubt else prepared.loop.worst_delay,
         doubt=doubt,
-        believed=other,
+        believed=of_believed,
         warnings=(*warnings, *([warning] if doubt else [])),
     )
 
@@ -361,9 +362,14 @@ def radius_of(prepared: Prepared, plant: Platform, controller: LinearController)
     ControllerError
         Too many states.
     """
-    loop, timing, own, where = prepared.loop, prepared.loop.timing, prepared.loop.sensors.sample_time, _pose(prepared)
+    loop, timing, reading_time, where = (
+        prepared.loop,
+        prepared.loop.timing,
+        prepared.loop.sensors.sample_time,
+        _pose(prepared),
+    )
     a_sample = timing.steps_a_sample
-    a_reading = a_sample if own is None else timing.steps_in(own, "the sensors' sample_time")
+    a_reading = a_sample if reading_time is None else timing.steps_in(reading_time, "the sensors' sample_time")
     step, period = math.gcd(a_sample, a_reading), math.lcm(a_sample, a_reading)
     P = held_plant(plant, controller, step * timing.plant_step, loop.actuators.lag, *where, side=loop.sensors.side)
     K = feedback_part(prepared.platform, controller, *where)
@@ -422,7 +428,7 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
     In the first pose of the reference, or with `other` arguments of `loop_transfer`, `sample_time` among them.
     """
     loop, (position, orientation) = prepared.loop, _pose(prepared)
-    own = {
+    usual = {
         "sample_time": loop.timing.sample_time,
         "delay": loop.actuators.delay,
         "lag": loop.actuators.lag,
@@ -430,7 +436,7 @@ def transfer_of(prepared: Prepared, plant: Platform, controller: LinearControlle
         "position": position,
         "orientation": orientation,
     }
-    return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **own | other)
+    return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **usual | other)
 
 
 def _pose(prepared: Prepared) -> tuple[FloatArray, FloatArray]:
@@ -507,7 +513,7 @@ def _verdict(analysis: LoopMargins) -> Verdict:
 
 
 def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
-    doubt, other = analysis.doubt, analysis.believed
+    doubt = analysis.doubt
     slowest, damping_ratio = analysis.modes[0].frequency, min(mode.damping_ratio for mode in analysis.modes)
     of_machine = (
         *_numbers_of_margins(analysis, "", doubt),
@@ -515,7 +521,7 @@ def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
         Number("modes.damping_ratio", "least damping ratio", damping_ratio,
                explanation="of all modes of the closed loop", doubt=doubt),
     )  # fmt: skip
-    believed = () if other is None else _numbers_of_margins(other, "believed ", doubt)
+    believed = () if analysis.believed is None else _numbers_of_margins(analysis.believed, "believed ", doubt)
     return (*of_machine, *believed, *_structural_numbers(analysis.structure))
 
 
@@ -672,7 +678,7 @@ def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
     for matrices, name, color in zip(sensitivities(L, omega), ("S", "T"), roles, strict=True):
         singular = np.asarray(np.linalg.svd(matrices, compute_uv=False), dtype=float)
         sigma.append(Series(f"σ({name})", _GAIN, singular[:, 0], color, low=singular[:, -1], high=singular[:, 0]))
-    one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
+    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
     resonances = [mode.frequency for mode in analysis.structure.modes[:1]] if analysis.structure is not None else []
     legs = [Mark(at, "first structural mode", "vertical", "neutral") for at in resonances if at < frequency.values[-1]]
     role: Role = "marginal" if analysis.disk.alpha < FRAIL else "good"
@@ -681,10 +687,10 @@ def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
     alone = "one leg cut, the others closed"
     log = Axis("gain of L", _GAIN, scale="log")
     return (
-        Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=(*one, *legs), spans=gain_margins, group="bode"),
+        Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=(*unity, *legs), spans=gain_margins, group="bode"),
         Chart(f"phase of L, {alone}", frequency, phase, y=Axis("phase of L", ANGLE), group="bode",
               spans=phase_margins, marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
-        Chart("singular values of S and T, all legs closed", frequency, tuple(sigma), marks=(*one, of_disk),
+        Chart("singular values of S and T, all legs closed", frequency, tuple(sigma), marks=(*unity, of_disk),
               y=Axis("singular value", _GAIN, scale="log"), group="bode"),
     )  # fmt: skip
 
@@ -696,7 +702,7 @@ def _spans(
 
     def which(leg: ClassicalMargins) -> str:
         # legs that are alike up to rounding are told as any
-        spread = max(other.phase for other in legs) - min(other.phase for other in legs)
+        spread = max(one_leg.phase for one_leg in legs) - min(one_leg.phase for one_leg in legs)
         return "any leg" if spread < _ALIKE * leg.phase else f"leg {legs.index(leg) + 1}"
 
     gains: list[Span] = []
@@ -710,8 +716,8 @@ def _spans(
     if not frequency[0] <= least.phase_at <= frequency[-1]:
         return tuple(gains), ()
     angle = angles[legs.index(least)]
-    known = np.isfinite(angle)
-    phase = float(np.interp(math.log(least.phase_at), np.log(frequency[known]), angle[known]))
+    has_phase = np.isfinite(angle)
+    phase = float(np.interp(math.log(least.phase_at), np.log(frequency[has_phase]), angle[has_phase]))
     # the odd multiple of 180° that is nearest
     low, high = sorted((phase, math.pi * (2 * round((phase / math.pi - 1) / 2) + 1)))
     text = f"phase margin {_PHASE.text(least.phase)} at {about(FREQUENCY, least.phase_at, 3)}, {which(least)}"
@@ -732,11 +738,11 @@ def _step(L: StateSpace) -> Chart:
     # slow modes may hardly show: end soon after the response has settled
     moving = np.nonzero((np.abs(values - values[:, -1:]) > _SETTLED).any(axis=0))[0]
     shown = min(len(time), max(10, int(1.5 * (moving[-1] + 1)))) if moving.size else len(time)
-    some = slice(0, shown, max(1, shown // _STEP_POINTS))
+    rows = slice(0, shown, max(1, shown // _STEP_POINTS))
     return Chart(
         "a step of force on one leg: the share that the controller compensates",
-        time_axis(time[some]),
-        tuple(Series(f"leg {k}", SHARE, answer[some], leg=k) for k, answer in enumerate(values, 1)),
+        time_axis(time[rows]),
+        tuple(Series(f"leg {k}", SHARE, answer[rows], leg=k) for k, answer in enumerate(values, 1)),
         y=Axis("share compensated", SHARE),
         marks=(Mark(1.0, "all of it", role="neutral", tells=False),),
         group="step",

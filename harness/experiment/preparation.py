@@ -195,10 +195,10 @@ class Batch:
 
         def seeds(are_random: Sequence[bool], common: Seeds) -> Seeds:
             """Of each member, the common one of those without random numbers; one if all are the same."""
-            own = [seed if draws else common for seed, draws in zip(self.seeds, are_random, strict=True)]
-            first = as_numbers(own[0])
-            is_one = not any(are_random) or all(as_numbers(seed) == first for seed in own)
-            return own[0] if is_one else tuple(own)  # type: ignore[arg-type]
+            of_members = [seed if draws else common for seed, draws in zip(self.seeds, are_random, strict=True)]
+            first = as_numbers(of_members[0])
+            is_one = not any(are_random) or all(as_numbers(seed) == first for seed in of_members)
+            return of_members[0] if is_one else tuple(of_members)  # type: ignore[arg-type]
 
         def by_signal(sizes: Sequence[Mapping[str, PerMember]]) -> dict[str, PerMember]:
             names = dict.fromkeys(name for size in sizes for name in size)
@@ -386,18 +386,18 @@ class Preparation:
 
     def _once(self, stage: Callable[..., T], *parts: Any) -> T:
         """The result of a stage for these parts, or its error, of which each is made once."""
-        known = self._known.setdefault(stage.__name__, {})
+        results = self._known.setdefault(stage.__name__, {})
         # numbers and texts themselves, of settings their values, of other objects which one it is
         key = tuple(
             (type(part), part) if type(part) in _PLAIN else repr(part) if isinstance(part, dict) else id(part)
             for part in parts
         )
-        if key not in known:
+        if key not in results:
             try:
-                known[key] = parts, stage(*parts)
+                results[key] = parts, stage(*parts)
             except GoughStewartError as error:
-                known[key] = parts, error
-        result: T = known[key][1]
+                results[key] = parts, error
+        result: T = results[key][1]
         if isinstance(result, GoughStewartError):
             raise result
         return result
@@ -415,7 +415,7 @@ class Preparation:
             As in `prepare`.
         """
         experiment, where, errors = self.experiment, self._where, dict[int, GoughStewartError]()
-        going, believed = list[int](), list[_Believed]()
+        candidates, believed = list[int](), list[_Believed]()
         of_machines, sensors = list[dict[str, Any]](), list[Sensors]()
 
         # tables, the believed platform, and the one whose parameters those of the machine replace
@@ -428,7 +428,7 @@ class Preparation:
             except GoughStewartError as error:
                 errors[k] = error
                 continue
-            going.append(k)
+            candidates.append(k)
             believed.append(belief)
             sensors.append(readings)
             parameters = {path[-1]: value for path, value in of_machine.items()}
@@ -441,14 +441,14 @@ class Preparation:
         machines = Platforms(list(distinct.values()), base_of)
         if any(of_machines):
             machines, impossible = platforms_with(list(distinct.values()), base_of, of_machines)
-            errors |= {going[at]: ExperimentError(where, "plant", str(error)) for at, error in impossible.items()}
-        if going and any(path[-1] in CHOOSING for member in values for path in member):
-            self._refuse_other_variants(machines, going, errors)
+            errors |= {candidates[at]: ExperimentError(where, "plant", str(error)) for at, error in impossible.items()}
+        if candidates and any(path[-1] in CHOOSING for member in values for path in member):
+            self._refuse_other_variants(machines, candidates, errors)
 
         # everything else
         ready, setups, changes = list[int](), list[Setup](), list[tuple[Change, ...]]()
         has_changes = experiment.change or experiment.disturbance or experiment.fault
-        for at, k in enumerate(going):
+        for at, k in enumerate(candidates):
             if k in errors:
                 continue
             try:
@@ -464,7 +464,7 @@ class Preparation:
 
         # forces before the first command: of an open loop its own, else those that hold the machine at rest
         of_ready = np.array(ready, dtype=np.intp)
-        numbers, machines, n = np.array(going, dtype=np.intp)[of_ready], machines[of_ready], len(ready)
+        numbers, machines, n = np.array(candidates, dtype=np.intp)[of_ready], machines[of_ready], len(ready)
         forces = np.array([setup.feedforward[0] for setup in setups]).reshape(n, 6)
         if closed := [at for at in range(n) if setups[at].controller is not None]:
             position = np.stack([setups[at].start.position for at in closed])
@@ -491,8 +491,8 @@ class Preparation:
             seeds=[seeds[k] if seeds else common for k in numbers.tolist()],
             start_force=np.clip(forces, -limit, limit),
         )
-        kept = np.array([at for at in range(n) if int(numbers[at]) not in errors], dtype=np.intp)
-        return PreparedMembers(numbers[kept], batch.take(kept), errors, where)
+        possible = np.array([at for at in range(n) if int(numbers[at]) not in errors], dtype=np.intp)
+        return PreparedMembers(numbers[possible], batch.take(possible), errors, where)
 
     def _believed(self, changed: Mapping[str, Values]) -> _Believed:
         experiment = self.experiment
@@ -659,13 +659,13 @@ class Preparation:
         except GoughStewartError:
             return
         sticks, gives = machines.field("leg_friction_model") != SMOOTH, machines.field("leg_stiffness") > 0
-        for name, other, differs in (
+        for name, differing, differs in (
             ("leg_friction_model", replace(variant, bristles=not variant.bristles), sticks != variant.bristles),
             ("leg_stiffness", replace(variant, springs=not variant.springs), gives != variant.springs),
         ):
             for at in np.flatnonzero(differs).tolist():
                 text = (
-                    f"{name}: gives a member {other.words.removeprefix('with ')}, and the experiment's machine has "
+                    f"{name}: gives a member {differing.words.removeprefix('with ')}, and the experiment's machine has "
                     f"{variant.words.removeprefix('with ')}; expected one kind in all members: run the others as an "
                     "experiment of their own"
                 )

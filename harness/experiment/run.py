@@ -133,7 +133,9 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     """
     # read and prepare; a member of an ensemble has the values, noise and jitter of its number
     chosen = experiment_of(experiment, settings)
-    replaced = [name for name, other in (("controller", controller), ("injection", injection)) if other is not None]
+    replaced = [
+        name for name, replacement in (("controller", controller), ("injection", injection)) if replacement is not None
+    ]
     before = fingerprint(controller) if isinstance(controller, FunctionType) else ""
     if member is None:
         prepared = prepare(chosen, controller, injection)
@@ -159,8 +161,8 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
         if plant is None or isinstance(plant, str):
             kind: PlantKind = plant or choice.kind
             name: str = kind
-            if (own := choice.own_unit(plant, fmu)) is not None:
-                fmu = chosen.folder / own
+            if (unit := choice.own_unit(plant, fmu)) is not None:
+                fmu = chosen.folder / unit
             # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant here
             is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
             opening: AbstractContextManager[Plant]
@@ -188,10 +190,10 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
                 raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")
             name, opening = type(plant).__name__, nullcontext(plant)
         with opening as opened, prepared.law_in_a_run() as law_from:
-            done = simulate(opened, law_from, prepared.loop, progress)
-            done = done.of_member(0) if getattr(opened, "shape", ()) else done
+            history = simulate(opened, law_from, prepared.loop, progress)
+            history = history.of_member(0) if getattr(opened, "shape", ()) else history
             remarks = opened.remarks() if hasattr(opened, "remarks") else ""
-        record = record_of(done, prepared, chosen, name, replaced)
+        record = record_of(history, prepared, chosen, name, replaced)
         if remarks:
             record.metadata.setdefault("warnings", []).append(remarks)
 
@@ -229,8 +231,8 @@ def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list
     for k, reason in prepared.reasons.items():
         raise ExperimentError(plan.where, names[k], f"is impossible: {reason}")
     experiments = [
-        experiment_with(members.nominal, own).model_copy(update={"title": f"{plan.title}, {name}"})
-        for own, name in zip(values, names, strict=True)
+        experiment_with(members.nominal, drawn).model_copy(update={"title": f"{plan.title}, {name}"})
+        for drawn, name in zip(values, names, strict=True)
     ]
     return experiments, prepared.batch
 
@@ -295,8 +297,8 @@ def record_of(
     parts.append((columns("controller.force", 6), run.command[at]))
     parts.append((columns("controller.feedforward", 6), prepared.loop.feedforward[at]))
     parts.append((columns("controller.state", run.controller_state.shape[1]), run.controller_state[at]))
-    known = {name for names, _ in parts for name in names}
-    parts += [(names, values) for names, values in acting_columns(prepared, at) if known.isdisjoint(names)]
+    recorded = {name for names, _ in parts for name in names}
+    parts += [(names, values) for names, values in acting_columns(prepared, at) if recorded.isdisjoint(names)]
     parts.append((columns("flag.force_limited", 6), run.force_limited[at]))
     parts.append((columns("flag.rate_limited", 6), run.rate_limited))
     parts.append((columns("flag.stroke_exceeded", 6), run.stroke_exceeded))
@@ -407,8 +409,8 @@ def write_results(
         report = replace(report, notes=(*report.notes, *notes))
         if requirements:
             # also metrics that this run does not have, such as a settling time without a step
-            required, known = ({number.path for number in numbers} for numbers in (requirements, report.numbers))
-            missing = [Number(m.path, m.text, None, m.quantity) for m in METRICS if m.path in required - known]
+            required, present = ({number.path for number in numbers} for numbers in (requirements, report.numbers))
+            missing = [Number(m.path, m.text, None, m.quantity) for m in METRICS if m.path in required - present]
             report = replace(report, numbers=(*report.numbers, *missing))
             report = with_requirements(report, requirements)
         more: dict[str, Content] = {"metrics.json": metrics_json(measured)}
