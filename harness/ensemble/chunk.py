@@ -1,7 +1,7 @@
 """A chunk of an ensemble: some members, prepared, run in parallel, and reduced; its files."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from io import BytesIO
@@ -45,12 +45,13 @@ from gough_stewart.harness.experiment.plan import EnsemblePlan
 from gough_stewart.harness.experiment.preparation import Batch, Prepared, PreparedMembers, one_or_each
 from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.loop.folds import KeptRows, State
+from gough_stewart.harness.loop.folds import Fold, KeptRows, State
 from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.loop.observe import observe_all
 from gough_stewart.harness.loop.outcomes import Outcome
 from gough_stewart.harness.loop.run import samples_of_rows
 from gough_stewart.harness.loop.timing import Timing
+from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.bands import DEFAULT, Bands, BandSamples
 from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop, metric_kernels
 from gough_stewart.harness.results.oscillation import Oscillation, SelfExcitation, least_amplitude, rest_begins
@@ -115,57 +116,57 @@ def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
     if not len(batch):
         metrics, nothing = _none(members, first)
         return Chunk(_rows(first, draws.columns, prepared, (), (), metrics), nothing, "")
-    run = _run(members, batch, first, threads)
-    check_memory(batch, run[:2], lambda one: _run(members, one, first, threads)[:2])
+    bands, errors = _bands(members, batch.timing, len(batch), first), LegErrors(batch.timing)
+    run = reduced(batch, members.stepping, threads, [bands, errors])
+    check_memory(batch, run, lambda first_one: reduced(first_one, members.stepping, threads))
     columns, ended = run.columns, list(run.outcomes)
     if members.choice.margins:
         judged = margins_of([batch.member(k) for k in range(len(batch))])
         for k, cause in enumerate(judged.pop(CAUSE)):
             ended[k] = ended[k]._replace(cause=ended[k].cause or cause)
         columns |= judged
-    motions = oscillations(batch, ended, run.errors, threads)
-    return Chunk(_rows(first, draws.columns, prepared, ended, motions, columns), run.bands.samples(), run.features)
+    motions = oscillations(batch, ended, errors, threads)
+    return Chunk(_rows(first, draws.columns, prepared, ended, motions, columns), bands.samples(), run.features)
 
 
-class _Run(NamedTuple):
+class Reduced(NamedTuple):
     """A run of N members, reduced."""
 
     outcomes: tuple[Outcome, ...]  # N
-    columns: dict[str, FloatArray]  # metrics (N,)
-    bands: Bands
-    errors: LegErrors
-    features: str
+    columns: dict[str, FloatArray]  # metrics, integration error and internal steps (N,)
+    features: str  # processor features of the machine code
 
 
-def _run(members: Members, batch: Batch, first: int, threads: int) -> _Run:
-    n, running, timing = len(batch), batch.in_parallel(members.stepping), batch.timing
-    bands = Bands(_signals(members), timing, n, first)
-    errors = LegErrors(timing)
-    folds = [*folds_of_loop(running.loop, limits_of_members(batch, running.size)), bands, errors]
-    rows_in_blocks = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
+def reduced(
+    batch: Batch, stepping: Stepping, threads: int = 1, folds: Sequence[Fold] = (), names: Sequence[str] | None = None
+) -> Reduced:
+    """Run members in parallel; `folds` keep more of their rows.
+
+    Parameters
+    ----------
+    names
+        Only these metrics, to save time.
+    """
+    n, running = len(batch), batch.in_parallel(stepping)
+    metrics = folds_of_loop(running.loop, limits_of_members(batch, running.size), names)
+    rows = FoldsOfRows(running.loop, [*metrics, *folds], running.size, metric_kernels())
     with running.plant:
-        outcomes = observe_all(running.plant, running.law_from, running.loop, rows_in_blocks, threads)
-        steps = {
-            INTEGRATION_ERROR: running.plant.integration_error[:n],
-            INTERNAL_STEPS: running.plant.internal_steps[:n],
-        }
-        features = running.plant.features
-    columns = {name: values[:n] for name, values in columns_of(rows_in_blocks.results()).items()}
-    return _Run(outcomes[:n], columns | steps, bands, errors, features)
+        outcomes = observe_all(running.plant, running.law_from, running.loop, rows, threads)
+        columns = {name: values[:n] for name, values in columns_of(rows.results()).items()}
+        columns[INTEGRATION_ERROR] = running.plant.integration_error[:n]
+        columns[INTERNAL_STEPS] = running.plant.internal_steps[:n]
+        return Reduced(outcomes[:n], columns, running.plant.features)
 
 
-Results = tuple[Sequence[Outcome], Mapping[str, FloatArray]]
-
-
-def check_memory(batch: Batch, results: Results, again: Callable[[Batch], Results]) -> None:
+def check_memory(batch: Batch, run: Reduced, again: Callable[[Batch], Reduced]) -> None:
     """Run the first member again if members may share the memory of its controller: it must give the same bits.
 
     What a function keeps from its first call on, and never changes, is not found.
 
     Parameters
     ----------
-    results
-        Outcomes and metrics of all members.
+    run
+        Of all members.
     again
         Runs others.
 
@@ -177,9 +178,13 @@ def check_memory(batch: Batch, results: Results, again: Callable[[Batch], Result
     controller = shared_by_members(batch.setups[0].controller)
     if controller is None:
         return
-    outcomes, columns = again(batch.take([0]))
-    differ = [k for k, values in columns.items() if not np.array_equal(values[:1], results[1][k][:1], equal_nan=True)]
-    if differ or outcomes[0] != results[0][0]:
+    first = again(batch.take([0]))
+    differ = [
+        name
+        for name, values in first.columns.items()
+        if not np.array_equal(values[:1], run.columns[name][:1], equal_nan=True)
+    ]
+    if differ or first.outcomes[0] != run.outcomes[0]:
         raise SharedMemoryError(
             f"the first member gave other results when it ran again ({', '.join(differ[:3]) or OUTCOME}): "
             f"{name_of(controller)} keeps memory, which all members share; use a factory: a class or function, called "
@@ -187,8 +192,9 @@ def check_memory(batch: Batch, results: Results, again: Callable[[Batch], Result
         )
 
 
-def _signals(members: Members) -> Sequence[str]:
-    return DEFAULT if members.choice.signals is None else members.choice.signals
+def _bands(members: Members, timing: Timing, n: int, first: int) -> Bands:
+    names = members.choice.signals
+    return Bands(DEFAULT if names is None else names, timing, n, first)
 
 
 def limits_of_members(batch: Batch, size: int) -> dict[str, Any]:
@@ -259,37 +265,39 @@ def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamp
     columns |= {INTEGRATION_ERROR: np.zeros(1), INTERNAL_STEPS: np.zeros(1)}
     if members.choice.margins:
         columns |= {f"{MARGINS}stable": np.zeros(1), f"{MARGINS}disk": np.zeros(1)}
-    bands = Bands(_signals(members), loop.timing, 0, first)
-    return {name: values[:0] for name, values in columns.items()}, bands.samples()
+    return {name: values[:0] for name, values in columns.items()}, _bands(members, loop.timing, 0, first).samples()
 
 
 def _rows(
     first: int,
     varied: dict[str, Any],
-    found: PreparedMembers,
+    prepared: PreparedMembers,
     outcomes: Sequence[Outcome],
-    own: Sequence[Oscillation | None],
+    of_completed: Sequence[Oscillation | None],
     metrics: dict[str, FloatArray],
 ) -> polars.DataFrame:
     """One row per member, in order of their numbers."""
-    n, reasons = len(found.errors) + len(found.numbers), found.reasons
+    n, reasons = len(prepared.errors) + len(prepared.numbers), prepared.reasons
     status, cause = [IMPOSSIBLE] * n, [reasons.get(k) for k in range(n)]
     ended: list[float | None] = [None] * n
     motions: list[Oscillation | None] = [None] * n
-    for k, outcome, motion in zip(found.numbers[: len(outcomes)].tolist(), outcomes, own, strict=True):
+    for k, outcome, motion in zip(prepared.numbers[: len(outcomes)].tolist(), outcomes, of_completed, strict=True):
         status[k], ended[k], cause[k], motions[k] = outcome.status, outcome.time, outcome.cause, motion
     columns: dict[str, Any] = {MEMBER: polars.Series(range(first, first + n), dtype=polars.Int64)}
     for name, values in varied.items():
         columns[f"{VARIED}{name}"] = polars.Series(values)
+    kinds = [motion and (GROWING if motion.is_growing else OSCILLATING) for motion in motions]
     columns |= {
         OUTCOME: status,
         ENDED: polars.Series(ended, dtype=polars.Float64),
         CAUSE: polars.Series(cause, dtype=polars.String),
-        **oscillation_columns(motions),
+        OSCILLATION: polars.Series(kinds, dtype=polars.String),
+        AMPLITUDE: polars.Series([motion and motion.amplitude for motion in motions], dtype=polars.Float64),
+        FREQUENCY: polars.Series([motion and motion.frequency for motion in motions], dtype=polars.Float64),
     }
     for name, values in metrics.items():
         of_all = np.full(n, np.nan)
-        of_all[found.numbers] = values
+        of_all[prepared.numbers] = values
         columns[name] = of_all
     return polars.DataFrame(columns, nan_to_null=True)
 
@@ -319,19 +327,6 @@ def oscillations(
             parts = [members[k : k + _TOGETHER] for k in range(0, len(members), _TOGETHER)]
             list(pool.map(lambda part, reference=reference, judge=judge: judged(part, reference, judge), parts))
     return motions if kept.every == 1 else [motion and motion._replace(frequency=None) for motion in motions]
-
-
-def oscillation_columns(found: Sequence[Oscillation | None]) -> dict[str, polars.Series]:
-    """Kind, amplitude [m] and frequency [Hz] (N,); null for a sound loop."""
-    kinds = [motion and (GROWING if motion.is_growing else OSCILLATING) for motion in found]
-    numbers = {
-        AMPLITUDE: [motion and motion.amplitude for motion in found],
-        FREQUENCY: [motion and motion.frequency for motion in found],
-    }
-    return {
-        OSCILLATION: polars.Series(kinds, dtype=polars.String),
-        **{name: polars.Series(values, dtype=polars.Float64) for name, values in numbers.items()},
-    }
 
 
 def _alike(

@@ -128,7 +128,12 @@ class Workers:
             try:
                 content: ChunkBytes = self._worker().call("chunk", plan, *members, controller)
             except _DiedError as error:
-                self._forget()
+                worker: Isolated | None = vars(self._own).pop("worker", None)
+                if worker is not None:
+                    with self._lock:
+                        if worker in self._open:
+                            self._open.remove(worker)
+                    worker.close()
                 if last or self._ended:
                     raise EnsembleError(
                         f"members {members[0]} to {members[1] - 1}: {error}; tried {_TRIES} times. Not enough memory? "
@@ -137,15 +142,6 @@ class Workers:
             else:
                 return content
         raise AssertionError
-
-    def _forget(self) -> None:
-        """Drop the ended process of this thread."""
-        worker: Isolated | None = vars(self._own).pop("worker", None)
-        if worker is not None:
-            with self._lock:
-                if worker in self._open:
-                    self._open.remove(worker)
-            worker.close()
 
     def _worker(self) -> Isolated:
         worker: Isolated | None = vars(self._own).get("worker")
@@ -269,6 +265,7 @@ def packed(plan: EnsemblePlan) -> bytes | None:
     return content
 
 
+@lru_cache(2)
 def unpacked(text: str, content: bytes | None) -> EnsemblePlan:
     """The plan of a text, with its controller, on a worker.
 
@@ -277,11 +274,8 @@ def unpacked(text: str, content: bytes | None) -> EnsemblePlan:
     ControllerError
         The controller's modules are not there.
     """
-    return plan_from(text) if content is None else _with_controller(text, content)
-
-
-@lru_cache(2)
-def _with_controller(text: str, content: bytes) -> EnsemblePlan:
+    if content is None:
+        return plan_from(text)
     try:
         controller: Any = pickle.loads(content)
     except Exception as error:  # user code may raise anything
