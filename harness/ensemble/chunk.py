@@ -387,17 +387,17 @@ class ChunkFiles:
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         write_whole(self.rows(first), chunk.rows)
-        write_whole(self._bands(first), chunk.bands)
+        write_whole(self.rows(first).with_suffix(".npz"), chunk.bands)
         says = {"features": chunk.features, "rows": _digest(chunk.rows), "bands": _digest(chunk.bands)}
-        write_whole(self._says(first), json.dumps(says, indent=1).encode())
+        write_whole(self.rows(first).with_suffix(".json"), json.dumps(says, indent=1).encode())
 
     def features(self, first: int) -> str | None:
         """The processor features of the chunk's machine code; None if the chunk is missing or incomplete."""
         try:
-            says = json.loads(self._says(first).read_bytes())
+            says = json.loads(self.rows(first).with_suffix(".json").read_bytes())
             is_complete = all(
                 _digest(path.read_bytes()) == says[name]
-                for name, path in (("rows", self.rows(first)), ("bands", self._bands(first)))
+                for name, path in (("rows", self.rows(first)), ("bands", self.rows(first).with_suffix(".npz")))
             )
             return str(says["features"]) if is_complete else None
         except (OSError, ValueError, KeyError, TypeError):
@@ -409,7 +409,7 @@ class ChunkFiles:
 
     def bands(self, first: int) -> BandSamples:
         """Its samples over time."""
-        with np.load(self._bands(first)) as arrays:
+        with np.load(self.rows(first).with_suffix(".npz")) as arrays:
             parts: dict[str, Any] = {name: arrays[name] for name in BandSamples._fields}
         return BandSamples(**{**parts, "columns": tuple(parts["columns"].tolist())})
 
@@ -423,12 +423,6 @@ class ChunkFiles:
             path.unlink()
         if self.folder.is_dir():
             self.folder.rmdir()
-
-    def _bands(self, first: int) -> Path:
-        return self.folder / f"{first:08d}.npz"
-
-    def _says(self, first: int) -> Path:
-        return self.folder / f"{first:08d}.json"
 
 
 def _digest(content: bytes) -> str:

@@ -213,9 +213,10 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     low, high = share_interval(sound / found.block, n / found.block)
     grows = bool(kinds_of_oscillation(members)[GROWING])
     how = "complete their runs without a growing loop" if grows else "complete their runs"
-    machines = count(n, "machine")
-    interval = f"95 % confidence: {_interval(low, high)}"
-    parts: list[str | None] = [f"{sound:,} of {machines} {how} ({interval})"]
+    # digits so that neither end is rounded to what it is not
+    first, last = (percent(end, 3) for end in (low or 0.0, 1.0 if high is None else high))
+    interval = f"95 % confidence: {first.removesuffix(' %')} to {last}"
+    parts: list[str | None] = [f"{sound:,} of {count(n, 'machine')} {how} ({interval})"]
     share, method = replace(SHARE, digits=4), METHOD.format("members" if found.block == 1 else "points of the design")
     carried = [Number("", "machines that complete", sound / n, share, low, high, explanation=method)]
     values = counted(members, by)
@@ -227,8 +228,12 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
         ends = quantile_interval(values, level, independent=found.independent(are_counted(members, by)))
         told = f"{percent(SHARE_TOLD)} of them"
         quantity = fine(metric.quantity, fineness_in(found))
-        size = at_least(quantity, value) if is_lower else at_most(quantity, value)
-        words = f"have a {metric.text} of at least {size}" if is_lower else _within(by, size)
+        if is_lower:
+            words = f"have a {metric.text} of at least {at_least(quantity, value)}"
+        elif by == _WORST_BY[0]:
+            words = f"stay within {at_most(quantity, value)} of their reference"
+        else:
+            words = f"have a {metric.text} of at most {at_most(quantity, value)}"
         parts.append(f"{told} {words} ({_quantile_interval(quantity, *ends)})")
         carried.append(
             Number(
@@ -246,12 +251,6 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     return Verdict(sentence(parts), status, tuple(carried))
 
 
-def _interval(low: float | None, high: float | None) -> str:
-    """Ends in percent; digits so that neither is rounded to what it is not."""
-    first, last = (percent(end or 0.0, 3) for end in (low, 1.0 if high is None else high))
-    return f"{first.removesuffix(' %')} to {last}"
-
-
 def _quantile_interval(quantity: Quantity, low: float | None, high: float | None) -> str:
     """How sure a quantile is, with 95 % confidence."""
     if low is None or high is None:
@@ -261,12 +260,6 @@ def _quantile_interval(quantity: Quantity, low: float | None, high: float | None
     first, last = at_least(quantity, low), at_most(quantity, high)
     # one unit for both, unless a small machine's differ
     return f"{first.removesuffix(f' {last.split()[-1]}') if quantity.unit else first} to {last}"
-
-
-def _within(by: str, size: str) -> str:
-    if by == "tracking.position.norm_peak":
-        return f"stay within {size} of their reference"
-    return f"have a {metric_of(by).text} of at most {size}"
 
 
 def _cause(known: Sensitivity) -> str | None:
@@ -333,16 +326,12 @@ def quantile_table(members: polars.DataFrame, names: Sequence[str]) -> Table:
         *(Column(f"{100 * level:g} %", None, f"{100 * level:g} % of the members stay below") for level in LEVELS),
         Column("members", None, "how many members have this number"),
     )
-    return Table(_ended(members), columns, tuple(rows), note=" ".join(remarks))
-
-
-def _ended(members: polars.DataFrame) -> str:
-    """How the runs of the members ended."""
     counts = members[OUTCOME].value_counts().sort(OUTCOME).iter_rows()
     ended = ", ".join(f"{number} {outcome}" for outcome, number in counts)
     motions = [f"{len(which)} {kind}" for kind, which in kinds_of_oscillation(members).items() if which]
     ended += f" ({' and '.join(motions)} by themselves)" if motions else ""
-    return f"{count(members.height, 'member')}: {ended}"
+    title = f"{count(members.height, 'member')}: {ended}"
+    return Table(title, columns, tuple(rows), note=" ".join(remarks))
 
 
 def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:

@@ -189,6 +189,8 @@ def _set(
     if isinstance(settings, str):
         settings = [settings]
     settings = dict(settings) if isinstance(settings, Mapping) else list(settings)
+    if not settings:
+        return experiment_from(values, where, folder, before)
     changed = dict(before)
     for _, key, value in keys_and_values(settings):
         name = key.strip()

@@ -162,7 +162,7 @@ class Batch:
         setups, sensors, changes, seeds = (
             [values[k] for k in at.tolist()] for values in (self.setups, self.sensors, self.changes, self.seeds)
         )
-        return Batch(setups, self.machines[at], sensors, changes, seeds, self.start_force[at])  # type: ignore[arg-type]
+        return Batch(setups, self.machines[at], sensors, changes, seeds, self.start_force[at])
 
     def member(self, k: int) -> Prepared:
         """One of them alone."""
@@ -212,7 +212,7 @@ class Batch:
             ),
             reference=one_or_stacked([plan and plan.signals for plan in planned]),
             feedforward=one_or_stacked([setup.feedforward for setup in setups]),
-            start_force=self.start_force[0] if len(self) == 1 else self.start_force,
+            start_force=self.start_force[0] if len(setups) == 1 else self.start_force,
             sensors=Sensors(
                 by_signal([sensor.noise for sensor in sensors]),
                 by_signal([sensor.quantisation for sensor in sensors]),
@@ -233,7 +233,7 @@ class Batch:
             ),
             changes=changes_of_members(self.changes, timing),
             injection=one_or_stacked([setup.injection for setup in setups]),
-            shape=() if len(self) == 1 else (len(self),),
+            shape=() if len(setups) == 1 else (len(setups),),
         )
 
     def in_parallel(self, stepping: Stepping) -> InParallel:
@@ -246,7 +246,7 @@ class Batch:
         BuildError, OSError
             There is no machine code of the loop, as `loop_library`.
         """
-        n, controllers = len(self), [setup.controller for setup in self.setups]
+        n, controllers = len(self.setups), [setup.controller for setup in self.setups]
         copies = (
             0 if _runs_in_c(list({id(controller): controller for controller in controllers}.values())) else -n % LANES
         )

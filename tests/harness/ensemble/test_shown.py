@@ -92,26 +92,14 @@ def test_tables_of_sensitivity_have_every_number_at_its_place() -> None:
         assert row == (NAMES[k], SHARES[k] * (1 if k % 2 else -1), SHARES[k] / 9)
 
 
-def test_the_report_has_the_bars_of_both_kinds_of_sensitivity() -> None:
-    """Expected: the given numbers of the 15 most influential inputs, by their names, with their confidence."""
-    some = np.array(ORDER[:15])
-    for known, parts, axis in (
-        (SOBOL, {"alone": (SHARES / 3, SHARES / 30), "in total": (SHARES, SHARES / 20)}, "share of the variance"),
-        (BETA, {"β": (BETA.main, SHARES / 9)}, "standardised regression coefficient β"),
-    ):
-        (chart,) = (
-            each for each in ensemble_report(ensemble_of(normal(40)), PEAK, known).charts if each.kind == "bars"
-        )
+def test_the_report_has_the_bars_of_the_most_influential_inputs() -> None:
+    """Expected: 15 of 17 by their names, of both kinds of sensitivity, with what they are of."""
+    for known, axis in ((SOBOL, "share of the variance"), (BETA, "standardised regression coefficient β")):
+        report = ensemble_report(ensemble_of(normal(40)), PEAK, known)
+        (chart,) = (chart for chart in report.charts if chart.kind == "bars")
         assert chart.x.labels == tuple(NAMES[k] for k in ORDER[:15])
         assert chart.y is not None
-        assert (chart.y.name, chart.note) == (axis, known.remark)
-        assert [each.name for each in chart.series] == list(parts)
-        for series, (values, half) in zip(chart.series, parts.values(), strict=True):
-            assert series.low is not None
-            assert series.high is not None
-            assert series.values.tolist() == values[some].tolist()
-            assert series.low == pytest.approx((values - half)[some])
-            assert series.high == pytest.approx((values + half)[some])
+        assert (chart.y.name, chart.note, len(chart.series[0].values)) == (axis, known.remark, 15)
     assert (
         "Sobol' indices of 1900 members; left out: 19 not completed or without a value, or at a point" in SOBOL.remark
     )
