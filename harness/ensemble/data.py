@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.quantities import LENGTH, NUMBER, Quantity, of_unit
 from gough_stewart.harness.report.words import exactly
-from gough_stewart.harness.results.bands import LEVELS, QUANTILES
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.interface import BY_NAME, nearest
 from gough_stewart.model.parameters import TABLE
@@ -168,26 +167,6 @@ def left_out(members: polars.DataFrame) -> int:
 
 def _are_completed(members: polars.DataFrame) -> NDArray[np.bool_]:
     return np.asarray((members[OUTCOME] == "completed").to_numpy())
-
-
-def quantiles(members: polars.DataFrame) -> polars.DataFrame:
-    """A row for each metric: how many members are `counted`, mean, deviation, extremes and quantiles of these."""
-    rows: list[dict[str, Any]] = []
-    for name in metric_names(members):
-        values = counted(members, name)
-        row: dict[str, Any] = {"metric": name, "defined": len(values)}
-        if len(values):
-            deviation = float(values.std(ddof=1)) if len(values) > 1 else None
-            row |= {"mean": float(values.mean()), "deviation": deviation, "lowest": float(values.min())}
-            row |= dict(zip(QUANTILES, np.quantile(values, LEVELS).tolist(), strict=True))
-            row["highest"] = float(values.max())
-        rows.append(row)
-    schema = {
-        "metric": polars.String,
-        "defined": polars.Int64,
-        **dict.fromkeys(("mean", "deviation", "lowest", *QUANTILES, "highest"), polars.Float64),
-    }
-    return polars.DataFrame(rows, schema=schema)
 
 
 def failures(members: polars.DataFrame) -> tuple[Failure, ...]:

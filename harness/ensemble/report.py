@@ -33,7 +33,6 @@ from gough_stewart.harness.ensemble.data import (
     metric_name,
     numbers,
     oscillation_warning,
-    quantiles,
     quantity_of_input,
     usual_metrics,
     works,
@@ -50,7 +49,7 @@ from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.report.words import about, at_least, at_most, listed, percent, sentence
 from gough_stewart.harness.report.words import counted as count
-from gough_stewart.harness.results.bands import LEVELS, QUANTILES
+from gough_stewart.harness.results.bands import LEVELS
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.vectors import FloatArray
 
@@ -311,14 +310,14 @@ def number_of_members(name: str, members: FloatArray, block: int = 1) -> Number:
 
 def quantile_table(members: polars.DataFrame, names: Sequence[str]) -> Table:
     """A row for each metric: its quantiles, and of how many members they are."""
-    table = {row["metric"]: row for row in quantiles(members).iter_rows(named=True)}
     rows: list[tuple[Cell, ...]] = []
     remarks = []
     for name in names:
-        row, metric = table[name], metric_of(name)
+        values, metric = counted(members, name), metric_of(name)
         quantity = replace(metric.quantity, digits=3)
-        rows.append((metric.text, *(Value(row[q], quantity) for q in QUANTILES), int(row["defined"])))
-        remarks += _undefined(members, name, int(row["defined"]))
+        marks = np.quantile(values, LEVELS).tolist() if len(values) else [None] * len(LEVELS)
+        rows.append((metric.text, *(Value(mark, quantity) for mark in marks), len(values)))
+        remarks += _undefined(members, name, len(values))
     without = left_out(members)
     remarks += [f"Quantiles are without the {count(without, 'member')} not completed."] if without else []
     columns = (

@@ -17,7 +17,6 @@ from gough_stewart.harness.ensemble.compare import (
 from gough_stewart.harness.ensemble.data import (
     failures,
     oscillation_warning,
-    quantiles,
     usual_metrics,
     works,
     worst_members,
@@ -274,19 +273,6 @@ def test_all_metrics_are_shown_or_the_usual_ones() -> None:
         np.quantile(values, [0.05, 0.25, 0.5, 0.75, 0.95]).tolist(), rel=6e-3
     )
     assert cells[6] == str(len(values)) < "40"
-
-
-@pytest.mark.parametrize("n", [1, 2, 9])
-def test_quantiles_have_mean_deviation_and_extremes(n: int) -> None:
-    """Expected: NumPy's, of members that completed; no deviation of one."""
-    found = ensemble_of(normal(n + 1), ["completed"] * n + ["diverged"])
-    row = quantiles(found.members).filter(polars.col("metric") == PEAK).row(0, named=True)
-    values = found.values(PEAK)[:n]
-    assert row["deviation"] == (pytest.approx(np.std(values, ddof=1)) if n > 1 else None)
-    assert (row["defined"], row["mean"], row["lowest"], row["highest"]) == (
-        *(n, pytest.approx(values.mean())),
-        *(values.min(), values.max()),
-    )
 
 
 def test_members_that_oscillate_are_counted_by_kind_with_the_largest() -> None:
