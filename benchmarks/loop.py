@@ -41,12 +41,11 @@ def seconds_a_step(version: str) -> tuple[float, float]:
     steps = prepared.loop.timing.steps
     rounds = []
     for _ in range(ROUNDS):
-        unit = FmuPlant(cached_build(version), prepared.platform, prepared.start)
-        with unit as plant, prepared.law_in_a_run() as law:
+        with FmuPlant(cached_build(version), prepared.platform, prepared.start) as plant:
             inside = Stopwatch(plant._unit.do_step)
             plant._unit.do_step = inside  # type: ignore[method-assign, assignment]
             start = time.perf_counter()
-            simulate(plant, law, prepared.loop)
+            simulate(plant, prepared.law, prepared.loop)
             rounds.append(((time.perf_counter() - start) / steps, inside.seconds / steps))
     return min(rounds, key=lambda both: both[0] - both[1])
 
@@ -59,13 +58,12 @@ def seconds_in_machine_code(name: str) -> tuple[float, float]:
     ours = []
     for _ in range(ROUNDS):
         start = time.thread_time()
-        lanes = LanesPlant([prepared.machine], [prepared.start], tolerance=1e-8, kernel=kernel)
-        with lanes as plant, prepared.law_in_a_run() as law:
-            simulate(plant, law, prepared.loop)
+        with LanesPlant([prepared.machine], [prepared.start], tolerance=1e-8, kernel=kernel) as plant:
+            simulate(plant, prepared.law, prepared.loop)
         ours.append(time.thread_time() - start)
     start = time.thread_time()
-    with ModelPlant(prepared.machine, prepared.start) as model, prepared.law_in_a_run() as law:
-        simulate(model, law, prepared.loop)
+    with ModelPlant(prepared.machine, prepared.start) as model:
+        simulate(model, prepared.law, prepared.loop)
     return min(ours) / steps, (time.thread_time() - start) / steps
 
 
@@ -86,12 +84,11 @@ def seconds_of_many() -> tuple[float, float, float]:
         observe(plant, law_from, loop, Nothing())
         whole = time.perf_counter() - start
         in_plant = sum(each.seconds for each in inside)
-        unit = FmuPlant(cached_build("3.0"), prepared.platform, prepared.start)
-        with unit as single, prepared.law_in_a_run() as law:
+        with FmuPlant(cached_build("3.0"), prepared.platform, prepared.start) as single:
             step = Stopwatch(single._unit.do_step)
             single._unit.do_step = step  # type: ignore[method-assign, assignment]
             start = time.perf_counter()
-            simulate(single, law, prepared.loop)
+            simulate(single, prepared.law, prepared.loop)
             alone = time.perf_counter() - start - step.seconds
         rounds.append(((whole - in_plant) / steps / n, in_plant / steps / n, alone / steps))
     return tuple(min(each) for each in zip(*rounds, strict=True))

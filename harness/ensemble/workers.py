@@ -8,6 +8,7 @@ import threading
 from collections.abc import Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from functools import cache, lru_cache
+from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
@@ -171,7 +172,7 @@ def chunks_there(plan: EnsemblePlan, ranges: Sequence[Range], address: str) -> C
         No dask.distributed, no scheduler or worker within `TIMEOUT`, or workers with other versions.
     """
     try:
-        import distributed
+        distributed: Any = import_module("distributed")
     except ImportError:
         raise EnsembleError(
             "a scheduler needs dask.distributed; install it: pip install 'gough-stewart[cluster]'"

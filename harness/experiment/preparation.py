@@ -19,7 +19,7 @@ from gough_stewart.harness.control.faults import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.feedforward import Feedforward, feedforward
 from gough_stewart.harness.control.injections import InjectionChoice
 from gough_stewart.harness.control.laws import Controller, Known, LinearController, controller_of
-from gough_stewart.harness.control.laws_of_members import LawFrom, SeparateLaws, law_of, laws_of
+from gough_stewart.harness.control.laws_of_members import Law, LawFrom, SeparateLaws, law_of, laws_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import schema
@@ -119,17 +119,21 @@ class Prepared:
         """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
         return loop_kernel(Variant.of(self.machine)) if _runs_in_c([self.controller]) else None
 
+    def law(self, reference: FloatArray, measured: FloatArray) -> Law:
+        """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
+        if self.controller is None:
+            raise ControllerError("an open loop has no control law")
+        make = law_of(self.controller, self.loop.timing.sample_time, self.jacobians, self.known)
+        return make(reference, measured)
+
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
         """The factory of the control law; resources are closed at the end."""
-        sample_time = self.loop.timing.sample_time
-        if self.controller is None:
-            yield None
-        elif isinstance(self.controller, UnitController):
-            with self.controller.open(sample_time) as law:
+        if isinstance(self.controller, UnitController):
+            with self.controller.open(self.loop.timing.sample_time) as law:
                 yield lambda _reference, _measured: SeparateLaws([law])
         else:
-            yield law_of(self.controller, sample_time, self.jacobians, self.known)
+            yield None if self.controller is None else self.law
 
 
 class InParallel(NamedTuple):

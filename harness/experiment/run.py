@@ -154,7 +154,8 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
             warn(text)
 
     # simulate: a member by itself in its ensemble's plant, else in the experiment's plant, or the one that replaces it
-    choice, opening = chosen.plant, None
+    choice = chosen.plant
+    opening: AbstractContextManager[Plant]
     if member is not None and plant is None and fmu is None:
         record = records_of(plan, [member], progress)[0]
     else:
@@ -165,7 +166,6 @@ def run(  # noqa: PLR0912, PLR0915 - one road, in sections
                 fmu = chosen.folder / unit
             # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant here
             is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
-            opening: AbstractContextManager[Plant]
             if is_whole and (kernel := prepared.kernel) is not None:
                 opening = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
             else:
