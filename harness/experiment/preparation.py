@@ -503,8 +503,10 @@ class Preparation:
         tables = {name: self._once(table_with, experiment, name, values) for name, values in changed.items()}
         tables = dict(experiment) | tables
         nominal = self._once(nominal_platform, experiment, tables["platform"])
-        file = experiment.plant.file
-        return _Believed(tables, nominal, nominal if file is None else self._once(_machine_from, experiment, file))
+        if experiment.plant.file is None:
+            return _Believed(tables, nominal, nominal)
+        with part_of(experiment.where, "plant"):
+            return _Believed(tables, nominal, self._once(load_platform, str(experiment.folder / experiment.plant.file)))
 
     def _sensors(self, changed: Values) -> Sensors:
         return Sensors(**dict(table_with(self.experiment, "sensors", changed) if changed else self.experiment.sensors))
@@ -684,11 +686,6 @@ def nominal_platform(experiment: Experiment, choice: schema.PlatformChoice) -> P
         circles = {key: value for key in KEYS if (value := getattr(choice, key)) is not None}
         parameters = joints_of_keys(circles) | choice.parameters
         return platform.with_parameters(parameters) if parameters else platform
-
-
-def _machine_from(experiment: Experiment, file: str) -> Platform:
-    with part_of(experiment.where, "plant"):
-        return load_platform(experiment.folder / file)
 
 
 def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
