@@ -284,6 +284,10 @@ def test_charts_have_the_loops_of_the_legs(said: Said) -> None:
         angles = phase.series[k].values
         seen = np.isfinite(angles)
         np.testing.assert_allclose(np.exp(1j * angles[seen]), (loop / np.abs(loop))[seen], atol=1e-4)
+    ups, downs = ([leg[name] for leg in said.values["margins"]["legs"]] for name in ("gain_up", "gain_down"))
+    spans = [(span.low, span.high) for span in gain.spans]
+    assert spans == [pytest.approx(ends) for ends in [(1 / min(ups), 1), (1, 1 / max(downs))]]
+    assert len(set(ups)) > 1
     S = np.linalg.inv(np.eye(6) + np.asarray(everything))
     singular = np.linalg.svd(S, compute_uv=False)
     np.testing.assert_allclose(sigma.series[0].values, singular[:, 0], rtol=1e-4)
