@@ -260,7 +260,9 @@ class Batch:
         closed = [controller for controller in controllers if controller is not None]
         if closed:
             plans = [setup.planned for setup in filled.setups]
-            flat = one_or_stacked([(plan.jacobians if plan else _NO_JACOBIANS).reshape(-1, 36) for plan in plans])
+            # one view of each array, by which members that share it are known
+            views = {id(plan): (plan.jacobians if plan else _NO_JACOBIANS).reshape(-1, 36) for plan in plans}
+            flat = one_or_stacked([views[id(plan)] for plan in plans])
             jacobians = flat.reshape(*flat.shape[:-1], 6, 6)
             known = [setup.known for setup in self.setups]
             law_from = laws_of(closed, self.setups[0].timing.sample_time, jacobians, known, copies)
