@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from saving import save_svg
 
-from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.output.plotting import COLOURS, pictures
 from gough_stewart.harness.plants.lanes import Stepping

@@ -23,7 +23,7 @@ from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.process.files import reserved
 
 if TYPE_CHECKING:
-    from gough_stewart.harness.ensemble.result import Ensemble
+    from gough_stewart.harness.ensemble.report import Ensemble
     from gough_stewart.harness.experiment.schema import Experiment
 
 
@@ -129,9 +129,9 @@ def ensemble_command(
             )
             command.written.append(folder)
             progress.update(task, total=None, description="worst members and report")
-            from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, SAMPLES
             from gough_stewart.harness.ensemble.charts import FIGURES
-            from gough_stewart.harness.ensemble.files import WORST, write_worst
+            from gough_stewart.harness.ensemble.data import BANDS, MEMBERS, METADATA, SAMPLES
+            from gough_stewart.harness.ensemble.worst import WORST, write_worst
 
             worst = write_worst(found, folder, pages=showing.page)
             report = worst.shown_in(found.report(charts=showing.draws, worst=worst.links))
@@ -170,7 +170,7 @@ def _compare(
             names_of,
             run_compared,
         )
-        from gough_stewart.harness.ensemble.files import write_worst
+        from gough_stewart.harness.ensemble.worst import write_worst
 
         requirements = showing.requirements(experiments[1].requirements, known_numbers())
         names = names_of(*texts)
@@ -199,7 +199,7 @@ def _compare(
 
 def _check_some_work(found: "Ensemble") -> None:
     """Raise `MissedError` if no member has completed its run, or the loops of all that have grow by themselves."""
-    from gough_stewart.harness.ensemble.statistics import oscillation_warning, works
+    from gough_stewart.harness.ensemble.data import oscillation_warning, works
 
     members = found.members
     if works(members).any():

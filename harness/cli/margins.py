@@ -45,8 +45,7 @@ def margins_command(
         folder = out or results_folder("margins", experiment)
         with progress_bar() as bar:
             bar.add_task("linear model, margins", total=None)
-            from gough_stewart.harness.experiment.analysis import margins
-            from gough_stewart.harness.experiment.margins_report import margins_file
+            from gough_stewart.harness.experiment.margins import margins, margins_file
             from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, [NUMBERS, PAGE, DATA])

@@ -106,8 +106,7 @@ def run_command(
         # each refresh takes as long as a hundred steps of the run
         with progress_bar(refresh_per_second=4) as progress:
             task = progress.add_task("preparing", total=chosen.loop.duration)
-            from gough_stewart.harness.experiment.files import names_of_files, warnings_of, write_results
-            from gough_stewart.harness.experiment.run import run
+            from gough_stewart.harness.experiment.run import names_of_files, run, warnings_of, write_results
             from gough_stewart.harness.report.document import Note
             from gough_stewart.harness.results.metric_folds import METRICS
             from gough_stewart.harness.results.oscillation import oscillation
@@ -133,7 +132,7 @@ def run_command(
             progress.update(task, total=None, description="files and report")
             robustness = None
             if controller is None and member is None and any(each.path == "margins.disk" for each in requirements):
-                from gough_stewart.harness.experiment.analysis import robustness_of
+                from gough_stewart.harness.experiment.margins import robustness_of
 
                 robustness = robustness_of(chosen)
             own = oscillation(record)

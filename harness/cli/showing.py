@@ -94,7 +94,7 @@ class Showing:
         """
         if not self.required and not of_file:
             return []
-        from gough_stewart.harness.experiment.margins_report import RENAMED
+        from gough_stewart.harness.experiment.margins import RENAMED
         from gough_stewart.harness.report.requirements import check_known, required
 
         numbers = list(known)
@@ -262,7 +262,7 @@ def check_paths(of_file: Iterable[str]) -> None:
 def _numbers_of_loops() -> set[str]:
     """The paths of numbers that several studies of one experiment share the first word of."""
     from gough_stewart.harness.experiment.checking import PATHS as OF_CHECKS
-    from gough_stewart.harness.experiment.margins_report import PATHS as OF_MARGINS
+    from gough_stewart.harness.experiment.margins import PATHS as OF_MARGINS
     from gough_stewart.harness.results.metric_folds import METRICS
 
     return {*OF_CHECKS, *OF_MARGINS, *(each.path for each in METRICS)}

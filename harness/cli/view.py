@@ -92,8 +92,8 @@ def _with_members(report: "Report", folder: Path) -> "Report":
     """The report of an ensemble with signals of its members, from which the page draws bands of the marked ones."""
     if report.study != "ensemble" or not any(folder.glob("samples.parquet")):
         return report
-    from gough_stewart.harness.ensemble.assembly import read_ensemble
     from gough_stewart.harness.ensemble.charts import with_samples
+    from gough_stewart.harness.ensemble.report import read_ensemble
 
     samples = read_ensemble(folder).samples
     return report if samples is None else with_samples(report, samples)

@@ -6,19 +6,19 @@ from typing import Any
 import numpy as np
 import polars
 
-from gough_stewart.harness.ensemble.columns import (
+from gough_stewart.harness.ensemble.data import (
     ENDED,
     MEMBER,
     OUTCOME,
-)
-from gough_stewart.harness.ensemble.data import EnsembleData
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity
-from gough_stewart.harness.ensemble.statistics import (
+    EnsembleData,
     counted,
     finite,
     left_out,
+    named_signal,
+    quantity_of_input,
+    usual_metrics,
 )
-from gough_stewart.harness.ensemble.tables import named_signal, quantity_of_input, usual_metrics
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Samples, Series, time_axis
 from gough_stewart.harness.report.document import Part, Report, Section
 from gough_stewart.harness.report.quantities import NUMBER
@@ -44,9 +44,9 @@ def ensemble_charts(found: EnsembleData, by: str, known: Sensitivity | None) -> 
     if signals:
         sections.append(Section("Over time", tuple(_band(found, name) for name in signals)))
     inputs = [known.inputs[k] for k in known.order] if known is not None else list(found.varied)
-    there = [name for name in inputs if name in found.varied and len(finite(found.values(name)))][:_MOST_BARS]
-    if there:
-        charts = [replace(_dependence(found, by, name), detail=k >= _MOST_FIRST) for k, name in enumerate(there)]
+    shown = [name for name in inputs if name in found.varied and len(finite(found.values(name)))][:_MOST_BARS]
+    if shown:
+        charts = [replace(_dependence(found, by, name), detail=k >= _MOST_FIRST) for k, name in enumerate(shown)]
         sections.append(Section("Dependence", tuple(charts)))
     if known is not None:
         sections.append(Section("Sensitivity", (_bars(known),)))
@@ -82,16 +82,16 @@ def _without_outliers(values: FloatArray) -> FloatArray:
 
 def _band(found: EnsembleData, name: str) -> Chart:
     part, (words, quantity) = found.bands.filter(polars.col("signal") == name), named_signal(name)
-    values = {each: part[each].fill_null(np.nan).to_numpy() for each in ("lowest", *QUANTILES, "highest")}
+    values = {level: part[level].fill_null(np.nan).to_numpy() for level in ("lowest", *QUANTILES, "highest")}
     series = (
         Series("lowest to highest", quantity, values["q50"], "band", low=values["lowest"], high=values["highest"]),
         Series("5 to 95 %", quantity, values["q50"], "band", low=values["q05"], high=values["q95"]),
         Series("25 to 75 %", quantity, values["q50"], "band", low=values["q25"], high=values["q75"]),
         Series("median", quantity, values["q50"], "median"),
     )
-    some = f" Quantiles are of the first {MOST_MEMBERS:,} members." if found.members.height > MOST_MEMBERS else ""
+    of_first = f" Quantiles are of the first {MOST_MEMBERS:,} members." if found.members.height > MOST_MEMBERS else ""
     # of others, each time has fewer members than the first
-    note = f"{'Of the members still running.' if _ends_early(found.members) else ''}{some}".strip()
+    note = f"{'Of the members still running.' if _ends_early(found.members) else ''}{of_first}".strip()
     axis = Axis(words, quantity)
     time = time_axis(part["time"].to_numpy())
     return Chart(
@@ -121,15 +121,15 @@ def _samples(frame: polars.DataFrame | None, name: str, of: int) -> Samples | No
 
 def with_samples(report: Report, frame: polars.DataFrame) -> Report:
     """A report that was read back, with the samples of its members, which its data leave out."""
-    of = max((len(each.members) for each in report.numbers if each.members is not None), default=0)
+    members = max((len(number.members) for number in report.numbers if number.members is not None), default=0)
     names = {named_signal(name)[0]: name for name in frame.columns if name not in (MEMBER, "time")}
 
     def filled(part: Part) -> Part:
         if not isinstance(part, Chart) or part.group != "bands" or part.title not in names:
             return part
-        return replace(part, samples=_samples(frame, names[part.title], of))
+        return replace(part, samples=_samples(frame, names[part.title], members))
 
-    sections = tuple(replace(each, parts=tuple(map(filled, each.parts))) for each in report.sections)
+    sections = tuple(replace(section, parts=tuple(map(filled, section.parts))) for section in report.sections)
     return replace(report, sections=sections)
 
 
@@ -155,7 +155,7 @@ def _bars(known: Sensitivity) -> Chart:
         Series(name, NUMBER, values[order], role, low=(values - half)[order], high=(values + half)[order])
         for name, values, half, role in parts
     )
-    what = "share of the variance" if known.total is not None else "standardised regression coefficient β"
+    measure = "share of the variance" if known.total is not None else "standardised regression coefficient β"
     title = f"what makes the {metric_of(known.metric).text} vary"
-    return Chart(title, Axis("input", labels=tuple(known.inputs[k] for k in order)), series, "bars", y=Axis(what),
+    return Chart(title, Axis("input", labels=tuple(known.inputs[k] for k in order)), series, "bars", y=Axis(measure),
                  note=known.remark, group="sensitivity")  # fmt: skip

@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from gough_stewart.harness.ensemble.charts import ensemble_charts
-from gough_stewart.harness.ensemble.columns import CAUSE, ENDED, MEMBER, OUTCOME, VARIED
+from gough_stewart.harness.ensemble.data import CAUSE, ENDED, MEMBER, OUTCOME, VARIED, usual_metrics
 from gough_stewart.harness.ensemble.ensemble import ensemble
-from gough_stewart.harness.ensemble.report import ensemble_numbers, fineness_in, worst_by
-from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.report import Ensemble, ensemble_numbers, fineness_in, worst_by
 from gough_stewart.harness.ensemble.sensitivity import sensitivity_if_known
-from gough_stewart.harness.ensemble.tables import usual_metrics
 from gough_stewart.harness.errors import ExperimentError, RecordError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.polars_paths import write_to
@@ -78,17 +76,17 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
                 f"{name} of member {a.members[MEMBER][k]} is {x[k]:.6g} in one and {y[k]:.6g} in the other; "
                 "expected the same [ensemble] in both, with the same seed"
             )
-    both = (a.members[OUTCOME] == "completed") & (b.members[OUTCOME] == "completed")
+    in_both = (a.members[OUTCOME] == "completed") & (b.members[OUTCOME] == "completed")
     metrics = [name for name in a.metrics if name in b.metrics]
-    kept = [name for name in a.members.columns if name in (MEMBER, ENDED) or name.startswith(VARIED)]
-    outcome = both.replace_strict({True: "completed", False: "not in both"}, return_dtype=polars.String)
-    gaps = a.members.select(kept).with_columns(
+    inputs = [name for name in a.members.columns if name in (MEMBER, ENDED) or name.startswith(VARIED)]
+    outcome = in_both.replace_strict({True: "completed", False: "not in both"}, return_dtype=polars.String)
+    gaps = a.members.select(inputs).with_columns(
         outcome.alias(OUTCOME),
         polars.lit(None, polars.String).alias(CAUSE),
         *(polars.Series(name, b.values(name) - a.values(name), nan_to_null=True) for name in metrics),
     )
     title = f"{names[1]} − {names[0]}"
-    rows = [{"metric": name, **_difference(a, b, name, both.to_numpy())} for name in metrics]
+    rows = [{"metric": name, **_difference(a, b, name, in_both.to_numpy())} for name in metrics]
     return Comparison(
         a,
         b,
@@ -100,12 +98,12 @@ def compare(a: Ensemble, b: Ensemble, names: tuple[str, str] = ("A", "B")) -> Co
 
 def comparison_tables(found: Comparison, names: Sequence[str]) -> list[Table]:
     """Numbers of completed members, then the differences of these metrics with their confidence."""
-    a, b = (each.members[OUTCOME] == "completed" for each in (found.a, found.b))
-    both = int((a & b).sum())
+    a, b = (ensemble_run.members[OUTCOME] == "completed" for ensemble_run in (found.a, found.b))
+    in_both = int((a & b).sum())
     ended = Table(
         f"{found.a.members.height:,} members{_named(*found.names)}",
         (Column(""), Column("completed in B"), Column("not")),
-        (("completed in A", both, int((a & ~b).sum())), ("not", int((~a & b).sum()), int((~a & ~b).sum()))),
+        (("completed in A", in_both, int((a & ~b).sum())), ("not", int((~a & b).sum()), int((~a & ~b).sum()))),
     )
     table = {row["metric"]: row for row in found.differences.iter_rows(named=True)}
     low, high = Column("from", None, "lower end, 95 % confidence"), Column("to", None, "upper end, 95 % confidence")
@@ -121,10 +119,12 @@ def comparison_tables(found: Comparison, names: Sequence[str]) -> list[Table]:
             metric = metric_of(row["metric"])
             means = ("mean_a", "mean_b") if kind == "mean" else ()
             numbers = (row[key] for key in (*means, kind, f"{kind}_low", f"{kind}_high"))
-            cells = [Value(each, replace(metric.quantity, digits=3)) for each in numbers]
+            cells = [Value(number, replace(metric.quantity, digits=3)) for number in numbers]
             rows.append((metric.text, *cells, *(() if kind == "mean" else (row["less_b"],))))
-        of = f"of the {both:,} that completed in both"
-        tables.append(Table(f"B − A, {kind} difference, {of}; 95 % confidence", (Column(""), *columns), tuple(rows)))
+        of_members = f"of the {in_both:,} that completed in both"
+        tables.append(
+            Table(f"B − A, {kind} difference, {of_members}; 95 % confidence", (Column(""), *columns), tuple(rows))
+        )
     return tables
 
 
@@ -135,16 +135,16 @@ def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) ->
     n/(n − 1) Σ (D − m mean)²/(Σ m)²: Cochran, Sampling Techniques (1977), section 6.3. Blocks of one member give s²/n.
     """
     x, y = a.values(name), b.values(name)
-    known = both & np.isfinite(x) & np.isfinite(y)
-    x, y = x[known], y[known]
+    has_both = both & np.isfinite(x) & np.isfinite(y)
+    x, y = x[has_both], y[has_both]
     gap, pairs = y - x, len(x)
     if not pairs:
         return {"pairs": 0}
     mean, median = float(gap.mean()), float(np.median(gap))
     row: dict[str, float | int | None] = {"pairs": pairs, "mean_a": float(x.mean()), "mean_b": float(y.mean())}
-    low, high = quantile_interval(gap, 0.5, CONFIDENCE, a.independent(known))
+    low, high = quantile_interval(gap, 0.5, CONFIDENCE, a.independent(has_both))
     row |= {"mean": mean, "mean_low": None, "mean_high": None}
-    of_block = np.flatnonzero(known) // a.block
+    of_block = np.flatnonzero(has_both) // a.block
     n = len(set(of_block.tolist()))
     if n > 1:
         residuals = np.bincount(of_block, gap - mean)
@@ -157,16 +157,16 @@ def _difference(a: Ensemble, b: Ensemble, name: str, both: NDArray[np.bool_]) ->
 def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
     """How the second experiment differs from the first, member by member, in one metric and then in all."""
     (first, second), gaps, by = found.names, found.gaps, worst_by(found.a)
-    known = sensitivity_if_known(gaps, by)
+    sensitivity = sensitivity_if_known(gaps, by)
     sections = [Section("Differences", tuple(comparison_tables(found, usual_metrics(found.a.members))))]
     named, members = f"{second} − {first}", count(found.a.members.height, "member")
-    settings = differing({"experiment": each.metadata.get("experiment")} for each in (found.a, found.b))
+    settings = differing({"experiment": ensemble_run.metadata.get("experiment")} for ensemble_run in (found.a, found.b))
     if charts:
-        for each in ensemble_charts(gaps, by, known):
-            parts = (replace(p, title=f"{p.title}: {named}") for p in each.parts if isinstance(p, Chart))
-            sections.append(Section(each.title, tuple(parts)))
-        every = comparison_tables(found, found.a.metrics)[1:]
-        sections.append(Section("All metrics", tuple(every), detail=True))
+        for section in ensemble_charts(gaps, by, sensitivity):
+            parts = (replace(p, title=f"{p.title}: {named}") for p in section.parts if isinstance(p, Chart))
+            sections.append(Section(section.title, tuple(parts)))
+        all_metrics = comparison_tables(found, found.a.metrics)[1:]
+        sections.append(Section("All metrics", tuple(all_metrics), detail=True))
     return fine(
         Report(
             f"{found.a.title}: {named}",
@@ -178,8 +178,8 @@ def comparison_report(found: Comparison, *, charts: bool = True) -> Report:
             lead=". ".join(filter(None, (f"The same {members} in both{_named(first, second)}", differ_in(settings)))),
             numbers=(
                 *ensemble_numbers(found.b),
-                *(replace(each, path=f"first.{each.path}") for each in ensemble_numbers(found.a)),
-                *(replace(each, path=f"difference.{each.path}") for each in ensemble_numbers(gaps)),
+                *(replace(number, path=f"first.{number.path}") for number in ensemble_numbers(found.a)),
+                *(replace(number, path=f"difference.{number.path}") for number in ensemble_numbers(gaps)),
             ),
         ),
         fineness_in(found.a),
@@ -193,7 +193,7 @@ def _named(first: str, second: str) -> str:
 
 def _verdict(found: Comparison, by: str) -> Verdict:
     (first, second), metric = found.names, metric_of(by)
-    row = next((each for each in found.differences.iter_rows(named=True) if each["metric"] == by), None)
+    row = next((candidate for candidate in found.differences.iter_rows(named=True) if candidate["metric"] == by), None)
     if row is None or not row["pairs"]:
         return Verdict(f"No member has a {metric.text} in both {first} and {second}", "marginal")
     signed = replace(fine(metric.quantity, fineness_in(found.a)), digits=3)
@@ -216,9 +216,9 @@ def _verdict(found: Comparison, by: str) -> Verdict:
 def known_numbers() -> list[Number]:
     """What a requirement on a comparison may name: a metric of the second, of the first, or their difference."""
     return [
-        Number(f"{prefix}{each.path}", each.text, None, each.quantity)
+        Number(f"{prefix}{metric.path}", metric.text, None, metric.quantity)
         for prefix in ("", "first.", "difference.")
-        for each in METRICS
+        for metric in METRICS
     ]
 
 
@@ -249,13 +249,13 @@ def run_compared(
         raise ExperimentError(first.where, "ensemble", "is missing; add it to declare what varies in both experiments")
     seed = first.sensors.seed if choice.seed is None else choice.seed
     options = {**options, "seed": seed if options.get("seed") is None else options["seed"]}
-    both = []
+    ensembles = []
     for name, experiment in zip(names, (first, second.model_copy(update={"ensemble": choice})), strict=True):
         say(name)
-        both.append(ensemble(experiment, out=folder / name, **options))
-    found = compare(both[0], both[1], names)
-    write_files(folder, {DIFFERENCES: lambda path: write_to(path, found.differences.write_parquet)})
-    return found
+        ensembles.append(ensemble(experiment, out=folder / name, **options))
+    comparison = compare(ensembles[0], ensembles[1], names)
+    write_files(folder, {DIFFERENCES: lambda path: write_to(path, comparison.differences.write_parquet)})
+    return comparison
 
 
 def names_of(first: str, second: str) -> tuple[str, str]:

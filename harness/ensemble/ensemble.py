@@ -3,35 +3,62 @@
 import errno
 import json
 import tempfile
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import replace
+from functools import partial
+from io import BytesIO
 from math import ceil
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, SAMPLES, assemble, read_ensemble
-from gough_stewart.harness.ensemble.chunk import SIZE, check_names
-from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
-from gough_stewart.harness.ensemble.cluster import chunks_there
-from gough_stewart.harness.ensemble.exact_versions import difference, exact_versions
-from gough_stewart.harness.ensemble.local import Range, Workers, chunks_here, cores, processes_for
-from gough_stewart.harness.ensemble.result import Ensemble
+import polars
+
+from gough_stewart.harness.ensemble.chunk import FOLDER, SIZE, ChunkFiles, check_names
+from gough_stewart.harness.ensemble.data import (
+    BANDS,
+    CAUSE,
+    IMPOSSIBLE,
+    INTEGRATION_ERROR,
+    MEMBER,
+    MEMBERS,
+    METADATA,
+    OSCILLATION,
+    OUTCOME,
+    SAMPLES,
+)
+from gough_stewart.harness.ensemble.report import Ensemble, read_ensemble
+from gough_stewart.harness.ensemble.workers import (
+    Range,
+    Workers,
+    chunks_here,
+    chunks_there,
+    cores,
+    difference,
+    exact_versions,
+    processes_for,
+)
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.plan import EnsemblePlan, plan_from, plan_of
 from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.polars_paths import scan_parquet, write_to
+from gough_stewart.harness.report.small_machine import fineness_of
+from gough_stewart.harness.results.bands import MOST_KEPT, bands_frame, joined_samples, samples_frame
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.process.files import check_output_folder, remove_leftovers, reserved, write_whole
 from gough_stewart.model.process.progress import StepProgress
 
 PLAN = "plan.json"
+_ROWS_A_GROUP = 65_536
+_MOST_CAUSES = 50
 # Called with the number of finished members, and the total.
 MembersProgress = Callable[[int, int], None]
 
 
-def ensemble(
+def ensemble(  # noqa: PLR0915 - one road, in sections
     experiment: Experiment | Path | str,
     settings: Settings = (),
     *,
@@ -93,95 +120,73 @@ def ensemble(
     >>> found = gs.ensemble("heave_tolerances", {"loop.duration": 0.1}, members=16, workers=1)
     >>> found.members["outcome"].value_counts(), found.values("tracking.position.norm_peak").max()
     """
-    chosen = _with(experiment_of(experiment, settings), members, seed)
+    numbers = {"ensemble.members": members, "ensemble.seed": seed}
+    chosen = experiment_of(experiment, settings)
+    chosen = experiment_of(chosen, {key: value for key, value in numbers.items() if value is not None})
     if workers is not None and workers < 1:
         raise EnsembleError(f"workers is {workers}; expected at least 1")
-    if out is None:
-        with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
-            return _run(chosen, controller, Path(folder), False, workers, scheduler, progress, status)
-    with reserved(Path(out)):
-        check_output_folder(Path(out), (MEMBERS, BANDS, SAMPLES, METADATA, PLAN))
-        remove_leftovers(ChunkFiles(Path(out)).folder)
-        return _run(chosen, controller, Path(out), resume, workers, scheduler, progress, status)
-
-
-def _with(experiment: Experiment, members: int | None, seed: int | None) -> Experiment:
-    found = {"ensemble.members": members, "ensemble.seed": seed}
-    return experiment_of(experiment, {key: value for key, value in found.items() if value is not None})
-
-
-def _run(
-    experiment: Experiment,
-    controller: Any,
-    folder: Path,
-    resume: bool,
-    workers: int | None,
-    scheduler: str | None,
-    progress: MembersProgress | None,
-    status: StepProgress | None,
-) -> Ensemble:
     say = status or (lambda _: None)
-    say("planning")
-    with _begun_workers(experiment, controller, resume, workers, scheduler) as begun:
-        return _computed(experiment, controller, folder, resume, begun, scheduler, progress, say)
+    with ExitStack() as stack:
+        if out is None:
+            folder, resume = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gough-stewart-"))), False
+        else:
+            folder = Path(out)
+            stack.enter_context(reserved(folder))
+            check_output_folder(folder, (MEMBERS, BANDS, SAMPLES, METADATA, PLAN))
+            remove_leftovers(folder / FOLDER)
+        files = ChunkFiles(folder)
 
+        # plan, while processes import; only their number where it may turn out that none is needed
+        say("planning")
+        number, asked = workers or cores(), chosen.ensemble.members if chosen.ensemble else None
+        chunks = ceil((asked or 0) / SIZE)
+        useful = min(workers, chunks) if workers else processes_for(chunks, number, chosen, controller)
+        alone = resume or scheduler is not None or useful < 2
+        processes: Workers | int = number if alone else stack.enter_context(Workers(useful))
+        plan = _planned(chosen, controller, folder, files, resume)
+        if plan is None:
+            return read_ensemble(folder)
+        ranges = [(k, min(k + SIZE, plan.members)) for k in range(0, plan.members, SIZE)]
+        say("checking finished chunks" if resume else "running")
+        features = {part: files.features(part[0]) for part in ranges} if resume else {}
+        missing = [part for part in ranges if features.get(part) is None]
+        finished = plan.members - sum(last - first for first, last in missing)
 
-def _begun_workers(
-    experiment: Experiment, controller: Any, resume: bool, workers: int | None, scheduler: str | None
-) -> AbstractContextManager[Workers | int]:
-    """Processes that import while the run is planned; only their number where it may turn out that none is needed."""
-    number, members = workers or cores(), experiment.ensemble.members if experiment.ensemble else None
-    chunks = ceil((members or 0) / SIZE)
-    useful = min(workers, chunks) if workers else processes_for(chunks, number, experiment, controller)
-    return nullcontext(number) if resume or scheduler is not None or useful < 2 else Workers(useful)
-
-
-def _computed(
-    experiment: Experiment,
-    controller: Any,
-    folder: Path,
-    resume: bool,
-    workers: Workers | int,
-    scheduler: str | None,
-    progress: MembersProgress | None,
-    say: StepProgress,
-) -> Ensemble:
-    files = ChunkFiles(folder)
-    plan = _planned(experiment, controller, folder, files, resume)
-    if plan is None:
-        return read_ensemble(folder)
-    ranges = [(k, min(k + SIZE, plan.members)) for k in range(0, plan.members, SIZE)]
-    say("checking finished chunks" if resume else "running")
-    features = {each: files.features(each[0]) for each in ranges} if resume else {}
-    left = [each for each in ranges if features.get(each) is None]
-    done = plan.members - sum(last - first for first, last in left)
-    say("running")
-    with _kept(folder, files):
-        folder.mkdir(parents=True, exist_ok=True)
-        write_whole(folder / PLAN, json.dumps({"plan": plan.text, "made_with": exact_versions()}, indent=1).encode())
-        with closing(_source(plan, left, workers, scheduler)) as source:
-            for (first, last), content in source:
-                files.write(first, content)
-                features[first, last] = content.features
-                done += last - first
-                if progress is not None:
-                    progress(done, plan.members)
-        say("tables")
-        found = assemble(plan, files, ranges, sorted({each for each in features.values() if each}), folder)
-    files.remove()
-    (folder / PLAN).unlink(missing_ok=True)
-    return found
-
-
-def _source(
-    plan: EnsemblePlan, left: Sequence[Range], workers: Workers | int, scheduler: str | None
-) -> Generator[tuple[Range, ChunkBytes], None, None]:
-    if not left:
-        return
-    if scheduler is None:
-        yield from chunks_here(plan, left, workers)
-    else:
-        yield from chunks_there(plan, left, scheduler)
+        # run; whatever ends it, finished chunks are kept
+        say("running")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            begun = {"plan": plan.text, "made_with": exact_versions()}
+            write_whole(folder / PLAN, json.dumps(begun, indent=1).encode())
+            if missing:
+                source = (
+                    chunks_here(plan, missing, processes)
+                    if scheduler is None
+                    else chunks_there(plan, missing, scheduler)
+                )
+                with closing(source):
+                    for (first, last), content in source:
+                        files.write(first, content)
+                        features[first, last] = content.features
+                        finished += last - first
+                        if progress is not None:
+                            progress(finished, plan.members)
+            say("tables")
+            result = _assembled(plan, files, ranges, sorted(set(filter(None, features.values()))), folder)
+        except BaseException as error:
+            n = files.count()
+            are_kept = f"{'1 finished chunk is' if n == 1 else f'{n} finished chunks are'} kept in {folder}"
+            if n:
+                error.add_note(f"{are_kept}; continue with --resume")
+            if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+                raise OutputError(
+                    f"{error.filename or folder}: no space left on the disk; {are_kept}: free some space, then "
+                    "continue with --resume"
+                ) from error
+            raise
+        files.remove()
+        (folder / PLAN).unlink(missing_ok=True)
+        return result
 
 
 def _planned(
@@ -201,37 +206,32 @@ def _planned(
                 f"{folder} has finished chunks of an incomplete ensemble; continue it with --resume, or remove "
                 f"{folder / FOLDER}, or choose another --out"
             )
-        return _new_plan(experiment, controller)
+        begun = None
     requested = plan_of(experiment, controller)
     if begun is None:
-        return _new_plan(experiment, controller)
-    plan, versions, is_finished = begun
+        requested.prepared.possible()
+        check_names(requested)
+        return requested
+    plan, made_with, is_finished = begun
     if requested.hash != plan.hash:
-        found = list(_different(requested.decisive, plan.decisive, ""))
+        differences = list(_different(requested.decisive, plan.decisive, ""))
         # without values that also appear in the experiment
-        differs = [each for each in found if not any(other.endswith(f".{each}") for other in found)]
+        differs = [text for text in differences if not any(longer.endswith(f".{text}") for longer in differences)]
         raise EnsembleError(
             f"{folder} has results of another experiment: {'; '.join(differs[:3])}; choose another --out, or omit "
             "--resume"
         )
-    if others := difference(exact_versions(), versions):
-        raise EnsembleError(f"{folder} has results of other versions: {others}; omit --resume")
+    if differing := difference(exact_versions(), made_with):
+        raise EnsembleError(f"{folder} has results of other versions: {differing}; omit --resume")
     return None if is_finished else replace(plan, given=requested.given)
-
-
-def _new_plan(experiment: Experiment, controller: Any) -> EnsemblePlan:
-    plan = plan_of(experiment, controller)
-    plan.prepared.possible()
-    check_names(plan)
-    return plan
 
 
 def _begun(folder: Path) -> tuple[EnsemblePlan, dict[str, str], bool] | None:
     """The plan of a folder's results, the versions that made them, and whether they are complete."""
     for name in (PLAN, METADATA):
         try:
-            found = json.loads((folder / name).read_bytes())
-            return plan_from(found["plan"]), dict(found["made_with"]), name == METADATA
+            content = json.loads((folder / name).read_bytes())
+            return plan_from(content["plan"]), dict(content["made_with"]), name == METADATA
         except FileNotFoundError:
             continue
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -250,22 +250,52 @@ def _different(here: Any, there: Any, at: str) -> Iterator[str]:
         yield f"{at} is {here!r} here and {there!r} there"
 
 
-def _finished(n: int) -> str:
-    return "1 finished chunk is" if n == 1 else f"{n} finished chunks are"
+def _assembled(
+    plan: EnsemblePlan, files: ChunkFiles, ranges: Sequence[Range], features: Sequence[str], folder: Path
+) -> Ensemble:
+    """Write the tables and ensemble.json from the chunks; the last one marks completion."""
+    rows = polars.concat([scan_parquet(files.rows(first)) for first, _ in ranges], how="diagonal")
 
+    def write(path: Path | BytesIO) -> None:
+        rows.sink_parquet(path, row_group_size=_ROWS_A_GROUP, maintain_order=True, statistics=False)
 
-@contextmanager
-def _kept(folder: Path, files: ChunkFiles) -> Iterator[None]:
-    """Add to an error that finished chunks are kept, and how to continue."""
-    try:
-        yield
-    except BaseException as error:
-        n = files.count()
-        if n:
-            error.add_note(f"{_finished(n)} kept in {folder}; continue with --resume")
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise OutputError(
-                f"{error.filename or folder}: no space left on the disk; {_finished(n)} kept in {folder}: "
-                "free some space, then continue with --resume"
-            ) from error
-        raise
+    write_whole(folder / MEMBERS, lambda path: write_to(path, write))
+    joined = joined_samples(files.bands(first) for first, _ in ranges)
+    bands = bands_frame(joined)
+    write_whole(folder / BANDS, lambda path: write_to(path, partial(bands.write_parquet, statistics=False)))
+    members = scan_parquet(folder / MEMBERS)
+    ran = members.filter(polars.col(OUTCOME) != IMPOSSIBLE).select(MEMBER).head(MOST_KEPT).collect()[MEMBER].to_list()
+    samples = samples_frame(joined, ran)
+    write_whole(folder / SAMPLES, lambda path: write_to(path, partial(samples.write_parquet, statistics=False)))
+
+    # metadata depend only on the results: no times, and no names of workers
+    prepared = plan.prepared
+    counts = members.group_by(OUTCOME).len().sort(OUTCOME).collect()
+    motions = members.group_by(OSCILLATION).len().drop_nulls().sort(OSCILLATION).collect()
+    causes = members.group_by(CAUSE).len().drop_nulls().sort(["len", CAUSE], descending=[True, False])
+    largest = members.select(polars.col(INTEGRATION_ERROR).max()).collect().item()
+    first = causes.head(_MOST_CAUSES).collect()
+    metadata = {
+        "title": prepared.nominal.title,
+        "experiment": prepared.nominal.model_dump(mode="json"),
+        "settings": plan.settings,
+        "fineness": fineness_of(prepared.platforms[1]),
+        "members": plan.members,
+        "seed": plan.seed,
+        "sampling": prepared.choice.sampling,
+        "combinations": prepared.combinations,
+        "groups": [[name for k in group for name in prepared.inputs[k].columns] for group in prepared.groups],
+        "outcomes": dict(zip(counts[OUTCOME], counts["len"], strict=True)),
+        "oscillations": dict(zip(motions[OSCILLATION], motions["len"], strict=True)),
+        "causes": dict(zip(first[CAUSE], first["len"], strict=True)),
+        **prepared.stepping._asdict(),
+        "integration_error": largest,
+        # one text means the same bits from all workers; several mean agreement to 1e-9
+        "features": list(features),
+        "hash": plan.hash,
+        "plan": plan.text,
+        "made_with": exact_versions(),
+        "versions": versions(),
+    }
+    write_whole(folder / METADATA, json.dumps(metadata, indent=1).encode())
+    return read_ensemble(folder)

@@ -1,25 +1,27 @@
 """What an ensemble found, as a report: how many machines do it and how well, what fails, what makes them differ."""
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars
 
 from gough_stewart.harness.ensemble.charts import ensemble_charts
-from gough_stewart.harness.ensemble.columns import (
+from gough_stewart.harness.ensemble.data import (
+    BANDS,
     ENDED,
     GROWING,
     MARGINS,
     MEMBER,
+    MEMBERS,
+    METADATA,
     OUTCOME,
+    SAMPLES,
     VARIED,
-    metric_name,
-    numbers,
-)
-from gough_stewart.harness.ensemble.data import EnsembleData
-from gough_stewart.harness.ensemble.sensitivity import Sensitivity
-from gough_stewart.harness.ensemble.statistics import (
+    EnsembleData,
     are_counted,
     counted,
     failures,
@@ -28,19 +30,26 @@ from gough_stewart.harness.ensemble.statistics import (
     judgement_warning,
     kinds_of_oscillation,
     left_out,
+    metric_name,
+    numbers,
     oscillation_warning,
-    quantiles,
+    quantity_of_input,
+    usual_metrics,
     works,
 )
-from gough_stewart.harness.ensemble.tables import quantity_of_input, usual_metrics
+from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity_if_known
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.polars_paths import read_parquet
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
+from gough_stewart.harness.report.notebook import to_html
 from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
 from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity
 from gough_stewart.harness.report.small_machine import fine
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
+from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.report.words import about, at_least, at_most, listed, percent, sentence
 from gough_stewart.harness.report.words import counted as count
-from gough_stewart.harness.results.bands import LEVELS, QUANTILES
+from gough_stewart.harness.results.bands import LEVELS
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.model.vectors import FloatArray
 
@@ -72,11 +81,70 @@ _MOST_COLUMNS = 5
 _THREE = Quantity("", "", digits=3)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Ensemble(EnsembleData):
+    """An ensemble that has run; displays the quantiles of its metrics, and its failures."""
+
+    def report(self, *, charts: bool = True, worst: Sequence[int] | Mapping[int, str] = ()) -> Report:
+        """How many machines complete their runs and how well, what fails, and what makes them differ.
+
+        Parameters
+        ----------
+        charts
+            Also bands over time, histograms and dependence.
+        worst
+            Members to list, or a mapping with the address of each one's page, "" for none.
+
+        Returns
+        -------
+        Report
+            Verdict, all metrics as numbers with a value for each member, tables, and with `charts` bands and
+            distributions.
+        """
+        by = worst_by(self)
+        return ensemble_report(self, by, sensitivity_if_known(self, by), worst, charts=charts)
+
+    def __repr__(self) -> str:
+        """Title and report as in the terminal."""
+        return "\n".join([f"Ensemble: {self.title}", text_of(self.report(charts=False))])
+
+    def _repr_html_(self) -> str:
+        """The report, for a notebook."""
+        return to_html(self.report(charts=False))
+
+
+def read_ensemble(folder: Path | str) -> Ensemble:
+    """An ensemble from its folder.
+
+    Returns
+    -------
+    Ensemble
+        As `ensemble` returned it.
+
+    Raises
+    ------
+    RecordError
+        The folder has no ensemble.
+    """
+    folder = Path(folder)
+    try:
+        metadata: dict[str, Any] = json.loads((folder / METADATA).read_bytes())
+        return Ensemble(
+            read_parquet(folder / MEMBERS),
+            read_parquet(folder / BANDS),
+            metadata,
+            # results of older versions have none
+            read_parquet(folder / SAMPLES) if (folder / SAMPLES).is_file() else None,
+        )
+    except (OSError, ValueError, polars.exceptions.PolarsError) as error:
+        raise RecordError(f"{folder} has no ensemble: {error}") from error
+
+
 def worst_by(found: EnsembleData) -> str:
     """The metric that ranks the worst members: the experiment's, or that of tracking."""
-    chosen = ((found.metadata.get("experiment") or {}).get("ensemble") or {}).get("worst_by")
-    if chosen is not None:
-        return metric_name(found.members, chosen)
+    by = ((found.metadata.get("experiment") or {}).get("ensemble") or {}).get("worst_by")
+    if by is not None:
+        return metric_name(found.members, by)
     return next(name for name in (*_WORST_BY, *found.metrics) if name in found.metrics)
 
 
@@ -114,8 +182,8 @@ def ensemble_report(
     sections = [Section("Members", tuple(tables))]
     if charts:
         sections += ensemble_charts(found, by, known)
-        every = [name for name in found.metrics if len(counted(members, name))]
-        sections.append(Section("All metrics", (quantile_table(members, every),), detail=True))
+        all_metrics = [name for name in found.metrics if len(counted(members, name))]
+        sections.append(Section("All metrics", (quantile_table(members, all_metrics),), detail=True))
     seed = f", seed {found.metadata['seed']}" if "seed" in found.metadata else ""
     return fine(
         Report(
@@ -144,9 +212,10 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     low, high = share_interval(sound / found.block, n / found.block)
     grows = bool(kinds_of_oscillation(members)[GROWING])
     how = "complete their runs without a growing loop" if grows else "complete their runs"
-    of = count(n, "machine")
-    interval = f"95 % confidence: {_interval(low, high)}"
-    parts: list[str | None] = [f"{sound:,} of {of} {how} ({interval})"]
+    # digits so that neither end is rounded to what it is not
+    first, last = (percent(end, 3) for end in (low or 0.0, 1.0 if high is None else high))
+    interval = f"95 % confidence: {first.removesuffix(' %')} to {last}"
+    parts: list[str | None] = [f"{sound:,} of {count(n, 'machine')} {how} ({interval})"]
     share, method = replace(SHARE, digits=4), METHOD.format("members" if found.block == 1 else "points of the design")
     carried = [Number("", "machines that complete", sound / n, share, low, high, explanation=method)]
     values = counted(members, by)
@@ -158,8 +227,12 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
         ends = quantile_interval(values, level, independent=found.independent(are_counted(members, by)))
         told = f"{percent(SHARE_TOLD)} of them"
         quantity = fine(metric.quantity, fineness_in(found))
-        size = at_least(quantity, value) if is_lower else at_most(quantity, value)
-        words = f"have a {metric.text} of at least {size}" if is_lower else _within(by, size)
+        if is_lower:
+            words = f"have a {metric.text} of at least {at_least(quantity, value)}"
+        elif by == _WORST_BY[0]:
+            words = f"stay within {at_most(quantity, value)} of their reference"
+        else:
+            words = f"have a {metric.text} of at most {at_most(quantity, value)}"
         parts.append(f"{told} {words} ({_quantile_interval(quantity, *ends)})")
         carried.append(
             Number(
@@ -177,12 +250,6 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     return Verdict(sentence(parts), status, tuple(carried))
 
 
-def _interval(low: float | None, high: float | None) -> str:
-    """Ends in percent; digits so that neither is rounded to what it is not."""
-    first, last = (percent(end or 0.0, 3) for end in (low, 1.0 if high is None else high))
-    return f"{first.removesuffix(' %')} to {last}"
-
-
 def _quantile_interval(quantity: Quantity, low: float | None, high: float | None) -> str:
     """How sure a quantile is, with 95 % confidence."""
     if low is None or high is None:
@@ -192,12 +259,6 @@ def _quantile_interval(quantity: Quantity, low: float | None, high: float | None
     first, last = at_least(quantity, low), at_most(quantity, high)
     # one unit for both, unless a small machine's differ
     return f"{first.removesuffix(f' {last.split()[-1]}') if quantity.unit else first} to {last}"
-
-
-def _within(by: str, size: str) -> str:
-    if by == "tracking.position.norm_peak":
-        return f"stay within {size} of their reference"
-    return f"have a {metric_of(by).text} of at most {size}"
 
 
 def _cause(known: Sensitivity) -> str | None:
@@ -211,9 +272,9 @@ def _cause(known: Sensitivity) -> str | None:
     names = [known.inputs[k] for k in sure[:_MOST_NAMED]]
     if len(sure) == 1:
         return f"{names[0]} matters most"
-    others = [count(len(sure) - _MOST_NAMED, "other")] if len(sure) > _MOST_NAMED else []
+    unnamed = [count(len(sure) - _MOST_NAMED, "other")] if len(sure) > _MOST_NAMED else []
     told = [f"{effect[k]:.2f} [{effect[k] - half[k]:.2f}, {effect[k] + half[k]:.2f}]" for k in sure[:_MOST_NAMED]]
-    return f"{listed([*names, *others])} matter alike ({listed(told)})"
+    return f"{listed([*names, *unnamed])} matter alike ({listed(told)})"
 
 
 def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
@@ -222,19 +283,19 @@ def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
     Of a metric that is better if larger, 95 % stay above.
     """
     completed = (found.members[OUTCOME] == "completed").to_numpy()
-    made = []
+    told = []
     for name in found.metrics:
         values = found.values(name)
-        own = values if name.startswith(MARGINS) else np.where(completed, values, np.nan)
-        made.append(number_of_members(name, own, found.block))
-    return tuple(made)
+        of_members = values if name.startswith(MARGINS) else np.where(completed, values, np.nan)
+        told.append(number_of_members(name, of_members, found.block))
+    return tuple(told)
 
 
 def number_of_members(name: str, members: FloatArray, block: int = 1) -> Number:
     """A metric with its value for each member (N,), and the value that 95 % of those with one do not exceed."""
-    metric, known = metric_of(name), finite(members)
+    metric, defined = metric_of(name), finite(members)
     level = 1 - SHARE_TOLD if metric.better == "larger" else SHARE_TOLD
-    value = float(np.quantile(known, level)) if len(known) else None
+    value = float(np.quantile(defined, level)) if len(defined) else None
     return Number(
         name,
         metric.text,
@@ -249,14 +310,14 @@ def number_of_members(name: str, members: FloatArray, block: int = 1) -> Number:
 
 def quantile_table(members: polars.DataFrame, names: Sequence[str]) -> Table:
     """A row for each metric: its quantiles, and of how many members they are."""
-    table = {row["metric"]: row for row in quantiles(members).iter_rows(named=True)}
     rows: list[tuple[Cell, ...]] = []
     remarks = []
     for name in names:
-        row, metric = table[name], metric_of(name)
+        values, metric = counted(members, name), metric_of(name)
         quantity = replace(metric.quantity, digits=3)
-        rows.append((metric.text, *(Value(row[q], quantity) for q in QUANTILES), int(row["defined"])))
-        remarks += _undefined(members, name, int(row["defined"]))
+        marks = np.quantile(values, LEVELS).tolist() if len(values) else [None] * len(LEVELS)
+        rows.append((metric.text, *(Value(mark, quantity) for mark in marks), len(values)))
+        remarks += _undefined(members, name, len(values))
     without = left_out(members)
     remarks += [f"Quantiles are without the {count(without, 'member')} not completed."] if without else []
     columns = (
@@ -264,24 +325,20 @@ def quantile_table(members: polars.DataFrame, names: Sequence[str]) -> Table:
         *(Column(f"{100 * level:g} %", None, f"{100 * level:g} % of the members stay below") for level in LEVELS),
         Column("members", None, "how many members have this number"),
     )
-    return Table(_ended(members), columns, tuple(rows), note=" ".join(remarks))
-
-
-def _ended(members: polars.DataFrame) -> str:
-    """How the runs of the members ended."""
     counts = members[OUTCOME].value_counts().sort(OUTCOME).iter_rows()
     ended = ", ".join(f"{number} {outcome}" for outcome, number in counts)
-    own = [f"{len(which)} {kind}" for kind, which in kinds_of_oscillation(members).items() if which]
-    ended += f" ({' and '.join(own)} by themselves)" if own else ""
-    return f"{count(members.height, 'member')}: {ended}"
+    motions = [f"{len(which)} {kind}" for kind, which in kinds_of_oscillation(members).items() if which]
+    ended += f" ({' and '.join(motions)} by themselves)" if motions else ""
+    title = f"{count(members.height, 'member')}: {ended}"
+    return Table(title, columns, tuple(rows), note=" ".join(remarks))
 
 
 def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:
     """Of a time of a step response that some lack: after how long they had not reached it."""
-    part, _, what = name.rpartition(".")
+    part, _, time = name.rpartition(".")
     words = {"settling_time": "settled to 2 %", "rise_time": "risen to 90 %"}
     total = members.height - left_out(members)
-    if what not in words or defined == total or f"{part}.at" not in members.columns:
+    if time not in words or defined == total or f"{part}.at" not in members.columns:
         return []
     at, duration = (counted(members, path) for path in (f"{part}.at", ENDED))
     waited = ""
@@ -289,17 +346,17 @@ def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:
         waited = f" {about(TIME, float(duration.max() - at.min()))} after its step, when the run ended"
     axis = part.rpartition(".")[2]
     return [
-        f"In {total - defined:,} of {count(total, 'member')} {axis} had not {words[what]}{waited}: "
+        f"In {total - defined:,} of {count(total, 'member')} {axis} had not {words[time]}{waited}: "
         "they have no such time, and the quantiles are of the faster ones."
     ]
 
 
 def failure_table(members: polars.DataFrame, most: int = _MOST_CAUSES, pages: Mapping[int, str] | None = None) -> Table:
     """Members that did not complete, by cause; the first of each stands for it, with its page if there is one."""
-    found, pages = failures(members), pages or {}
+    causes, pages = failures(members), pages or {}
     columns = (Column(MEMBER), Column("outcome"), Column("cause"), Column("members with it"))
-    rows = tuple((each.members[0], each.outcome, each.cause, len(each.members)) for each in found)
-    links = tuple(pages.get(each.members[0], "") for each in found)
+    rows = tuple((cause.members[0], cause.outcome, cause.cause, len(cause.members)) for cause in causes)
+    links = tuple(pages.get(cause.members[0], "") for cause in causes)
     note = "The first member of each cause. `gough-stewart run EXPERIMENT --member N --open` shows member N as a run."
     shown = links if any(links) else ()
     return Table("Not completed", columns, rows, sortable=True, first_shown=most, note=note, links=shown)
@@ -332,13 +389,13 @@ def worst_table(
     inputs: Sequence[str] | None = None,
 ) -> Table:
     """These members with their outcome, the metric, and what was drawn for the first of the inputs."""
-    metric, every = metric_of(by), found.varied if inputs is None else inputs
-    inputs = every[:_MOST_COLUMNS]
+    metric, all_inputs = metric_of(by), found.varied if inputs is None else inputs
+    inputs = all_inputs[:_MOST_COLUMNS]
     columns = (
         Column("member"),
         Column("outcome"),
         Column(metric.text, metric.quantity),
-        *(Column(each, quantity_of_input(each)) for each in inputs),
+        *(Column(name, quantity_of_input(name)) for name in inputs),
     )
     merit = found.values(by)
     rows: list[tuple[Cell, ...]] = []
@@ -346,7 +403,7 @@ def worst_table(
     drawn = [numbers(found.members, f"{VARIED}{name}") for name in inputs]
     for member in worst:
         k = row_of[member]
-        rows.append((member, str(found.members[OUTCOME][k]), float(merit[k]), *(float(each[k]) for each in drawn)))
+        rows.append((member, str(found.members[OUTCOME][k]), float(merit[k]), *(float(column[k]) for column in drawn)))
     links = tuple((pages or {}).get(member, "") for member in worst)
     return Table(
         f"Worst members by {metric.text}",
@@ -355,7 +412,9 @@ def worst_table(
         sortable=True,
         detail=True,
         links=links if pages else (),
-        note=f"{len(every) - len(inputs)} more inputs are in `members.parquet`." if len(every) > len(inputs) else "",
+        note=f"{len(all_inputs) - len(inputs)} more inputs are in `members.parquet`."
+        if len(all_inputs) > len(inputs)
+        else "",
     )
 
 
@@ -366,8 +425,8 @@ def _notes(found: EnsembleData) -> tuple[Note, ...]:
     notes, n = [Note(text, "warning") for text in warnings if text], found.members.height
     combinations = found.metadata.get("combinations", 1)
     if n % combinations:
-        what = f"{count(n, 'member')} of grids with {combinations:,} combinations have the first ones more often"
-        notes.append(Note(f"{what}: choose a multiple for shares and quantiles of the whole grids", "warning"))
+        remark = f"{count(n, 'member')} of grids with {combinations:,} combinations have the first ones more often"
+        notes.append(Note(f"{remark}: choose a multiple for shares and quantiles of the whole grids", "warning"))
     text = _CONFIDENCE.get(found.metadata.get("sampling", "random"), "")
     if text:
         text = text.format(points=f"{n // found.block:,}", members=f"{n:,}", block=found.block)

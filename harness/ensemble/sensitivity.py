@@ -7,8 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.columns import OUTCOME, metric_name
-from gough_stewart.harness.ensemble.data import EnsembleData
+from gough_stewart.harness.ensemble.data import OUTCOME, EnsembleData, metric_name
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.model.vectors import FloatArray
 
@@ -163,24 +162,28 @@ def _regression(ensemble: EnsembleData, metric: str, merit: FloatArray) -> Sensi
     X = np.stack(list(columns.values()), axis=1) if columns else np.zeros((len(merit), 0))
     usable = np.flatnonzero(np.isfinite(merit))
     # strings and constants have no coefficient
-    kept = [k for k, x in enumerate(X.T) if len(usable) and np.isfinite(x[usable]).all() and np.ptp(x[usable]) > 0]
-    without = tuple(name for k, name in enumerate(columns) if k not in kept)
-    n, p = len(usable), len(kept)
-    if not kept:
+    usable_inputs = [
+        k for k, x in enumerate(X.T) if len(usable) and np.isfinite(x[usable]).all() and np.ptp(x[usable]) > 0
+    ]
+    without = tuple(name for k, name in enumerate(columns) if k not in usable_inputs)
+    n, p = len(usable), len(usable_inputs)
+    if not usable_inputs:
         raise RecordError(f"{metric}: no number varies; expected an [ensemble] with distributions")
     if n < p + 3:
         raise RecordError(f"{metric}: {n} members have a value; expected at least {p + 3} for {p} inputs")
     if np.ptp(merit[usable]) == 0:
         raise RecordError(f"{metric}: is the same for all members; expected one that varies")
-    z, w = _standard(X[usable][:, kept]), _standard(merit[usable])
+    z, w = _standard(X[usable][:, usable_inputs]), _standard(merit[usable])
     beta = np.asarray(np.linalg.lstsq(z, w, rcond=None)[0], dtype=float)
     r2 = float(1 - np.mean((w - z @ beta) ** 2))
     again = _resampled(z, w)
     levels = ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2)
-    known = again[np.isfinite(again).all(axis=1)]
-    alike = _alike(np.abs(beta), np.abs(known))
-    low, high = np.quantile(known, levels, axis=0) if len(known) else np.full((len(levels), again.shape[1]), np.nan)
-    names = tuple(list(columns)[k] for k in kept)
+    resamples = again[np.isfinite(again).all(axis=1)]
+    alike = _alike(np.abs(beta), np.abs(resamples))
+    low, high = (
+        np.quantile(resamples, levels, axis=0) if len(resamples) else np.full((len(levels), again.shape[1]), np.nan)
+    )
+    names = tuple(list(columns)[k] for k in usable_inputs)
     left_out = len(merit) - n
     half = (high - low) / 2
     return Sensitivity(metric, "regression", names, beta, half, None, None, r2, n, left_out, without, alike)
@@ -205,7 +208,7 @@ def _resampled(z: FloatArray, w: FloatArray) -> FloatArray:
     rows = np.concatenate([z, w[:, None], np.ones((n, 1))], axis=1)
     rows = rows if groups == n else rows[rng.permutation(n)]
     products = np.stack([part.T @ part for part in np.array_split(rows, groups)]).reshape(groups, -1)
-    found = np.full((_RESAMPLES, p), np.nan)
+    coefficients = np.full((_RESAMPLES, p), np.nan)
     for k in range(_RESAMPLES):
         counts = np.bincount(rng.integers(0, groups, groups), minlength=groups)
         total = (counts @ products).reshape(p + 2, p + 2)
@@ -215,7 +218,7 @@ def _resampled(z: FloatArray, w: FloatArray) -> FloatArray:
         if not (scale > _ROUNDING).all():  # an input that is the same for all of these
             continue
         try:
-            found[k] = np.linalg.solve(C[:p, :p], C[:p, p]) * scale[:p] / scale[p]
+            coefficients[k] = np.linalg.solve(C[:p, :p], C[:p, p]) * scale[:p] / scale[p]
         except np.linalg.LinAlgError:
             continue
-    return found
+    return coefficients

@@ -15,9 +15,8 @@ from gough_stewart.harness.errors import ExperimentError, MotionError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import (
-    Preparation,
-    force_limit_of,
-    limited_by,
+    limited_platform,
+    nominal_platform,
     reference_motion,
     timing_of,
 )
@@ -205,8 +204,8 @@ class MotionCheck:
         """The platform with its dynamic limits less the margin."""
         stated = {name: getattr(self.platform, name) for name in DYNAMIC if self.margin}
         # rounding of a plan at its margin is not beyond it
-        left = (1 - self.margin) * (1 + _ROUNDING)
-        return replace(self.platform, **{name: left * most for name, most in stated.items() if most is not None})
+        unreserved = (1 - self.margin) * (1 + _ROUNDING)
+        return replace(self.platform, **{name: unreserved * most for name, most in stated.items() if most is not None})
 
     def _slower_clocks(self, factor: float) -> Timing:
         """Clocks of a run that much longer, in whole plant steps within the motion."""
@@ -260,16 +259,16 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     >>> slower = found.fitted("time")
     >>> record = gs.run(slower.experiment, {"loop.duration": 0.1})
     """
-    chosen = experiment_of(experiment, settings)
-    nominal = Preparation(chosen).nominal(chosen.platform)
-    platform = limited_by(force_limit_of(chosen.actuators.force_limit, nominal), nominal)
-    timing = timing_of(chosen, chosen.loop)
-    if chosen.reference is None:
-        raise ExperimentError(chosen.where, "reference", "is missing; add one, so that there is a motion")
-    reference, motion = reference_motion(chosen, chosen.reference, platform, timing)
-    shares = shares_along(platform, timing.times, motion, chosen.limits.condition_number)
+    experiment_checked = experiment_of(experiment, settings)
+    nominal = nominal_platform(experiment_checked, experiment_checked.platform)
+    platform = limited_platform(nominal, experiment_checked.actuators.force_limit)
+    timing = timing_of(experiment_checked, experiment_checked.loop)
+    if experiment_checked.reference is None:
+        raise ExperimentError(experiment_checked.where, "reference", "is missing; add one, so that there is a motion")
+    reference, motion = reference_motion(experiment_checked, experiment_checked.reference, platform, timing)
+    shares = shares_along(platform, timing.times, motion, experiment_checked.limits.condition_number)
     needs = needs_along(platform, timing.times, motion)
-    return MotionCheck(chosen, platform, shares, needs, reference, motion, timing)
+    return MotionCheck(experiment_checked, platform, shares, needs, reference, motion, timing)
 
 
 def _verdict(result: MotionCheck) -> Verdict:
@@ -278,9 +277,11 @@ def _verdict(result: MotionCheck) -> Verdict:
     number = _number(peak)
     if result.within and result.keeps_margin:
         # without limits of the legs, only singular poses have been checked
-        known = [name for name in _OF_LEG if name in result.shares.of]
-        can = "can be done" if known else "can be done as far as is known: the platform states no limit of its legs"
-        status: Status = "told" if not known else "marginal" if peak.share > _NEAR else "good"
+        leg_limits = [name for name in _OF_LEG if name in result.shares.of]
+        can = (
+            "can be done" if leg_limits else "can be done as far as is known: the platform states no limit of its legs"
+        )
+        status: Status = "told" if not leg_limits else "marginal" if peak.share > _NEAR else "good"
         return Verdict(sentence([can, _need(peak)]), status, (number,))
     slow, small = result.time_factor, result.amplitude_factor
     fits = [] if slow is None else [f"{slow:.4g} times as long (--fit time)"]

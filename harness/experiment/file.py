@@ -58,8 +58,7 @@ def load_experiment(name: Path | str, settings: Settings = ()) -> Experiment:
     --------
     >>> experiment = gs.load_experiment("heave_step", {"loop.duration": 1, "controller.bandwidth": 3})
     """
-    text, where, folder = _read(name)
-    return _set(_parsed(text, where), settings, where, folder)
+    return _parsed(*_read(name), settings)
 
 
 def _read(name: Path | str) -> tuple[str, str, Path]:
@@ -141,8 +140,19 @@ def shipped_experiment(name: str, settings: Settings = ()) -> Experiment:
     ExperimentError
         No such experiment, or as `experiment_from`.
     """
-    where = f"experiment '{name}'"
-    return _set(_parsed(shipped_text(name), where), settings, where)
+    return _parsed(shipped_text(name), f"experiment '{name}'", Path(), settings)
+
+
+def _parsed(text: str, where: str, folder: Path, settings: Settings) -> Experiment:
+    try:
+        values = toml_values(text)
+    except ValueError as error:
+        raise ExperimentError(where, "", str(error)) from error
+    if "platform_mass" in values and "base_points" in values:
+        raise ExperimentError(
+            where, "", "is a platform file; expected an experiment that names it: platform.file = 'FILE.toml'"
+        )
+    return _set(values, settings, where, folder, {})
 
 
 def experiment_from(
@@ -174,34 +184,20 @@ def experiment_from(
 
 
 def _set(
-    values: Mapping[str, Any],
-    settings: Settings,
-    where: str,
-    folder: Path = Path(),
-    before: Mapping[str, dict[str, Any]] | None = None,
+    values: Mapping[str, Any], settings: Settings, where: str, folder: Path, before: Mapping[str, dict[str, Any]]
 ) -> Experiment:
     """An experiment with settings, which remembers them and what its file has in their place."""
     if isinstance(settings, str):
         settings = [settings]
     settings = dict(settings) if isinstance(settings, Mapping) else list(settings)
-    changed = dict(before or {})
+    if not settings:
+        return experiment_from(values, where, folder, before)
+    changed = dict(before)
     for _, key, value in keys_and_values(settings):
         name = key.strip()
         of_file = changed[name]["file"] if name in changed else reduce(table_or_element, name.split("."), values)
         changed[name] = json.loads(json.dumps({"value": value, "file": of_file}, default=str))
     return experiment_from(with_settings(values, settings), where, folder, changed)
-
-
-def _parsed(text: str, where: str) -> dict[str, Any]:
-    try:
-        values = toml_values(text)
-    except ValueError as error:
-        raise ExperimentError(where, "", str(error)) from error
-    if "platform_mass" in values and "base_points" in values:
-        raise ExperimentError(
-            where, "", "is a platform file; expected an experiment that names it: platform.file = 'FILE.toml'"
-        )
-    return values
 
 
 def text_with_settings(source: Experiment | Path | str, *settings: Settings, folder: Path | None = None) -> str:
@@ -232,16 +228,16 @@ def text_with_settings(source: Experiment | Path | str, *settings: Settings, fol
         text, where, origin = _read(source)
     document = tomlkit.parse(text)
     expected: Mapping[str, Any] = toml_values(text)
-    chosen = [*settings]
+    all_settings = [*settings]
     for keys in settings:
         expected = with_settings(expected, keys)
     experiment = experiment_from(expected, where, origin)
     if folder is not None:
         names = {".".join(key): name for key, name in names_from(experiment, folder).items()}
-        chosen.append(names)
+        all_settings.append(names)
         expected = with_settings(expected, names)
     try:
-        for keys in chosen:
+        for keys in all_settings:
             for setting, key, value in keys_and_values(keys):
                 set_key(document, setting, key, value)
         written = tomlkit.dumps(document)
@@ -325,25 +321,21 @@ def names_from(experiment: Experiment, folder: Path) -> dict[tuple[str, ...], st
     ExperimentError
         The folder has a file of its own under the name of a shipped one.
     """
-    return {key: _name_from(experiment, key, Path(name), folder) for key, name in file_names(experiment).items()}
-
-
-def _name_from(experiment: Experiment, key: tuple[str, ...], name: Path, folder: Path) -> str:
-    if name.is_absolute():
-        return str(name)
-    is_recording = key[0] == "reference" and isinstance(experiment.reference, FromFile)
-    if is_recording and recording_path(experiment.folder, str(name)) != experiment.folder / name:  # a shipped one
-        if (folder / name).exists():
-            raise ExperimentError(
-                experiment.where,
-                ".".join(key),
-                f"is the shipped {name}, but {folder} has a file of this name, which an experiment there would read; "
-                "choose another folder",
-            )
-        return str(name)
-    # resolved first: ".." leads elsewhere from a folder that is a link
-    target, there = (experiment.folder / name.parent).resolve() / name.name, folder.resolve()
-    try:
-        return Path(os.path.relpath(target, there)).as_posix()
-    except ValueError:  # on another drive
-        return target.as_posix()
+    names = dict[tuple[str, ...], str]()
+    for key, text in file_names(experiment).items():
+        name, is_recording = Path(text), key[0] == "reference" and isinstance(experiment.reference, FromFile)
+        if name.is_absolute():
+            names[key] = str(name)
+        elif is_recording and recording_path(experiment.folder, str(name)) != experiment.folder / name:  # a shipped one
+            if (folder / name).exists():
+                raise ExperimentError(
+                    experiment.where,
+                    ".".join(key),
+                    f"is the shipped {name}, but {folder} has a file of this name, which an experiment there would "
+                    "read; choose another folder",
+                )
+            names[key] = str(name)
+        else:
+            # resolved first: ".." leads elsewhere from a folder that is a link
+            names[key] = _from((experiment.folder / name.parent).resolve() / name.name, folder.resolve())
+    return names

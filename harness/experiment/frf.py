@@ -13,7 +13,7 @@ import polars
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.frequency_response import Response, response_of_periods
-from gough_stewart.harness.control.laws import Controller, controller_of, linear_of
+from gough_stewart.harness.control.laws import controller_of, linear_of
 from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import ComplexArray, is_stable, response
 from gough_stewart.harness.errors import ControllerError, RecordError
@@ -65,7 +65,22 @@ class FrequencyResponse:
 
     def __repr__(self) -> str:
         """Channel, band, coherence, and the largest difference from the linear model."""
-        return "\n".join([f"Frequency response: {self.title}", *(f"  {line}" for line in self._summary())])
+        seen, f, peak = self.measured, self.frequency, int(np.abs(self.measured.S).argmax())
+        lines = [
+            f"Frequency response: {self.title}",
+            f"{self.channel}, {self._band}",
+            f"largest |S| {abs(seen.S[peak]):.4g} at {f[peak]:.4g} Hz; smallest coherence {seen.coherence.min():.3g}",
+        ]
+        if self.predicted is not None:
+            gap = np.abs(seen.S - 1 / (1 + self.predicted))
+            worst = int(gap.argmax())
+            lines.append(f"farthest from the linear model: S by {gap[worst]:.3g} at {f[worst]:.4g} Hz")
+        return "\n  ".join([*lines, *self.notes])
+
+    @property
+    def _band(self) -> str:
+        f = self.frequency
+        return f"{len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {self.measured.periods} periods"
 
     def _repr_html_(self) -> str:
         return to_html(self.report(charts=False))
@@ -79,31 +94,16 @@ class FrequencyResponse:
             Verdict, numbers such as `S.peak` and `L.crossover`, a table, and with `charts` the Bode plot.
         """
         sections = [Section("Bode plot", _charts(self))] if charts else []
-        f = self.frequency
         return Report(
             f"{self.title}: {self.channel}",
             _verdict(self),
             (*sections, Section("Values", (_table(self),))),
             study="frf",
             settings=settings_of(self.changed),
-            lead=f"{len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {self.measured.periods} periods",
+            lead=self._band,
             numbers=_numbers(self),
             notes=tuple(Note(text, "warning") for text in self.notes),
         )
-
-    def _summary(self) -> list[str]:
-        measured, f = self.measured, self.frequency
-        peak = int(np.abs(measured.S).argmax())
-        lines = [
-            f"{self.channel}, {len(f)} frequencies from {f[0]:.4g} to {f[-1]:.4g} Hz, {measured.periods} periods",
-            f"largest |S| {abs(measured.S[peak]):.4g} at {f[peak]:.4g} Hz; "
-            f"smallest coherence {measured.coherence.min():.3g}",
-        ]
-        if self.predicted is not None:
-            gap = np.abs(measured.S - 1 / (1 + self.predicted))
-            worst = int(gap.argmax())
-            lines.append(f"farthest from the linear model: S by {gap[worst]:.3g} at {f[worst]:.4g} Hz")
-        return [*lines, *self.notes]
 
     def table(self) -> polars.DataFrame:
         """One row per frequency: gains [1], phases [rad], radii of 95 % confidence, coherence."""
@@ -162,32 +162,66 @@ def frf(
     >>> found.frequency.shape == found.measured.L.shape
     True
     """
+    # read: the run's experiment, in the folder of the one that the caller has passed
     if not isinstance(record, Record):
         record = read_record(record)
-    own = _experiment_of(record)
+    metadata = record.metadata
+    try:
+        chosen = Experiment.built().model_validate_json(json.dumps(metadata["experiment"]))
+    except (KeyError, ValueError) as error:
+        raise RecordError(f"the metadata contain no experiment ({error}); expected a record of `run`") from error
     if experiment is not None:
-        own = _with_folder(own, experiment_of(experiment))
-    choice = own.injection
+        now = experiment_of(experiment)
+        if chosen.controller.code != now.controller.code:
+            names = [", ".join(source.controller.code) or "no file" for source in (now, chosen)]
+            raise RecordError(
+                f"{now.where} has a controller of {names[0]}, the record's run one of {names[1]}; expected the "
+                "experiment of this run"
+            )
+        chosen = chosen.from_file(now.where, now.folder)
+    choice = chosen.injection
     if choice is None or "controller.injection" not in record:
         raise RecordError("the record's run had no [injection]; expected an experiment with that table")
-    if "injection" in record.metadata.get("replaced", []):
+    if "injection" in metadata.get("replaced", []):
         raise RecordError("the run had an injection of its own instead of [injection]; expected that of the experiment")
-    sample_time = float(record.metadata["sample_time"])
-    J = leg_jacobian(platform_of(record), *_pose(record))
-    a, b = choice.directions(J)
+
+    # measure: S of the excited channel in the first pose of the reference, or at home
+    sample_time, platform = float(metadata["sample_time"]), platform_of(record)
+    pose = platform.home_position, platform.home_orientation
+    if "reference.position" in record:
+        pose = record["reference.position"][0], record["reference.orientation"][0]
+    a, b = choice.directions(leg_jacobian(platform, *pose))
     # commands are held, so the last row before the next sample also has that of a delayed sample
-    every = round(sample_time / float(record.metadata["plant_step"]))
-    at = slice(every - 1, len(record.table) - 1, every)
+    steps_a_sample = round(sample_time / float(metadata["plant_step"]))
+    at = slice(steps_a_sample - 1, len(record.table) - 1, steps_a_sample)
     injected = record["controller.injection"][at] @ b
     force = (record["controller.force"] - record["controller.feedforward"])[at] @ b
     lines, samples = choice.lines(sample_time), len(choice.signal(sample_time))
     measured = response_of_periods(injected, force, samples, lines, choice.settle)
     frequency = lines / (samples * sample_time)
-    predicted, notes = None, _notes(record)
+
+    # compare: L of the linear model, as in `margins`
+    predicted, notes = None, _doubts_of_run(record)
     try:
         if controller is None:
-            notes += _doubts_of_controller(record, own, is_given=experiment is not None)
-        L = _linear_loop(record, own, controller)
+            notes += _doubts_of_controller(record, chosen, is_given=experiment is not None)
+            law = chosen.controller.controller(platform, sample_time, chosen.folder)
+        else:
+            law = controller_of(controller, chosen.controller.design(platform, sample_time))
+        linear = linear_of(law)
+        if linear is None:
+            raise ControllerError("the controller is not linear, or there is none")
+        L = loop_transfer(
+            machine_of(record),
+            linear,
+            sample_time,
+            believed=platform,
+            delay=chosen.loop.delay,
+            lag=chosen.actuators.lag,
+            position=pose[0],
+            orientation=pose[1],
+            side=chosen.sensors.side,
+        )
         # of one channel, the others closed: 1/(b S a) − 1 with S = (1 + L)⁻¹ (n, 6, 6)
         S = np.linalg.inv(np.eye(6) + response(L, 2 * np.pi * frequency))
         predicted = np.asarray(1 / (S @ a @ b) - 1)
@@ -195,27 +229,16 @@ def frf(
             notes.append("the linear loop is unstable; `gough-stewart margins` shows the cause")
     except GoughStewartError as error:
         notes.append(f"no linear model to compare with: {error}")
-    changed = record.metadata.get("settings") or {}
-    numbers = (frequency, measured, predicted, tuple(notes), changed, own.requirements)
-    return FrequencyResponse(own.title, choice.channel, *numbers)
-
-
-def _experiment_of(record: Record) -> Experiment:
-    try:
-        return Experiment.built().model_validate_json(json.dumps(record.metadata["experiment"]))
-    except (KeyError, ValueError) as error:
-        raise RecordError(f"the metadata contain no experiment ({error}); expected a record of `run`") from error
-
-
-def _with_folder(own: Experiment, other: Experiment) -> Experiment:
-    """The record's experiment, which may have other settings, with the folder of the other one."""
-    if own.controller.code != other.controller.code:
-        names = [", ".join(experiment.controller.code) or "no file" for experiment in (other, own)]
-        raise RecordError(
-            f"{other.where} has a controller of {names[0]}, the record's run one of {names[1]}; expected the "
-            "experiment of this run"
-        )
-    return own.from_file(other.where, other.folder)
+    return FrequencyResponse(
+        chosen.title,
+        choice.channel,
+        frequency,
+        measured,
+        predicted,
+        tuple(notes),
+        metadata.get("settings") or {},
+        chosen.requirements,
+    )
 
 
 def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> list[str]:
@@ -246,41 +269,7 @@ def _doubts_of_controller(record: Record, own: Experiment, is_given: bool) -> li
     return notes
 
 
-def _pose(record: Record) -> tuple[FloatArray, FloatArray]:
-    """The pose of linearisation: the first of the reference, or home."""
-    if "reference.position" in record:
-        return record["reference.position"][0], record["reference.orientation"][0]
-    platform = platform_of(record)
-    return platform.home_position, platform.home_orientation
-
-
-def _linear_loop(record: Record, experiment: Experiment, controller: Any) -> Any:
-    """The loop transfer of the run, as in `margins`."""
-    platform, sample_time = platform_of(record), float(record.metadata["sample_time"])
-    own: Controller | None
-    own = (
-        experiment.controller.controller(platform, sample_time, experiment.folder)
-        if controller is None
-        else controller_of(controller, experiment.controller.design(platform, sample_time))
-    )
-    made = linear_of(own)
-    if made is None:
-        raise ControllerError("the controller is not linear, or there is none")
-    position, orientation = _pose(record)
-    return loop_transfer(
-        machine_of(record),
-        made,
-        sample_time,
-        believed=platform,
-        delay=experiment.loop.delay,
-        lag=experiment.actuators.lag,
-        position=position,
-        orientation=orientation,
-        side=experiment.sensors.side,
-    )
-
-
-def _notes(record: Record) -> list[str]:
+def _doubts_of_run(record: Record) -> list[str]:
     notes = []
     limited = float(record["flag.force_limited"].any(axis=1).mean())
     if limited:
@@ -301,20 +290,20 @@ def loop_is_known(result: Response) -> NDArray[np.bool_]:
     At high frequencies S is near 1 and L = 1/S − 1 is the small difference of two larger numbers, however coherent
     force and injection are.
     """
-    known = (result.loop_radius < np.abs(result.L)) & (result.radius < _SMALL * np.abs(result.S))
-    return np.asarray(known)
+    is_known = (result.loop_radius < np.abs(result.L)) & (result.radius < _SMALL * np.abs(result.S))
+    return np.asarray(is_known)
 
 
 def _verdict(result: FrequencyResponse) -> Verdict:
     """The peak of S, where L is 1, at how many frequencies L is known, and how many agree with the linear model."""
     numbers = {number.path: number for number in _numbers(result)}
-    peak, crossover, agree = (numbers[path] for path in ("S.peak", "L.crossover", "agreement"))
-    n, known = len(result.frequency), int(loop_is_known(result.measured).sum())
+    carried = peak, crossover, agree = tuple(numbers[path] for path in ("S.peak", "L.crossover", "agreement"))
+    n, n_known = len(result.frequency), int(loop_is_known(result.measured).sum())
     at = result.frequency[int(np.abs(result.measured.S).argmax())]
     parts: list[str | None] = [
         f"|S| peaks at {about(DECIBEL, 20 * math.log10(peak.value or math.nan))} at {about(FREQUENCY, float(at))}",
         None if crossover.value is None else f"the gain of L is 1 at {about(FREQUENCY, crossover.value)}",
-        f"L is known at {known} of {n} frequencies" if known < n else f"L is known at all {n} frequencies",
+        f"L is known at {n_known} of {n} frequencies" if n_known < n else f"L is known at all {n} frequencies",
     ]
     status: Status = "marginal" if (peak.value or 0.0) > _HIGH else "good"
     if agree.value is None:
@@ -323,12 +312,12 @@ def _verdict(result: FrequencyResponse) -> Verdict:
     else:
         parts.append(f"S agrees with the linear model within its 95 % confidence at {percent(agree.value)} of them")
         status = "marginal" if agree.value < _FEW else status
-    return Verdict(sentence(parts), status, tuple(numbers[path] for path in ("S.peak", "L.crossover", "agreement")))
+    return Verdict(sentence(parts), status, carried)
 
 
 def _numbers(result: FrequencyResponse) -> tuple[Number, ...]:
     seen = result.measured
-    size, known = np.abs(seen.S), loop_is_known(seen)
+    size, is_known = np.abs(seen.S), loop_is_known(seen)
     peak = int(size.argmax())
     within = None
     if result.predicted is not None:
@@ -343,11 +332,11 @@ def _numbers(result: FrequencyResponse) -> tuple[Number, ...]:
             float(size[peak] + seen.radius[peak]),
             explanation="the largest amplification of a disturbance, with its 95 % confidence",
         ),
-        Number("L.crossover", "crossover of L", _crossover(result, known), FREQUENCY, explanation="where |L| is 1"),
+        Number("L.crossover", "crossover of L", _crossover(result, is_known), FREQUENCY, explanation="where |L| is 1"),
         Number(
             "L.known",
             "frequencies at which L is known",
-            float(known.mean()),
+            float(is_known.mean()),
             SHARE,
             explanation="where the 95 % confidence of L leaves 0 out",
         ),
@@ -378,7 +367,7 @@ def _crossover(result: FrequencyResponse, known: NDArray[np.bool_]) -> float | N
 def _table(result: FrequencyResponse) -> Table:
     """All frequencies, of which the terminal shows some; L where it is known."""
     seen, n = result.measured, len(result.frequency)
-    known = loop_is_known(seen)
+    is_known = loop_is_known(seen)
     columns = [
         Column("f", FREQUENCY),
         Column("|S|", _PLAIN, "gain from the injected to the total force"),
@@ -392,26 +381,26 @@ def _table(result: FrequencyResponse) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for k in np.unique(np.linspace(0, n - 1, min(_SHOWN_ROWS, n)).round().astype(int)):
         cells: list[Cell] = [float(result.frequency[k]), float(abs(seen.S[k])), float(abs(seen.T[k]))]
-        cells += [float(abs(seen.L[k])), float(np.angle(seen.L[k]))] if known[k] else [None, None]
+        cells += [float(abs(seen.L[k])), float(np.angle(seen.L[k]))] if is_known[k] else [None, None]
         if result.predicted is not None:
             cells += [float(abs(result.predicted[k])), float(np.angle(result.predicted[k]))]
         rows.append((*cells, float(seen.coherence[k])))
-    some = f"{len(rows)} of {n} frequencies; frf.csv has all. " if len(rows) < n else ""
-    note = f"{some}Coherence is of S and T: it may be 1 where L is not known."
+    shown = f"{len(rows)} of {n} frequencies; frf.csv has all. " if len(rows) < n else ""
+    note = f"{shown}Coherence is of S and T: it may be 1 where L is not known."
     return Table("Frequency response", tuple(columns), tuple(rows), note=note)
 
 
 def _charts(result: FrequencyResponse) -> tuple[Chart, ...]:
     seen = result.measured
-    known = loop_is_known(seen)
+    is_known = loop_is_known(seen)
     x = Axis("frequency", FREQUENCY, result.frequency, scale="log")
-    L = np.where(known, seen.L, np.nan)
-    radius = np.where(known, seen.loop_radius, np.nan)
+    L = np.where(is_known, seen.L, np.nan)
+    radius = np.where(is_known, seen.loop_radius, np.nan)
     size = np.abs(L)
     angle = np.full(len(L), np.nan)
-    angle[known] = np.unwrap(np.angle(seen.L[known]))
+    angle[is_known] = np.unwrap(np.angle(seen.L[is_known]))
     spread = np.full(len(L), np.nan)
-    spread[known] = np.arcsin(np.minimum(1.0, radius[known] / size[known]))
+    spread[is_known] = np.arcsin(np.minimum(1.0, radius[is_known] / size[is_known]))
     gain = [Series("run", _GAIN, size, "measured", low=size - radius, high=size + radius)]
     phase = [Series("run", _PHASE, angle, "measured", low=angle - spread, high=angle + spread)]
     sizes = {
@@ -424,23 +413,23 @@ def _charts(result: FrequencyResponse) -> tuple[Chart, ...]:
     if result.predicted is not None:
         line = np.unwrap(np.angle(result.predicted))
         # by full turns to the nearest phase
-        turns = np.round(np.median(angle[known] - line[known]) / (2 * math.pi)) if known.any() else 0.0
+        turns = np.round(np.median(angle[is_known] - line[is_known]) / (2 * math.pi)) if is_known.any() else 0.0
         S = 1 / (1 + result.predicted)
         gain.append(Series("linear model", _GAIN, np.abs(result.predicted), "nominal"))
         phase.append(Series("linear model", _PHASE, line + 2 * math.pi * turns, "nominal"))
         for name, values in (("S", S), ("T", 1 - S)):
             sizes[name].append(Series("linear model", _GAIN, np.abs(values), "nominal"))
-    one = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
-    unknown = "" if known.all() else "L is left out where its 95 % confidence includes 0."
+    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
+    unknown = "" if is_known.all() else "L is left out where its 95 % confidence includes 0."
     half_turn = Mark(-math.pi, "−180°", role="neutral", tells=False)
     coherence = Series("coherence of S and T", _COHERENCE, seen.coherence, "measured")
     return (
-        Chart("gain of L", x, tuple(gain), y=Axis("gain of L", _GAIN, scale="log"), marks=one, note=unknown,
+        Chart("gain of L", x, tuple(gain), y=Axis("gain of L", _GAIN, scale="log"), marks=unity, note=unknown,
               group="bode"),
         Chart("phase of L", x, tuple(phase), y=Axis("phase of L", ANGLE), marks=(half_turn,),
               note=unknown, group="bode"),
         *(
-            Chart(f"gain of {name}", x, tuple(series), y=Axis(f"gain of {name}", _GAIN, scale="log"), marks=one,
+            Chart(f"gain of {name}", x, tuple(series), y=Axis(f"gain of {name}", _GAIN, scale="log"), marks=unity,
                   group="bode")
             for name, series in sizes.items()
         ),
@@ -453,7 +442,4 @@ def frf_files(result: FrequencyResponse) -> dict[str, bytes]:
     """The table by file name."""
     table, parquet = result.table(), BytesIO()
     table.write_parquet(parquet)
-    return {
-        "frf.csv": table.write_csv().encode(),
-        "frf.parquet": parquet.getvalue(),
-    }
+    return {"frf.csv": table.write_csv().encode(), "frf.parquet": parquet.getvalue()}

@@ -1,6 +1,6 @@
 """The members of an ensemble: their drawn values, and their experiments."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import ceil, prod
@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import ExperimentError
-from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.overrides import Place, Values, place_of
-from gough_stewart.harness.experiment.preparation import Preparation, PreparedMembers, platforms_of
+from gough_stewart.harness.experiment.preparation import Batch, Preparation, PreparedMembers, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
-from gough_stewart.harness.sampling.correlation import CorrelatedInputs, correlated, correlation_of, reordered
+from gough_stewart.harness.sampling.correlation import correlated, correlation_of, reordered
 from gough_stewart.harness.sampling.design import SamplingDesign, in_turn
 from gough_stewart.harness.sampling.variation import Spread, VariedValue, normal
 from gough_stewart.model.platform import Platform
@@ -92,53 +91,74 @@ class Members:
         self.choice: EnsembleChoice = choice
         self.seed = experiment.sensors.seed if choice.seed is None else choice.seed
         self.inputs = self._inputs()
-        self._matrices = [(t, self._at(t), t.values) for t in (*choice.correlation, *choice.covariance)]
-        correlated_keys = [self.inputs[k].key for _, at, _ in self._matrices for k in at]
+        keys = [varied.key for varied in self.inputs]
+        # where each input's columns begin, and the end
+        self._ends = np.cumsum([0, *(varied.spread.size for varied in self.inputs)])
+        # columns of correlated inputs, and their correlation
+        self._correlations = list[tuple[NDArray[np.intp], FloatArray]]()
+        tables = [*((table, True) for table in choice.correlation), *((table, False) for table in choice.covariance)]
+        correlated_keys = list[str]()
+        for table, is_correlation in tables:
+            for key in table.of:
+                if key not in keys:
+                    raise self._error(key, "is correlated but does not vary; add a distribution for it")
+            at, names = [keys.index(key) for key in table.of], " and ".join(table.of)
+            columns = np.concatenate([np.arange(self._ends[k], self._ends[k + 1]) for k in at])
+            if len(columns) != len(table.matrix):
+                raise self._error(names, f"have {len(columns)} elements; their matrix has {len(table.matrix)} rows")
+            if any(self.inputs[k].spread.levels for k in at):
+                raise self._error(names, "are correlated; grids cannot be correlated")
+            if is_correlation and not np.allclose(np.diag(table.values), 1):
+                raise self._error("correlation", "expected a matrix with 1 on the diagonal, or use covariance")
+            self._correlations.append((columns, table.values if is_correlation else correlation_of(table.values)))
+            correlated_keys += table.of
         for key in correlated_keys:
             # the second matrix would change the correlation of the first
             if correlated_keys.count(key) > 1:
                 raise self._error(
                     key, "is in two matrices; expected one matrix of all inputs that depend on each other"
                 )
-        grids = prod(i.spread.levels or 1 for i in self.inputs)
+
+        # groups of correlated inputs, by index; independent inputs are groups of one
+        groups = [{k} for k in range(len(self.inputs))]
+        for table, _ in tables:
+            members = {k for k, key in enumerate(keys) if key in table.of}
+            joined = set().union(*(group for group in groups if group & members))
+            groups = [group for group in groups if not group & members] + [joined]
+        self.groups = tuple(tuple(sorted(group)) for group in sorted(groups, key=min))
+
+        # how many members, and their points in the unit cube
+        grids = prod(varied.spread.levels or 1 for varied in self.inputs)
         # of grids that are run through in the order of members
         self.combinations = 1 if choice.sampling == "saltelli" else grids
-        only_grids = bool(self.inputs) and all(i.spread.levels for i in self.inputs)
+        only_grids = bool(self.inputs) and all(varied.spread.levels for varied in self.inputs)
         self.count = choice.members or (grids if only_grids else -(-MEMBERS // grids) * grids)
-        _ = self.design
-
-    @cached_property
-    def design(self) -> SamplingDesign:
-        """The sample points of the members in the unit cube."""
         try:
-            return SamplingDesign(
-                self.choice.sampling,
+            self.design = SamplingDesign(
+                choice.sampling,
                 self.seed,
                 self.count,
-                tuple(".".join(i.place.path) for i in self.inputs),
-                tuple(i.spread.size for i in self.inputs),
+                tuple(".".join(varied.place.path) for varied in self.inputs),
+                tuple(varied.spread.size for varied in self.inputs),
                 self.groups,
             )
         except ValueError as error:
             raise self._error("", str(error)) from None
 
-    @cached_property
-    def groups(self) -> tuple[tuple[int, ...], ...]:
-        """Groups of correlated inputs, by index; independent inputs are groups of one."""
-        found = [{k} for k in range(len(self.inputs))]
-        for matrix in (*self.choice.correlation, *self.choice.covariance):
-            members = {k for k, i in enumerate(self.inputs) if i.key in matrix.of}
-            joined = set().union(*(g for g in found if g & members))
-            found = [g for g in found if not g & members] + [joined]
-        return tuple(tuple(sorted(group)) for group in sorted(found, key=min))
-
     def draws(self, first: int, last: int) -> Draws:
         """The draws of members first to last − 1."""
-        u, ends = self._points(first, last), self._ends
+        # a Latin hypercube is correlated as a whole, so that each layer keeps its member
+        is_hypercube = self.choice.sampling == "latin_hypercube"
+        u = self._hypercube[first:last] if is_hypercube else self.design.points(first, last)
+        if self.combinations > 1:
+            levels = [level for i in self.inputs for level in (i.spread.levels, *[None] * (i.spread.size - 1))]
+            u = in_turn(u, levels, first)
+        for columns, R in [] if is_hypercube else self._correlations:
+            u[:, columns] = correlated(u[:, columns], R)
         table = dict[str, Any]()
         values: list[dict[tuple[str, ...], Any]] = [{} for _ in u]
         for k, varied in enumerate(self.inputs):
-            part = np.ascontiguousarray(u[:, ends[k] : ends[k + 1]])
+            part = np.ascontiguousarray(u[:, self._ends[k] : self._ends[k + 1]])
             drawn = varied.spread.draw(part)
             table |= varied.table(part, drawn)
             plain = drawn.tolist() if isinstance(drawn, np.ndarray) else drawn
@@ -146,40 +166,13 @@ class Members:
                 member[varied.place.path] = value
         return Draws(table, values)
 
-    def _points(self, first: int, last: int) -> FloatArray:
-        """The points of members in the unit cube, with the combinations of grids, and correlated (last − first, k)."""
-        # a Latin hypercube is correlated as a whole, so that each layer keeps its member
-        u = self._hypercube[first:last] if self._is_whole else self.design.points(first, last)
-        if self.combinations > 1:
-            levels = [level for i in self.inputs for level in (i.spread.levels, *[None] * (i.spread.size - 1))]
-            u = in_turn(u, levels, first)
-        if not self._is_whole:
-            for columns, R in self._correlations():
-                u[:, columns] = correlated(u[:, columns], R)
-        return u
-
-    @property
-    def _is_whole(self) -> bool:
-        return self.choice.sampling == "latin_hypercube"
-
     @cached_property
     def _hypercube(self) -> FloatArray:
         """All points of a Latin hypercube, correlated (count, k)."""
         u = self.design.points(0, self.count)
-        for columns, R in self._correlations():
+        for columns, R in self._correlations:
             u[:, columns] = reordered(u[:, columns], R)
         return u
-
-    def _correlations(self) -> Iterator[tuple[NDArray[np.intp], FloatArray]]:
-        """Columns of correlated inputs, and their correlation."""
-        for table, at, matrix in self._matrices:
-            columns = np.concatenate([np.arange(self._ends[k], self._ends[k + 1]) for k in at])
-            yield columns, correlation_of(matrix) if table in self.choice.covariance else matrix
-
-    @cached_property
-    def _ends(self) -> NDArray[np.intp]:
-        """Where each input's columns begin, and the end."""
-        return np.cumsum([0, *(i.spread.size for i in self.inputs)])
 
     def prepared(self, first: int, last: int) -> PreparedMembers:
         """Members first to last − 1, ready to run, or why they are impossible."""
@@ -219,14 +212,24 @@ class Members:
 
     def _inputs(self) -> tuple[Input, ...]:
         """Inputs in order of their places, independent of the order in the file."""
-        inputs = [self._input(key, variation.spread) for key, variation in self.choice.varied.items()]
+        inputs = list[Input]()
+
+        def add(key: str, spread: Callable[[VariedValue], Spread]) -> Spread:
+            try:
+                place = self.place_of(key)
+                inputs.append(Input(key, place, spread(place.target)))
+            except ValueError as error:
+                raise self._error(key, str(error)) from None
+            return inputs[-1].spread
+
+        for key, variation in self.choice.varied.items():
+            add(key, variation.spread)
         for table in self.choice.covariance:
             deviations = np.sqrt(np.diag(table.values))
             for key in table.of:
                 if key in self.choice.varied:
                     raise self._error(key, "has a distribution and a covariance; expected only one of them")
-                inputs.append(self._input(key, partial(_normal, deviations)))
-                deviations = deviations[inputs[-1].spread.size :]
+                deviations = deviations[add(key, partial(_normal, deviations)).size :]
         paths = [varied.place.path for varied in inputs]
         for varied in inputs:
             if paths.count(varied.place.path) > 1:
@@ -260,31 +263,6 @@ class Members:
             None, or one that is common to all members.
         """
         return place_of(key, self.nominal, *self.platforms)
-
-    def _input(self, key: str, spread: Callable[[VariedValue], Spread]) -> Input:
-        try:
-            place = self.place_of(key)
-            return Input(key, place, spread(place.target))
-        except ValueError as error:
-            raise self._error(key, str(error)) from None
-
-    def _at(self, table: CorrelatedInputs) -> list[int]:
-        """The indices of a matrix's inputs, in its order."""
-        keys = [varied.key for varied in self.inputs]
-        for key in table.of:
-            if key not in keys:
-                raise self._error(key, "is correlated but does not vary; add a distribution for it")
-        at = [keys.index(key) for key in table.of]
-        size = sum(self.inputs[k].spread.size for k in at)
-        if size != len(table.matrix):
-            raise self._error(
-                " and ".join(table.of), f"have {size} elements; their matrix has {len(table.matrix)} rows"
-            )
-        if any(self.inputs[k].spread.levels for k in at):
-            raise self._error(" and ".join(table.of), "are correlated; grids cannot be correlated")
-        if table in self.choice.correlation and not np.allclose(np.diag(table.values), 1):
-            raise self._error("correlation", "expected a matrix with 1 on the diagonal, or use covariance")
-        return at
 
     def _error(self, key: str, message: str) -> ExperimentError:
         return ExperimentError(self.nominal.where, f"ensemble.{key}".rstrip("."), message)

@@ -61,10 +61,10 @@ def with_settings(values: Mapping[str, Any], settings: Settings) -> dict[str, An
     SettingError
         No "=", or a key inside something that is not a table.
     """
-    made: dict[str, Any] = _copied(values)
+    tables: dict[str, Any] = _copied(values)
     for where, key, value in keys_and_values(settings):
-        set_key(made, where, key, _copied(value))
-    return made
+        set_key(tables, where, key, _copied(value))
+    return tables
 
 
 def keys_and_values(settings: Settings) -> Iterator[tuple[str, str, Any]]:
@@ -113,8 +113,8 @@ def table_or_element(tables: Any, name: str) -> Any:
     """What a table has under a name, or a list such as [[change]] under a number from 1 on; None if it has nothing."""
     if isinstance(tables, Mapping):
         return tables.get(name)
-    known = isinstance(tables, list) and name.isdigit() and 1 <= int(name) <= len(tables)
-    return tables[int(name) - 1] if known else None
+    is_number = isinstance(tables, list) and name.isdigit() and 1 <= int(name) <= len(tables)
+    return tables[int(name) - 1] if is_number else None
 
 
 def _copied(value: Any) -> Any:
@@ -162,10 +162,16 @@ def experiment_with(experiment: Experiment, values: Values) -> Experiment:
     ExperimentError
         Invalid values.
     """
-    by_table = dict[str, dict[tuple[str, ...], Any]]()
+    changed = by_table(values)
+    return experiment.model_copy(update={name: table_with(experiment, name, changed[name]) for name in changed})
+
+
+def by_table(values: Values) -> dict[str, dict[tuple[str, ...], Any]]:
+    """Values by the name of their table, and by their paths in it."""
+    tables = dict[str, dict[tuple[str, ...], Any]]()
     for (name, *path), value in values.items():
-        by_table.setdefault(name, {})[tuple(path)] = value
-    return experiment.model_copy(update={name: table_with(experiment, name, own) for name, own in by_table.items()})
+        tables.setdefault(name, {})[tuple(path)] = value
+    return tables
 
 
 @dataclass(frozen=True)

@@ -197,8 +197,10 @@ def _held_by(function: FunctionType) -> Iterator[tuple[str, Any]]:
 
     Objects of this package, such as platforms, do not count: they are constant, but keep what they compute on demand.
     """
-    code, known = function.__code__, function.__globals__
-    held: list[tuple[str, Any]] = [(name, known[name]) for name in sorted(_globals_of(code) & known.keys())]
+    code, known_globals = function.__code__, function.__globals__
+    held: list[tuple[str, Any]] = [
+        (name, known_globals[name]) for name in sorted(_globals_of(code) & known_globals.keys())
+    ]
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         with suppress(ValueError):  # not bound yet
             held.append((name, cell.cell_contents))
@@ -206,7 +208,7 @@ def _held_by(function: FunctionType) -> Iterator[tuple[str, Any]]:
     held += [*(function.__kwdefaults__ or {}).items(), *vars(function).items()]
     for name, value in held:
         is_ours = type(value).__module__.partition(".")[0] == _PACKAGE
-        is_elsewhere = isinstance(value, FunctionType) and value.__globals__ is not known
+        is_elsewhere = isinstance(value, FunctionType) and value.__globals__ is not known_globals
         if not (is_ours or is_elsewhere or isinstance(value, type | ModuleType | BuiltinFunctionType)):
             yield name, value
 

@@ -1,15 +1,15 @@
 """From an experiment's tables to what runs: everything is checked, for one run or for many members that differ.
 
-Members that have the same values, but for their machine and their sensors, share one `Setup`. What several setups
-have in common, such as the planned motion, is computed once. A single run is one member.
+What members have in common, such as a planned motion, is computed once and shared: a stage is made once for the same
+parts. A single run is one member.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,24 +17,35 @@ from numpy.typing import ArrayLike, NDArray
 from gough_stewart.harness.control.controllers import ControllerChoice, Feedforward, feedforward
 from gough_stewart.harness.control.faults import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.frequency_response import InjectionChoice
-from gough_stewart.harness.control.laws import Controller, controller_of
+from gough_stewart.harness.control.laws import Controller, LinearController, controller_of
+from gough_stewart.harness.control.laws_of_members import KnownAhead, Law, LawFrom, SeparateLaws, law_of, laws_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import schema
-from gough_stewart.harness.experiment.batch import Batch, Distinct, Planned, Prepared, Setup, identity
-from gough_stewart.harness.experiment.overrides import Values, table_with
+from gough_stewart.harness.experiment.overrides import Values, by_table, table_with
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.loop.loop import Actuators, Change, Limits, Sensors, stroke_of
-from gough_stewart.harness.loop.timing import Seed, Timing
-from gough_stewart.harness.motion.limits.reach import WhenBeyond, check_reach, jacobians_of, legs_of
+from gough_stewart.harness.loop.libraries import are_traced, loop_kernel
+from gough_stewart.harness.loop.loop import Actuators, Change, Limits, Loop, Sensors, changes_of_members, stroke_of
+from gough_stewart.harness.loop.timing import Seed, Seeds, Timing, as_numbers
+from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, jacobians_of, legs_of
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of
 from gough_stewart.harness.motion.references import ReferenceChoice
+from gough_stewart.harness.plants.lanes import CompiledLanes, LanesPlant, Stepping
+from gough_stewart.harness.plants.members import PerMember, stacked
 from gough_stewart.harness.plants.signals import VARIABLES
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.errors import GoughStewartError, PlatformError, SingularPoseError
 from gough_stewart.model.interface import CHOOSING, SMOOTH, Variant, nearest
 from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
-from gough_stewart.model.platform import Platform, Platforms, joints_of_keys, load_platform, load_preset, platforms_with
+from gough_stewart.model.platform import (
+    CIRCLE_KEYS,
+    Platform,
+    Platforms,
+    joints_of_keys,
+    load_platform,
+    load_preset,
+    platforms_with,
+)
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.rotations import nearest_angle
 from gough_stewart.model.state import State
@@ -43,11 +54,243 @@ from gough_stewart.model.vectors import FloatArray, real_array
 T = TypeVar("T")
 Injection = Callable[[float], ArrayLike]
 
+# Size of the plant's vectors: a member's bits do not depend on the others if all vectors are full.
+LANES = 8
 # More results of a stage are not kept for the next members, since they were always different.
 _REPEATED = 16
 # The largest plausible noise or quantisation: this share of a leg [m] or of a radian, within this time for rates [s].
 _SHARE = 0.05
 _TIME = 0.1
+_NO_JACOBIANS = np.zeros((0, 6, 6))
+_PLAIN = frozenset((str, int, float, bool, type(None)))
+
+
+class Planned(NamedTuple):
+    """What is planned from a reference."""
+
+    reference: Reference  # the motion at any time
+    motion: Motion  # at every row
+    legs: LegMotion  # leg lengths and velocities at every row
+    signals: FloatArray  # and accelerations, at every row (n, 30)
+    jacobians: FloatArray  # leg Jacobians at every sample (m, 6, 6)
+    home_leg_length: float  # mean of the legs in the home pose [m]
+    warnings: tuple[str, ...]  # limits exceeded with permission
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """What members share that differ only in their machine and in their sensors."""
+
+    timing: Timing  # with their jitter
+    platform: Platform  # the nominal model
+    start: State
+    planned: Planned | None
+    controller: Controller | None
+    feedforward: FloatArray  # at every sample (m, 6) [N]
+    injection: FloatArray | None
+    actuators: Actuators
+    limits: Limits
+
+    @property
+    def known(self) -> KnownAhead:
+        """What a loop tells a controller in Python."""
+        planned = self.feedforward if self.injection is None else self.feedforward + self.injection
+        return KnownAhead(self.platform, self.timing.sample_time, self.feedforward, planned)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """An experiment that is ready to run."""
+
+    platform: Platform  # the nominal model: for gains, references, Jacobians, feedforward, limits
+    machine: Platform  # the simulated platform
+    start: State
+    loop: Loop
+    motion: Motion | None  # the reference at every row
+    legs: LegMotion | None  # its leg lengths and velocities
+    controller: Controller | None  # the maker of one for each run, if it has memory; None for feedforward alone
+    known: KnownAhead  # what the loop tells a controller in Python
+    jacobians: FloatArray  # leg Jacobians of the reference at every sample (m, 6, 6)
+    warnings: tuple[str, ...] = ()  # limits exceeded with permission, hints at the platform
+    reference: Reference | None = None  # the motion at any time
+
+    @property
+    def kernel(self) -> CompiledLanes | None:
+        """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
+        return loop_kernel(Variant.of(self.machine)) if _runs_in_c([self.controller]) else None
+
+    def law(self, reference: FloatArray, measured: FloatArray) -> Law:
+        """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
+        if self.controller is None:
+            raise ControllerError("an open loop has no control law")
+        make = law_of(self.controller, self.loop.timing.sample_time, self.jacobians, self.known)
+        return make(reference, measured)
+
+    @contextmanager
+    def law_in_a_run(self) -> Iterator[LawFrom | None]:
+        """The factory of the control law; resources are closed at the end."""
+        if isinstance(self.controller, UnitController):
+            with self.controller.open(self.loop.timing.sample_time) as law:
+                yield lambda _reference, _measured: SeparateLaws([law])
+        else:
+            yield None if self.controller is None else self.law
+
+
+class InParallel(NamedTuple):
+    """One plant and one loop for members, followed by copies of the last one up to a whole number of vectors."""
+
+    plant: LanesPlant
+    law_from: LawFrom | None
+    loop: Loop
+    size: int  # including the copies
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """N members of an experiment that are ready to run; what is equal is the same object."""
+
+    setups: Sequence[Setup]
+    machines: Platforms
+    sensors: Sequence[Sensors]
+    changes: Sequence[tuple[Change, ...]]
+    seeds: Sequence[Seed]  # of noise and jitter
+    start_force: FloatArray  # (N, 6)
+
+    def __len__(self) -> int:
+        """N."""
+        return len(self.setups)
+
+    def take(self, members: Sequence[int] | NDArray[np.intp]) -> "Batch":
+        """Some of them, in the order of their indices."""
+        at = np.asarray(members, dtype=np.intp)
+        setups, sensors, changes, seeds = (
+            [values[k] for k in at.tolist()] for values in (self.setups, self.sensors, self.changes, self.seeds)
+        )
+        return Batch(setups, self.machines[at], sensors, changes, seeds, self.start_force[at])
+
+    def member(self, k: int) -> Prepared:
+        """One of them alone."""
+        setup, planned = self.setups[k], self.setups[k].planned
+        return Prepared(
+            platform=setup.platform,
+            machine=self.machines[k],
+            start=setup.start,
+            loop=self.take([k]).loop,
+            motion=planned and planned.motion,
+            legs=planned and planned.legs,
+            controller=setup.controller,
+            known=setup.known,
+            jacobians=planned.jacobians if planned else _NO_JACOBIANS,
+            warnings=planned.warnings if planned else (),
+            reference=planned and planned.reference,
+        )
+
+    @property
+    def timing(self) -> Timing:
+        """The clocks, which are the same but for the members' jitter."""
+        return replace(self.setups[0].timing, jitter=0.0)
+
+    @property
+    def loop(self) -> Loop:
+        """The loop of all; of one member alone without a member axis."""
+        setups, sensors = self.setups, self.sensors
+        timing, actuators = setups[0].timing, [setup.actuators for setup in setups]
+        limits, planned = [setup.limits for setup in setups], [setup.planned for setup in setups]
+
+        def seeds(are_random: Sequence[bool], common: Seeds) -> Seeds:
+            """Of each member, the common one of those without random numbers; one if all are the same."""
+            of_members = [seed if draws else common for seed, draws in zip(self.seeds, are_random, strict=True)]
+            first = as_numbers(of_members[0])
+            is_one = not any(are_random) or all(as_numbers(seed) == first for seed in of_members)
+            return of_members[0] if is_one else tuple(of_members)  # type: ignore[arg-type]
+
+        def by_signal(sizes: Sequence[Mapping[str, PerMember]]) -> dict[str, PerMember]:
+            names = dict.fromkeys(name for size in sizes for name in size)
+            return {name: one_or_each([size.get(name, 0.0) for size in sizes]) for name in names}
+
+        return Loop(
+            timing=replace(
+                timing,
+                jitter=one_or_each([setup.timing.jitter for setup in setups]),
+                seed=seeds([bool(setup.timing.jitter) for setup in setups], timing.seed),
+            ),
+            reference=one_or_stacked([plan and plan.signals for plan in planned]),
+            feedforward=one_or_stacked([setup.feedforward for setup in setups]),
+            start_force=self.start_force[0] if len(setups) == 1 else self.start_force,
+            sensors=Sensors(
+                by_signal([sensor.noise for sensor in sensors]),
+                by_signal([sensor.quantisation for sensor in sensors]),
+                sensors[0].sample_time,
+                seeds([any(sensor.noise.values()) for sensor in sensors], sensors[0].seed),
+                sensors[0].side,
+            ),
+            actuators=Actuators(
+                one_or_each([drive.force_limit for drive in actuators], np.inf),
+                one_or_each([drive.rate_limit for drive in actuators], np.inf),
+                one_or_each([drive.lag for drive in actuators]),
+                one_or_each([drive.delay for drive in actuators]),
+            ),
+            limits=Limits(
+                (one_or_each([ends.stroke[0] for ends in limits]), one_or_each([ends.stroke[1] for ends in limits])),
+                limits[0].on_stroke,
+                one_or_each([ends.largest_position_error for ends in limits]),
+            ),
+            changes=changes_of_members(self.changes, timing),
+            injection=one_or_stacked([setup.injection for setup in setups]),
+            shape=() if len(setups) == 1 else (len(setups),),
+        )
+
+    def in_parallel(self, stepping: Stepping) -> InParallel:
+        """All of them as one plant and one loop.
+
+        Raises
+        ------
+        ControllerError
+            Members that cannot run in parallel; names the difference.
+        BuildError, OSError
+            There is no machine code of the loop, as `loop_library`.
+        """
+        n, controllers = len(self.setups), [setup.controller for setup in self.setups]
+        copies = (
+            0 if _runs_in_c(list({id(controller): controller for controller in controllers}.values())) else -n % LANES
+        )
+        filled = self.take([*range(n), *[n - 1] * copies])
+        starts, kernel = [setup.start for setup in filled.setups], loop_kernel(Variant.of(self.machines[0]))
+        plant, law_from = LanesPlant(filled.machines, starts, **stepping._asdict(), kernel=kernel), None
+        closed = [controller for controller in controllers if controller is not None]
+        if closed:
+            plans = [setup.planned for setup in filled.setups]
+            # one view of each array, by which members that share it are known
+            views = {id(plan): (plan.jacobians if plan else _NO_JACOBIANS).reshape(-1, 36) for plan in plans}
+            flat = one_or_stacked([views[id(plan)] for plan in plans])
+            jacobians = flat.reshape(*flat.shape[:-1], 6, 6)
+            known = [setup.known for setup in self.setups]
+            law_from = laws_of(closed, self.setups[0].timing.sample_time, jacobians, known, copies)
+        return InParallel(plant, law_from, filled.loop, len(filled))
+
+
+def _runs_in_c(controllers: Sequence[Controller | None]) -> bool:
+    is_linear = all(controller is None or isinstance(controller, LinearController) for controller in controllers)
+    return is_linear or are_traced(controllers)
+
+
+def one_or_each(numbers: Sequence[Any], none: float = np.nan) -> PerMember:
+    """The number that all members have, or that of each in an array (N,), with `none` instead of None."""
+    if all(number == numbers[0] for number in numbers):
+        return numbers[0]
+    return np.array([none if number is None else number for number in numbers])
+
+
+def one_or_stacked(arrays: Sequence[FloatArray | None]) -> Any:
+    """The array (..., size) that all members have, or None; or that of each (..., N, size)."""
+    distinct = {id(array): array for array in arrays}
+    if all(np.array_equal(array, arrays[0]) for array in distinct.values()):  # type: ignore[arg-type]
+        return arrays[0]
+    if 4 * len(distinct) > len(arrays):
+        return stacked(arrays)
+    places = {key: k for k, key in enumerate(distinct)}
+    kinds, place = np.stack(list(distinct.values()), axis=-1), [places[id(array)] for array in arrays]  # type: ignore[arg-type]
+    return np.moveaxis(np.take(kinds, place, axis=-1), -1, -2)
 
 
 def prepare(experiment: Experiment, controller: Any = None, injection: Injection | None = None) -> Prepared:
@@ -125,6 +368,14 @@ class PreparedMembers:
         return {k: str(self.errors[k]).removeprefix(f"{self.where}: ") for k in sorted(self.errors)}
 
 
+class _Believed(NamedTuple):
+    """What an experiment's tables say, for members with the same ones but for sensors and machine."""
+
+    tables: dict[str, Any]  # by name
+    platform: Platform  # the nominal model
+    machine_base: Platform  # whose parameters those of the machine replace
+
+
 class Preparation:
     """Prepares members of an experiment that differ in their values; those before often had the same ones.
 
@@ -135,12 +386,29 @@ class Preparation:
     """
 
     def __init__(self, experiment: Experiment, controller: Any = None) -> None:
-        self.experiment, self.controller = experiment, controller
-        self._where, self._folder, self._own_tables = experiment.where, experiment.folder, dict[str, Any](experiment)
-        # results of stages, and what they were made from, by its identity
+        self.experiment, self.controller, self._where = experiment, controller, experiment.where
+        # results of stages, and the parts that they were made from, by the identity of these
         self._known = dict[str, dict[tuple[object, ...], tuple[Sequence[object], Any]]]()
 
-    def members(
+    def _once(self, stage: Callable[..., T], *parts: Any) -> T:
+        """The result of a stage for these parts, or its error, of which each is made once."""
+        results = self._known.setdefault(stage.__name__, {})
+        # numbers and texts themselves, of settings their values, of other objects which one it is
+        key = tuple(
+            (type(part), part) if type(part) in _PLAIN else repr(part) if isinstance(part, dict) else id(part)
+            for part in parts
+        )
+        if key not in results:
+            try:
+                results[key] = parts, stage(*parts)
+            except GoughStewartError as error:
+                results[key] = parts, error
+        result: T = results[key][1]
+        if isinstance(result, GoughStewartError):
+            raise result
+        return result
+
+    def members(  # noqa: PLR0915 - one road, in sections
         self, values: Sequence[Values], seeds: Sequence[Seed] | None = None, injection: Injection | None = None
     ) -> PreparedMembers:
         """Members with these values.
@@ -152,76 +420,122 @@ class Preparation:
         injection
             As in `prepare`.
         """
-        experiment, n, errors = self.experiment, len(values), dict[int, GoughStewartError]()
-        paths = list(dict.fromkeys(path for member in values for path in member))
-        of_sensors = [path for path in paths if path[0] == "sensors"]
-        of_setup = [path for path in paths if path[0] not in ("sensors", "plant")]
+        experiment, where, errors = self.experiment, self._where, dict[int, GoughStewartError]()
+        candidates, believed = list[int](), list[_Believed]()
+        of_machines, sensors = list[dict[str, Any]](), list[Sensors]()
 
-        # tables: members with equal values share them; those of the sensors and of the machine play no part in a setup
-        groups, of_group = _grouped(values, of_setup)
-        readings, of_reading = _grouped(values, of_sensors)
-        tables, nominal = [dict[str, Any]()] * len(groups), list[Platform | None]([None] * len(groups))
-        sensors, setups = [Sensors()] * len(readings), list[Setup | None]([None] * len(groups))
-        for g, members in enumerate(groups):
-            with _failing(errors, members):
-                tables[g] = self._tables(values[members[0]], of_setup)
-                nominal[g] = self._once(self.nominal, tables[g]["platform"])
-        for r, members in enumerate(readings):
-            with _failing(errors, members):
-                sensors[r] = Sensors(**dict(self._tables(values[members[0]], of_sensors)["sensors"]))
+        # tables, the believed platform, and the one whose parameters those of the machine replace
+        for k, member in enumerate(values):
+            changed = by_table(member)
+            of_machine, of_sensors = changed.pop("plant", {}), changed.pop("sensors", {})
+            try:
+                belief = self._once(self._believed, changed)
+                readings = self._once(self._sensors, of_sensors)
+            except GoughStewartError as error:
+                errors[k] = error
+                continue
+            candidates.append(k)
+            believed.append(belief)
+            sensors.append(readings)
+            parameters = {path[-1]: value for path, value in of_machine.items()}
+            of_machines.append({**experiment.plant.parameters, **parameters})
 
-        # the machines, and for each group of members everything else
-        machine = self._machines(nominal, groups, values, errors)
-        for g, members in enumerate(groups):
-            with _failing(errors, members):
-                platform = nominal[g]
-                if platform is not None and not errors.keys() >= set(members):
-                    setups[g] = self._setup(tables[g], platform, injection)
-        made = [setup for setup in setups if setup is not None]
-        index = np.cumsum([setup is not None for setup in setups]) - 1
-        each_setup = Distinct(made, np.maximum(index[of_group], 0))
+        # machines, for all at once
+        distinct = {id(belief.machine_base): belief.machine_base for belief in believed}
+        places = {key: place for place, key in enumerate(distinct)}
+        base_of = np.array([places[id(belief.machine_base)] for belief in believed], dtype=np.intp)
+        machines = Platforms(list(distinct.values()), base_of)
+        if any(of_machines):
+            machines, impossible = platforms_with(list(distinct.values()), base_of, of_machines)
+            errors |= {candidates[at]: ExperimentError(where, "plant", str(error)) for at, error in impossible.items()}
+        if candidates and any(path[-1] in CHOOSING for member in values for path in member):
+            self._refuse_other_variants(machines, candidates, errors)
 
-        # forces at the start, and changes, of each machine
-        start_force = _start_forces(machine, each_setup, errors)
-        changes = [tuple[Change, ...]()] * n
-        if experiment.change or experiment.disturbance or experiment.fault:
-            for k in [k for k in range(n) if k not in errors]:
-                changing = [tables[of_group[k]][name] for name in ("change", "disturbance", "fault")]
-                with _failing(errors, [k]):
-                    changes[k] = self._once(self._changes, *changing, machine[k] if changing[0] else None)
+        # everything else
+        ready, setups, changes = list[int](), list[Setup](), list[tuple[Change, ...]]()
+        has_changes = experiment.change or experiment.disturbance or experiment.fault
+        for at, k in enumerate(candidates):
+            if k in errors:
+                continue
+            try:
+                setup = self._once(self._setup, believed[at], injection)
+                changing = [believed[at].tables[name] for name in ("change", "disturbance", "fault")]
+                machine = machines[at] if changing[0] else None
+                changes.append(self._once(self._changes, *changing, machine) if has_changes else ())
+            except GoughStewartError as error:
+                errors[k] = error
+                continue
+            setups.append(setup)
+            ready.append(at)
+
+        # forces before the first command: of an open loop its own, else those that hold the machine at rest
+        of_ready = np.array(ready, dtype=np.intp)
+        numbers, machines, n = np.array(candidates, dtype=np.intp)[of_ready], machines[of_ready], len(ready)
+        forces = np.array([setup.feedforward[0] for setup in setups]).reshape(n, 6)
+        if closed := [at for at in range(n) if setups[at].controller is not None]:
+            position = np.stack([setups[at].start.position for at in closed])
+            orientation = np.stack([setups[at].start.orientation for at in closed])
+            try:
+                forces[closed] = static_leg_forces(machines[np.array(closed)].parameters, position, orientation)
+            except SingularPoseError:
+                for at in closed:
+                    start = setups[at].start
+                    try:
+                        forces[at] = static_leg_forces(machines[at], start.position, start.orientation)
+                    except SingularPoseError as error:
+                        errors[int(numbers[at])] = error
+        limits = [setup.actuators.force_limit for setup in setups]
+        limit = np.array([np.inf if most is None else most for most in limits]).reshape(n, 1)
 
         self._known = {name: results for name, results in self._known.items() if len(results) <= _REPEATED}
-        every = Batch(
-            setups=each_setup,
-            machine=machine,
-            sensors=Distinct(sensors, of_reading),
-            changes=Distinct.among(changes),
-            seeds=Distinct.among(seeds or [experiment.sensors.seed] * n),
-            start_force=start_force,
+        common = experiment.sensors.seed
+        batch = Batch(
+            setups=setups,
+            machines=machines,
+            sensors=[sensors[at] for at in ready],
+            changes=changes,
+            seeds=[seeds[k] if seeds else common for k in numbers.tolist()],
+            start_force=np.clip(forces, -limit, limit),
         )
-        numbers = np.array([k for k in range(n) if k not in errors], dtype=np.intp)
-        return PreparedMembers(numbers, every.take(numbers), errors, experiment.where)
+        possible = np.array([at for at in range(n) if int(numbers[at]) not in errors], dtype=np.intp)
+        return PreparedMembers(numbers[possible], batch.take(possible), errors, where)
 
-    def _setup(self, tables: Mapping[str, Any], platform: Platform, injection: Injection | None) -> Setup:
+    def _believed(self, changed: Mapping[str, Values]) -> _Believed:
+        experiment = self.experiment
+        tables = {name: self._once(table_with, experiment, name, values) for name, values in changed.items()}
+        tables = dict(experiment) | tables
+        nominal = self._once(nominal_platform, experiment, tables["platform"])
+        if experiment.plant.file is None:
+            return _Believed(tables, nominal, nominal)
+        with part_of(experiment.where, "plant"):
+            return _Believed(tables, nominal, self._once(load_platform, str(experiment.folder / experiment.plant.file)))
+
+    def _sensors(self, changed: Values) -> Sensors:
+        return Sensors(**dict(table_with(self.experiment, "sensors", changed) if changed else self.experiment.sensors))
+
+    def _setup(self, believed: _Believed, injection: Injection | None) -> Setup:
         """Everything of a member but its machine and its sensors."""
-        experiment, once = self.experiment, self._once
+        where, once = self._where, self._once
+        tables, platform, _ = believed
         loop, drives, limits, choice = (tables[name] for name in ("loop", "actuators", "limits", "controller"))
+        reference = tables["reference"]
         is_closed = self.controller is not None or choice.is_closed
 
-        # clocks, and the motion in rows of clocks that all members have
-        timing = once(timing_of, experiment, loop)
-        force_limit = force_limit_of(drives.force_limit, platform)
+        # clocks, and the motion in rows of clocks that all members have, within the force limit of the actuators
+        timing = once(timing_of, self.experiment, loop)
+        limited = once(limited_platform, platform, drives.force_limit)
         is_needed = is_closed or choice.feedforward != "none"
-        reach = limits.condition_number, limits.reference
-        planned = once(self._planned, tables["reference"], platform, force_limit, *reach, is_needed)
-        start = once(self._start, tables["start"], platform, planned)
+        if reference is None and is_needed:
+            raise ExperimentError(where, "reference", "is missing; a controller needs one, for instance type = 'hold'")
+        within = limits.condition_number, limits.reference
+        planned = None if reference is None else once(self._planned, reference, limited, *within)
 
-        # the controller, and what is known of its forces in advance; an FMU that is given contains its feedforward
+        # the controller, and what is known of its forces in advance; an FMU that replaces it contains its feedforward
         forces = once(self._feedforward, choice.feedforward, loop.delay, platform, planned)
         controller = once(self._controller, choice, platform)
         if isinstance(controller, UnitController) and not loop.delay:
             raise ExperimentError(
-                experiment.where,
+                where,
                 "controller",
                 f"{controller.path} outputs the forces of a sample after a step over it; expected a loop.delay "
                 "of at least 1, for instance by --set loop.delay=1",
@@ -234,46 +548,19 @@ class Preparation:
         # what ends a run: an open loop only leaves its stroke; at a distance of a leg length, control is lost
         bound = limits.position_error
         if bound is None:
-            bound = once(_mean_leg_length, platform) if is_closed else math.inf
+            bound = planned.home_leg_length if planned is not None and is_closed else math.inf
         stroke = stroke_of(platform.leg_length_min, platform.leg_length_max)
         return Setup(
             timing=timing,
             platform=platform,
-            start=start,
+            start=once(self._start, tables["start"], platform, planned),
             planned=planned,
             controller=controller,
             feedforward=forces,
             injection=once(self._injection, tables["injection"], platform, planned, injection),
-            actuators=Actuators(force_limit, drives.rate_limit, drives.lag, loop.delay),
-            limits=Limits(stroke, experiment.limits.stroke, bound),
+            actuators=Actuators(limited.actuator_force_max, drives.rate_limit, drives.lag, loop.delay),
+            limits=Limits(stroke, self.experiment.limits.stroke, bound),
         )
-
-    def _once(self, make: Callable[..., T], *parts: Any, stage: str = "") -> T:
-        """The result of a stage for these parts, or its error, of which each is made once."""
-        known = self._known.setdefault(stage or make.__name__, {})
-        key = tuple(map(identity, parts))
-        if key not in known:
-            try:
-                known[key] = parts, make(*parts)
-            except GoughStewartError as error:
-                known[key] = parts, error
-        result: T = known[key][1]
-        if isinstance(result, GoughStewartError):
-            raise result
-        return result
-
-    def _tables(self, values: Values, paths: Sequence[tuple[str, ...]]) -> dict[str, Any]:
-        """The tables of the experiment by name, with a member's values at these paths."""
-        by_table = dict[str, dict[tuple[str, ...], Any]]()
-        for path in paths:
-            if path in values:
-                by_table.setdefault(path[0], {})[path[1:]] = values[path]
-
-        def table(name: str, _text: str) -> Any:
-            return table_with(self.experiment, name, by_table[name])
-
-        made = {name: self._once(table, name, repr(own), stage=f"[{name}]") for name, own in by_table.items()}
-        return self._own_tables | made
 
     @cached_property
     def _timing(self) -> Timing:
@@ -282,52 +569,21 @@ class Preparation:
 
     # Stages: each is made once for the same parts.
 
-    def nominal(self, choice: schema.PlatformChoice) -> Platform:
-        """The platform that the designer believes in."""
-        with part_of(self._where, "platform"):
-            file = None if choice.file is None else self._folder / choice.file
-            platform = load_preset(choice.preset_name) if file is None else load_platform(file)
-            parameters = joints_of_keys(choice.circles) | choice.parameters
-            return platform.with_parameters(parameters) if parameters else platform
-
-    def _machine_base(self, nominal: Platform) -> Platform:
-        """The platform whose parameters those of the machine replace: of a file, or the nominal model."""
-        choice = self.experiment.plant
-        if choice.file is None:
-            return nominal
-        with part_of(self._where, "plant"):
-            return load_platform(self._folder / choice.file)
-
-    def machine(self, nominal: Platform) -> Platform:
-        base, parameters = self._once(self._machine_base, nominal), self.experiment.plant.parameters
-        with part_of(self._where, "plant"):
-            return base.with_parameters(parameters) if parameters else base
-
     def _planned(
-        self,
-        choice: ReferenceChoice | None,
-        platform: Platform,
-        force_limit: float | None,
-        condition_number: float,
-        when_beyond: WhenBeyond,
-        is_needed: bool,
-    ) -> Planned | None:
+        self, choice: ReferenceChoice, limited: Platform, condition_number: float, when_beyond: WhenBeyond
+    ) -> Planned:
         """The reference motion, which the platform can follow, and what the loop reads at rows and samples."""
-        where, timing = self._where, self._timing
-        limited = limited_by(force_limit, platform)
-        if choice is None and is_needed:
-            raise ExperimentError(where, "reference", "is missing; a controller needs one, for instance type = 'hold'")
-        if choice is None:
-            return None
+        timing = self._timing
         reference, motion = reference_motion(self.experiment, choice, limited, timing)
-        with part_of(where, "reference"):
+        with part_of(self._where, "reference"):
             centre = centre_of(reference)
             exceeded = check_reach(limited, timing.times, motion, condition_number, centre=centre, dynamic=when_beyond)
-            legs = legs_of(platform, motion)
+            legs = legs_of(limited, motion)
             signals = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
             at = slice(0, timing.steps, timing.steps_a_sample)
-            jacobians = jacobians_of(platform, Motion(*(part[at] for part in motion)))
-            return Planned(reference, motion, legs, signals, jacobians, tuple(exceeded))
+            jacobians = jacobians_of(limited, Motion(*(part[at] for part in motion)))
+            home = leg_geometry(limited, limited.home_position, limited.home_orientation)
+            return Planned(reference, motion, legs, signals, jacobians, float(home.length.mean()), tuple(exceeded))
 
     def _start(self, choice: schema.Start, platform: Platform, planned: Planned | None) -> State:
         """The state at time 0, with angles in the turns of the reference."""
@@ -354,7 +610,7 @@ class Preparation:
         sample_time = self._timing.sample_time
         with part_of(self._where, "controller"):
             if self.controller is None:
-                return choice.controller(platform, sample_time, self._folder)
+                return choice.controller(platform, sample_time, self.experiment.folder)
             return controller_of(self.controller, choice.design(platform, sample_time))
 
     def _injection(
@@ -402,87 +658,36 @@ class Preparation:
                 changes.append(Change(time, faults=np.max([np.zeros(N_FAULTS), *active], axis=0)))
         return tuple(changes)
 
-    # What differs from member to member, for all at once.
-
-    def _machines(
-        self,
-        nominal: Sequence[Platform | None],
-        groups: Sequence[Sequence[int]],
-        values: Sequence[Values],
-        errors: dict[int, GoughStewartError],
-    ) -> Distinct[Platform]:
-        """The simulated platforms; of impossible ones the first, and the error."""
-        where, n = self._where, len(values)
-        own = [{path[-1]: value for path, value in member.items() if path[0] == "plant"} for member in values]
-        stage = self._machine_base if any(own) else self.machine
-        bases = list[Platform | None]([None] * n)
-        for believed, group in zip(nominal, groups, strict=True):
-            if believed is not None:
-                with _failing(errors, group):
-                    base = self._once(stage, believed)
-                    for k in group:
-                        bases[k] = base
-        members = [k for k in range(n) if k not in errors]
-        machine = Distinct.among([platform for k in members if (platform := bases[k]) is not None])
-        if any(own) and members:
-            common = self.experiment.plant.parameters
-            made, impossible = platforms_with(machine.values, machine.of, [{**common, **own[k]} for k in members])
-            for at, error in impossible.items():
-                errors[members[at]] = ExperimentError(where, "plant", str(error))
-            machine = Distinct(made, np.arange(len(members)))
-        of = np.zeros(n, dtype=np.intp)
-        of[members] = machine.of
-        machine = Distinct(machine.values, of)
-        if members and any(path[-1] in CHOOSING for member in values for path in member):
-            self._refuse_other_variants(machine, errors)
-        return machine
-
-    def _refuse_other_variants(self, machine: Distinct[Platform], errors: dict[int, GoughStewartError]) -> None:
+    def _refuse_other_variants(
+        self, machines: Platforms, numbers: Sequence[int], errors: dict[int, GoughStewartError]
+    ) -> None:
         """Fail members whose machine has other states than the experiment's: one vector steps several members."""
         try:
             variant = Variant.of(platforms_of(self.experiment)[1])
         except GoughStewartError:
             return
-        platforms = Platforms.of(machine.values)
-        sticks, gives = platforms.field("leg_friction_model") != SMOOTH, platforms.field("leg_stiffness") > 0
-        for name, other, differs in (
+        sticks, gives = machines.field("leg_friction_model") != SMOOTH, machines.field("leg_stiffness") > 0
+        for name, differing, differs in (
             ("leg_friction_model", replace(variant, bristles=not variant.bristles), sticks != variant.bristles),
             ("leg_stiffness", replace(variant, springs=not variant.springs), gives != variant.springs),
         ):
-            for k in np.flatnonzero(differs[machine.of]).tolist():
+            for at in np.flatnonzero(differs).tolist():
                 text = (
-                    f"{name}: gives a member {other.words.removeprefix('with ')}, and the experiment's machine has "
+                    f"{name}: gives a member {differing.words.removeprefix('with ')}, and the experiment's machine has "
                     f"{variant.words.removeprefix('with ')}; expected one kind in all members: run the others as an "
                     "experiment of their own"
                 )
-                errors.setdefault(k, ExperimentError(self._where, "plant", text))
+                errors.setdefault(numbers[at], ExperimentError(self._where, "plant", text))
 
 
-def _start_forces(
-    machine: Distinct[Platform], setups: Distinct[Setup], errors: dict[int, GoughStewartError]
-) -> FloatArray:
-    """Forces (N, 6) before the first command: of an open loop its own, else those that hold the machine at rest."""
-    forces, going = np.zeros((len(machine), 6)), [k for k in range(len(machine)) if k not in errors]
-    closed = [k for k in going if setups[k].controller is not None]
-    for k in going:
-        if setups[k].controller is None:
-            forces[k] = setups[k].feedforward[0]
-    if closed:
-        machines, starts = machine.take(closed), setups.map(lambda setup: setup.start).take(closed)
-        platforms = Platforms.of(machines.values)[machines.of].parameters
-        position = np.stack([start.position for start in starts.values])[starts.of]
-        orientation = np.stack([start.orientation for start in starts.values])[starts.of]
-        try:
-            forces[closed] = static_leg_forces(platforms, position, orientation)
-        except SingularPoseError:
-            for k in closed:
-                with _failing(errors, [k]):
-                    start = setups[k].start
-                    forces[k] = static_leg_forces(machine[k], start.position, start.orientation)
-    limits = [setups[k].actuators.force_limit for k in going]
-    limit = np.array([np.inf if number is None else number for number in limits])[:, None]
-    forces[going] = np.clip(forces[going], -limit, limit)
-    return forces
+def nominal_platform(experiment: Experiment, choice: schema.PlatformChoice) -> Platform:
+    """The platform that the designer believes in."""
+    with part_of(experiment.where, "platform"):
+        file = choice.file
+        platform = load_preset(choice.preset_name) if file is None else load_platform(experiment.folder / file)
+        circles = {key: value for key in CIRCLE_KEYS if (value := getattr(choice, key)) is not None}
+        parameters = joints_of_keys(circles) | choice.parameters
+        return platform.with_parameters(parameters) if parameters else platform
 
 
 def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
@@ -493,21 +698,17 @@ def platforms_of(experiment: Experiment) -> tuple[Platform, Platform]:
     ExperimentError
         An invalid one.
     """
-    preparation = Preparation(experiment)
-    nominal = preparation.nominal(experiment.platform)
-    return nominal, preparation.machine(nominal)
+    _, nominal, base = Preparation(experiment)._believed({})
+    parameters = experiment.plant.parameters
+    with part_of(experiment.where, "plant"):
+        return nominal, base.with_parameters(parameters) if parameters else base
 
 
-def force_limit_of(choice: float | str, platform: Platform) -> float | None:
-    """The limit of the actuators [N], None without."""
-    if choice == "platform":
-        return platform.actuator_force_max
-    return None if choice == "none" else float(choice)
-
-
-def limited_by(force_limit: float | None, platform: Platform) -> Platform:
-    """A nominal model with the force limit of an experiment's actuators [N]: no motion may use more force."""
-    return platform.with_parameters({"actuator_force_max": force_limit})
+def limited_platform(platform: Platform, force_limit: float | str) -> Platform:
+    """The nominal model with the force limit of the actuators [N], its own for "platform": no motion may use more."""
+    if force_limit == "platform":
+        return platform
+    return platform.with_parameters({"actuator_force_max": None if force_limit == "none" else float(force_limit)})
 
 
 def timing_of(experiment: Experiment, loop: schema.LoopChoice) -> Timing:
@@ -558,31 +759,6 @@ def part_of(where: str, name: str) -> Iterator[None]:
         raise
     except GoughStewartError as error:
         raise ExperimentError(where, name, str(error)) from error
-
-
-@contextmanager
-def _failing(errors: dict[int, GoughStewartError], members: Iterable[int]) -> Iterator[None]:
-    """Errors inside are those of members, unless they have one already."""
-    try:
-        yield
-    except GoughStewartError as error:
-        for k in members:
-            errors.setdefault(k, error)
-
-
-def _grouped(values: Sequence[Values], paths: Sequence[tuple[str, ...]]) -> tuple[list[list[int]], NDArray[np.intp]]:
-    """Members with equal values at some paths, and of each member the number of its group."""
-    groups = dict[str, list[int]]()
-    for k, member in enumerate(values):
-        groups.setdefault(repr([member.get(path, ...) for path in paths]), []).append(k)
-    of_group = np.empty(len(values), dtype=np.intp)
-    for g, members in enumerate(groups.values()):
-        of_group[members] = g
-    return list(groups.values()), of_group
-
-
-def _mean_leg_length(platform: Platform) -> float:
-    return float(leg_geometry(platform, platform.home_position, platform.home_orientation).length.mean())
 
 
 def _parameter_changes(choices: Sequence[schema.ChangeChoice], platform: Platform) -> list[Change]:

@@ -1,10 +1,12 @@
-"""Run an experiment: prepare it, open its plant, simulate the loop, make the record; members as in their ensemble."""
+"""Run an experiment: prepare it, open its plant, simulate the loop, make the record and its files; also members."""
 
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from types import FunctionType
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import polars
@@ -13,12 +15,11 @@ from numpy.typing import NDArray
 from gough_stewart.harness.control.faults import CUT, FROZEN, N_FAULTS
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError
-from gough_stewart.harness.experiment.analysis import growing_of
-from gough_stewart.harness.experiment.batch import Batch, Prepared
 from gough_stewart.harness.experiment.file import digests, experiment_of
+from gough_stewart.harness.experiment.margins import growing_of
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
 from gough_stewart.harness.experiment.plan import EnsemblePlan, fingerprint, plan_of
-from gough_stewart.harness.experiment.preparation import Injection, prepare, with_hints
+from gough_stewart.harness.experiment.preparation import Batch, Injection, Prepared, prepare, with_hints
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import ERRORS, error_between
 from gough_stewart.harness.loop.loop import LENGTHS
@@ -29,14 +30,23 @@ from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.open import open_plant
 from gough_stewart.harness.plants.plant import Plant, PlantKind
+from gough_stewart.harness.report.document import Note, Number, Report
+from gough_stewart.harness.report.quantities import LENGTH
+from gough_stewart.harness.report.requirements import Required, with_requirements
+from gough_stewart.harness.report.words import exactly
+from gough_stewart.harness.results.metric_folds import METRICS
+from gough_stewart.harness.results.metrics import metrics, metrics_json
 from gough_stewart.harness.results.oscillation import FAULTS
-from gough_stewart.harness.results.record import Record, columns, plain
+from gough_stewart.harness.results.record import Record, columns, plain, platform_of
+from gough_stewart.harness.results.run_report import Robustness
 from gough_stewart.model import interface
 from gough_stewart.model.interface import Variant
+from gough_stewart.model.process.files import Content, check_output_folder, file_set
 from gough_stewart.model.process.progress import StepProgress, TimeProgress
 from gough_stewart.model.vectors import FloatArray
 
 FORMAT = 1
+_OF_PLANTS = ("set_inputs", "set_parameters", "results", "do_step")
 _INPUT_COLUMNS = [name for v in interface.INPUTS for name in v.scalar_names]
 _REFERENCE = (
     *((f"reference.{name}", 3) for name in (*signals.NAMES[:4], "acceleration", "angular_acceleration")),
@@ -44,8 +54,19 @@ _REFERENCE = (
     ("reference.leg_velocity", 6),
 )
 
+# Of the groups of charts that a run shows at first, in their order.
+_FIGURES = [f"{name}.{kind}" for name in ("errors", "pose", "actuators", "legs") for kind in ("pdf", "png", "svg")]
+# The record is written first, beginning with its smallest complete form.
+_FILES = ["record.parquet", "record.csv", "metadata.json", "metrics.json"]
 
-def run(
+# The last part of a run, in which a platform at rest moves less than this share of its error.
+_LAST_PART = 0.2
+_AT_REST = 0.02
+# A noticeable error, as a share of the mean leg length.
+_NOTICEABLE = 1e-4
+
+
+def run(  # noqa: PLR0912, PLR0915 - one road, in sections
     experiment: Experiment | Path | str,
     settings: Settings = (),
     *,
@@ -109,33 +130,81 @@ def run(
     >>> record = gs.run("heave_step", {"loop.duration": 0.3, "controller.bandwidth": 3})
     >>> record["position"][-1], record["error.leg_length"].shape
     """
+    # read and prepare; a member of an ensemble has the values, noise and jitter of its number
     chosen = experiment_of(experiment, settings)
-    replaced = [name for name, other in (("controller", controller), ("injection", injection)) if other is not None]
+    replaced = [
+        name for name, replacement in (("controller", controller), ("injection", injection)) if replacement is not None
+    ]
     before = fingerprint(controller) if isinstance(controller, FunctionType) else ""
     if member is None:
-        own, prepared = chosen, prepare(chosen, controller, injection)
+        prepared = prepare(chosen, controller, injection)
     elif injection is not None:
         raise ExperimentError(chosen.where, "member", "has the experiment's injection; remove injection")
     else:
         plan = plan_of(chosen, controller)
-        own, prepared = member_of(plan, member)
+        (chosen,), batch = _members_of(plan, [member])
+        prepared = with_hints(chosen, batch.member(0))
+
+    # what is to be said before
     growing = growing_of(prepared)
     said_before = (*prepared.warnings, *growing)
     if warn is not None:
         for text in said_before:
             warn(text)
+
+    # simulate: a member by itself in its ensemble's plant, else in the experiment's plant, or the one that replaces it
+    choice = chosen.plant
+    opening: AbstractContextManager[Plant]
     if member is not None and plant is None and fmu is None:
         record = records_of(plan, [member], progress)[0]
     else:
-        record = run_prepared(own, prepared, plant=plant, fmu=fmu, progress=progress, status=status, replaced=replaced)
-    if growing:
-        record.metadata.setdefault("warnings", []).extend(growing)
+        if plant is None or isinstance(plant, str):
+            kind: PlantKind = plant or choice.kind
+            name: str = kind
+            if (unit := choice.own_unit(plant, fmu)) is not None:
+                fmu = chosen.folder / unit
+            # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant here
+            is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
+            if is_whole and (kernel := prepared.kernel) is not None:
+                opening = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
+            else:
+                opening = open_plant(
+                    kind,
+                    prepared.machine,
+                    prepared.start,
+                    tolerance=choice.tolerance,
+                    fixed_step_size=choice.fixed_step_size,
+                    fmu=fmu,
+                    progress=status,
+                )
+        else:
+            missing = [name for name in _OF_PLANTS if not hasattr(plant, name)]
+            if missing:
+                raise PlantError(
+                    f"plant is {plant!r}, without {', '.join(missing)}; expected "
+                    f"{', '.join(map(repr, get_args(PlantKind)))}, or an object that follows the rules of "
+                    "gough_stewart.harness.plants.plant.Plant"
+                )
+            if fmu is not None:
+                raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")
+            name, opening = type(plant).__name__, nullcontext(plant)
+        with opening as opened, prepared.law_in_a_run() as law_from:
+            history = simulate(opened, law_from, prepared.loop, progress)
+            history = history.of_member(0) if getattr(opened, "shape", ()) else history
+            remarks = opened.remarks() if hasattr(opened, "remarks") else ""
+        record = record_of(history, prepared, chosen, name, replaced)
+        if remarks:
+            record.metadata.setdefault("warnings", []).append(remarks)
+
+    # what is to be said afterwards
+    warnings = list(growing)
     if before and fingerprint(controller) != before:
-        text = (
+        warnings.append(
             f"the function {name_of(controller)} keeps memory, which the run has changed, and another run goes on from "
             "there; use a class or factory"
         )
-        record.metadata.setdefault("warnings", []).append(text)
+    if warnings:
+        record.metadata.setdefault("warnings", []).extend(warnings)
     if warn is not None:
         for text in record.metadata.get("warnings", []):
             if text not in said_before:
@@ -143,87 +212,14 @@ def run(
     return record
 
 
-def run_prepared(
-    experiment: Experiment,
-    prepared: Prepared,
-    *,
-    plant: PlantKind | Plant | None = None,
-    fmu: Path | str | None = None,
-    progress: TimeProgress | None = None,
-    status: StepProgress | None = None,
-    replaced: Sequence[str] = (),
-) -> Record:
-    """`run` for an experiment that is already prepared, with some of its tables replaced by objects."""
-    choice = experiment.plant
-    if plant is None or isinstance(plant, str):
-        kind: PlantKind = plant or choice.kind
-        name: str = kind
-        if (own := choice.own_unit(plant, fmu)) is not None:
-            fmu = experiment.folder / own
-        opening: AbstractContextManager[Plant]
-        # a chain that is compiled whole runs with its plant; one that calls back into Python steps the plant from here
-        is_whole = kind == "model" and fmu is None and not choice.fixed_step_size
-        if is_whole and (kernel := prepared.kernel) is not None:
-            opening = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=kernel)
-        else:
-            opening = open_plant(
-                kind,
-                prepared.machine,
-                prepared.start,
-                tolerance=choice.tolerance,
-                fixed_step_size=choice.fixed_step_size,
-                fmu=fmu,
-                progress=status,
-            )
-    else:
-        _check_plant(plant, fmu)
-        name, opening = type(plant).__name__, nullcontext(plant)
-    with opening as opened, prepared.law_in_a_run() as law_from:
-        done = simulate(opened, law_from, prepared.loop, progress)
-        done = done.of_member(0) if getattr(opened, "shape", ()) else done
-        remarks = opened.remarks() if hasattr(opened, "remarks") else ""
-    circumstances: dict[str, Any] = {
-        "title": experiment.title,
-        "plant": name,
-        "experiment": experiment.model_dump(mode="json"),
-    }
-    if experiment.changed:
-        circumstances["settings"] = experiment.changed
-    if files := digests(experiment):
-        circumstances["files"] = files
-    if replaced:
-        circumstances["replaced"] = list(replaced)
-    record = record_of(done, prepared, circumstances)
-    if remarks:
-        record.metadata.setdefault("warnings", []).append(remarks)
-    return record
-
-
-def _check_plant(plant: object, fmu: object) -> None:
-    """Refuse an object that is not a plant, or a plant object together with an FMU."""
-    missing = [name for name in ("set_inputs", "set_parameters", "results", "do_step") if not hasattr(plant, name)]
-    if missing:
-        raise PlantError(
-            f"plant is {plant!r}, without {', '.join(missing)}; expected {', '.join(map(repr, get_args(PlantKind)))}, "
-            "or an object that follows the rules of gough_stewart.harness.plants.plant.Plant"
-        )
-    if fmu is not None:
-        raise PlantError(f"plant is {plant!r}, and fmu is {fmu!r}; expected only one of them")
-
-
-def member_of(plan: EnsemblePlan, member: int) -> tuple[Experiment, Prepared]:
-    """The experiment of a member, and the same prepared.
+def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
+    """The experiments of members, and the same prepared.
 
     Raises
     ------
     ExperimentError
         No member of that number, or one that is impossible.
     """
-    (experiment,), batch = _members_of(plan, [member])
-    return experiment, with_hints(experiment, batch.member(0))
-
-
-def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list[Experiment], Batch]:
     for member in numbers:
         if member is not None and not 0 <= member < plan.members:
             raise ExperimentError(plan.where, "member", f"is {member}; expected 0 to {plan.members - 1}")
@@ -234,8 +230,8 @@ def _members_of(plan: EnsemblePlan, numbers: Sequence[int | None]) -> tuple[list
     for k, reason in prepared.reasons.items():
         raise ExperimentError(plan.where, names[k], f"is impossible: {reason}")
     experiments = [
-        experiment_with(members.nominal, own).model_copy(update={"title": f"{plan.title}, {name}"})
-        for own, name in zip(values, names, strict=True)
+        experiment_with(members.nominal, drawn).model_copy(update={"title": f"{plan.title}, {name}"})
+        for drawn, name in zip(values, names, strict=True)
     ]
     return experiments, prepared.batch
 
@@ -246,7 +242,7 @@ def records_of(plan: EnsemblePlan, members: Sequence[int | None], progress: Time
     Raises
     ------
     ExperimentError
-        As `member_of`.
+        No member of that number, or one that is impossible.
     """
     if not members:
         return []
@@ -254,25 +250,30 @@ def records_of(plan: EnsemblePlan, members: Sequence[int | None], progress: Time
     running = batch.in_parallel(plan.prepared.stepping)
     with running.plant:
         run = simulate(running.plant, running.law_from, running.loop, progress)
+    replaced = ["controller"] if plan.controller else []
     return [
-        record_of(
-            run.of_member(k),
-            with_hints(experiment, batch.member(k)),
-            {
-                "title": experiment.title,
-                "plant": "lanes",
-                **({} if member is None else {"member": member}),
-                "experiment": experiment.model_dump(mode="json"),
-                **({"files": plan.files} if plan.files else {}),
-                **({"replaced": ["controller"]} if plan.controller else {}),
-            },
-        )
-        for k, (member, experiment) in enumerate(zip(members, experiments, strict=True))
+        record_of(run.of_member(k), with_hints(experiment, batch.member(k)), experiment, "lanes", replaced, members[k])
+        for k, experiment in enumerate(experiments)
     ]
 
 
-def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Record:
-    """The table of a run, and its metadata: those passed in, and those of the run itself."""
+def record_of(
+    run: Run,
+    prepared: Prepared,
+    experiment: Experiment,
+    plant: str,
+    replaced: Sequence[str] = (),
+    member: int | None = None,
+) -> Record:
+    """The table of a run, and its metadata.
+
+    Parameters
+    ----------
+    replaced
+        Tables of the experiment that objects stood in for.
+    member
+        Its number if it ran in its ensemble's plant.
+    """
     n, at = len(run.time), run.sample_of_row
     parts: list[tuple[list[str], Any]] = [
         (["time"], run.time[:, None]),
@@ -282,34 +283,49 @@ def record_of(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> Re
     if prepared.motion is not None and prepared.legs is not None:
         reference = np.concatenate([*prepared.motion, *prepared.legs], axis=1)[:n]
         parts.append(([name for prefix, size in _REFERENCE for name in columns(prefix, size)], reference))
-        parts += _errors(run.results, reference)
+        actual, first = interface.unpack(interface.RESULTS, run.results), 0
+        for prefix, size in _REFERENCE:
+            name = prefix.removeprefix("reference.")
+            if f"error.{name}" in ERRORS:
+                between = error_between(name, reference[:, first : first + size].T, actual[name].T).T
+                parts.append((columns(f"error.{name}", size), between))
+            first += size
     if run.used:
         names = [f"measured.{name}" for name in signals.column_names(run.used)]
         parts.append((names, run.measured[at][:, signals.positions(run.used)]))
     parts.append((columns("controller.force", 6), run.command[at]))
     parts.append((columns("controller.feedforward", 6), prepared.loop.feedforward[at]))
     parts.append((columns("controller.state", run.controller_state.shape[1]), run.controller_state[at]))
-    known = {name for names, _ in parts for name in names}
-    parts += [(names, values) for names, values in acting_columns(prepared, at) if known.isdisjoint(names)]
+    recorded = {name for names, _ in parts for name in names}
+    parts += [(names, values) for names, values in acting_columns(prepared, at) if recorded.isdisjoint(names)]
     parts.append((columns("flag.force_limited", 6), run.force_limited[at]))
     parts.append((columns("flag.rate_limited", 6), run.rate_limited))
     parts.append((columns("flag.stroke_exceeded", 6), run.stroke_exceeded))
     table = polars.DataFrame({name: values[:, k] for names, values in parts for k, name in enumerate(names)})
-    return Record(table, _metadata(run, prepared, circumstances))
-
-
-def _errors(results: FloatArray, reference: FloatArray) -> list[tuple[list[str], FloatArray]]:
-    """As `error_between`."""
-    actual = interface.unpack(interface.RESULTS, results)
-    references, at = {}, 0
-    for name, size in _REFERENCE:
-        references[name.removeprefix("reference.")] = reference[:, at : at + size]
-        at += size
-    return [
-        (columns(error, actual[name].shape[1]), error_between(name, references[name].T, actual[name].T).T)
-        for error in ERRORS
-        for name in [error.removeprefix("error.")]
-    ]
+    timing, files = prepared.loop.timing, digests(experiment)
+    metadata = {
+        "format": FORMAT,
+        "title": experiment.title,
+        "plant": plant,
+        **({} if member is None else {"member": member}),
+        "experiment": experiment.model_dump(mode="json"),
+        **({"settings": experiment.changed} if experiment.changed else {}),
+        **({"files": files} if files else {}),
+        **({"replaced": list(replaced)} if replaced else {}),
+        **({"warnings": list(prepared.warnings)} if prepared.warnings else {}),
+        "host": run.host,
+        "rows": len(run.time),
+        "outcome": run.outcome._asdict(),
+        "duration": timing.duration,
+        "sample_time": timing.sample_time,
+        "plant_step": timing.plant_step,
+        "seed": as_numbers(prepared.loop.sensors.seed),
+        "force_limit": prepared.loop.actuators.force_limit,
+        "platform": plain(prepared.platform),
+        "machine": plain(prepared.machine),
+        "versions": versions(),
+    }
+    return Record(table, metadata)
 
 
 def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[tuple[list[str], NDArray[Any]]]:
@@ -342,21 +358,146 @@ def acting_columns(prepared: Prepared, sample_of_row: NDArray[np.intp]) -> list[
     return parts
 
 
-def _metadata(run: Run, prepared: Prepared, circumstances: dict[str, Any]) -> dict[str, Any]:
-    timing, actuators = prepared.loop.timing, prepared.loop.actuators
-    return {
-        "format": FORMAT,
-        **circumstances,
-        **({"warnings": list(prepared.warnings)} if prepared.warnings else {}),
-        "host": run.host,
-        "rows": len(run.time),
-        "outcome": run.outcome._asdict(),
-        "duration": timing.duration,
-        "sample_time": timing.sample_time,
-        "plant_step": timing.plant_step,
-        "seed": as_numbers(prepared.loop.sensors.seed),
-        "force_limit": actuators.force_limit,
-        "platform": plain(prepared.platform),
-        "machine": plain(prepared.machine),
-        "versions": versions(),
-    }
+class Written(NamedTuple):
+    """The names of the files of a run, and its report."""
+
+    files: list[str]
+    report: Report
+
+
+def names_of_files(page: bool = True, figures: bool = True) -> list[str]:
+    """The files that `write_results` may write."""
+    from gough_stewart.harness.report.page import PAGE  # slow, and a run alone does not need it
+
+    return [*_FILES, *(_FIGURES if figures else ()), *([PAGE] if page else ())]
+
+
+def write_results(
+    record: Record,
+    folder: Path,
+    *,
+    page: bool = False,
+    figures: bool = False,
+    charts: bool = False,
+    requirements: Sequence[Required] = (),
+    notes: Sequence[Note] = (),
+    robustness: Robustness | None = None,
+) -> Written:
+    """Write all files of a run as one set, optionally with page and figures.
+
+    If something fails, the files before it are complete, beginning with the record, and no file of an older run
+    remains; see `file_set`. `charts` are in the report for other uses than these files.
+    """
+    with (
+        file_set(folder, names_of_files(page, figures), names_of_files()) as files,
+        ThreadPoolExecutor(1) as aside,  # polars releases the GIL
+    ):
+        first: dict[str, Content] = {
+            "record.parquet": record.write_parquet,
+            "record.csv": record.write_csv,
+            "metadata.json": record.to_metadata(),
+        }
+        written = aside.submit(files.add, first)
+        measured = metrics(record)
+        report = record.report(measured=measured, robustness=robustness, charts=page or figures or charts)
+        report = replace(report, notes=(*report.notes, *notes))
+        if requirements:
+            # also metrics that this run does not have, such as a settling time without a step
+            required, present = ({number.path for number in numbers} for numbers in (requirements, report.numbers))
+            missing = [Number(m.path, m.text, None, m.quantity) for m in METRICS if m.path in required - present]
+            report = replace(report, numbers=(*report.numbers, *missing))
+            report = with_requirements(report, requirements)
+        more: dict[str, Content] = {"metrics.json": metrics_json(measured)}
+        if figures:
+            from gough_stewart.harness.report.figures import figures as drawn
+
+            more |= drawn(report)
+        if page:
+            from gough_stewart.harness.report.page import PAGE, page_of
+
+            more[PAGE] = page_of(report)
+        written.result()
+        files.add(more)
+    return Written(files.names, report)
+
+
+def save_record(record: Record, folder: Path | str, report: bool = False, figures: bool = False) -> list[Path]:
+    """Write all files of a run as `gough-stewart run` does; `read_record` and `view` accept the folder.
+
+    Parameters
+    ----------
+    record
+        From `run`.
+    folder
+        Created if needed. Gets record.csv, record.parquet, metadata.json, metrics.json.
+    report
+        Also write report.html, the HTML page.
+    figures
+        Also draw errors, pose, forces and legs, each as PDF, PNG and SVG.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    OutputError, OSError
+        The files cannot be written there.
+
+    Examples
+    --------
+    >>> record = gs.run("heave_step", {"loop.duration": 0.1})
+    >>> files = gs.save_record(record, "results/heave", report=True)
+    """
+    folder = Path(folder)
+    check_output_folder(folder, names_of_files())
+    written = write_results(record, folder, page=report, figures=figures)
+    return [folder / name for name in written.files]
+
+
+def warnings_of(record: Record) -> list[str]:
+    """Limits that a run exceeded, and a static error at its end; a stroke that it was to ignore is left out."""
+    warnings = _static_error(record)
+    feedforward, limit = np.abs(record["controller.feedforward"]), record.metadata["force_limit"]
+    if limit is not None and feedforward.max() > limit:
+        row, leg = (int(k) for k in np.unravel_index(feedforward.argmax(), feedforward.shape))
+        warnings.append(
+            f"feedforward requires {feedforward[row, leg]:.4g} N of leg {leg + 1} at {record['time'][row]:.6g} s; its "
+            f"force limit is {limit:.4g} N. Make the reference slower or smaller; if it is a noisy recording, smooth it"
+        )
+    exceeded = record["flag.stroke_exceeded"]
+    if record.metadata["experiment"]["limits"]["stroke"] == "warn" and exceeded.any():
+        row, leg = (int(k) for k in np.argwhere(exceeded)[0])
+        length, time = record["leg_length"][row, leg], record["time"][row]
+        warnings.append(
+            f"leg {leg + 1} left its stroke at {time:.6g} s with a length of {length:.6g} m; see flag.stroke_exceeded"
+        )
+    return warnings
+
+
+def _static_error(record: Record) -> list[str]:
+    """What a platform that rests off its reference needs: a feedforward of gravity, or an integral; empty otherwise.
+
+    At rest a PD acts as a spring, F = kp e, so the error is what the load, here the platform's weight, takes of it.
+    """
+    choice = record.metadata["experiment"]["controller"]
+    if choice.get("type") != "pd" or choice.get("feedforward", "none") != "none" or "error.position" not in record:
+        return []
+    first = int((1 - _LAST_PART) * record.table.height)
+    error, reference = record["error.position"][first:], record["reference.position"][first:]
+    if len(error) < 2 or np.ptp(reference, axis=0).any() or not np.isfinite(error).all():
+        return []
+    mean = error.mean(axis=0)
+    distance, scale = float(np.linalg.norm(mean)), float(record["leg_length"][0].mean())
+    if distance < _NOTICEABLE * scale or np.abs(error - mean).max() > _AT_REST * distance:
+        return []
+    gravity = platform_of(record).gravity
+    # e = reference − position points against gravity where the platform hangs below
+    along = -float(mean @ gravity) / (distance * float(np.linalg.norm(gravity)) or 1.0)
+    size = exactly(LENGTH, distance, 3)
+    how = f"hangs {size} below" if along > 0.9 else f"rests {size} off"
+    return [
+        f"the platform {how} its reference at the end: the load over the stiffness of its PD; "
+        "set controller.feedforward = 'gravity', or use a PID, whose integral takes it away"
+    ]

@@ -39,7 +39,7 @@ from gough_stewart.harness.section import ByType, FileName, Section
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.parameters import TABLE
-from gough_stewart.model.platform import CIRCLE_KEYS, Pairing
+from gough_stewart.model.platform import Pairing
 
 
 def _by_parameter(value: Any) -> Any:
@@ -47,14 +47,17 @@ def _by_parameter(value: Any) -> Any:
     if not isinstance(value, dict):
         return value
     plain = {name for name in value if name not in TABLE or TABLE[name].words}
-    return {name: each if name in plain else _in_si(name, each, TABLE[name].unit) for name, each in value.items()}
+    return {
+        name: quantity if name in plain else _in_si(name, quantity, TABLE[name].unit)
+        for name, quantity in value.items()
+    }
 
 
 def _in_si(name: str, value: Any, unit: str) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, list | tuple):
-        return [_in_si(name, each, unit) for each in value]
+        return [_in_si(name, element, unit) for element in value]
     if not isinstance(value, str):
         return value
     try:
@@ -86,11 +89,6 @@ class PlatformChoice(Section):
         if self.preset is not None and self.file is not None:
             raise ValueError("expected preset or file, not both")
         return self
-
-    @property
-    def circles(self) -> dict[str, Any]:
-        """The given ones of the keys that place the joints on circles."""
-        return {key: value for key in CIRCLE_KEYS if (value := getattr(self, key)) is not None}
 
     @property
     def preset_name(self) -> str:
@@ -170,22 +168,22 @@ def _by_path(value: Any) -> Any:
     """`[require]`: conditions by the path of a number, also where TOML has made tables of the path's dots."""
     if not isinstance(value, dict):
         return value
-    found = dict[str, list[str]]()
+    by_path = dict[str, list[str]]()
 
     def add(path: str, given: Any) -> None:
         if isinstance(given, dict):
-            for name, each in given.items():
-                add(f"{path}.{name}" if path else str(name), each)
+            for name, inner in given.items():
+                add(f"{path}.{name}" if path else str(name), inner)
             return
         conditions = given if isinstance(given, list | tuple) else [given]
-        if not all(isinstance(each, str) for each in conditions):
+        if not all(isinstance(condition, str) for condition in conditions):
             raise ValueError(f"{path} is {given!r}; expected a condition, such as '<= 1 mm', or a list of them")
-        for each in conditions:
-            required(f"{path} {each}")
-        found[path] = list(conditions)
+        for condition in conditions:
+            required(f"{path} {condition}")
+        by_path[path] = list(conditions)
 
     add("", value)
-    return found
+    return by_path
 
 
 # Conditions on numbers of the studies, by their paths: "<= 1 mm", or a list of them.
@@ -242,7 +240,7 @@ class Experiment(Section):
     @property
     def requirements(self) -> tuple[str, ...]:
         """What `[require]` has, each as a text: "force.peak <= 800 N"."""
-        return tuple(f"{path} {condition}" for path, each in self.require.items() for condition in each)
+        return tuple(f"{path} {condition}" for path, conditions in self.require.items() for condition in conditions)
 
     @property
     def where(self) -> str:
@@ -261,7 +259,7 @@ class Experiment(Section):
 
     def from_file(self, where: str, folder: Path, changed: Mapping[str, dict[str, Any]] | None = None) -> "Experiment":
         """The same experiment, with its origin, and with what calls have set of it if that is given."""
-        made = self.model_copy()
-        made._where, made._folder = where, folder
-        made._changed = dict(self._changed if changed is None else changed)
-        return made
+        experiment = self.model_copy()
+        experiment._where, experiment._folder = where, folder
+        experiment._changed = dict(self._changed if changed is None else changed)
+        return experiment

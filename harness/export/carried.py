@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.experiment.batch import Prepared
+from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.export.forms import chosen
 
 Part = Literal["drives", "sensors"]

@@ -14,8 +14,7 @@ from gough_stewart.harness.control.laws import LinearController, fresh_controlle
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.experiment.batch import Prepared
-from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.carried import NOTHING, Carried, Part, carried
 from gough_stewart.harness.export.faults import Faults, check_faults

@@ -20,7 +20,7 @@ from gough_stewart.harness.control.controllers import Feedforward, OpenLoop
 from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.control.laws_of_members import LawFrom, LinearLaw
 from gough_stewart.harness.errors import ControllerError
-from gough_stewart.harness.experiment.batch import Prepared
+from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.plan import BY_HAND, FEEDFORWARD, N_MOTION, Plan, planned_motion, smoothing
 from gough_stewart.harness.export.turned import FIELDS as TURNING

@@ -24,11 +24,10 @@ from gough_stewart.harness.control.margins import (
 )
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
-from gough_stewart.harness.experiment.analysis import transfer_of
-from gough_stewart.harness.experiment.batch import Prepared
+from gough_stewart.harness.experiment.margins import transfer_of
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import experiment_with
-from gough_stewart.harness.experiment.preparation import platforms_of
+from gough_stewart.harness.experiment.preparation import Prepared, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.carried import Part
 from gough_stewart.harness.loop.loop import Loop

@@ -13,7 +13,7 @@ from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.control.laws import linear_of
 from gough_stewart.harness.control.loop_transfer import held_plant, space_of
 from gough_stewart.harness.control.pid import DAMPING_RATIO, Gains, channels_of, modal_masses
-from gough_stewart.harness.experiment.batch import Prepared
+from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.variants import VARIANTS, variant_of
 from gough_stewart.harness.loop.loop import LENGTHS, Change, Loop

@@ -9,8 +9,8 @@ import numpy as np
 
 from gough_stewart.harness.control.laws import linear_of
 from gough_stewart.harness.errors import UnstableLoopError
-from gough_stewart.harness.experiment.analysis import judged
 from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.margins import judged
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.experiment.schema import Experiment

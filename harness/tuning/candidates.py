@@ -7,18 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.chunk import SIZE, Results, check_memory, limits_of_members, margins_of
-from gough_stewart.harness.ensemble.columns import MARGINS
-from gough_stewart.harness.ensemble.local import cores
+from gough_stewart.harness.ensemble.chunk import SIZE, Reduced, check_memory, limits_of_members, margins_of, reduced
+from gough_stewart.harness.ensemble.data import INTEGRATION_ERROR, MARGINS
+from gough_stewart.harness.ensemble.workers import cores
 from gough_stewart.harness.errors import TuningError
-from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Values
-from gough_stewart.harness.experiment.preparation import PreparedMembers
+from gough_stewart.harness.experiment.preparation import Batch, PreparedMembers
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folding import FoldsOfRows
-from gough_stewart.harness.loop.run import observe
-from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop, metric_kernels
+from gough_stewart.harness.results.metric_folds import columns_of, folds_of_loop
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.harness.tuning.conditions import Condition
 from gough_stewart.harness.tuning.space import Axis
@@ -129,8 +127,8 @@ class Candidates:
                 reasons.setdefault(part[at][0], str(found.errors[at]))
             if not len(found.batch):
                 continue
-            outcomes, columns = results = self._run(found.batch, names)
-            check_memory(found.batch, results, lambda one: self._run(one, names))
+            outcomes, columns, _ = run = self._run(found.batch, names)
+            check_memory(found.batch, run, lambda one: self._run(one, names))
             unknown = np.full(len(outcomes), np.nan)  # margins are not part of runs
             rows = np.stack([columns.get(name, unknown) for name in names], axis=1)
             for at, row, outcome in zip(found.numbers.tolist(), rows, outcomes, strict=True):
@@ -174,17 +172,11 @@ class Candidates:
                 found.append(np.nan)
         return found
 
-    def _run(self, batch: Batch, names: Sequence[str]) -> Results:
+    def _run(self, batch: Batch, names: Sequence[str]) -> Reduced:
         """Outcomes and metrics of members."""
-        n, running = len(batch), batch.in_parallel(self.members.stepping)
-        folds = folds_of_loop(running.loop, limits_of_members(batch, running.size), names)
-        rows = FoldsOfRows(running.loop, folds, running.size, metric_kernels())
-        with running.plant:
-            outcomes = observe(
-                running.plant, running.law_from, running.loop, rows, threads=cores(), keeps_interrupted=False
-            )
-            self.integration_error = max(self.integration_error, float(np.max(running.plant.integration_error[:n])))
-        return outcomes[:n], {name: values[:n] for name, values in columns_of(rows.results()).items()}
+        run = reduced(batch, self.members.stepping, cores(), names=names)
+        self.integration_error = max(self.integration_error, float(np.max(run.columns[INTEGRATION_ERROR])))
+        return run
 
 
 def members_for(experiment: Experiment, members: int, seed: int | None, controller: Any = None) -> Members:

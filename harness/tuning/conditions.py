@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.columns import MARGINS, SHORT
+from gough_stewart.harness.ensemble.data import MARGINS, SHORT
 from gough_stewart.harness.errors import RequirementError, SearchError
 from gough_stewart.harness.report.requirements import Required, required
 from gough_stewart.harness.results.metric_folds import metric_of

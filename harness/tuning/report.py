@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.columns import DISK
+from gough_stewart.harness.ensemble.data import DISK
 from gough_stewart.harness.ensemble.report import number_of_members
 from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of

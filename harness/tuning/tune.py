@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from gough_stewart.harness.ensemble.columns import DISK
+from gough_stewart.harness.ensemble.data import DISK
 from gough_stewart.harness.errors import NoCandidateError, TuningError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with

@@ -11,7 +11,7 @@ from gough_stewart.harness.control.laws import controller_of
 from gough_stewart.harness.control.laws_of_members import law_of, laws_of
 from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.control.pid import Gains
-from gough_stewart.harness.experiment.batch import Distinct
+from gough_stewart.harness.experiment.preparation import one_or_each, one_or_stacked
 from gough_stewart.harness.loop.loop import Actuators, Change, Limits, Loop, Sensors, changes_of_members
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.timing import Timing
@@ -53,21 +53,21 @@ def alone(member: Member) -> Run:
 
 def loop_of_members(loops: Sequence[Loop]) -> Loop:
     """One loop of members whose clocks are the same; a number where all have the same, else arrays."""
-    each, n = Distinct.among(loops), len(loops)
+    n = len(loops)
 
     def sizes(what: str) -> dict[str, Any]:
         names = dict.fromkeys(name for loop in loops for name in getattr(loop.sensors, what))
-        return {k: each.numbers(lambda loop, k=k: getattr(loop.sensors, what).get(k) or 0.0) for k in names}  # type: ignore[misc]
+        return {k: one_or_each([getattr(loop.sensors, what).get(k) or 0.0 for loop in loops]) for k in names}
 
     return Loop(
         timing=replace(
             loops[0].timing,
-            jitter=each.numbers(lambda loop: loop.timing.jitter),
+            jitter=one_or_each([loop.timing.jitter for loop in loops]),
             seed=tuple(loop.timing.seed for loop in loops),  # type: ignore[misc]
         ),
-        reference=each.arrays(lambda loop: loop.reference),
-        feedforward=each.arrays(lambda loop: loop.feedforward),
-        start_force=each.arrays(lambda loop: loop.start_force),
+        reference=one_or_stacked([loop.reference for loop in loops]),
+        feedforward=one_or_stacked([loop.feedforward for loop in loops]),
+        start_force=one_or_stacked([loop.start_force for loop in loops]),
         sensors=Sensors(
             sizes("noise"),
             sizes("quantisation"),
@@ -75,18 +75,21 @@ def loop_of_members(loops: Sequence[Loop]) -> Loop:
             tuple(loop.sensors.seed for loop in loops),  # type: ignore[misc]
         ),
         actuators=Actuators(
-            each.numbers(lambda loop: loop.actuators.force_limit, np.inf),
-            each.numbers(lambda loop: loop.actuators.rate_limit, np.inf),
-            each.numbers(lambda loop: loop.actuators.lag),
-            each.numbers(lambda loop: loop.actuators.delay),
+            one_or_each([loop.actuators.force_limit for loop in loops], np.inf),
+            one_or_each([loop.actuators.rate_limit for loop in loops], np.inf),
+            one_or_each([loop.actuators.lag for loop in loops]),
+            one_or_each([loop.actuators.delay for loop in loops]),
         ),
         limits=Limits(
-            (each.numbers(lambda loop: loop.limits.stroke[0]), each.numbers(lambda loop: loop.limits.stroke[1])),
+            (
+                one_or_each([loop.limits.stroke[0] for loop in loops]),
+                one_or_each([loop.limits.stroke[1] for loop in loops]),
+            ),
             loops[0].limits.on_stroke,
-            each.numbers(lambda loop: loop.limits.largest_position_error),
+            one_or_each([loop.limits.largest_position_error for loop in loops]),
         ),
         changes=changes_of_members([loop.changes for loop in loops], loops[0].timing),
-        injection=each.arrays(lambda loop: loop.injection),
+        injection=one_or_stacked([loop.injection for loop in loops]),
         shape=(n,),
     )
 

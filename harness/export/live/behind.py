@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.experiment.batch import Prepared
+from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.model.errors import StepError

@@ -10,10 +10,9 @@ from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.harness.control.controllers import OpenLoop
 from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.errors import ControllerError, ExportError
-from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import without_none
 from gough_stewart.harness.experiment.overrides import with_settings
-from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.run import FORMAT
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.live.behind import behind_of

@@ -15,9 +15,9 @@ from typing import Any
 import polars
 import pytest
 
-from gough_stewart.harness.ensemble.columns import AMPLITUDE, FREQUENCY
-from gough_stewart.harness.ensemble.files import Worst
-from gough_stewart.harness.experiment.files import Written
+from gough_stewart.harness.ensemble.data import AMPLITUDE, FREQUENCY
+from gough_stewart.harness.ensemble.worst import Worst
+from gough_stewart.harness.experiment.run import Written
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.results.record import Record
@@ -59,8 +59,8 @@ def size_of(folder: str) -> str:
 @pytest.mark.parametrize("is_default", [True, False])
 def test_margins(notes: Notes, is_default: bool) -> None:
     found = SimpleNamespace(report=lambda *, charts: made_report("gains") if not charts else None)
-    notes.replace("harness.experiment.analysis.margins", found)
-    notes.replace("harness.experiment.margins_report.margins_file", b"x" * 700)
+    notes.replace("harness.experiment.margins.margins", found)
+    notes.replace("harness.experiment.margins.margins_file", b"x" * 700)
     more = () if is_default else ("--set", "controller.bandwidth=3.5", "--set", "loop.delay=2", "--out", "x y")
     done = invoke("margins", "heave_step", *more)
     out = "results/margins_heave_step" if is_default else "x y"
@@ -399,7 +399,7 @@ def test_ensemble(notes: Notes, kind: str) -> None:
     seen: list[dict[str, Any]] = []
     opened = notes.opened()
     notes.replace("harness.ensemble.ensemble.ensemble", found, act)
-    notes.replace("harness.ensemble.files.write_worst", act=write)
+    notes.replace("harness.ensemble.worst.write_worst", act=write)
     told = (Note("too coarse", "warning"),) if kind == "all" else ()
     asked: list[dict[str, Any]] = []
 
@@ -464,7 +464,7 @@ def test_ensembles_compared(notes: Notes, fails: str) -> None:
     compared = SimpleNamespace(a=a, b=b)
     notes.replace("harness.ensemble.compare.run_compared", compared, act)
     notes.replace("harness.ensemble.compare.comparison_report", made_report("differences"))
-    notes.replace("harness.ensemble.files.write_worst", Worst({3: "there"}, None, ""))
+    notes.replace("harness.ensemble.worst.write_worst", Worst({3: "there"}, None, ""))
     options = ("--members", "8", "--seed", "2", "--workers", "3", "--resume", "--set", "loop.duration=0.4")
     done = invoke("ensemble", "heave_tolerances", "--compare", "circle", *options)
     out = "results/ensemble_heave_tolerances_compared"

@@ -15,7 +15,7 @@ import pytest
 from typer.main import get_command
 
 from gough_stewart.harness.cli.app import app
-from gough_stewart.harness.experiment.files import save_record
+from gough_stewart.harness.experiment.run import save_record
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.document import Report
 from tests.harness.cli.test_identify import written

@@ -10,7 +10,7 @@ import gough_stewart as gs
 from gough_stewart.harness.cli.app import app
 from gough_stewart.harness.experiment.checking import PATHS as OF_CHECKS
 from gough_stewart.harness.experiment.file import shipped_text
-from gough_stewart.harness.experiment.margins_report import PATHS as OF_MARGINS
+from gough_stewart.harness.experiment.margins import PATHS as OF_MARGINS
 
 # the step of 50 mm is an error of 50 mm at first; the disk margin of this loop is 1.16
 _REQUIRE = """

@@ -258,7 +258,7 @@ def test_what_is_executed_is_announced_and_nothing_else(
 
     room = "gough_stewart.harness"
     for place in (
-        *("experiment.run.run", "experiment.analysis.margins", "experiment.frf.frf", "export.export.export"),
+        *("experiment.run.run", "experiment.margins.margins", "experiment.frf.frf", "export.export.export"),
         *("export.own_unit.exported_controller", "ensemble.ensemble.ensemble", "ensemble.compare.run_compared"),
         *("experiment.file.text_with_settings", "identify.log.read_log"),
     ):
@@ -301,7 +301,7 @@ def test_figures_that_fail_cost_no_record(own: Path, monkeypatch: pytest.MonkeyP
     def fails(*_: object) -> None:
         raise OSError(28, "No space left on device", "out/pose.png")
 
-    monkeypatch.setattr("gough_stewart.harness.experiment.files.metrics_json", fails)
+    monkeypatch.setattr("gough_stewart.harness.experiment.run.metrics_json", fails)
     done = invoke(*short)
     assert done.exit_code == 1
     assert "No space left on device; out has record.parquet" in done.output

@@ -14,9 +14,8 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble import ensemble as runner
-from gough_stewart.harness.ensemble.chunk_files import FOLDER
-from gough_stewart.harness.ensemble.cluster import chunk_there
-from gough_stewart.harness.ensemble.exact_versions import exact_versions
+from gough_stewart.harness.ensemble.chunk import FOLDER
+from gough_stewart.harness.ensemble.workers import chunk_there, exact_versions
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.plan import plan_of
 from tests.support.memory import EXPERIMENT, SHORT, Pid
@@ -136,7 +135,7 @@ def test_a_worker_with_other_versions_is_refused(
     ours = {**exact_versions(), "numpy": "1.0"}
     with pytest.raises(EnsembleError, match=r"a worker differs from this machine: numpy 1\.0 here and"):
         chunk_there(plan_of(small()).text, ours, 0, 1)
-    monkeypatch.setattr("gough_stewart.harness.ensemble.cluster.exact_versions", lambda: ours)
+    monkeypatch.setattr("gough_stewart.harness.ensemble.workers.exact_versions", lambda: ours)
     with pytest.raises(
         EnsembleError, match=r"tcp://.* differs from this machine: numpy 1\.0 here and .* there; install the same"
     ):
@@ -177,7 +176,7 @@ def test_a_worker_killed_in_mid_run_changes_no_byte(
 
 def test_a_scheduler_that_is_not_there_is_said_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected: within the ten seconds, made one here."""
-    monkeypatch.setattr("gough_stewart.harness.ensemble.cluster.TIMEOUT", 1)
+    monkeypatch.setattr("gough_stewart.harness.ensemble.workers.TIMEOUT", 1)
     begin = time.monotonic()
     with pytest.raises(EnsembleError, match=r"no scheduler at tcp://127\.0\.0\.1:9 within 1 s: .*dask scheduler"):
         gs.ensemble(small(members=8), out=tmp_path, scheduler="tcp://127.0.0.1:9")

@@ -320,6 +320,6 @@ def test_what_cannot_be_copied_or_passed_or_varied_is_refused(monkeypatch: pytes
     with pytest.raises(ExperimentError, match=r"controller\.bandwidth: has no effect, since controller="):
         gs.tune(EXPERIMENT, ["controller.bandwidth=1..3Hz"], RMS, SHORT, controller=Pid, members=2)
     monkeypatch.setattr(runner, "SIZE", 2)
-    monkeypatch.setattr("gough_stewart.harness.ensemble.passing._pickler", lambda: __import__("pickle"))
+    monkeypatch.setattr("gough_stewart.harness.ensemble.workers._pickler", lambda: __import__("pickle"))
     with pytest.raises(ControllerError, match=r"cannot be passed to other processes .* workers=1"):
         gs.ensemble(EXPERIMENT, SHORT, controller=lambda _sample: np.zeros(6), members=4, workers=2)

@@ -1,7 +1,6 @@
 """Every pair of options of `[ensemble]` and of `gs.ensemble`: expectations from SciPy and from members run alone."""
 
-from collections.abc import Iterator
-from contextlib import nullcontext
+from collections.abc import Iterator, Sequence
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,9 @@ from scipy import stats
 import gough_stewart as gs
 from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.ensemble import ensemble as runner
-from gough_stewart.harness.ensemble.local import Workers, chunks_here
+from gough_stewart.harness.ensemble.workers import Range, Workers, chunks_here
 from gough_stewart.harness.experiment.file import experiment_from
+from gough_stewart.harness.experiment.plan import EnsemblePlan
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.vectors import FloatArray
 from tests.support.metric_definitions import as_one_number, defined_metrics
@@ -128,17 +128,22 @@ def two() -> Iterator[Workers]:
         yield started
 
 
-def run(row: dict[str, Any], folder: Path, patch: pytest.MonkeyPatch) -> Any:
-    """The ensemble; interrupted after its first chunk and continued, if the row says so."""
+def run(row: dict[str, Any], folder: Path, patch: pytest.MonkeyPatch, workers: Workers | int) -> Any:
+    """The ensemble from these workers; interrupted after its first chunk and continued, if the row says so."""
     experiment, out = experiment_of(row, folder), folder / "out"
     options: dict[str, Any] = {"out": out, "workers": 1}
     options |= {"controller": Law} if row["controller"] == "class" else {}
     patch.setattr(runner, "SIZE", row["chunk"])
+
+    def computed(plan: EnsemblePlan, ranges: Sequence[Range], _: Any) -> Iterator[Any]:
+        yield from chunks_here(plan, ranges, workers)
+
+    patch.setattr(runner, "chunks_here", computed)
     if row["interrupted"]:
         with patch.context() as inner:
 
             def fails(*arguments: Any) -> Iterator[Any]:
-                for k, found in enumerate(chunks_here(*arguments)):
+                for k, found in enumerate(computed(*arguments)):
                     if k == 1:
                         raise KeyboardInterrupt
                     yield found
@@ -164,10 +169,7 @@ def test_every_pair_of_options_does_what_the_documentation_says(
     row: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     """Expected: distributions of SciPy, metrics by definition of members that run alone, quantiles by NumPy."""
-    if row["workers"] == 2:
-        workers = nullcontext(request.getfixturevalue("two"))
-        monkeypatch.setattr(runner, "_begun_workers", lambda *_: workers)
-    found = run(row, tmp_path, monkeypatch)
+    found = run(row, tmp_path, monkeypatch, request.getfixturevalue("two") if row["workers"] == 2 else 1)
     members = found.members
     check_draws(row, members)
     assert found.metadata["seed"] == (5 if row["seed"] is None else row["seed"])

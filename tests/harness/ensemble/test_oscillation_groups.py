@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gough_stewart.harness.ensemble.oscillations import LegErrors, oscillations
+from gough_stewart.harness.ensemble.chunk import LegErrors, oscillations
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.loop.rows import Outcome
 from tests.support.uneven_loops import experiment_of

@@ -9,9 +9,8 @@ import polars
 import pytest
 from playwright.sync_api import Browser, Page
 
-from gough_stewart.harness.ensemble.columns import numbers
-from gough_stewart.harness.ensemble.report import ensemble_report
-from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.data import numbers
+from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.report.page import page_of
 from tests.support.browser import until, watched

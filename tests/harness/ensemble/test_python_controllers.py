@@ -4,15 +4,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble import ensemble as runner
-from gough_stewart.harness.ensemble.local import chunks_here
-from gough_stewart.harness.ensemble.statistics import worst_members
+from gough_stewart.harness.ensemble.data import worst_members
+from gough_stewart.harness.ensemble.workers import chunks_here
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
-from gough_stewart.harness.experiment.plan import fingerprint, plan_from, plan_of
+from gough_stewart.harness.experiment.plan import plan_from, plan_of
 from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.tuning.files import tuning_files
@@ -168,28 +167,6 @@ def test_another_controller_from_python_is_not_gone_on_with(tmp_path: Path, monk
     ):
         _ = plan.prepared
     assert found.values(RMS).shape == (4,)
-
-
-def test_a_fingerprint_follows_code_and_values_alone() -> None:
-    """Expected: the same for equal objects and for the same text elsewhere; another one for another constant."""
-
-    def compiled(text: str) -> Any:
-        names: dict[str, Any] = {"np": np}
-        exec(text, names)
-        return names["law"]
-
-    text = "gain = 3\ndef law(sample):\n    return gain * sample.measured['leg_length'] + 2\n"
-    assert fingerprint(compiled(text)) == fingerprint(compiled(f"\n\n# moved\n{text}"))
-    assert fingerprint(compiled(text)) != fingerprint(compiled(text.replace("+ 2", "+ 4")))
-    assert fingerprint(compiled(text)) != fingerprint(compiled(text.replace("gain = 3", "gain = 5")))
-    one, two = (WAYS["object"]() for _ in range(2))
-    assert fingerprint(one) == fingerprint(two)
-    two.kp = 1.0
-    assert fingerprint(one) != fingerprint(two)
-    assert fingerprint(Pid) != fingerprint(type("Pid", (Pid,), {"kd": 3}))
-    platform = gs.load_preset("motion_base")
-    pids = [gs.sampled(gs.pid(gs.gains_from_bandwidth(platform, hertz)), 1e-3) for hertz in (2, 2, 3)]
-    assert fingerprint(pids[0]) == fingerprint(pids[1]) != fingerprint(pids[2])
 
 
 def test_records_of_the_worst_members_agree_with_their_table(file: Path) -> None:

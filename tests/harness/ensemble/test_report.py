@@ -8,8 +8,7 @@ import polars
 import pytest
 from scipy.stats import binomtest
 
-from gough_stewart.harness.ensemble.report import ensemble_report
-from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.model.vectors import FloatArray
@@ -129,22 +128,3 @@ def test_who_has_not_settled_is_told_with_the_time_waited() -> None:
                          ended=[2.0] * 18 + [0.7] * 2)  # fmt: skip
     table = next(part for part in ensemble_report(found, PEAK).parts() if not isinstance(part, Chart))
     assert "In 12 of 18 members z had not settled to 2 % 1.5 s after its step" in table.note  # type: ignore[union-attr]
-
-
-def test_charts_begin_with_the_metric_of_the_verdict() -> None:
-    """Expected: its distribution first; counts that sum to the members; medians and bands of the table of bands."""
-    found = ensemble_of(normal(200))
-    report = ensemble_report(found, "stroke.margin")
-    first = report.charts[0]
-    assert (first.title, first.kind) == ("stroke margin", "histogram")
-    assert first.series[0].values.sum() == 200
-    assert [mark.text for mark in first.marks] == ["5 %", "50 %", "95 %"]
-    assert first.marks[1].value == pytest.approx(np.median(found.values("stroke.margin")))
-    bands = [chart for chart in report.charts if chart.group == "bands"]
-    for chart in bands:
-        signal = found.bands.filter(polars.col("q50") == chart.series[-1].values[0])
-        assert signal.height >= 1
-        assert chart.series[1].low is not None
-        assert (chart.series[1].low <= chart.series[-1].values + 1e-15).all()
-    points = next(chart for chart in report.charts if chart.kind == "points")
-    np.testing.assert_array_equal(points.series[0].values, found.values("stroke.margin"))

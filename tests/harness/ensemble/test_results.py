@@ -7,11 +7,10 @@ from rich.console import Console
 from scipy.stats import sobol_indices
 
 from gough_stewart.harness.ensemble.charts import FIGURES
-from gough_stewart.harness.ensemble.compare import compare, comparison_report, comparison_tables
-from gough_stewart.harness.ensemble.report import ensemble_report, sensitivity_table
-from gough_stewart.harness.ensemble.result import Ensemble
+from gough_stewart.harness.ensemble.compare import compare, comparison_report
+from gough_stewart.harness.ensemble.data import integration_warning
+from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report, sensitivity_table
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
-from gough_stewart.harness.ensemble.statistics import failures, integration_warning, quantiles, worst_members
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.table import Table
@@ -185,40 +184,6 @@ def test_what_cannot_be_said_is_refused_with_the_reason() -> None:
     assert group_name(["base_points[1,1]", "base_points[1,2]", "platform_mass"]) == "base_points & platform_mass"
 
 
-def test_quantiles_leave_out_what_is_undefined_and_say_how_many_there_are() -> None:
-    """Expected: the sorted values at their ranks, written out for 41 members."""
-    x = normal(41)
-    table = {row["metric"]: row for row in quantiles(ensemble_of(x).members).iter_rows(named=True)}
-    ordered = np.sort(1e-2 + 1e-3 * x @ SLOPES)
-    row = table[PEAK]
-    assert [row[q] for q in ("q05", "q25", "q50", "q75", "q95")] == pytest.approx(ordered[[2, 10, 20, 30, 38]].tolist())
-    assert (row["lowest"], row["highest"], row["mean"]) == pytest.approx((ordered[0], ordered[-1], ordered.mean()))
-    assert table["step_response.z.settling_time"]["defined"] == int((x[:, 1] > -1.5).sum())
-    assert "rows" not in table
-
-
-def test_failures_are_counted_by_cause_whatever_the_numbers_in_it() -> None:
-    """Expected: the five of them, as they were made."""
-    found = failures(failing().members)
-    assert [(each.outcome, each.members) for each in found] == [
-        ("diverged", (4, 17, 41)),
-        ("impossible", (9,)),
-        ("stopped", (23,)),
-    ]
-    assert found[0].cause.startswith("the platform is 0.31 m")
-
-
-def test_the_worst_members_are_those_that_ended_early_and_then_those_with_the_largest_number() -> None:
-    """Expected: the four that ended, but not the impossible one, then by sorting; of a margin the smallest."""
-    ensemble = failing()
-    merit = ensemble.values(PEAK)
-    others = [k for k in np.argsort(-merit) if k not in (4, 17, 41, 23, 9)]
-    found = worst_members(ensemble.members, PEAK, 7)
-    assert set(found[:4]) == {4, 17, 41, 23}
-    assert found[4:] == others[:3]
-    assert worst_members(ensemble_of(normal(60)).members, "margins.disk", 1) == [int(np.argmax(normal(60)[:, 1]))]
-
-
 def test_tables_are_whole_in_eighty_columns() -> None:
     """Expected: no text is cut, of all usual metrics and of the comparison."""
     ensemble = failing()
@@ -261,30 +226,9 @@ def test_charts_leave_out_what_is_not_there() -> None:
     assert {chart.group for chart in rest.charts} == {"distribution"}
 
 
-def test_differences_of_the_same_members_are_far_surer_than_those_of_other_members() -> None:
-    """Expected: B is A less 0.2 mm and a little noise σ: Student's interval of n differences, from σ and n alone."""
-    x = normal(400)
-    a = ensemble_of(x)
-    noise = 1e-5 * np.random.default_rng(9).normal(size=400)
-    shifted = a.members.with_columns(polars.Series(PEAK, a.values(PEAK) - 2e-4 + noise))
-    found = compare(a, Ensemble(shifted, a.bands, a.metadata))
-    row = found.differences.filter(polars.col("metric") == PEAK).row(0, named=True)
-    assert row["mean"] == pytest.approx(-2e-4 + noise.mean(), rel=1e-9)
-    # t of 399 degrees of freedom is 1.966
-    half = 1.966 * noise.std(ddof=1) / 20
-    assert (row["mean_high"] - row["mean_low"]) / 2 == pytest.approx(half, rel=1e-3)
-    assert row["median"] == pytest.approx(-2e-4 + np.median(noise), rel=1e-9)
-    # of normal numbers the median's error is √(π/2) of the mean's
-    assert (row["median_high"] - row["median_low"]) / 2 == pytest.approx(np.sqrt(np.pi / 2) * half, rel=0.3)
-    assert found.gaps.values(PEAK) == pytest.approx(noise - 2e-4)
-
-
-def test_members_that_complete_in_one_only_are_counted_and_other_members_refused() -> None:
-    """Expected: the counts of the two lists; a message that names what differs."""
+def test_only_the_same_members_are_compared() -> None:
+    """Expected: a message that names what differs."""
     first, x = failing(), normal(60)
-    second = ensemble_of(x, ["stopped"] * 2 + ["completed"] * 58, ["late"] * 2 + [None] * 58)
-    found = compare(first, second)
-    assert [row[1:] for row in comparison_tables(found, [])[0].rows] == [(53, 2), (5, 0)]
     with pytest.raises(RecordError, match="60 and 59 members, 59 of them in both"):
         compare(first, ensemble_of(x[:59]))
     with pytest.raises(RecordError, match=r"platform_mass of member 0 is .* expected the same \[ensemble\]"):

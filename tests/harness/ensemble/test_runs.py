@@ -13,11 +13,11 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.ensemble import ensemble as runner
-from gough_stewart.harness.ensemble import local
-from gough_stewart.harness.ensemble.assembly import BANDS, MEMBERS, METADATA, SAMPLES
+from gough_stewart.harness.ensemble import workers as processes
+from gough_stewart.harness.ensemble.chunk import FOLDER, ChunkBytes, ChunkFiles
 from gough_stewart.harness.ensemble.chunk import chunk as chunk_of_plan
-from gough_stewart.harness.ensemble.chunk_files import FOLDER, ChunkBytes, ChunkFiles
-from gough_stewart.harness.ensemble.local import Range, chunks_here
+from gough_stewart.harness.ensemble.data import BANDS, MEMBERS, METADATA, SAMPLES
+from gough_stewart.harness.ensemble.workers import Range, chunks_here
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
 from gough_stewart.harness.experiment.plan import EnsemblePlan
 from gough_stewart.harness.plants.isolated import Isolated
@@ -241,7 +241,7 @@ def test_this_process_is_one_of_the_workers(
         elsewhere.extend([arguments[1]] if method == "chunk" else [])
         return call(self, method, *arguments)
 
-    monkeypatch.setattr(local, "chunk", here)
+    monkeypatch.setattr(processes, "chunk", here)
     monkeypatch.setattr(Isolated, "call", there)
     gs.ensemble(small(), out=tmp_path, workers=2)
     assert own[0] == max(own + elsewhere)
@@ -250,7 +250,7 @@ def test_this_process_is_one_of_the_workers(
 
 
 def test_a_worker_that_dies_again_and_again_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local, "_TRIES", 1)
+    monkeypatch.setattr(processes, "_TRIES", 1)
     call = Isolated.call
 
     def kills(self: Isolated, method: str, *arguments: Any) -> Any:
@@ -323,11 +323,11 @@ def test_the_number_of_cores_is_that_of_this_process(monkeypatch: pytest.MonkeyP
     """Expected: three of eight that the process may use; all eight where a system has no such choice; at least one."""
     monkeypatch.setattr("os.sched_getaffinity", lambda _: {1, 4, 6}, raising=False)
     monkeypatch.setattr("os.cpu_count", lambda: 8)
-    assert local.cores() == 3
+    assert processes.cores() == 3
     monkeypatch.delattr("os.sched_getaffinity")
-    assert local.cores() == 8
+    assert processes.cores() == 8
     monkeypatch.setattr("os.cpu_count", lambda: None)
-    assert local.cores() == 1
+    assert processes.cores() == 1
 
 
 def test_a_number_of_workers_below_one_is_refused() -> None:
@@ -354,7 +354,7 @@ def test_processes_are_started_only_where_chunks_wait_for_them(
 
     monkeypatch.setattr(runner, "SIZE", 16 if way == "one chunk" else 1)
     monkeypatch.setattr(runner, "Workers", start)
-    monkeypatch.setattr(local.Workers, "__init__", lambda _, number: start(number))
+    monkeypatch.setattr(processes.Workers, "__init__", lambda _, number: start(number))
     monkeypatch.setattr(runner, "chunks_there", ask)
 
     def run(**options: Any) -> gs.Ensemble:

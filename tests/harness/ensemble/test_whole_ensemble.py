@@ -21,6 +21,7 @@ import gough_stewart as gs
 from gough_stewart.model.vectors import FloatArray
 from tests.harness.results.test_whole_run import MACHINE, tables_in
 from tests.support.commands import invoke
+from tests.support.ensembles import ensemble_of
 from tests.support.metric_definitions import as_one_number, defined_metrics
 from tests.support.page_arrays import data_of, unpacked
 
@@ -291,6 +292,28 @@ PRINTED = {
     "stable": ("margins.stable", 1.0),
     "disk margin": ("margins.disk", 1.0),
 }
+
+
+def test_a_table_names_all_usual_metrics_with_their_units() -> None:
+    """Expected: words and units of docs/ensembles.md, and numbers in them: of each metric another multiple of 0.0123.
+
+    Metrics that are not for the terminal are left out: the mean power, the time of a step, the use of a limit.
+    """
+    made = ensemble_of(np.zeros((4, 4)))
+    columns = [polars.lit(0.0123 * (k + 1)).alias(name) for k, (name, _) in enumerate(PRINTED.values())]
+    others = ("power.mean", "step_response.z.at", "limits.leg_velocity_max.used", "force.rms", "energy.net_total")
+    table = made.members.select("member", "outcome", "ended", "cause").with_columns(
+        *columns, *(polars.lit(5.0).alias(name) for name in others)
+    )
+    text = str(type(made)(table, made.bands, made.metadata))
+    rows = {cells[1].strip(): cells[2:8] for line in text.splitlines() if len(cells := re.split("[│┃]", line)) == 9}
+    assert set(rows) - {""} == set(PRINTED)
+    assert [cell.strip() for cell in rows[""]] == ["5 %", "25 %", "50 %", "75 %", "95 %", "members"]
+    for k, (words, (_, factor)) in enumerate(PRINTED.items()):
+        *quantiles, defined = (cell.strip() for cell in rows[words])
+        value = 0.0123 * (k + 1) * factor
+        assert [float(cell) for cell in quantiles] == [pytest.approx(value, rel=6e-3)] * 5, words
+        assert defined == "4"
 
 
 def test_the_table_is_of_members_that_completed_and_says_how_many_are_left_out(done: Done) -> None:

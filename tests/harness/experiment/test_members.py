@@ -204,6 +204,9 @@ def test_a_member_is_its_own_experiment_whoever_else_is_there() -> None:
     records = [[gs.run(experiment(n, VARIED), member=k) for k in range(8)] for n in (8, 40)]
     assert all(few.table.equals(many.table) for few, many in zip(*records, strict=True))
     assert len({record["error.position"][-1, 2] for record in records[0]}) == 8
+    peaks = gs.ensemble(experiment(8, VARIED), workers=1).values("tracking.position.norm_peak")
+    of_records = [np.linalg.norm(record["error.position"], axis=1).max() for record in records[0]]
+    assert peaks == pytest.approx(of_records, rel=1e-11)
     quiet = {
         **VARIED,
         "loop": {"delay": {"choice": [0, 1, 2]}},

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.harness.experiment.files import warnings_of
+from gough_stewart.harness.experiment.run import warnings_of
 from tests.support.uneven import UNEVEN
 from tests.support.uneven_loops import experiment_of
 

@@ -18,9 +18,8 @@ from gough_stewart.fmu_build.libraries import machine_library
 from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
 from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY, native
 from gough_stewart.harness.control.traced_law import traced_law_of
-from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.preparation import Batch, prepare
 from gough_stewart.harness.experiment.schema import ChangeChoice
 from gough_stewart.harness.export import machine
 from gough_stewart.harness.export.machine import Block, machine_block, machine_c, machine_of

@@ -24,9 +24,8 @@ from gough_stewart.harness.control.loop_transfer import loop_transfer
 from gough_stewart.harness.control.margins import loop_margins
 from gough_stewart.harness.ensemble.chunk import margins_of
 from gough_stewart.harness.errors import UnstableLoopError
-from gough_stewart.harness.experiment.batch import Prepared
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.export.notes import notes_of
 from gough_stewart.harness.export.stability import (

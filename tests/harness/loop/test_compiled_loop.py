@@ -23,8 +23,8 @@ import gough_stewart as gs
 from gough_stewart.fmu_build import libraries as built
 from gough_stewart.fmu_build.libraries import loop_sources
 from gough_stewart.fmu_build.toolchain import BY_NAME
-from gough_stewart.harness.experiment.batch import Batch
 from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop import compiled_host, libraries
 from gough_stewart.harness.loop.rows import Observer, RowBlock
 from gough_stewart.harness.loop.run import Run, observe, simulate

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.ensemble.chunk import limits_of_members
-from gough_stewart.harness.ensemble.oscillations import LegErrors
-from gough_stewart.harness.experiment.batch import Batch
+from gough_stewart.harness.ensemble.chunk import LegErrors, limits_of_members
 from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop import compiled_host
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.rows import RowBlock

@@ -1,0 +1,760 @@
+"""The margins of an experiment's loop on the linear model: numbers, what limits them, and their report."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice
+from gough_stewart.harness.control.laws import LinearController, linear_of
+from gough_stewart.harness.control.linear import Mode, modes
+from gough_stewart.harness.control.loop_transfer import (
+    MOST_STATES,
+    LoopStructure,
+    feedback_part,
+    held_plant,
+    loop_transfer,
+    structural_modes,
+    structure_of,
+)
+from gough_stewart.harness.control.makers import Maker
+from gough_stewart.harness.control.margins import (
+    ClassicalMargins,
+    Margins,
+    closed_loop,
+    frequency_range,
+    is_stable,
+    loop_margins,
+    one_leg_open,
+    response,
+    sensitivities,
+)
+from gough_stewart.harness.control.pid import Gains
+from gough_stewart.harness.control.state_space import StateSpace, control_system
+from gough_stewart.harness.errors import ControllerError, UnstableLoopError
+from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.overrides import Settings
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.output.versions import versions
+from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Span, time_axis
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict, settings_of
+from gough_stewart.harness.report.notebook import to_html
+from gough_stewart.harness.report.palette import Role
+from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, TIME, Quantity
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
+from gough_stewart.harness.report.words import about, at_least, counted, listed, sentence
+from gough_stewart.harness.results.run_report import Robustness
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.interface import RIGID
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+# Of an eigenvalue, and the largest exponent of a growth that is told.
+_ROUNDING, _MOST = 1e-7, 300.0
+_SHOWN_MODES = 8
+_POINTS = 500
+# Of step responses, at most.
+_STEP_POINTS = 500
+_LONGEST = 10_000
+_SETTLED = 0.01
+# A loop with a smaller disk margin is little robust; one half is a usual requirement.
+FRAIL = 0.4
+_ALIKE = 1e-3
+# At negligible gain the phase has no meaning.
+_BELOW = 1e-4
+_DELAY = Quantity("s", "ms", 1e3, "delay", digits=3)
+_PHASE = replace(ANGLE, digits=3)
+_FACTOR = Quantity("", "", digits=3, name="factor on the gain")
+_GAIN = Quantity("1", "1", name="gain")
+_THREE = Quantity("", "", digits=3)
+_FREQUENCY = replace(FREQUENCY, digits=3)
+_LINEAR = (
+    "Linear model at the first pose of the reference: without Coulomb friction, limits and quantisation, and of the "
+    "nominal machine. `run` has these; `ensemble` has machines that differ."
+)
+_WORST = (
+    "The sensors' own clock and jitter are modelled as their worst delay, a constant one: the loop is never later, and "
+    "mostly earlier."
+)
+
+_OF_MARGINS = (
+    *("disk", "disk_gain", "disk_phase"),
+    *("gain", "gain_up", "gain_down", "phase", "delay"),
+    *("leg.gain", "leg.gain_up", "leg.gain_down", "leg.phase", "leg.delay"),
+    *("crossover", "sensitivity_peak", "complementary_peak"),
+)
+# All numbers of an analysis.
+PATHS = (
+    *(f"{loop}.{name}" for loop in ("margins", "margins.believed") for name in _OF_MARGINS),
+    *("modes.slowest", "modes.damping_ratio"),
+    *("structure.first_mode", "structure.damping_ratio", "structure.gain", "structure.bandwidth"),
+)
+# Numbers that once were of something else, in requirements that may be as old, and what they are of.
+RENAMED = {
+    "margins.gain": "the same gain of all legs; the disk's guarantee for independent changes is margins.disk_gain",
+    "margins.phase": "the same phase of all legs; the disk's guarantee for independent changes is margins.disk_phase",
+    "margins.delay": "the same delay of all legs; that of one leg alone is margins.leg.delay",
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopMargins(Margins):
+    """Stability margins of an experiment's loop, from `margins`.
+
+    Of the loop that runs: the machine with the controller that is designed on the believed platform.
+
+    `legs` has for each leg, with the others closed, `gain_up` and `gain_down` (factors), `phase` [rad], `delay` [s] and
+    `crossover` [Hz]; `common` has the same of one change of all legs. `disk` has what all legs may have independently
+    of each other: `alpha`, `gain`, `phase` [rad] and `frequency` [Hz]. `sensitivity_peak` and `complementary_peak` are
+    the largest σ(S) and σ(T).
+    """
+
+    title: str
+    """Title of the experiment."""
+    sample_time: float
+    """[s]"""
+    delay: int
+    """[samples]"""
+    lag: float
+    """Of the actuators [s]."""
+    gains: Gains | None
+    """Gains of a PD or PID."""
+    modes: tuple[Mode, ...]
+    """Modes of the closed loop, slowest first."""
+    transfer: StateSpace
+    """Loop transfer L (6×6) at the actuators, u = −L u, as matrices."""
+    changed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """What was set of the experiment's file, as `Experiment.changed`."""
+    structure: LoopStructure | None = None
+    """Of a machine whose legs give: the structural modes, each with `frequency`, `damping_ratio`, `held_frequency` and
+    `gain`, and the largest `bandwidth` [Hz] of the controller with a disk margin of at least `disk`."""
+    late: float = 0.0
+    """What the sensors' own clock and jitter add to the delay at worst, as modelled in these margins [s]."""
+    doubt: str = ""
+    """What these margins leave out, so that a requirement on them cannot be told."""
+    believed: Margins | None = None
+    """Of the loop with the believed platform as machine, where that differs and is stable."""
+    warnings: tuple[str, ...] = ()
+    """What else is to be known of these margins, one sentence each."""
+
+    @property
+    def loop(self) -> Any:
+        """The same as a python-control system."""
+        return control_system(self.transfer)
+
+    def __repr__(self) -> str:
+        """The margins of all legs at once, the smallest of one leg, and the slowest mode, one line each."""
+        disk, all_legs, slowest = self.disk, self.common, self.modes[0]
+        phase, delay = min(leg.phase for leg in self.legs), min(leg.delay for leg in self.legs)
+        up, down = min(leg.gain_up for leg in self.legs), max(leg.gain_down for leg in self.legs)
+        return "\n".join(
+            [
+                f"Margins: {self.title}",
+                f"  all legs at once   disk margin {disk.alpha:.3g} at {disk.frequency:.3g} Hz: gains × "
+                f"{disk.gain[0]:.3g} to {disk.gain[1]:.3g}, phases ± {np.degrees(disk.phase):.3g}°",
+                f"  all legs alike     gain × {all_legs.gain_down:.3g} to {all_legs.gain_up:.3g}, phase "
+                f"{np.degrees(all_legs.phase):.3g}°, delay {1000 * all_legs.delay:.3g} ms",
+                f"  one leg at a time  gain × {down:.3g} to {up:.3g}, phase {np.degrees(phase):.3g}°, delay "
+                f"{1000 * delay:.3g} ms",
+                f"  slowest mode       {slowest.frequency:.3g} Hz, damping ratio {slowest.damping_ratio:.3g}",
+            ]
+        )
+
+    def _repr_html_(self) -> str:
+        return to_html(self.report(charts=False))
+
+    def report(self, *, charts: bool = True) -> Report:
+        """How much gain, phase and delay the loop bears, and what limits it.
+
+        Returns
+        -------
+        Report
+            Verdict, numbers such as `margins.disk` and `margins.delay`, tables, and with `charts` the responses.
+        """
+        sections = [Section("Margins", _margin_tables(self)), Section("Design", _design_tables(self))]
+        if charts:
+            sections.append(Section("Responses", (*_responses(self), _step(self.transfer))))
+        lag = f", lag of the drives {about(TIME, self.lag)}" if self.lag else ""
+        late = f" and up to {about(_DELAY, self.late)} by the sensors' clock and jitter" if self.late else ""
+        delay = f"delay of {counted(self.delay, 'sample')}{late}"
+        return Report(
+            self.title,
+            _verdict(self),
+            tuple(sections),
+            study="margins",
+            lead=f"sampled every {about(_DELAY, self.sample_time, 4)}, {delay}{lag}",
+            settings=settings_of(self.changed),
+            numbers=_numbers(self),
+            notes=(
+                *(Note(text, "warning") for text in self.warnings),
+                Note(_LINEAR),
+                *([Note(_WORST)] if self.late else []),
+            ),
+        )
+
+    def as_dict(self) -> dict[str, Any]:
+        """As plain types, as in margins.json; None for infinite or undefined values."""
+        gains, structure = self.gains, self.structure
+        actions = ("proportional", "derivative", "integral")
+        numbers: dict[str, Any] = {
+            "title": self.title,
+            "sample_time": self.sample_time,
+            "delay": self.delay,
+            "lag": self.lag,
+            "late": self.late,
+            "gains": gains
+            and {name: np.asarray(getattr(gains, name)).tolist() for name in actions}
+            | {"derivative_filter": gains.filter_time},
+            "modes": [
+                {**mode._asdict(), "eigenvalue": [mode.eigenvalue.real, mode.eigenvalue.imag]} for mode in self.modes
+            ],
+            "margins": Margins(*(getattr(self, part.name) for part in fields(Margins))).as_dict(),
+        }
+        if self.believed is not None:
+            numbers["believed"] = self.believed.as_dict()
+        if structure is not None:
+            of_modes = [{name: _defined(value) for name, value in mode._asdict().items()} for mode in structure.modes]
+            numbers["structure"] = {
+                **structure._asdict(),
+                "modes": of_modes,
+                "bandwidth": _defined(structure.bandwidth),
+            }
+        return numbers
+
+
+def margins(experiment: Experiment | Path | str, settings: Settings = (), *, controller: Any = None) -> LoopMargins:
+    """Gains, closed-loop modes and stability margins of an experiment's loop, on the linear model.
+
+    The loop that runs: the machine under the controller that is designed on the believed platform, linearised at the
+    first pose of the reference; sampled, delayed and lagged as in the experiment, with the sensors' own clock and
+    jitter as their worst delay. For each leg with the others closed, and for one change of all legs: gain, phase [rad]
+    and delay [s]; for independent changes of all legs the disk margin.
+
+    Parameters
+    ----------
+    experiment
+        A TOML file, the name of a shipped experiment, or an `Experiment`.
+    settings
+        Keys of the experiment to change, as in `load_experiment`.
+    controller
+        Replaces the experiment's: a discrete python-control system, or a `LinearController`.
+
+    Returns
+    -------
+    LoopMargins
+        `legs` and `disk`, the margins of each leg and of all at once; peaks of S and T; `gains`, `modes` and the `loop`
+        transfer as a python-control system.
+
+    Raises
+    ------
+    ControllerError
+        The controller is not linear, or there is none.
+    UnstableLoopError
+        The loop is unstable in the linear model.
+    ExperimentError, ReachError
+        As `run`.
+
+    Examples
+    --------
+    >>> found = gs.margins("heave_step", {"loop.delay": 2})
+    >>> found.disk.alpha, min(leg.phase for leg in found.legs)
+    """
+    chosen = experiment_of(experiment, settings)
+    # the loop at rest has its margins however fast its reference is
+    prepared = prepare(experiment_of(chosen, {"limits.reference": "warn"}), controller)
+    linear = linear_of(prepared.controller)
+    if linear is None:
+        why = "an open loop has no margins" if prepared.controller is None else "a function has no transfer function"
+        raise ControllerError(f"{chosen.where}: controller: {why}; choose an experiment with a linear controller")
+    actuators, machine, believed = prepared.loop.actuators, prepared.machine, prepared.platform
+    sample_time = prepared.loop.timing.sample_time
+    choice = chosen.controller if controller is None else None
+    of_believed, warnings = None, tuple[str, ...]()
+    if machine != believed:
+        try:
+            of_believed = judged(prepared, believed, linear).margins
+        except UnstableLoopError:
+            warnings = ("with the believed platform as machine the loop would be unstable",)
+    try:
+        L, of_machine, doubt, warning = judged(prepared, machine, linear)
+    except UnstableLoopError as error:
+        moved = _what_moved_it(prepared, linear, choice)
+        if of_believed is not None:
+            moved.append(
+                "it is stable with the believed platform as machine, with a disk margin of "
+                f"{of_believed.disk.alpha:.3g}"
+            )
+        raise UnstableLoopError("; ".join([str(error), *moved]), error.eigenvalue) from None
+    family = None
+    if isinstance(choice, PD | PID) and choice.bandwidth is not None:
+
+        def with_bandwidth(bandwidth: float, choice: PD | PID = choice) -> StateSpace:
+            of_believed = choice.model_copy(update={"bandwidth": bandwidth}).controller(
+                believed, prepared.loop.timing.sample_time
+            )
+            return transfer_of(prepared, machine, of_believed)
+
+        family = choice.bandwidth, with_bandwidth
+    return LoopMargins(
+        **vars(of_machine),
+        title=chosen.title,
+        sample_time=sample_time,
+        delay=actuators.delay,
+        lag=actuators.lag,
+        gains=chosen.controller.gains(believed) if controller is None else None,
+        modes=tuple(modes(closed_loop(L))),
+        transfer=L,
+        changed=chosen.changed,
+        structure=structure_of(machine, L, family, FRAIL, *_pose(prepared)),
+        late=0.0 if doubt else prepared.loop.worst_delay,
+        doubt=doubt,
+        believed=of_believed,
+        warnings=(*warnings, *([warning] if doubt else [])),
+    )
+
+
+class Judged(NamedTuple):
+    """A stable loop."""
+
+    transfer: StateSpace
+    margins: Margins
+    doubt: str = ""  # what the margins leave out, so that a requirement on them cannot be told
+    warning: str = ""  # that, and why
+
+
+def judged(prepared: Prepared, plant: Platform, controller: LinearController) -> Judged:
+    """The margins of an experiment's loop around a plant, which is its machine or another.
+
+    With the worst delay of the sensors' own clock and of jitter, by which the loop is never later. If it is unstable
+    with that, although it is not by its eigenvalues over a period of both clocks, margins are of the loop without.
+
+    Raises
+    ------
+    ControllerError
+        Too many states.
+    UnstableLoopError
+        The loop is unstable.
+    """
+    late = prepared.loop.worst_delay
+    try:
+        L = transfer_of(prepared, plant, controller)
+        return Judged(L, loop_margins(L))
+    except (UnstableLoopError, ControllerError) as error:
+        if not late:
+            raise
+        why = "the loop is unstable" if isinstance(error, UnstableLoopError) else str(error)
+    radius = radius_of(prepared, plant, controller)
+    if radius >= 1:
+        raise UnstableLoopError(
+            f"the closed loop is unstable (|z| = {radius:.6g} at a sample, expected below 1)", radius
+        )
+    L = transfer_of(prepared, plant, controller, late=0.0)
+    left_out = f"without up to {1e3 * late:.4g} ms of delay by the sensors' clock and jitter"
+    return Judged(L, loop_margins(L), left_out, f"the margins are {left_out}: with it, {why}")
+
+
+def radius_of(prepared: Prepared, plant: Platform, controller: LinearController) -> float:
+    """The largest |z| of a sample of an experiment's loop, with the sensors' own clock, exactly, and without jitter.
+
+    Lifted: x⁺ = M x over the least common multiple of both clocks; the root of M's largest |eigenvalue| for as many
+    samples as there are.
+
+    Raises
+    ------
+    ControllerError
+        Too many states.
+    """
+    loop, timing, reading_time, where = (
+        prepared.loop,
+        prepared.loop.timing,
+        prepared.loop.sensors.sample_time,
+        _pose(prepared),
+    )
+    a_sample = timing.steps_a_sample
+    a_reading = a_sample if reading_time is None else timing.steps_in(reading_time, "the sensors' sample_time")
+    step, period = math.gcd(a_sample, a_reading), math.lcm(a_sample, a_reading)
+    P = held_plant(plant, controller, step * timing.plant_step, loop.actuators.lag, *where, side=loop.sensors.side)
+    K = feedback_part(prepared.platform, controller, *where)
+    sizes = P.nstates, P.noutputs, K.nstates, *[6] * (loop.actuators.delay + 1)
+    if sum(sizes) > MOST_STATES:
+        raise ControllerError(
+            f"the loop over a period of both clocks has {sum(sizes)} states; expected at most {MOST_STATES}"
+        )
+    x, reading, memory, *forces = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+    for k in range(0, period, step):
+        if k % a_reading == 0:
+            reading = P.C @ x
+        if k % a_sample == 0:
+            forces = [*forces[1:], -(K.C @ memory + K.D @ reading)]
+            memory = K.A @ memory + K.B @ reading
+        x = P.A @ x + P.B @ forces[0]
+    M = np.concatenate([x, reading, memory, *forces])
+    return float(np.abs(np.linalg.eigvals(M)).max()) ** (a_sample / period) if np.isfinite(M).all() else math.inf
+
+
+def growing_of(prepared: Prepared) -> tuple[str, ...]:
+    """One sentence if the loop of a run is unstable in the linear model, however slowly it grows."""
+    if isinstance(prepared.controller, Maker):  # a factory is asked once, for the run itself
+        return ()
+    try:
+        controller = linear_of(prepared.controller)
+        if controller is None:
+            return ()
+        radius = radius_of(prepared, prepared.machine, controller)
+    except GoughStewartError:  # no linear loop
+        return ()
+    if radius < 1 + _ROUNDING:
+        return ()
+    timing = prepared.loop.timing
+    times = math.exp(min(math.log(radius) * timing.duration / timing.sample_time, _MOST))
+    return (
+        f"the linear loop, without Coulomb friction and limits, is unstable: errors grow to {times:.3g} times their "
+        f"size in {timing.duration:g} s; `gough-stewart margins` shows what the loop allows",
+    )
+
+
+def robustness_of(experiment: Experiment) -> Robustness | None:
+    """The disk margin of an experiment's loop as `margins` has it: 0 of an unstable loop, None if it has none."""
+    try:
+        of_loop = margins(experiment)
+    except UnstableLoopError:
+        return Robustness(0.0, math.nan, (1.0, 1.0))
+    except ControllerError:
+        return None
+    return Robustness(of_loop.disk.alpha, of_loop.disk.frequency, of_loop.disk.gain, of_loop.doubt)
+
+
+def transfer_of(prepared: Prepared, plant: Platform, controller: LinearController, **other: Any) -> StateSpace:
+    """L(z) of an experiment's loop around a plant, its platform or a machine, with a controller for its platform.
+
+    In the first pose of the reference, or with `other` arguments of `loop_transfer`, `sample_time` among them.
+    """
+    loop, (position, orientation) = prepared.loop, _pose(prepared)
+    usual = {
+        "sample_time": loop.timing.sample_time,
+        "delay": loop.actuators.delay,
+        "lag": loop.actuators.lag,
+        "late": loop.worst_delay,
+        "position": position,
+        "orientation": orientation,
+    }
+    return loop_transfer(plant, controller, believed=prepared.platform, side=loop.sensors.side, **usual | other)
+
+
+def _pose(prepared: Prepared) -> tuple[FloatArray, FloatArray]:
+    """The first pose of the reference, in which the loop is linearised."""
+    assert prepared.motion is not None  # a controller has a reference
+    return prepared.motion.position[0], prepared.motion.orientation[0]
+
+
+def _what_moved_it(prepared: Prepared, controller: LinearController, choice: ControllerChoice | None) -> list[str]:
+    """Other changes that would stabilise a loop, each alone: rigid legs, no delay, no lag, a shorter sample time."""
+    machine, sample_time = prepared.machine, prepared.loop.timing.sample_time
+    delay, lag, late = prepared.loop.actuators.delay, prepared.loop.actuators.lag, prepared.loop.worst_delay
+
+    def is_stable_with(plant: Platform = machine, law: LinearController = controller, **other: Any) -> bool:
+        try:
+            return is_stable(transfer_of(prepared, plant, law, **other))
+        except ControllerError:  # too many states
+            return False
+
+    remedies = []
+    if machine.leg_stiffness > 0 and is_stable_with(machine.with_parameters(RIGID)):
+        free, _ = structural_modes(machine, *_pose(prepared))
+        first = f", whose first structural mode is at {free[0].frequency:.3g} Hz" if free else ""
+        remedies.append(
+            f"it is stable on rigid legs: those of {machine.leg_stiffness:g} N/m{first}, limit the bandwidth"
+        )
+    if delay and is_stable_with(delay=0):
+        remedies.append(f"it is stable without the delay of {delay} samples")
+    if lag and is_stable_with(lag=0.0):
+        remedies.append(f"it is stable without the actuators' lag of {lag:g} s")
+    if late and is_stable_with(late=0.0):
+        remedies.append(f"it is stable without the delay of up to {1e3 * late:.4g} ms by the sensors' clock and jitter")
+    for part in (2, 4, 8, 16):
+        # a controller from a file is made for its own sample time
+        shorter = sample_time / part
+        faster = choice.controller(prepared.platform, shorter) if isinstance(choice, PD | PID) else None
+        if isinstance(faster, LinearController) and is_stable_with(law=faster, sample_time=shorter):
+            remedies.append(f"it is stable at a sample_time of {shorter:g} s")
+            break
+    return remedies
+
+
+def margins_file(margins: LoopMargins) -> bytes:
+    """The numbers as JSON, with the versions of the software."""
+    return (json.dumps({**margins.as_dict(), "versions": versions()}, indent=2) + "\n").encode()
+
+
+def decibels(factor: float) -> float:
+    """A factor on a gain in dB."""
+    return 20 * math.log10(factor) if 0 < factor < math.inf else math.inf
+
+
+def _verdict(analysis: LoopMargins) -> Verdict:
+    """How much gain, phase and delay the loop bears."""
+    disk, common = analysis.disk, analysis.common
+    numbers = {number.path: number for number in _numbers(analysis)}
+    gain, guaranteed = (numbers[path].value for path in ("margins.gain", "margins.disk_gain"))
+    alone = "any factor" if guaranteed is None else at_least(DECIBEL, guaranteed)
+    bears = [
+        "any gain" if gain is None else f"{at_least(DECIBEL, gain)} of gain",
+        f"{at_least(ANGLE, common.phase)} of phase" if math.isfinite(common.phase) else "any phase",
+        f"{at_least(_DELAY, common.delay)} of further delay" if math.isfinite(common.delay) else "any delay",
+    ]
+    text = sentence(
+        [
+            f"stable: with the same change of all legs it bears {listed(bears, 'or')}",
+            f"each leg by itself may change by {alone} or {at_least(ANGLE, disk.phase)}",
+            f"disk margin {disk.alpha:.2g} at {about(FREQUENCY, disk.frequency)}",
+            analysis.doubt,
+        ]
+    )
+    carried = tuple(numbers[f"margins.{name}"] for name in ("disk", "gain", "phase", "delay"))
+    return Verdict(text, "marginal" if disk.alpha < FRAIL or analysis.doubt else "good", carried)
+
+
+def _numbers(analysis: LoopMargins) -> tuple[Number, ...]:
+    doubt = analysis.doubt
+    slowest, damping_ratio = analysis.modes[0].frequency, min(mode.damping_ratio for mode in analysis.modes)
+    of_machine = (
+        *_numbers_of_margins(analysis, "", doubt),
+        Number("modes.slowest", "slowest mode", slowest, FREQUENCY, explanation="of the closed loop", doubt=doubt),
+        Number("modes.damping_ratio", "least damping ratio", damping_ratio,
+               explanation="of all modes of the closed loop", doubt=doubt),
+    )  # fmt: skip
+    believed = () if analysis.believed is None else _numbers_of_margins(analysis.believed, "believed ", doubt)
+    return (*of_machine, *believed, *_structural_numbers(analysis.structure))
+
+
+def _numbers_of_margins(margins: Margins, whose: str, doubt: str) -> tuple[Number, ...]:
+    """The numbers of the loop that runs, or of the "believed " one."""
+    disk = margins.disk
+    at_once = "which all legs may have at once, independently of each other"
+    rows: dict[str, tuple[str, float | None, Quantity, str]] = {
+        "disk": ("disk margin", disk.alpha, NUMBER, f"size of the changes {at_once}"),
+        "disk_gain": ("gain of each leg", decibels(disk.gain[1]), DECIBEL, f"up or down, {at_once}"),
+        "disk_phase": ("phase of each leg", disk.phase, ANGLE, f"lag or lead, {at_once}"),
+    }
+    alone = "with the loop open at this leg and closed at the others; the least of the legs"
+    for where, legs, those, which in (
+        ("", (margins.common,), "all legs", "the same for all legs"),
+        ("leg.", margins.legs, "one leg", alone),
+    ):
+        up = min(decibels(leg.gain_up) for leg in legs)
+        down = min(decibels(1 / leg.gain_down) if leg.gain_down > 0 else math.inf for leg in legs)
+        rows |= {
+            f"{where}gain": (f"gain of {those}", min(up, down), DECIBEL, f"up or down, {which}"),
+            f"{where}gain_up": (f"gain of {those}, up", up, DECIBEL, which),
+            f"{where}gain_down": (f"gain of {those}, down", down, DECIBEL, which),
+            f"{where}phase": (f"phase of {those}", min(leg.phase for leg in legs), ANGLE, f"lag or lead, {which}"),
+            f"{where}delay": (f"further delay of {those}", min(leg.delay for leg in legs), _DELAY, which),
+        }
+    crossover = max((leg.crossover for leg in margins.legs if math.isfinite(leg.crossover)), default=None)
+    rows |= {
+        "crossover": ("highest crossover", crossover, FREQUENCY, "where the gain of a leg's loop falls below 1"),
+        "sensitivity_peak": ("peak of σ(S)", margins.sensitivity_peak, NUMBER, "largest amplification"),
+        "complementary_peak": ("peak of σ(T)", margins.complementary_peak, NUMBER, "resonance"),
+    }
+    loop = "margins.believed" if whose else "margins"
+    return tuple(
+        Number(f"{loop}.{path}", f"{whose}{name}", value, quantity, explanation=explanation, doubt=doubt)
+        for path, (name, value, quantity, explanation) in rows.items()
+    )
+
+
+def _structural_numbers(structure: LoopStructure | None) -> tuple[Number, ...]:
+    """Of legs that give."""
+    if structure is None or not structure.modes:
+        return ()
+    first = structure.modes[0]
+    gain = max((mode.gain for mode in structure.modes if not math.isnan(mode.gain)), default=None)
+    return (
+        Number("structure.first_mode", "first structural mode", first.frequency, FREQUENCY,
+               explanation="of the platform on its legs, with motors that are free"),
+        Number("structure.damping_ratio", "its damping ratio", first.damping_ratio),
+        Number("structure.gain", "gain of L at a structural mode", None if gain is None else decibels(gain), DECIBEL,
+               explanation="largest singular value, of all modes; below 0 dB no phase makes a mode unstable"),
+        Number("structure.bandwidth", "largest bandwidth", structure.bandwidth, FREQUENCY,
+               explanation=f"of this controller with a disk margin of at least {structure.disk:g}"),
+    )  # fmt: skip
+
+
+def _margin_tables(analysis: LoopMargins) -> tuple[Table, ...]:
+    """Of one leg at a time with the same change of all, and of independent changes of all legs."""
+    columns = (
+        Column("leg"),
+        Column("gain", _FACTOR, "smallest factor on the gain at which the loop is stable"),
+        Column("to", _FACTOR, "largest factor"),
+        Column("phase", _PHASE, "largest lag or lead"),
+        Column("delay", _DELAY, "the phase margin as time"),
+        Column("crossover", _FREQUENCY, "highest frequency at which the gain is 1"),
+    )
+    alone = tuple(
+        (which, leg.gain_down, leg.gain_up, leg.phase, leg.delay, leg.crossover)
+        for which, leg in (*((str(k), leg) for k, leg in enumerate(analysis.legs, 1)), ("all alike", analysis.common))
+    )
+    disk = analysis.disk
+    together: tuple[tuple[Cell, ...], ...] = (
+        ("disk margin α", f"{_THREE.text(disk.alpha)} at {_FREQUENCY.text(disk.frequency)}"),
+        ("gains of all legs, independently", f"× {disk.gain[0]:.3g} to {_THREE.text(disk.gain[1])}"),
+        ("phases of all legs, independently", f"± {_PHASE.text(disk.phase)}"),
+        ("peak of σ(S)", Value(analysis.sensitivity_peak, _THREE)),
+        ("peak of σ(T)", Value(analysis.complementary_peak, _THREE)),
+    )
+    return (
+        Table("Margins, one leg at a time, and the same change of all", columns, alone),
+        Table("Margins, independent changes of all legs at once", (Column("measure"), Column("value")), together),
+    )
+
+
+def _design_tables(analysis: LoopMargins) -> tuple[Table | Note, ...]:
+    """Gains, modes of the closed loop, and the structural modes with what the first does to the bandwidth."""
+    parts: list[Table | Note] = []
+    if (gains := analysis.gains) is not None:
+        five = Quantity("", "", digits=5)
+        actions = (gains.proportional, gains.derivative, gains.integral)
+        columns = (Column("channel"), *(Column(name, five) for name in ("kp", "kd", "ki")))
+        rows = zip(*(np.asarray(action).tolist() for action in actions), strict=True)
+        parts.append(Table("Gains", columns, tuple((str(k), *row) for k, row in enumerate(rows, 1))))
+    columns = (
+        Column("mode", explanation="of the closed loop, the slowest first"),
+        Column("frequency", FREQUENCY),
+        Column("damping ratio", _THREE),
+        Column("eigenvalue [1/s]"),
+    )
+    of_modes = []
+    for k, mode in enumerate(analysis.modes, 1):
+        value = f"{mode.eigenvalue.real:.4g}" + (f" ± {mode.eigenvalue.imag:.4g}i" if mode.eigenvalue.imag else "")
+        of_modes.append((str(k), mode.frequency, mode.damping_ratio, value))
+    parts.append(Table("Modes of the closed loop", columns, tuple(of_modes), first_shown=_SHOWN_MODES))
+    structure = analysis.structure
+    if structure is None or not structure.modes:
+        return tuple(parts)
+    columns = (
+        Column("mode", explanation="of the platform on its legs, the slowest first"),
+        Column("frequency", FREQUENCY, "with motors that are free: a resonance of the loop"),
+        Column("damping ratio", _THREE),
+        Column("motors held", FREQUENCY, "the natural frequency with motors that hold"),
+        Column("gain of L", DECIBEL, "largest singular value there; below 0 dB no phase makes the mode unstable"),
+    )
+    structural = tuple(
+        (str(k), mode.frequency, mode.damping_ratio, mode.held_frequency, decibels(mode.gain))
+        for k, mode in enumerate(structure.modes, 1)
+    )
+    parts.append(Table("Structural modes", columns, structural))
+    first, bandwidth = structure.modes[0].frequency, structure.bandwidth
+    if bandwidth is not None and math.isnan(bandwidth):
+        text = (
+            f"With the first structural mode at {about(FREQUENCY, first, 3)}, this controller has no bandwidth with a "
+            f"disk margin of {structure.disk:g}; a notch, more damping or stiffer legs may give one."
+        )
+        parts.append(Note(text))
+    elif bandwidth is not None:
+        text = (
+            f"This controller keeps a disk margin of {structure.disk:g} up to a bandwidth of "
+            f"{about(FREQUENCY, bandwidth, 3)}, {bandwidth / first:.2g} of the first structural mode at "
+            f"{about(FREQUENCY, first, 3)}."
+        )
+        parts.append(Note(text))
+    return tuple(parts)
+
+
+def _responses(analysis: LoopMargins) -> tuple[Chart, ...]:
+    L = analysis.transfer
+    low, high = frequency_range(L)
+    # the range begins far below the slowest pole, where curves are flat
+    omega = np.geomspace(min(30 * low, high / 10), high * (1 - 1e-9), _POINTS)
+    frequency = Axis("frequency", FREQUENCY, omega / (2 * math.pi), scale="log")
+    everything = response(L, omega)
+    loops = [one_leg_open(everything, k) for k in range(len(analysis.legs))]
+    angles = []
+    for loop in loops:
+        angle = np.unwrap(np.angle(loop))
+        angle -= 2 * math.pi * (angle[0] > math.radians(90.5))  # a loop that begins at 180° begins at −180°
+        angles.append(np.where(np.abs(loop) > _BELOW, angle, np.nan))
+    gain = tuple(Series(f"leg {k}", _GAIN, np.abs(loop), leg=k) for k, loop in enumerate(loops, 1))
+    phase = tuple(Series(f"leg {k}", ANGLE, angle, leg=k) for k, angle in enumerate(angles, 1))
+    sigma = []
+    roles: tuple[Role, ...] = ("actual", "published")
+    for matrices, name, color in zip(sensitivities(L, omega), ("S", "T"), roles, strict=True):
+        singular = np.asarray(np.linalg.svd(matrices, compute_uv=False), dtype=float)
+        sigma.append(Series(f"σ({name})", _GAIN, singular[:, 0], color, low=singular[:, -1], high=singular[:, 0]))
+    unity = (Mark(1.0, "gain of 1", role="neutral", tells=False),)
+    resonances = [mode.frequency for mode in analysis.structure.modes[:1]] if analysis.structure is not None else []
+    legs = [Mark(at, "first structural mode", "vertical", "neutral") for at in resonances if at < frequency.values[-1]]
+    role: Role = "marginal" if analysis.disk.alpha < FRAIL else "good"
+    of_disk = Mark(analysis.disk.frequency, f"disk margin {analysis.disk.alpha:.3g} at", "vertical", role)
+    gain_margins, phase_margins = _spans(analysis.legs, role, frequency.values, angles)
+    alone = "one leg cut, the others closed"
+    log = Axis("gain of L", _GAIN, scale="log")
+    return (
+        Chart(f"gain of L, {alone}", frequency, gain, y=log, marks=(*unity, *legs), spans=gain_margins, group="bode"),
+        Chart(f"phase of L, {alone}", frequency, phase, y=Axis("phase of L", ANGLE), group="bode",
+              spans=phase_margins, marks=(Mark(-math.pi, "−180°", role="neutral", tells=False),)),
+        Chart("singular values of S and T, all legs closed", frequency, tuple(sigma), marks=(*unity, of_disk),
+              y=Axis("singular value", _GAIN, scale="log"), group="bode"),
+    )  # fmt: skip
+
+
+def _spans(
+    legs: Sequence[ClassicalMargins], role: Role, frequency: FloatArray, angles: Sequence[FloatArray]
+) -> tuple[tuple[Span, ...], tuple[Span, ...]]:
+    """The least gain margins of all legs, from the gain of L to 1; the least phase margin, from the phase to ±180°."""
+
+    def which(leg: ClassicalMargins) -> str:
+        # legs that are alike up to rounding are told as any
+        spread = max(one_leg.phase for one_leg in legs) - min(one_leg.phase for one_leg in legs)
+        return "any leg" if spread < _ALIKE * leg.phase else f"leg {legs.index(leg) + 1}"
+
+    gains: list[Span] = []
+    up, down = min(legs, key=lambda leg: leg.gain_up), max(legs, key=lambda leg: leg.gain_down)
+    for leg, factor, at in ((up, up.gain_up, up.gain_up_at), (down, down.gain_down, down.gain_down_at)):
+        if frequency[0] <= at <= frequency[-1]:
+            low, high = sorted((1.0, 1 / factor))
+            size = DECIBEL.text(decibels(high / low))
+            gains.append(Span(at, low, high, f"gain margin {size} at {about(FREQUENCY, at, 3)}, {which(leg)}", role))
+    least = min(legs, key=lambda leg: leg.phase)
+    if not frequency[0] <= least.phase_at <= frequency[-1]:
+        return tuple(gains), ()
+    angle = angles[legs.index(least)]
+    has_phase = np.isfinite(angle)
+    phase = float(np.interp(math.log(least.phase_at), np.log(frequency[has_phase]), angle[has_phase]))
+    # the odd multiple of 180° that is nearest
+    low, high = sorted((phase, math.pi * (2 * round((phase / math.pi - 1) / 2) + 1)))
+    text = f"phase margin {_PHASE.text(least.phase)} at {about(FREQUENCY, least.phase_at, 3)}, {which(least)}"
+    return tuple(gains), (Span(least.phase_at, low, high, text, role),)
+
+
+def _step(L: StateSpace) -> Chart:
+    """The share that is compensated of a step of force on each leg, until the slowest mode has decayed to e⁻⁶."""
+    closed = closed_loop(L)
+    end = 6 / min((-mode.eigenvalue.real for mode in modes(closed)), default=6.0)
+    time = float(closed.dt) * np.arange(min(math.ceil(end / closed.dt) + 1, _LONGEST), dtype=float)
+    # column k of the states answers to leg k
+    states, values = np.zeros(closed.B.shape), np.empty((L.noutputs, len(time)))
+    direct = np.diag(closed.D)
+    for n in range(len(time)):
+        values[:, n] = (closed.C * states.T).sum(axis=1) + direct
+        states = closed.A @ states + closed.B
+    # slow modes may hardly show: end soon after the response has settled
+    moving = np.nonzero((np.abs(values - values[:, -1:]) > _SETTLED).any(axis=0))[0]
+    shown = min(len(time), max(10, int(1.5 * (moving[-1] + 1)))) if moving.size else len(time)
+    rows = slice(0, shown, max(1, shown // _STEP_POINTS))
+    return Chart(
+        "a step of force on one leg: the share that the controller compensates",
+        time_axis(time[rows]),
+        tuple(Series(f"leg {k}", SHARE, answer[rows], leg=k) for k, answer in enumerate(values, 1)),
+        y=Axis("share compensated", SHARE),
+        marks=(Mark(1.0, "all of it", role="neutral", tells=False),),
+        group="step",
+    )
+
+
+def _defined(value: float | None) -> float | None:
+    return None if value is None or math.isnan(value) else value
