@@ -121,7 +121,7 @@ def metrics(record: RecordData) -> Metrics:
             for key in above:
                 part = part.setdefault(key, {})
             values = results[path][..., 0]
-            part[name] = np.where(np.isfinite(values), values.astype(object), None).tolist()
+            part[name] = np.where(np.isfinite(values), values.astype(object), np.array(None)).tolist()
     steps = parts.pop("step_response", {})
     if n and reference is not None:
         parts["step_response"] = [{"axis": axis, **part} for axis, part in steps.items()]
@@ -218,7 +218,7 @@ def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 
         if share and share["any"]:
             legs.append((name.replace("_", " "), SHARE, share["legs"], share["any"]))
     rows = [
-        (title, *(Value(value, unit) for value in values), "" if total == "" else Value(total, unit))
+        (title, *(Value(value, unit) for value in values), total if isinstance(total, str) else Value(total, unit))
         for title, unit, values, total in legs
     ]
     return [*tables, Table("Legs", (Column(""), *_LEGS, Column("all")), tuple(rows))]
