@@ -109,8 +109,8 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
 
     units: list[Any] = []
     notes.replace(f"{RUNS}.run.run", record, act)
-    notes.replace(f"{RUNS}.files.write_results", act=write)
-    notes.replace(f"{RUNS}.files.warnings_of", ["it hangs"])
+    notes.replace(f"{RUNS}.run.write_results", act=write)
+    notes.replace(f"{RUNS}.run.warnings_of", ["it hangs"])
     notes.set("gough_stewart.harness.export.own_unit.exported_controller", exported)
     opened = notes.opened()
     done = invoke("run", "heave_step", *{
@@ -179,8 +179,8 @@ def test_run(notes: Notes, kind: str) -> None:  # noqa: PLR0915
 def test_how_a_run_ends(notes: Notes, status: str, time: float, code: int, end: str) -> None:
     """Expected: the files, how much was simulated of how much, and the cause with the exit code of the table."""
     notes.replace(f"{RUNS}.run.run", recorded(status, time))
-    notes.replace(f"{RUNS}.files.write_results", Written(["a"], made_report("errors")))
-    notes.replace(f"{RUNS}.files.warnings_of", [])
+    notes.replace(f"{RUNS}.run.write_results", Written(["a"], made_report("errors")))
+    notes.replace(f"{RUNS}.run.warnings_of", [])
     Path("o").mkdir()
     Path("o/a").touch()
     done = invoke("run", "heave_step", "--set", "loop.duration=1.75", "--out", "o")
@@ -203,8 +203,8 @@ def test_a_loop_that_moves_by_itself(notes: Notes, growing: bool, code: int) -> 
     def write(*_: Any, notes: list[Note], **__: Any) -> Written:
         return Written(["a"], replace(made_report("errors"), notes=tuple(notes)))
 
-    notes.replace(f"{RUNS}.files.write_results", act=write)
-    notes.replace(f"{RUNS}.files.warnings_of", [])
+    notes.replace(f"{RUNS}.run.write_results", act=write)
+    notes.replace(f"{RUNS}.run.warnings_of", [])
     Path("o").mkdir()
     Path("o/a").touch()
     done = invoke("run", "heave_step", "--out", "o")
