@@ -43,8 +43,6 @@ OFFERED int64_t lanes_check(const batch *members);
 OFFERED void lanes_signals(const batch *members, double *signals);
 /* (N_RESULTS, M) */
 OFFERED void lanes_results(const batch *members, double *results);
-/* dx/dt (N_STATES, M) */
-OFFERED void lanes_derivatives(const batch *members, double *derivatives);
 /* sin, cos and tanh of (8 `blocks`) numbers, (3, 8 `blocks`) */
 OFFERED void lanes_elementary(int64_t blocks, const double *x, double *y);
 

@@ -508,8 +508,6 @@ int64_t loop_run(const batch *members, const loop *l, int64_t first, int64_t end
             continue;
         v.live = l->members - v.first < WIDTH ? (int)(l->members - v.first) : WIDTH;
         read_group(&v.plant, members, block, N_PARAMETERS);
-        if (!l->substeps)
-            look(&v.plant);
         if (l->takes)
             recall(&v, l->takes->latest, ROW_ELEMENTS, chunk[0]);
         while (l->at_row[block] < to && most_work >= 0) {
