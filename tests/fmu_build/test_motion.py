@@ -18,7 +18,7 @@ import gough_stewart as gs
 from tests.support.fmu_plants import DISCARD, OK, POSE, Fmu, Plant, by_element, plant, refused
 from tests.support.lagrangian import FloatArray
 from tests.support.plain_motion import trajectory
-from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
+from tests.support.uneven import MOVING, STATE, UNEVEN
 from tests.support.uneven_loops import POSE as POSE_AWAY
 from tests.support.uneven_loops import experiment_of
 
@@ -208,7 +208,7 @@ def asked(fmu3: Fmu) -> Iterator[Plant]:
 
 
 class Kutta:
-    """Kutta's 3/8 rule with error control, from the book, on the derivatives of a unit (Hairer, Nørsett, Wanner, II.4)."""
+    """Kutta's 3/8 rule with error control, on the derivatives of a unit (Hairer, Nørsett, Wanner, II.4)."""
 
     def __init__(self, asked: Plant, case: str, tolerance: float) -> None:
         platform, values, _ = CASES[case]
