@@ -49,7 +49,7 @@ def kernel_source(variant: Variant = IDEAL, order: Sequence[int] = ()) -> str:
     head = _HEAD
     if variant.bristles:
         functions += [f(variant) for f in (traced.decays_function, traced.grip_function, traced.sliding_function)]
-        head += f'#include "bristles.h"\n{_SIGN}'
+        head += _SIGN
     return head + "".join(function_source(f, conditions=variant != IDEAL) for f in functions)
 
 

@@ -42,12 +42,12 @@ def kernel_sources(variant: Variant = IDEAL) -> Sources:
     from gough_stewart.fmu_build.sources import c_folder, sources
 
     component = plant_component(platform_of(variant))
-    unit, kernel = sources(component), c_folder("kernel")
+    unit = sources(component)
     units = {name: unit.units[name] for name in (*component.code.units, *_SHARED_UNITS)}
     units |= c_folder("stepper").units
     if variant == IDEAL:
-        units |= {**kernel.units, "functions.c": _functions()}
-    return Sources(units, {**unit.headers, **kernel.headers})
+        units |= {**c_folder("kernel").units, "functions.c": _functions()}
+    return Sources(units, unit.headers)
 
 
 def _functions() -> str:
@@ -60,7 +60,7 @@ def _functions() -> str:
     at = dict(zip(sizes, accumulate(sizes.values(), initial=0), strict=False))
     tangent = function_source(traced.tangent_function(), "static void kernel_")
     text = (
-        f'{GENERATED}\n#include "kernel.h"\n#include "processor.h"\n\n#include <math.h>\n\n'
+        f'{GENERATED}\n#include "kernel.h"\n#include "vectors.h"\n\n#include <math.h>\n\n'
         f"#define sq(x) ((x) * (x))\n{tangent}"
     )
     for name, (arguments, results) in FUNCTIONS.items():

@@ -43,7 +43,7 @@ _MACHINE_FLAGS = (
     *("-O2", "-std=c99", "-g0", "-DWIDTH=1", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno"),
 )
 # Limits of error-controlled steps: internal steps of a plant step, and the smallest one as a share of it.
-CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9, "SMALLEST_RATE": 1e-200}
+CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9}
 # Instruction sets that the machine code may use.
 _VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")
 # Elements of the columns of all folds together, in a row.
@@ -219,8 +219,6 @@ def lanes_sources(variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
     functions = [
         traced.derivatives_function(variant),
         traced.outputs_function(variant),
-        traced.signals_function(variant),
-        traced.margins_function(variant),
         traced.posed_function(variant),
         *([] if variant.parts else [traced.motion_function()]),
     ]
@@ -233,12 +231,10 @@ def lanes_sources(variant: Variant = IDEAL, *, alone: bool = False) -> Sources:
     }
     if not variant.parts:
         sizes["N_SHARED"] = traced.motion_function().numel_in(0)
-    scales = ", ".join(f"{scale:g}" for scale in variant.scales)
     table = filled(
         "lanes/lanes_table.h",
         sizes=defines(sizes),
         controlled=defines(CONTROLLED),
-        scales=f"\n/* of absolute tolerances, by state */\n#define SCALES {{{scales}}}" if variant.bristles else "",
         kernel=kernel[: kernel.index("\n{")].strip(),
     )
     units = {

@@ -75,11 +75,11 @@ class SteppingModel:
     5. `do_step(time, step)` integrates from `time`, which must be the model's time, to `time + step`, with inputs and
        parameters held constant. The step can vary from call to call.
     6. There are two integrators of the same equations. `compiled` is the unit's own stepper in this process, with the
-       bits of the FMU: Dormand–Prince 5(4), or exponential steps with bristles. `scipy` is the judge of compiled steps:
-       DOP853, with bristles LSODA, and Radau below a tolerance of 1e-12. Both control the error with `tolerance`,
-       relative, and absolute in SI units; the internal step size carries over between calls, so short communication
-       steps cost little. With a `fixed_step_size`, which only `compiled` takes, a step is divided into the smallest
-       number of equal steps not above it, of classical RK4, or with bristles of an exponential scheme.
+       bits of the FMU: Kutta's 3/8 rule, Dormand–Prince 5(4) with springs, exponential steps with bristles. `scipy` is
+       the judge of compiled steps: DOP853, with bristles LSODA, and Radau below a tolerance of 1e-12. Both control the
+       error with `tolerance`, relative, and absolute in SI units; the internal step size carries over between calls, so
+       short communication steps cost little. With a `fixed_step_size`, which only `compiled` takes, a step is divided
+       into the smallest number of equal steps not above it, of classical RK4, or with bristles an exponential scheme.
     7. A step fails with `StepError` if at an internal step a leg has collapsed, |pitch| reaches 90° or the leg
        Jacobian is singular (or was singular since the last one), if the tolerance cannot be met, if more than 20,000
        internal steps would be needed (1,000,000 of a fixed size), or if fixed steps cannot resolve the bristles or

@@ -157,8 +157,7 @@ def _code(variant: Variant) -> Sources:
     kernel = _traced_once(KERNEL_SOURCE, variant, traced).decode()
     plant = c_folder("plant")
     headers = {**plant.headers, "plant_table.h": plant_header(variant)}
-    if variant.bristles:
-        headers |= {name: c_folder("lanes").headers[name] for name in ("exponential_step.h", "vectors.h")}
+    headers |= {name: c_folder("lanes").headers[name] for name in ("steps.h", "vectors.h")}
     return Sources({**plant.units, KERNEL_SOURCE: kernel}, headers)
 
 

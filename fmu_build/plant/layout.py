@@ -79,6 +79,7 @@ def plant_header(variant: Variant = IDEAL) -> str:
         limits |= {"SLOWEST_MODE": platform_checks.SLOWEST_MODE, "LARGEST_STRETCH": platform_checks.LARGEST_STRETCH}
     if variant.parts:
         limits |= {"LARGEST_PRODUCT": LARGEST_PRODUCT}
+    scales = ", ".join(f"{scale:g}" for scale in variant.scales)
     return filled(
         "plant/plant_table.h",
         n_legs=interface.BY_NAME["leg_length"].size,
@@ -87,5 +88,6 @@ def plant_header(variant: Variant = IDEAL) -> str:
         fixed_step_size=layout.by_name["fixed_step_size"].first,
         places=defines(offsets),
         limits=defines(limits),
+        scales=f"{{{scales}}}",
         failures=defines({f"FAILURE_{failure.name}": int(failure) for failure in MemberFailure}),
     )

@@ -43,7 +43,7 @@ def test_the_papers_case_in_libcosim(tmp_path: Path, capfd: pytest.CaptureFixtur
     error = np.abs(np.array(pose) - run_kernel(case).states[-1, :6]).max()
     log = capfd.readouterr()
     print(f"libcosim against kernel: {error:.1e} m, rad")
-    assert error <= 1e-9
+    assert error <= 1e-7
     # its parser found nothing to complain of
     assert "[error]" not in log.out + log.err
     assert "[warning]" not in log.out + log.err

@@ -161,7 +161,7 @@ def test_a_library_counts_only_for_its_sources(folder: Path, monkeypatch: pytest
     states = set()
     for source in (
         "c/stepper/stepper.c",
-        "c/plant/plant_step.c",
+        "c/plant/step.c",
         "c/unit/component.c",
         "codegen.py",
         "plant/layout.py",

@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 from fmpy import simulate_fmu
 from fmpy.fmi1 import FMICallException
-from scipy.integrate import RK45
 
 import gough_stewart as gs
 from tests.support.fmu_plants import DISCARD, OK, POSE, Fmu, Plant, by_element, plant, refused
 from tests.support.lagrangian import FloatArray
 from tests.support.plain_motion import trajectory
-from tests.support.uneven import INPUT_VALUES, MOVING, STATE, UNEVEN
+from tests.support.uneven import MOVING, STATE, UNEVEN
 from tests.support.uneven_loops import POSE as POSE_AWAY
 from tests.support.uneven_loops import experiment_of
 
@@ -208,63 +207,72 @@ def asked(fmu3: Fmu) -> Iterator[Plant]:
         yield p
 
 
-def rk45(asked: Plant, case: str, tolerance: float, end: float, **options: Any) -> RK45:
-    """Dormand and Prince's pair of orders 5 and 4 as SciPy has it, on the derivatives of a unit."""
-    platform, values, _ = CASES[case]
-    asked.start(values, platform=platform)
+class Kutta:
+    """Kutta's 3/8 rule with error control, on the derivatives of a unit (Hairer, Nørsett, Wanner, II.4)."""
 
-    def slope(_t: float, x: Any) -> Any:
-        asked.set_states(x)
-        return asked.state_rates()
+    def __init__(self, asked: Plant, case: str, tolerance: float) -> None:
+        platform, values, _ = CASES[case]
+        asked.start(values, platform=platform)
+        self.asked, self.tolerance, self.proposed = asked, tolerance, 0.0
+        self.t, self.x = 0.0, np.array(asked.get_states())
 
-    return RK45(slope, 0.0, asked.get_states(), end, rtol=tolerance, atol=tolerance, **options)
+    def slope(self, x: FloatArray) -> FloatArray:
+        """The derivatives at a state."""
+        self.asked.set_states(x)
+        return np.array(self.asked.state_rates())
+
+    def attempt(self, h: float) -> tuple[FloatArray, float]:
+        """The end of a step, and its error: of order 5 by quotients of differences of orders 4, 3 and 2."""
+        x, k1 = self.x, self.slope(self.x)
+        k2 = self.slope(x + h * k1 / 3)
+        k3 = self.slope(x + h * (k2 - k1 / 3))
+        k4 = self.slope(x + h * (k1 - k2 + k3))
+        end = x + h * (k1 + 3 * k2 + 3 * k3 + k4) / 8
+        third = np.abs(k1 - 3 * k2 + 3 * k3 + 3 * k4 - 4 * self.slope(end)) / 24
+        second, first = np.abs(k1 - 2 * k2 + k3), np.abs(k2 - k1)
+        one = third**2 / (third + second / 40 + 1e-200)
+        other = second**3 / (15 * (first + second + 1e-200) ** 2)
+        return end, float(np.max(h * np.maximum(one, other) / (1 + np.abs(x))))
+
+    def step_to(self, stop: float) -> list[float]:
+        """The ends of steps that end together; a step that was cut says little of the next one."""
+        ends = []
+        while self.t < stop:
+            left, proposed = stop - self.t, self.proposed or stop - self.t
+            h = left if proposed >= left else min(proposed, left / 2)
+            end, error = self.attempt(h)
+            ratio = error / self.tolerance
+            # the logarithm to base 2 is linear between powers
+            mantissa, exponent = np.frexp(np.clip(ratio, 1e-4, 2000))
+            logarithm = -0.2 * (2 * mantissa - 2 + exponent)
+            following = h * np.clip(0.9 * (1 + logarithm % 1) * 2.0 ** (logarithm // 1), 0.2, 5)
+            self.proposed = max(proposed, following) if ratio <= 1 and h < proposed else following
+            if ratio <= 1:
+                self.t, self.x = stop if h == left else self.t + h, end
+                ends.append(self.t)
+        return ends
 
 
 @pytest.mark.parametrize(
-    ("case", "tolerance"), [("paper", 1e-4), ("paper", 1e-10), ("uneven", 1e-4), ("uneven", 1e-7), ("sharp", 1e-6)]
+    ("case", "tolerance", "steps"),
+    [
+        ("paper", 1e-4, [1.0]),
+        ("paper", 1e-8, [1.0]),
+        ("uneven", 1e-4, [0.5]),
+        # the size carries over, also from a step that was cut
+        ("uneven", 1e-6, [0.2, 1e-3, 1e-4, 0.1989, 0.1]),
+        ("sharp", 1e-6, [0.1]),
+    ],
 )
-def test_internal_steps_are_those_of_scipys_rk45(fmu3: Fmu, asked: Plant, case: str, tolerance: float) -> None:
-    """Expected: the same method and control of sizes, written by somebody else; but no sliver at the end."""
-    duration, expected = CASES[case][2], list[float]()
-    solver = rk45(asked, case, tolerance, duration)
-    while solver.status == "running":
-        solver.step()
-        expected.append(solver.t)
-    (found,) = times_of(fmu3, case, [duration], tolerance)
-    assert len(expected) >= 4
-    if case == "sharp":  # rounding decides which steps are rejected
-        assert len(found) == pytest.approx(len(expected), rel=0.03)
-        assert np.allclose(found[:10], expected[:10], rtol=1e-4)
-        return
-    assert len(found) in (len(expected), len(expected) - 1)
-    # rounding of the error estimate, which is a small difference, moves a step by more than its share
-    assert np.allclose(found[:-1], expected[: len(found) - 1], rtol=1e-4)
-
-
-def test_a_platform_at_rest_begins_with_a_microsecond(fmu3: Fmu) -> None:
-    """Expected: as Hairer has it where nothing moves, 1e-6 s, and then ten times more each."""
-    still = dict.fromkeys((*INPUT_VALUES, "velocity", "angular_velocity", "gravity"), 0.0)
-    (found,) = times_of(fmu3, "uneven", [0.5], **still)
-    sizes = np.diff([0.0, *found])
-    assert sizes[0] == pytest.approx(1e-6)
-    assert sizes[1:-1] == pytest.approx(10 * sizes[:-2])
-
-
-def test_the_size_of_steps_carries_over_communication_steps(fmu3: Fmu, asked: Plant) -> None:
-    """Expected: after a step that was cut, the larger of SciPy's first step and of its proposal after the cut one."""
-    first = rk45(asked, "uneven", 1e-4, 1.0)
-    for share in (0.02, 0.7):
-        h = share * first.h_abs
-        asked.fmu.reset()
-        cut = rk45(asked, "uneven", 1e-4, 1.0, first_step=h)
-        cut.step()
-        _, second = times_of(fmu3, "uneven", [h, 0.4], 1e-4)
-        # the unit's first step knows that the span is short, SciPy's here does not
-        assert second[0] - h == pytest.approx(max(first.h_abs, cut.h_abs), rel=1e-2)
-    (whole,) = times_of(fmu3, "uneven", [0.4], 1e-5)
-    begin, *short, rest = times_of(fmu3, "uneven", [0.2, *[1e-4] * 20, 0.198], 1e-5)
-    assert {len(seen) for seen in short} == {1}
-    assert len(begin) + len(rest) <= len(whole) + 2
+def test_internal_steps_are_those_of_kuttas_rule(
+    fmu3: Fmu, asked: Plant, case: str, tolerance: float, steps: list[float]
+) -> None:
+    """Expected: the method and its control of sizes in NumPy, from the book."""
+    solver, stop = Kutta(asked, case, tolerance), 0.0
+    for seen, step in zip(times_of(fmu3, case, steps, tolerance), steps, strict=True):
+        stop += step
+        # rounding of the error estimate, which is a small difference, moves a step by more than its share
+        assert seen == pytest.approx(solver.step_to(stop), rel=1e-4)
 
 
 @pytest.mark.parametrize(("start", "parts"), [(0.0, 1), (0.01, 5), (-0.1, 3), (-0.1, 7), (1e6, 100), (-1e9, 10)])

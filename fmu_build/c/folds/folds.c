@@ -114,13 +114,16 @@ static mask broken(const rows_of_members *block, const lanes row[])
     return sum != sum;
 }
 
-/* How many of the rows of a chunk count: those before one that is broken, `most` at the most. */
-static mask counted(const rows_of_members *block, int64_t rows, mask most, const lanes *chunk, int64_t elements)
+/* Adds rows of a chunk to all folds. Returns how many of them count: those before one that is broken, `most` at the most. */
+static mask add_rows(const rows_of_members *block, int64_t vector, int64_t index, int64_t rows, mask most,
+                     const lanes *chunk, int64_t elements)
 {
     for (int64_t row = 0; row < rows; row++) {
         mask ends = broken(block, chunk + (row + 1) * elements), at = (mask)(whole)row;
         most = (ends & least(most, at)) | (~ends & most);
     }
+    for (const fold *f = block->folds; f < block->folds + block->n_folds; f++)
+        add(block, f, vector, index, rows, most, chunk, elements);
     return most;
 }
 
@@ -134,9 +137,7 @@ void folds_rows(const rows_of_members *block, int64_t vector, int64_t first, int
             most[k] = ends[k] < rows ? ends[k] : rows;
     if (!any(most))
         return;
-    mask stop = counted(block, rows, most, (const lanes *)chunk, elements);
-    for (const fold *f = block->folds; f < block->folds + block->n_folds; f++)
-        add(block, f, vector, first, rows, stop, (const lanes *)chunk, elements);
+    mask stop = add_rows(block, vector, first, rows, most, (const lanes *)chunk, elements);
     for (int64_t k = 0; k < WIDTH; k++)
         if (counting[k] < 0 && (stop[k] < rows || ends[k] <= rows))
             counting[k] = first + stop[k];
@@ -154,10 +155,8 @@ static void add_vector(const rows_of_members *block, int64_t vector)
         int is_first = block->first + from == 0;
         read_rows(block, vector, from - !is_first, from + rows, chunk + is_first);
         mask left = least(count - (whole)from, (mask)(whole)rows);
-        mask stop = counted(block, rows, left, chunk[0], MOST_COLUMNS);
+        mask stop = add_rows(block, vector, block->first + from, rows, left, chunk[0], MOST_COLUMNS);
         count = (count & (stop == left)) | ((stop + (whole)from) & (stop != left));
-        for (const fold *f = block->folds; f < block->folds + block->n_folds; f++)
-            add(block, f, vector, block->first + from, rows, stop, chunk[0], MOST_COLUMNS);
     }
     for (int64_t k = 0; k < members && k < WIDTH; k++)
         counting[k] = count[k];

@@ -1,8 +1,11 @@
-#include "processor.h"
+/* What the processor and the system can do: the level of x86-64 [x86-64 psABI, 3.1.1] that they support, 1 to 4; 0 on
+   other processors. */
+#include "vectors.h"
+
+OFFERED int processor_level(void);
 
 #if defined(__x86_64__)
 #include <cpuid.h>
-#include <stdint.h>
 
 /* The registers that the system saves: SSE and AVX; with those of AVX-512, too. */
 enum { SAVES_AVX = 0x6, SAVES_AVX512 = 0xe6 };

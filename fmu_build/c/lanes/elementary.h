@@ -121,8 +121,6 @@ static inline lanes if_so(lanes a, lanes x) { return choose(a != 0, x, (lanes)0.
 
 /* -1, 0 or 1 */
 static inline lanes sign_of(lanes x) { return truth(x > 0) - truth(x < 0); }
-static inline lanes smaller_of(lanes a, lanes b) { return choose(a < b, a, b); }
-static inline lanes larger_of(lanes a, lanes b) { return choose(a > b, a, b); }
 
 /* x minus the nearest multiple of y, of two the even one */
 static inline lanes remainder_of(lanes x, lanes y) { return x - nearest(x / y) * y; }

@@ -30,16 +30,14 @@ typedef struct {
     lanes x[N_STATES], u[N_INPUTS];
     lanes side;      /* sign of det J; 0 if not yet known */
     mask running;
-    evaluation at_x; /* of x; before error-controlled steps `look` makes it */
+    evaluation at_x; /* of x */
 } group;
 
 /* Number of parameters of the geometry, which come first. */
 #define N_GEOMETRY P_PLATFORM_MASS
 
-/* Reads a block; `parameters` is how many are needed: N_GEOMETRY, or N_PARAMETERS and the inputs. */
+/* Reads a block and evaluates its states; `parameters` is how many are needed: N_GEOMETRY, or N_PARAMETERS and the inputs. */
 void read_group(group *g, const batch *members, int64_t block, int parameters);
-/* Evaluates x where it has not come by a step. */
-void look(group *g);
 /* The steps of `lanes_step` and `lanes_advance`. A member that fails stops, and its state stays. They return how many
    fail; `at_x.signals` are those at the end. */
 int64_t step_fixed(group *g, double size, int64_t substeps);

@@ -31,10 +31,8 @@ typedef struct {
    The error is max |x - x5| / (1 + |x|) with x5 of order 5 by Cash and Karp (ACM Trans. Math. Softw. 16, 1990, 201-222)
    from the begin of each substep, the sum over the substeps. */
 OFFERED int64_t lanes_step(const batch *members, double size, int64_t substeps, double *signals);
-/* A step of `duration` [s] under constant inputs with error-controlled internal steps of order 4, each member's own, that
-   end at its end; of plants with bristles by `exponential_step.h`. The error of an internal step, see `controlled_step`,
-   is at most `tolerance`; that of a step the sum of
-   its internal ones. Poses are checked at the end of each internal step. A member that needs more than MOST_LANE_STEPS
+/* A step of `duration` [s] under constant inputs with error-controlled internal steps, each member's own, that end at its
+   end, see steps.h. The error of an internal step is at most `tolerance`; that of a step the sum of its internal ones. Poses are checked at the end of each internal step. A member that needs more than MOST_LANE_STEPS
    fails. Returns and writes as `lanes_step`. */
 OFFERED int64_t lanes_advance(const batch *members, double duration, double tolerance, double *signals);
 /* Checks the current poses: like `lanes_step` of zero duration. */
@@ -43,8 +41,6 @@ OFFERED int64_t lanes_check(const batch *members);
 OFFERED void lanes_signals(const batch *members, double *signals);
 /* (N_RESULTS, M) */
 OFFERED void lanes_results(const batch *members, double *results);
-/* dx/dt (N_STATES, M) */
-OFFERED void lanes_derivatives(const batch *members, double *derivatives);
 /* sin, cos and tanh of (8 `blocks`) numbers, (3, 8 `blocks`) */
 OFFERED void lanes_elementary(int64_t blocks, const double *x, double *y);
 

@@ -127,6 +127,8 @@ static inline mask to_whole(lanes x) { return __builtin_convertvector(x, mask); 
 #endif
 
 static inline mask opposite(mask which) { return ~which; }
+static inline lanes smaller_of(lanes a, lanes b) { return choose(a < b, a, b); }
+static inline lanes larger_of(lanes a, lanes b) { return choose(a > b, a, b); }
 static inline lanes get(const double *from) { return *(const anywhere *)from; }
 static inline void put(double *to, lanes x) { *(anywhere *)to = x; }
 

@@ -213,30 +213,6 @@ static void feed(vector *v, int64_t sample, mask due)
         remember(v, l->memory, l->n_states + 2 * l->size + i, excess[i]);
 }
 
-/* y = C x + D u, x+ = A x + B u, element by element. */
-static void multiply(const vector *v)
-{
-    const loop *l = v->loop;
-    for (int64_t i = 0; i < N_LEGS + l->n_states; i++)
-        remember(v, l->next, i, (lanes)0.0);
-    for (int64_t k = 0; k < l->entries; k++) {
-        int64_t i = l->entry_row[k];
-        lanes term = value_at(v, &l->values, 0, k) * remembered(v, l->memory, l->entry_column[k]);
-        remember(v, l->next, i, remembered(v, l->next, i) + term);
-    }
-}
-
-/* A user's law, which gets the time of the sample and the reference's accelerations besides references and readings. */
-static void call_law(const vector *v, int64_t sample)
-{
-    const loop *l = v->loop;
-    int64_t row = sample * l->every, next = l->n_states + 2 * l->size;
-    remember(v, l->memory, next, (lanes)((double)row * l->plant_step));
-    for (int i = 0; i < N_ACCELERATIONS; i++)
-        remember(v, l->memory, next + 1 + i, value_at(v, &l->reference, row, N_SIGNALS + i));
-    l->law(l->memory + v->first, l->next + v->first, v->stride);
-}
-
 /* The controller's forces; x goes on where a sample is due. */
 static void control(vector *v, int64_t sample, mask due, lanes force[])
 {
@@ -245,10 +221,21 @@ static void control(vector *v, int64_t sample, mask due, lanes force[])
     feed(v, sample, due);
     for (int64_t i = 0; i < l->n_states; i++)
         write_number(v, &l->sample_state, sample, i, remembered(v, l->memory, i), due);
-    if (l->law)
-        call_law(v, sample);
-    else
-        multiply(v);
+    if (l->law) { /* it gets the time of the sample and the reference's accelerations besides references and readings */
+        int64_t row = sample * l->every, next = l->n_states + 2 * l->size;
+        remember(v, l->memory, next, (lanes)((double)row * l->plant_step));
+        for (int i = 0; i < N_ACCELERATIONS; i++)
+            remember(v, l->memory, next + 1 + i, value_at(v, &l->reference, row, N_SIGNALS + i));
+        l->law(l->memory + v->first, l->next + v->first, v->stride);
+    } else { /* y = C x + D u, x+ = A x + B u, element by element */
+        for (int64_t i = 0; i < N_LEGS + l->n_states; i++)
+            remember(v, l->next, i, (lanes)0.0);
+        for (int64_t k = 0; k < l->entries; k++) {
+            int64_t i = l->entry_row[k];
+            lanes term = value_at(v, &l->values, 0, k) * remembered(v, l->memory, l->entry_column[k]);
+            remember(v, l->next, i, remembered(v, l->next, i) + term);
+        }
+    }
     for (int64_t i = 0; i < l->n_states; i++) {
         lanes next = remembered(v, l->next, N_LEGS + i);
         remember(v, l->memory, i, choose(due, next, remembered(v, l->memory, i)));
@@ -331,17 +318,6 @@ static void drive(vector *v, lanes is_behind[])
         keep(v, l->driven, DRIVE_STATES, after, v->plant.running);
     }
     keep(v, l->acting, N_LEGS, mean, v->plant.running);
-}
-
-/* Legs without force; their drives go on. */
-static void cut_legs(vector *v)
-{
-    const loop *l = v->loop;
-    lanes driven[N_LEGS], cut[N_LEGS], left[N_LEGS];
-    recall(v, l->acting, N_LEGS, driven);
-    recall(v, l->cut, N_LEGS, cut);
-    component_cut(driven, cut, left);
-    keep(v, l->acting, N_LEGS, left, v->plant.running);
 }
 
 static void keep_row(vector *v, int64_t row, const lanes is_behind[])
@@ -489,9 +465,15 @@ static void at_row(vector *v, int64_t row)
             sample_at(v, row, sample, due);
         drive(v, is_behind);
     }
-    if (l->cut)
-        cut_legs(v);
     recall(v, l->acting, N_LEGS, v->plant.u);
+    if (l->cut) { /* legs without force; their drives go on */
+        lanes driven[N_LEGS], cut[N_LEGS];
+        memcpy(driven, v->plant.u, sizeof driven);
+        recall(v, l->cut, N_LEGS, cut);
+        component_cut(driven, cut, v->plant.u);
+        keep(v, l->acting, N_LEGS, v->plant.u, v->plant.running);
+        recall(v, l->acting, N_LEGS, v->plant.u);
+    }
     if (l->takes)
         take_row(v, row, is_behind);
     else
@@ -508,8 +490,6 @@ int64_t loop_run(const batch *members, const loop *l, int64_t first, int64_t end
             continue;
         v.live = l->members - v.first < WIDTH ? (int)(l->members - v.first) : WIDTH;
         read_group(&v.plant, members, block, N_PARAMETERS);
-        if (!l->substeps)
-            look(&v.plant);
         if (l->takes)
             recall(&v, l->takes->latest, ROW_ELEMENTS, chunk[0]);
         while (l->at_row[block] < to && most_work >= 0) {

@@ -5,6 +5,7 @@
 
 #include "internal.h"
 #include "model.h"
+#include "plant_table.h"
 
 INTERNAL_BEGIN
 /* dx/dt */
@@ -20,6 +21,16 @@ void kernel_reverse(const double x[], const double u[], const double p[], const 
 /* leg lengths and rates, Jacobian with angles scaled by rho (6 rows of 6), rho */
 void kernel_legs(const double x[], const double p[], double length[], double length_rate[], double jacobian[],
                  double rho[]);
+#if HAS_BRISTLES
+/* rates d [1/s] at which the bristles forget: dz/dt = v - d z */
+void kernel_decays(const double x[], const double p[], double decay[]);
+/* the same rates d; the gain [1/s], column by column: gain dz/dt is taken from the accelerations, of motors if legs yield,
+   else of the platform; so is gain (ratio z), with the ratio [1/s] of stiffness and damping; z in fast sliding [m]; v */
+void kernel_grip(const double x[], const double p[], double decay[], double gain[], double ratio[], double reach[],
+                 double sliding[]);
+/* the velocities v [m/s] at which friction acts */
+void kernel_sliding(const double x[], const double p[], double sliding[]);
+#endif
 INTERNAL_END
 
 #endif

@@ -1,8 +1,7 @@
-#include "parameters.h"
+#include "plant.h"
 
 #include <math.h>
 
-#include "plant_table.h"
 
 /* Sylvester: a symmetric matrix is positive definite when its leading minors are positive. */
 static int is_positive_definite(double m[3][3])

@@ -6,8 +6,6 @@
 
 #include "conditioning.h"
 #include "kernel.h"
-#include "parameters.h"
-#include "plant_step.h"
 
 const size_t COMPONENT_SIZE = sizeof(component);
 const size_t N_SAVED = sizeof(plant_state) / sizeof(double);
@@ -312,11 +310,6 @@ outcome component_set_states(component *c, const double x[])
     for (int i = 0; i < N_STATES; i++)
         component_put(c, FIRST_STATE + i, x[i]);
     return DONE;
-}
-
-outcome component_step(component *c, double time, double step, const step_observer *observer, double *reached)
-{
-    return step_plant(c, time, step, observer, reached);
 }
 
 /* ---- saved states --------------------------------------------------------------------------------------------- */

@@ -61,6 +61,19 @@ outcome refuse_step(component *c, const char *quantity, double value, const char
 /* Whether the current pose is within the limits: a pitch of 90 degrees, a leg of no length, a singular leg Jacobian.
    `handedness` is the sign of det J of the motion so far; if it is 0, it is set from this pose. */
 outcome check_pose(component *c, double *handedness);
+
+/* Validity of the parameters: the checks of gough_stewart.model.platform_checks that concern the plant. */
+/* 1 if the inertia is physically possible, else 0 and the reason. */
+int check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
+/* 1 if no two joints of base or platform coincide and the centres of mass are on the legs, else 0 and the reason. */
+int check_geometry(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
+/* What a plant with bristles or springs needs besides the bounds of each value, as model/platform_checks.py. */
+int check_parts(const double p[N_PARAMETERS], char message[MESSAGE_SIZE]);
+/* Motors are near the lengths of the legs at the start. */
+int check_motors(const double x[N_STATES], const double leg_length[N_LEGS], char message[MESSAGE_SIZE]);
+/* LARGEST_PRODUCT over the largest |eigenvalue| of the plant at rest in this pose, all legs sticking; infinite for the
+   ideal plant, which has no such modes. */
+double stable_step(const double x[N_STATES], const double u[N_INPUTS], const double p[N_PARAMETERS]);
 INTERNAL_END
 
 #endif

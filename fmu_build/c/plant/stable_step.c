@@ -1,10 +1,9 @@
-#include "stable_step.h"
+#include "plant.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "kernel.h"
-#include "plant_table.h"
 
 #if HAS_BRISTLES || HAS_SPRINGS
 /* |A^1024|^(1/1024) is within 2 % of the spectral radius for norms that differ by 10^9. */

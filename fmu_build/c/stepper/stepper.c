@@ -2,11 +2,9 @@
 
    A component is plain data, so the host makes it, reads it and changes it in place: time, inputs, states and parameters
    where `stepper_layout` says. One component may be stepped by one thread at a time. */
-#include <string.h>
-
 #include "kernel.h"
 #include "plant.h"
-#include "processor.h"
+#include "vectors.h"
 
 /* Bytes of a component, then the offsets in bytes of what a host reads and writes, in the order of
    gough_stewart.model.stepping. */
