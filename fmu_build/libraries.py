@@ -46,8 +46,6 @@ _MACHINE_FLAGS = (
 CONTROLLED = {"MOST_LANE_STEPS": 10_000.0, "SMALLEST_SHARE": 1e-9}
 # Instruction sets that the machine code may use.
 _VECTOR_SETS = ("avx512f", "avx2", "fma", "asimd")
-# Elements of the columns of all folds together, in a row.
-MOST_COLUMNS = 96
 # Functions of the C library with two arguments.
 _OF_TWO = ("atan2", "copysign", "fmax", "fmin", "fmod", "hypot", "pow", "remainder")
 
@@ -312,7 +310,6 @@ def folds_sources(kernels: Sequence[FoldKernel]) -> Sources:
     from gough_stewart.fmu_build.codegen import in_lanes
 
     sizes = {
-        "MOST_COLUMNS": MOST_COLUMNS,
         "MOST_STATES": max(kernel.sizes[1] for kernel in kernels),
         "MOST_PARAMETERS": max(1, *(kernel.sizes[2] for kernel in kernels)),
     }

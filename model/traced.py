@@ -55,13 +55,6 @@ def outputs_function(variant: Variant = IDEAL) -> casadi.Function:
 
 
 @_traced_once
-def signals_function(variant: Variant = IDEAL) -> casadi.Function:
-    """CasADi Function `signals`: (x, p) -> y, the `interface.SIGNALS`: outputs without direct feedthrough."""
-    (x, _, p), _, y = _equations(variant)
-    return _function("signals", (x, p), y=y[: interface.N_SIGNALS])
-
-
-@_traced_once
 def jacobians_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `jacobians`: (x, u, p) -> A, B, C, D, dense."""
     z, *results = _equations(variant)
@@ -132,33 +125,25 @@ def legs_function(variant: Variant = IDEAL) -> casadi.Function:
 
 
 @_traced_once
-def margins_function(variant: Variant = IDEAL) -> casadi.Function:
-    """CasADi Function `margins`: (x, p) -> square (6), determinant, size; distances to the pose limits.
-
-    L_i², det K and ρ². K has the rows (l_i, c_i × l_i), so det K = det J L_1 ⋯ L_6. Without roots and quotients, for a
-    fast check after every integration step.
-    """
-    z, parameters, _, legs = _legs(variant)
-    halves = [
-        [[part[0, i, k] for k in range(3)] for i in range(6)] for part in (legs.vector, cross(legs.arm, legs.vector))
-    ]
-    square = _column(dot(legs.vector, legs.vector))
-    size = dot(parameters.platform_points, parameters.platform_points).sum(axis=-1) / 6
-    return _function("margins", z, square=square, determinant=_determinant(*halves), size=_column(size))
-
-
-@_traced_once
 def posed_function(variant: Variant = IDEAL) -> casadi.Function:
     """CasADi Function `posed`: (x, p) -> y, square, determinant, size, s: all that depends on the state alone.
 
-    y are the signals, the next three as of `margins`; from s and the inputs, `motion` gives the derivatives. So a state
-    that is looked at, checked, and driven by one input after the other is evaluated once. Of a variant with parts there
-    is no s; with bristles, there are their rates instead, as `decay`.
+    y are the signals; L_i², det K and ρ² are distances to the pose limits. K has the rows (l_i, c_i × l_i), so det K =
+    det J L_1 ⋯ L_6: no roots and quotients, for a fast check after every integration step. From s and the inputs,
+    `motion` gives the derivatives. So a state that is looked at, checked, and driven by one input after the other is
+    evaluated once. Of a variant with parts there is no s; with bristles, there are their rates instead, as `decay`.
     """
-    z, _, y = _equations(variant)
-    x, _, p = z
-    margins = zip(("square", "determinant", "size"), margins_function(variant)(x, p), strict=True)
-    results = {"y": y[: interface.N_SIGNALS], **dict(margins)}
+    _, _, y = _equations(variant)
+    (x, p), parameters, _, legs = _legs(variant)
+    halves = [
+        [[part[0, i, k] for k in range(3)] for i in range(6)] for part in (legs.vector, cross(legs.arm, legs.vector))
+    ]
+    results = {
+        "y": y[: interface.N_SIGNALS],
+        "square": _column(dot(legs.vector, legs.vector)),
+        "determinant": _determinant(*halves),
+        "size": _column(dot(parameters.platform_points, parameters.platform_points).sum(axis=-1) / 6),
+    }
     if variant == IDEAL:
         results["s"], _ = _split()
     if variant.bristles:

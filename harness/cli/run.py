@@ -21,7 +21,7 @@ from gough_stewart.harness.cli.options import (
 )
 from gough_stewart.harness.cli.showing import Showing, shows
 from gough_stewart.harness.cli.terminal import errors, progress_bar, warn
-from gough_stewart.harness.plants.plant import FMI_VERSIONS, PlantKind
+from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment

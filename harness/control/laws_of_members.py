@@ -239,8 +239,6 @@ class CalledLaw:
 class SeparateLaws:
     """Members' own laws, called one by one; members that have ended are not sampled, which user code must not be."""
 
-    may_overrun = False
-
     def __init__(
         self,
         laws: Sequence[CalledLaw | UnitLaw | None],
@@ -332,7 +330,6 @@ class LinearLaw:
     """
 
     limited = None
-    may_overrun = True  # members that have ended may be sampled
     failures: Mapping[int, ControllerError] = {}  # members whose maker gave no controller
 
     def __init__(

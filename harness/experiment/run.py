@@ -27,9 +27,10 @@ from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.timing import as_numbers
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.lanes import LanesPlant
 from gough_stewart.harness.plants.open import open_plant
-from gough_stewart.harness.plants.plant import Plant, PlantKind
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.report.document import Note, Number, Report
 from gough_stewart.harness.report.quantities import LENGTH
 from gough_stewart.harness.report.requirements import Required, with_requirements

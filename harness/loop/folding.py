@@ -46,13 +46,10 @@ class _Fold(ctypes.Structure):
     ]
 
 
-class _RowsOfMembers(ctypes.Structure):
+class _FoldsOfMembers(ctypes.Structure):
     _fields_ = [
-        *(
-            (name, ctypes.c_int64)
-            for name in ("members", "first", "rows", "n_columns", "n_folds", "n_states", "n_parameters", "n_checked")
-        ),
-        *((name, ctypes.c_void_p) for name in ("columns", "folds", "parameters", "states", "counting", "checked")),
+        *((name, ctypes.c_int64) for name in ("n_folds", "n_states", "n_parameters", "n_checked")),
+        *((name, ctypes.c_void_p) for name in ("folds", "parameters", "states", "counting", "checked")),
     ]
 
 
@@ -150,8 +147,7 @@ class CompiledFolds:
         of_folds = (_Fold * len(records))(*records)
         # arrays that the structure points to
         self._arrays = places, by_vector, elements, of_folds, counting
-        self.rows = _RowsOfMembers(
-            members=members,
+        self.rows = _FoldsOfMembers(
             n_folds=len(folds),
             n_states=state,
             n_parameters=parameter,

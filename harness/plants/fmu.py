@@ -47,8 +47,6 @@ class FmuPlant(Plant):
         No such file, not an FMU, an FMU of another model, or one that does not run on this machine.
     """
 
-    may_overrun = True
-
     def __init__(
         self,
         path: Path | str | UnitFile,

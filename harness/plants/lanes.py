@@ -182,8 +182,6 @@ class LanesPlant(Plant):
         There is no machine code, and it cannot be built, as `lanes_library`.
     """
 
-    may_overrun = True
-
     def __init__(
         self,
         platforms: Sequence[Platform],

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, get_args
 from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.errors import PlantError
 from gough_stewart.harness.plants.isolated import IsolatedFmu
-from gough_stewart.harness.plants.plant import FMI_VERSIONS, Plant, PlantKind
+from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
+from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, Variant
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 
 class ModelPlant(Plant):
     """The stepping model with one of its integrators as a `Plant`, whose rules its methods follow."""
-
-    may_overrun = True
 
     def __init__(
         self,

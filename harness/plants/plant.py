@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import TracebackType
-from typing import Literal, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,6 @@ from gough_stewart.model.parameters import Variable
 from gough_stewart.model.vectors import FloatArray
 
 BoolArray = NDArray[np.bool_]
-# The compiled engine, SciPy as its judge, and the units of both FMI versions.
-PlantKind = Literal["model", "scipy", "fmu2", "fmu3"]
-FMI_VERSIONS: dict[str, str] = {"fmu2": "2.0", "fmu3": "3.0"}
 
 
 class Plant(Protocol):
@@ -42,17 +39,14 @@ class Plant(Protocol):
        contiguous in memory, see `members`. `set_parameters` and `set_parameters_of` accept values with or without this
        axis. `do_step` advances all members that can continue; those that cannot stay unchanged from then on, as after
        `freeze`, and are listed in the `MembersError` that it raises at the end.
-    10. A plant that `may_overrun` may be stepped for some rows more after a run has reached a limit; by default none
-       is.
-    11. `signals` returns the first part of the results (*shape, 24) faster, perhaps as a view, valid until the next
+    10. `signals` returns the first part of the results (*shape, 24) faster, perhaps as a view, valid until the next
        step.
-    12. `remarks` returns what a plant from elsewhere said since the last call while all went well, "" for nothing.
+    11. `remarks` returns what a plant from elsewhere said since the last call while all went well, "" for nothing.
 
     A user's plant of one platform needs `set_inputs`, `set_parameters`, `results` and `do_step`.
     """
 
     shape: tuple[int, ...] = ()
-    may_overrun: bool = False
     columns: tuple[str, ...] = interface.RESULT_COLUMNS
 
     def set_inputs(self, inputs: FloatArray) -> None:
@@ -109,7 +103,6 @@ class PlantOfOne(Plant):
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
-        self.may_overrun = getattr(plant, "may_overrun", False)
         self.columns = getattr(plant, "columns", Plant.columns)
         self._has_signals = hasattr(plant, "signals")
 

@@ -475,7 +475,7 @@ def test_the_page_says_what_an_importer_of_its_version_has_to_know(fmus: dict[st
         assert not any(words in text for words in own[other])
         assert f"fmi{other[0]}" not in text
         for words in (
-            *(f"fmi{version[0]}Discard", f"fmi{version[0]}Error", f"FMI {version}", UNEVEN.name, "Dormand–Prince"),
+            *(f"fmi{version[0]}Discard", f"fmi{version[0]}Error", f"FMI {version}", UNEVEN.name, "Kutta’s 3/8 rule"),
             *("from 1e-13 to 1e-2, by default 1e-8", "more than 20,000 internal steps (1,000,000 fixed ones)"),
             *("the platform stands still", "are not enforced", "16(1), 2000", f": {', '.join(tunable)}."),
         ):

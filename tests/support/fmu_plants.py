@@ -99,7 +99,7 @@ class Plant:
         self.variables = variables_of(fmu.description)
         self.messages: list[Message] = []
         self.fmu: Any = _CLASSES[self.is_fmi2, co_simulation](
-            guid=fmu.token if token is None else token,
+            guid=fmu.description.guid or fmu.description.instantiationToken if token is None else token,
             unzipDirectory=str(fmu.folder),
             modelIdentifier=fmu.description.coSimulation.modelIdentifier,
             instanceName=name,

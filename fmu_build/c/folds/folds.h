@@ -6,20 +6,6 @@
 
 #include "vectors.h"
 
-/* Items by row, element and member, as distances between them; that of members is 0 if all have the same. */
-typedef struct {
-    const void *at;
-    int64_t row, element, member;
-} items;
-
-enum { NUMBERS, FLAGS, ERRORS };
-
-/* A column of rows: numbers (double), flags (bytes, 0 or 1), or errors, the reference minus the numbers. */
-typedef struct {
-    int64_t kind, size;
-    items values, reference; /* from the first row of the block on */
-} column;
-
 /* A fold: a kernel with its places in a row, in the states and in the parameters of a vector. */
 typedef struct {
     int64_t kernel;
@@ -27,27 +13,21 @@ typedef struct {
     int64_t state, parameter;
 } fold;
 
-/* Consecutive rows of N members in vectors of eight, the last one perhaps not full. */
+/* The folds of N members in vectors of eight, the last one perhaps not full. */
 typedef struct {
-    int64_t members; /* N */
-    int64_t first, rows;
-    int64_t n_columns, n_folds, n_states, n_parameters, n_checked;
-    const column *columns; /* NULL if rows come by `folds_rows` */
+    int64_t n_folds, n_states, n_parameters, n_checked;
     const fold *folds;
     const double *parameters; /* (vectors, n_parameters, 8) */
     double *states;           /* (vectors, n_states, 8) */
-    int64_t *counting;        /* (N) how many of these rows count; with `folds_rows` as said there */
+    int64_t *counting;        /* (vectors, 8) */
     const int64_t *checked;   /* elements of a row that have to be finite */
-} rows_of_members;
+} folds_of_members;
 
-/* Adds rows to the states. A member's rows from the first one on that has a number that is not finite do not count:
-   `counting` then has their number. If `first` is not 0, there is a row before the first one of the block. Returns 0, or
-   -1 if there are more columns or states than the library holds. */
-OFFERED int64_t folds_add(const rows_of_members *block);
-/* The same for rows of one vector that are in vectors already: (rows + 1, elements, 8), `elements` of a row, the first row
-   being the one before. `counting` (8 vectors) has -1 for members all of whose rows counted so far, else how many did;
-   `ends` (8) how many of these rows each member has, more than `rows` if it goes on. */
-OFFERED void folds_rows(const rows_of_members *block, int64_t vector, int64_t first, int64_t rows, int64_t elements,
+/* Adds rows of one vector to the states: (rows + 1, elements, 8), `elements` of a row, the first row being the one
+   before. A member's rows from the first one on that has a number that is not finite do not count. `counting` has -1 for
+   members all of whose rows counted so far, else how many did; `ends` (8) how many of these rows each member has, more
+   than `rows` if it goes on. */
+OFFERED void folds_rows(const folds_of_members *block, int64_t vector, int64_t first, int64_t rows, int64_t elements,
                         const int64_t *ends, const double *chunk);
 /* Number of a kernel, or -1; and its columns (elements), states and parameters. */
 OFFERED int64_t folds_kernel(const char *name, int64_t sizes[3]);

@@ -15,6 +15,7 @@ from typing import Any
 import polars
 import pytest
 
+import gough_stewart as gs
 from gough_stewart.harness.ensemble.data import AMPLITUDE, FREQUENCY
 from gough_stewart.harness.ensemble.worst import Worst
 from gough_stewart.harness.experiment.run import Written
@@ -332,7 +333,8 @@ def test_check(notes: Notes, kind: str) -> None:
     second = Checked(within=kind != "misses", keeps_margin=True, name="second")
     results = [first, second]
     Path("beside").mkdir()
-    notes.replace("harness.experiment.checking.check", act=lambda *_: results.pop(0))
+    checked: list[Any] = []
+    notes.replace("harness.experiment.checking.check", act=lambda found: checked.append(found) or results.pop(0))
     notes.replace("harness.experiment.checking.check_files", {"check.json": b"x" * 50})
     notes.replace("harness.experiment.file.text_with_settings", "fitted text")
     fit = {"within": "time", "near": "time", "time": "time", "amplitude": "amplitude", "misses": "amplitude"}.get(kind)
@@ -341,16 +343,15 @@ def test_check(notes: Notes, kind: str) -> None:
     out = "o" if kind == "time" else "results/check_circle"
     lines = ["first found", "first", f"Done in T s. Wrote to {out} ({size_of(out)}):"]
     settings = ["loop.delay=1"] if kind == "time" else []
-    calls: list[Any] = [(("circle", settings), {})]
     if kind not in ("within", "beyond"):
-        calls.append((("beside/circle-fitted.toml",), {}))
         lines += ["circle-fitted.toml:", "second found", "second"]
         lines += ["Wrote beside/circle-fitted.toml (0.011 kB).", "Next: gough-stewart run beside/circle-fitted.toml"]
         assert Path("beside/circle-fitted.toml").read_text() == "fitted text"
         assert notes.one("text_with_settings") == (("circle", settings, {"fit by": fit}), {})
     else:
         assert list(Path("beside").iterdir()) == []
-    assert notes.calls["check"] == calls
+    assert checked[0] == gs.load_experiment("circle", settings)
+    assert checked[1:] == ([] if kind in ("within", "beyond") else ["beside/circle-fitted.toml"])
     assert done.exit_code == (3 if kind in ("beyond", "misses") else 0)
     done.exit_code = 0
     said(done, *lines)

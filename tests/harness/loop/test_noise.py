@@ -14,7 +14,7 @@ from gough_stewart.harness.loop.loop import Sensors
 from gough_stewart.harness.loop.python_host import standard_normal, streams_of
 from gough_stewart.harness.loop.timing import Seed
 from gough_stewart.harness.plants import signals
-from gough_stewart.harness.plants.plant import PlantKind
+from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.model.vectors import FloatArray
 from tests.support.loops import constant, loop_of, run_with
 
