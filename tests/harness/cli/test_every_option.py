@@ -334,7 +334,12 @@ def test_check(notes: Notes, kind: str) -> None:
     results = [first, second]
     Path("beside").mkdir()
     checked: list[Any] = []
-    notes.replace("harness.experiment.checking.check", act=lambda found: checked.append(found) or results.pop(0))
+
+    def check(experiment: Any) -> Checked:
+        checked.append(experiment)
+        return results.pop(0)
+
+    notes.replace("harness.experiment.checking.check", act=check)
     notes.replace("harness.experiment.checking.check_files", {"check.json": b"x" * 50})
     notes.replace("harness.experiment.file.text_with_settings", "fitted text")
     fit = {"within": "time", "near": "time", "time": "time", "amplitude": "amplitude", "misses": "amplitude"}.get(kind)
