@@ -25,7 +25,7 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.plan import BY_HAND, FEEDFORWARD, N_MOTION, Plan, planned_motion, smoothing
 from gough_stewart.harness.export.turned import FIELDS as TURNING
 from gough_stewart.harness.export.turned import Turned
-from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopStructure
+from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopBlock
 from gough_stewart.harness.loop.libraries import CompiledLaw, compiled_form, components_header
 from gough_stewart.harness.loop.loop import Loop, ScheduledChanges
 from gough_stewart.harness.loop.python_host import SensorReadings
@@ -403,7 +403,7 @@ def version(variant: Variant = IDEAL) -> int:
 @cache
 def _all_fields() -> tuple[_Field, ...]:
     found = [_Field(f"of.{name}", "WHOLE" if k < 2 else "PLACE") for k, name in enumerate(BATCH_FIELDS)]
-    for name, kind, *_ in LoopStructure._fields_:
+    for name, kind, *_ in LoopBlock._fields_:
         if name == "law":
             found.append(_Field("with.law", "LAW"))
         elif isinstance(kind, type) and issubclass(kind, ctypes.Structure):

@@ -63,7 +63,7 @@ _ROWS_OUT = ("row_signals", "row_results", "row_forces", "row_motors", "row_forc
 _SAMPLES_OUT = ("sample_measured", "sample_state", "sample_command", "sample_limited")
 
 
-class LoopStructure(ctypes.Structure):
+class LoopBlock(ctypes.Structure):
     """`loop` of c/loop/loop.h."""
 
     _fields_ = [
@@ -213,7 +213,7 @@ class CompiledHost:
             faults = {"cut": rows(N_LEGS), "frozen": rows(signals.SIZE), "held": rows(signals.SIZE, reading.T)}
             self._memory |= faults
         sampled = np.ascontiguousarray(timing.rows_of_samples, np.int64)
-        self.structure = LoopStructure(
+        self.structure = LoopBlock(
             members=n,
             last=timing.steps,
             every=timing.steps_a_sample,
