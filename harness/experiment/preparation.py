@@ -248,7 +248,7 @@ class Batch:
         ControllerError
             Members that cannot run in parallel; names the difference.
         BuildError, OSError
-            There is no machine code of the loop, as `loop_library`.
+            There is no machine code of the loop, see `loop_kernel`.
         """
         n, controllers = len(self.setups), [setup.controller for setup in self.setups]
         copies = (

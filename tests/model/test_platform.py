@@ -130,6 +130,34 @@ def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
     says("name: is None; expected a text", name=None)
 
 
+ELASTIC = replace(UNEVEN, leg_stiffness=3.1e6, leg_damping=95.0, leg_armature=4.7)
+STICKING = replace(ELASTIC, leg_friction_model="elasto_plastic", leg_coulomb_friction=100.0, leg_static_friction=150.0)
+
+
+@pytest.mark.parametrize(
+    ("platform", "change", "message"),
+    [
+        (ELASTIC, {"platform_mass": 1e9}, "leg_stiffness: is .* would bounce"),
+        (ELASTIC, {"leg_upper_mass": 1e9}, "leg_stiffness: is .* would bounce"),
+        (ELASTIC, {"leg_stiffness": 1.0}, "leg_stiffness: is .* would bounce"),
+        (ELASTIC, {"leg_armature": 0.0}, "leg_armature: .* needs a motor with inertia"),
+        (ELASTIC, {"leg_stiffness": 0.0}, "leg_damping: .* but legs are rigid"),
+        (UNEVEN, {"leg_damping": 95.0}, "leg_damping: .* but legs are rigid"),
+        (STICKING, {"leg_coulomb_friction": 200.0}, "leg_static_friction: is 150 N, below"),
+        (STICKING, {"leg_static_friction": 50.0}, "leg_static_friction: is 50 N, below"),
+        (STICKING, {"leg_coulomb_friction_factor": [1, 1, 1, 0, 1, 1]}, "leg_coulomb_friction: is 0 N in a leg"),
+        (STICKING, {"leg_bristle_stiffness": 100.0}, "leg_bristle_stiffness: .* would stick over"),
+        (UNEVEN, {"leg_friction_model": "lugre", "leg_coulomb_friction": 0.0}, "needs > 0 in each"),
+    ],
+    ids=lambda value: "" if isinstance(value, Platform) else str(value)[:30],
+)
+def test_a_condition_on_several_parameters_is_checked_whichever_changes(
+    platform: Platform, change: dict[str, Any], message: str
+) -> None:
+    """Expected: refused by a change of one of them alone, as by a platform made anew."""
+    refused(platform, message, **change)
+
+
 def beside(name: str, share: float) -> dict[str, Any]:
     """Joint 6 of base or platform beside joint 4, at a share of the largest distance of two of them."""
     points = getattr(UNEVEN, name).copy()

@@ -16,7 +16,7 @@ typedef struct {
     double internal_step; /* size of the next one; 0 before the first */
     double handedness;    /* sign of det J at the start of the motion; 0 before the start */
     double fixed_step_size;
-    double largest_step; /* of fixed steps under these parameters, see stable_step.h; 0 before the first */
+    double largest_step; /* of fixed steps under these parameters, see stable_step.c; 0 before the first */
     double inputs[N_INPUTS];
     double input_rates[N_INPUTS]; /* du/dt from the current time on */
     double x[N_STATES];
