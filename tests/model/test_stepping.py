@@ -237,7 +237,9 @@ def test_the_error_is_of_the_order_of_the_tolerance(name: str, integrator: Integ
         gap = np.abs(stepped(moving(name, tolerance, integrator=integrator), 12) - exact)
         assert gap[:6].max() < 0.5 * tolerance
         assert gap[6:12].max() < 60 * tolerance
-        assert gap[12:18].max(initial=0.0) < (tolerance if judge.variant.bristles else 60 * tolerance)
+        # a bristle's own scale is a hundredth of that of other states
+        of_bristles = 0.04 if integrator == "compiled" else 1
+        assert gap[12:18].max(initial=0.0) < (of_bristles if judge.variant.bristles else 60) * tolerance
 
 
 @by_both
