@@ -40,7 +40,7 @@ class Bench:
                 path.write_bytes(mutant.applied(source))
                 # a time of its own, so that no bytecode of another mutant is taken for it
                 os.utime(path, (time + next(_turns),) * 2)
-                failed, complaint = self._first_failure(batch)
+                failed, complaint, rest = self._first_failure(batch)
                 path.write_bytes(source)
                 os.utime(path, (time, time))
                 if _INVALID.search(complaint):
@@ -49,17 +49,22 @@ class Bench:
                     break
                 if self._passes_unchanged(failed, batch):
                     return SEEN, failed
+                batch = rest
         return SURVIVED, found
 
-    def _first_failure(self, batch: list[str]) -> tuple[str, str]:
-        """The first test that fails, or the module that cannot be imported, and its complaint; empty if all pass."""
+    def _first_failure(self, batch: list[str]) -> tuple[str, str, list[str]]:
+        """The first test that fails, or the module that cannot be imported, its complaint, and the tests not yet run.
+
+        Empty if all pass.
+        """
         # whichever test is first also builds what others share
         limits = {test: 180 + 10 * self._covering.seconds[test] for test in batch}
         modules = dict.fromkeys(test.partition("::")[0] for test in batch)
         code, printed, outcome = self._copy.pytest(["-x", *modules], limits)
         if code in (0, 5):  # 5: of cases made of the changed table, none is left
-            return "", ""
-        return outcome.get("failed", ""), outcome.get("complaint") or printed or f"exit code {code}"
+            return "", "", []
+        rest = [test for test in batch if test not in outcome.get("seconds", {})]
+        return outcome.get("failed", ""), outcome.get("complaint") or printed or f"exit code {code}", rest
 
     def _passes_unchanged(self, failed: str, batch: list[str]) -> bool:
         """Whether what failed passes without the mutant; asked once for each test."""
