@@ -50,9 +50,9 @@ def test_the_demo_runs(demo: Demo) -> None:
     assert (demo.heave / "report.html").exists()
 
 
-def test_the_control_page_names_every_key_of_an_experiment() -> None:
+def test_the_pages_name_every_key_of_an_experiment() -> None:
     """Expected: the schema's own fields, each in backticks on the page."""
-    page = (ROOT / "docs/control.md").read_text()
+    page = "".join((ROOT / f"docs/{name}.md").read_text() for name in ("control", "experiment-file"))
     modules = (experiment, controllers, references)
     sections = [value for module in modules for value in vars(module).values() if isinstance(value, type)]
     models = [each for each in sections if issubclass(each, Section) and each is not Section]

@@ -1,4 +1,4 @@
-"""The exit codes of all commands; docs/control.md shows the same table."""
+"""The exit codes of all commands; docs/commands.md shows the same table."""
 
 from enum import IntEnum
 

@@ -8,7 +8,7 @@ from gough_stewart.harness.plants.signals import NAMES
 from gough_stewart.harness.results.metric_folds import AXES, METRICS, Metric
 from tools.pages.blocks import ROOT, text_of
 
-PAGE = "docs/control.md"
+PAGE = "docs/experiment-file.md"
 NONE = ">= 0; 0 is none"
 # In the order of the loop, by table.
 COMPONENTS: tuple[tuple[str, type[Component]], ...] = (
@@ -21,17 +21,16 @@ COMPONENTS: tuple[tuple[str, type[Component]], ...] = (
 
 def metrics_table() -> str:
     """One row a metric; those of a step are the same for all axes."""
-    rows = ["| metric | unit | meaning | needs |", "| --- | --- | --- | --- |"]
+    rows = ["| metric | unit | meaning |", "| --- | --- | --- |"]
     first, *others = (f"step_response.{axis}." for axis, *_ in AXES)
     for metric in METRICS:
         if metric.path.startswith(tuple(others)):
             continue
-        path, unit, needs = metric.path, _unit(metric), list(metric.needs)
+        path, unit = metric.path, _unit(metric)
         if path.startswith(first):
             path = path.replace(first, "step_response.AXIS.")
-            unit, needs = unit.replace("m", "m, rad"), ["pose", "reference"]
-        columns = ", ".join(f"`{name}`" for name in needs)
-        rows.append(f"| `{path}` | {unit} | {metric.sentence.replace('|', chr(92) + '|')} | {columns} |")
+            unit = unit.replace("m", "m, rad")
+        rows.append(f"| `{path}` | {unit} | {metric.sentence.replace('|', chr(92) + '|')} |")
     return "\n".join(rows) + "\n"
 
 

@@ -65,7 +65,7 @@ def test_a_platform_as_plain_argument_is_told_its_option(arguments: tuple[str, .
 def test_the_documentation_has_the_table_of_exit_codes() -> None:
     """Expected: its rows have the codes and meanings of the one place that declares them; no other page has a table."""
     docs = Path(__file__).parents[3] / "docs"
-    rows = re.findall(r"^\| (\d+) \| ([^|]+) \|", (docs / "control.md").read_text(encoding="utf-8"), re.MULTILINE)
+    rows = re.findall(r"^\| (\d+) \| ([^|]+) \|", (docs / "commands.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert [(int(code), meaning) for code, meaning in rows[: len(ExitCode)]] == [
         (int(code), code.meaning) for code in ExitCode
     ]

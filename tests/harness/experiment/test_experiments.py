@@ -21,8 +21,8 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_the_control_page_names_every_shipped_experiment() -> None:
-    """Expected: the list of docs/control.md."""
-    page = (Path(__file__).parents[3] / "docs" / "control.md").read_text()
+    """Expected: the list of docs/experiment-file.md."""
+    page = (Path(__file__).parents[3] / "docs" / "experiment-file.md").read_text()
     assert [name for name in SHIPPED if f"`{name}`" not in page] == []
 
 
