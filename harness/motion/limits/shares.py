@@ -112,11 +112,11 @@ class Shares:
     @cached_property
     def of(self) -> dict[str, FloatArray]:
         """By limit, (n, 6) per leg or (n,); for joint angles, the larger of a leg's two."""
-        found: dict[str, FloatArray] = {}
-        for each in self.limited:
-            share = each.share
-            found[each.limit] = np.maximum(found[each.limit], share) if each.limit in found else share
-        return found
+        by_limit: dict[str, FloatArray] = {}
+        for limited in self.limited:
+            share = limited.share
+            by_limit[limited.limit] = np.maximum(by_limit[limited.limit], share) if limited.limit in by_limit else share
+        return by_limit
 
     @cached_property
     def over_time(self) -> dict[str, FloatArray]:
@@ -137,7 +137,7 @@ class Shares:
     @property
     def within(self) -> bool:
         """Whether all limits are kept."""
-        return all(bool(each.within.all()) for each in self.limited)
+        return all(bool(limited.within.all()) for limited in self.limited)
 
     def peak(self, limit: str, leg: int | None = None) -> Peak:
         """The largest share of a limit, for one leg (from 1) or all, at the first time at which it occurs."""

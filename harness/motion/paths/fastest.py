@@ -75,7 +75,7 @@ def _limits(platform: Platform, margin: float) -> DynamicLimits:
             "timing is 'fastest', but the platform states neither leg_acceleration_max nor actuator_force_max; "
             "expected at least one, for instance by platform.parameters.actuator_force_max, or a duration as timing"
         )
-    return DynamicLimits(*(np.inf if each is None else each * (1 - margin) for each in stated))
+    return DynamicLimits(*(np.inf if limit is None else limit * (1 - margin) for limit in stated))
 
 
 def _planned(platform: Platform, path: GeometricPath, limits: DynamicLimits, ramp: float) -> Stretched:
@@ -146,12 +146,12 @@ def _largest_near(values: FloatArray, time: FloatArray, knots: FloatArray, windo
     begins = np.searchsorted(time, np.append(0.0, knots[:-1]))
     ends = np.searchsorted(time, np.append(knots[1:], knots[-1]) + window, side="right")
     levels = np.log2(ends - begins).astype(int)
-    found = np.empty((len(values), len(knots), 6))
+    largest = np.empty((len(values), len(knots), 6))
     for level in range(int(levels.max()) + 1):
-        here = levels == level
-        found[:, here] = np.maximum(values[:, begins[here]], values[:, ends[here] - 2**level])
+        at_level = levels == level
+        largest[:, at_level] = np.maximum(values[:, begins[at_level]], values[:, ends[at_level] - 2**level])
         values = np.maximum(values[:, : -(2**level)], values[:, 2**level :])
-    return found
+    return largest
 
 
 def largest_share(platform: Platform, motion: Polynomials, limits: DynamicLimits) -> float:

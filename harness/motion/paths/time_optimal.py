@@ -61,21 +61,21 @@ class Coefficients(NamedTuple):
 def coefficients_at(platform: Platform, point: PathPoint) -> Coefficients:
     """From inverse dynamics at (ṡ, s̈) = (0, 0), (0, 1), and (±1, 0), whose mean cancels the odd friction."""
     n = len(point.position)
-    zero, one = np.zeros(n), np.ones(n)
+    zero, ones = np.zeros(n), np.ones(n)
 
     def forces(rate: FloatArray, acceleration: FloatArray) -> FloatArray:
         motion = point.motion(rate, acceleration)
         return np.asarray(inverse_dynamics(platform, State(*motion[:4]), Acceleration(*motion[4:])))
 
     c = forces(zero, zero)
-    b = (forces(one, zero) + forces(-one, zero)) / 2 - c
-    along = point.motion(one, zero)
+    b = (forces(ones, zero) + forces(-ones, zero)) / 2 - c
+    along = point.motion(ones, zero)
     legs = leg_geometry(platform, point.position, point.orientation)
     rates = rates_of_legs(legs, State(*along[:4]))
     return Coefficients(
         np.asarray(rates.length_rate),
         leg_accelerations(legs, State(*along[:4]), *along[4:]),
-        forces(zero, one) - c,
+        forces(zero, ones) - c,
         b,
         c,
     )
@@ -134,10 +134,10 @@ class TimeOptimal:
         size, s = self._size, self.legs.grid
         rows = self._rows(allowed)
         bound = np.minimum(self._bound(allowed[0]), _HIGHEST * size)
-        found = _solved(s, _Rows(rows.a * size, rows.b * size, rows.c), bound / size)
-        if found is None:
+        solution = _solved(s, _Rows(rows.a * size, rows.b * size, rows.c), bound / size)
+        if solution is None:
             return None
-        self.x = found * size
+        self.x = solution * size
         u = np.diff(self.x) / (2 * np.diff(s))
         self.u = np.append(u, u[-1])
         return self.x
@@ -167,17 +167,17 @@ class TimeOptimal:
         # viscous friction of each leg (6,) [N s/m]
         slope = friction_force(platform.with_parameters(SLIDING), np.ones(6)) * dv
         a, b, c = at.a, at.b + slope, at.c + friction_force(platform, v) - slope * x
-        both: list[tuple[Any, Any, Any, Any]] = []
+        limited: list[tuple[Any, Any, Any, Any]] = []
         if np.isfinite(limits.acceleration):
-            both.append((at.l / limits.acceleration, at.k / limits.acceleration, 0 * at.l, allowed[1]))
+            limited.append((at.l / limits.acceleration, at.k / limits.acceleration, 0 * at.l, allowed[1]))
         if np.isfinite(limits.force):
-            both.append((a / limits.force, b / limits.force, c / limits.force, allowed[2]))
+            limited.append((a / limits.force, b / limits.force, c / limits.force, allowed[2]))
         if np.isfinite(limits.power):
             # F L̇ linearised at F₀ L̇₀: L̇₀ F + F₀ dL̇/dx (x − x₀)
             F = a * u + b * x + c
             parts = (a * v, b * v + F * dv, c * v - F * dv * x)
-            both.append((*(part / limits.power for part in parts), allowed[3]))
-        signed = [(sign * pa, sign * pb, sign * pc - most) for pa, pb, pc, most in both for sign in (1, -1)]
+            limited.append((*(part / limits.power for part in parts), allowed[3]))
+        signed = [(sign * pa, sign * pb, sign * pc - most) for pa, pb, pc, most in limited for sign in (1, -1)]
         return _Rows(*(np.concatenate(part, axis=1) for part in zip(*signed, strict=True)))
 
 
@@ -195,9 +195,11 @@ def _solved(s: FloatArray, rows: _Rows, bound: FloatArray) -> FloatArray | None:
         """The rows, at both ends of every piece."""
 
         def compute_constraint_params(self, _path: Any, grid: Any, *_: Any) -> Any:
-            both = canlinear_colloc_to_interpolate(*rows, np.eye(m), np.zeros(m), None, None, grid, identical=True)
+            conditions = canlinear_colloc_to_interpolate(
+                *rows, np.eye(m), np.zeros(m), None, None, grid, identical=True
+            )
             free = np.tile([-constants.MAXU, constants.MAXU], (len(s), 1)).astype(float)
-            return *both[:5], free, np.stack([np.zeros_like(bound), bound], axis=1)
+            return *conditions[:5], free, np.stack([np.zeros_like(bound), bound], axis=1)
 
     class Straight(AbstractGeometricPath):  # type: ignore[misc]
         """toppra does not evaluate the path: the rows contain it."""
