@@ -18,6 +18,7 @@ from gough_stewart.fmu_build.cache import BuildError, digest_of
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.documents import installed_package, model_description, rendered, terminals_and_icons
 from gough_stewart.fmu_build.libraries import Library, state_of_c
+from gough_stewart.fmu_build.mjcf import mjcf, mjcf_name
 from gough_stewart.fmu_build.plant.component import PLANT_STEM, plant_component
 from gough_stewart.fmu_build.sources import model_source, sources, standard_license, start_block
 from gough_stewart.fmu_build.toolchain import FLAGS, Target, chosen_targets, compiler_of
@@ -27,6 +28,8 @@ from gough_stewart.model.process.installed import prebuilt_content
 from gough_stewart.model.process.progress import StepProgress
 
 VERSIONS = ("2.0", "3.0")
+# What the plant can be built as.
+FORMS = ("fmu", "mjcf")
 DEFAULT_PRESET = "liu2000"
 # The earliest date that the zip format can represent.
 _DATE = (1980, 1, 1, 0, 0, 0)
@@ -36,17 +39,20 @@ _FIRST = "modelDescription.xml"
 def build(
     out: Path | str = ".",
     *,
+    forms: Iterable[str] = ("fmu",),
     fmi: Iterable[str] = VERSIONS,
     targets: Iterable[str] = ("native",),
     platform: Platform | None = None,
     progress: StepProgress | None = None,
 ) -> list[Path]:
-    """Build the FMUs `gough_stewart_fmi2.fmu` and `gough_stewart_fmi3.fmu`; on an error, neither is written.
+    """Build the FMUs `gough_stewart_fmi2.fmu` and `gough_stewart_fmi3.fmu`, or a model for MuJoCo; all files or none.
 
     Parameters
     ----------
     out
         Output folder; created if needed.
+    forms
+        "fmu"; "mjcf" for `NAME.xml`, the platform as MuJoCo loads it, in which a comment says what it leaves out.
     fmi
         FMI versions: "2.0", "3.0".
     targets
@@ -60,23 +66,36 @@ def build(
     Returns
     -------
     list of Path
-        The files written, one for each version.
+        The files written, one for each version, and the model.
 
     Raises
     ------
     BuildError
-        An unknown version or target, a package that is not installed, or a compiler error.
+        An unknown form, version or target, a package that is not installed, or a compiler error.
     OutputError
         The files cannot be written there.
 
     Examples
     --------
     >>> gs.build("fmus", fmi=["3.0"], targets=["x86_64-linux", "x86_64-windows"])
+    >>> gs.build("models", forms=["mjcf"], platform=gs.load_preset("motion_base"))
     """
+    forms = tuple(forms)
+    for form in forms:
+        if form not in FORMS:
+            raise BuildError(f"no form {form!r}; expected {' or '.join(map(repr, FORMS))}")
     if platform is not None and not isinstance(platform, Platform):
         raise BuildError(f"platform is {platform!r}; expected a Platform, such as load_preset('liu2000')")
-    component = plant_component(load_preset(DEFAULT_PRESET) if platform is None else platform)
-    return build_units(component, out, fmi=fmi, targets=targets, progress=progress)
+    platform = load_preset(DEFAULT_PRESET) if platform is None else platform
+    models = [mjcf_name(platform)] if "mjcf" in forms else []
+    component, versions, systems = plant_component(platform), chosen_versions(fmi), chosen_targets(targets)
+    versions = versions if "fmu" in forms else ()
+    folder = Path(out)
+    check_output_folder(folder, [*models, *(file_name(version, component.file_stem) for version in versions)])
+    contents = unit_archives(component, versions, systems, progress)
+    contents |= {name: mjcf(platform) for name in models}
+    write_files(folder, contents)
+    return [folder / name for name in contents]
 
 
 def build_units(

@@ -190,7 +190,13 @@ def _environment() -> "Environment":
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters |= {"attributes": attributes, "lines": _lines, "number": _number, "place": _place}
+    environment.filters |= {
+        "attributes": attributes,
+        "lines": _lines,
+        "number": _number,
+        "place": _place,
+        "exact": _exact,
+    }
     return environment
 
 
@@ -205,6 +211,11 @@ def _lines(values: Array | None) -> Sequence[str]:
 
 def _number(value: float) -> str:
     return f"{value + 0.0:.6g}".replace("-", "−")
+
+
+def _exact(values: float | Sequence[float]) -> str:
+    """A number, or several with blanks between, with all digits."""
+    return " ".join(repr(float(value) + 0.0) for value in np.ravel(values))
 
 
 def _place(value: float) -> str:

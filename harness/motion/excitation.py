@@ -45,8 +45,8 @@ class Excitation(AboutPose):
     def _alike(self) -> "Excitation":
         sizes = {name: len(getattr(self, name)) for name in _COEFFICIENTS}
         if len(set(sizes.values())) > 1:
-            found = ", ".join(f"{name} {size}" for name, size in sizes.items())
-            raise ValueError(f"expected the same number of coefficients of each kind; found {found}")
+            listed = ", ".join(f"{name} {size}" for name, size in sizes.items())
+            raise ValueError(f"expected the same number of coefficients of each kind; found {listed}")
         if 2 * self.fade > self.duration:
             raise ValueError(f"fade is {self.fade:g} s at either end of a duration of {self.duration:g} s")
         return self
@@ -65,8 +65,8 @@ class Excitation(AboutPose):
     @property
     def coefficients(self) -> tuple[FloatArray, FloatArray]:
         """The coefficients of the sines and of the cosines (N, 6) [m], [rad]."""
-        found = [np.array(getattr(self, name), dtype=float) for name in _COEFFICIENTS]
-        return np.hstack([found[0], found[2]]), np.hstack([found[1], found[3]])
+        arrays = [np.array(getattr(self, name), dtype=float) for name in _COEFFICIENTS]
+        return np.hstack([arrays[0], arrays[2]]), np.hstack([arrays[1], arrays[3]])
 
     @property
     def highest_frequency(self) -> float:

@@ -144,9 +144,9 @@ class Scaled:
 
 def centre_of(reference: Reference) -> FloatArray:
     """The pose (6,) about which amplitudes are scaled: a reference's `centre`, or else its first pose."""
-    own: Any = getattr(reference, "centre", None)
-    if own is not None:
-        return np.asarray(own, dtype=float)
+    centre: Any = getattr(reference, "centre", None)
+    if centre is not None:
+        return np.asarray(centre, dtype=float)
     return pose_at_start(reference(np.zeros(1)))
 
 

@@ -104,7 +104,7 @@ class AboutPose(ReferenceChoice):
     def _by(self, *parts: tuple[Profile, FloatArray]) -> Motion:
         """The pose plus profiles (n,) times directions (6,), times the amplitude scale."""
         value, rate, acceleration = (
-            sum((each[k][:, None] * (self.amplitude_scale * along) for each, along in parts), start=np.zeros(6))
+            sum((profile[k][:, None] * (self.amplitude_scale * along) for profile, along in parts), start=np.zeros(6))
             for k in range(3)
         )
         return motion_of(value + self.centre, rate, acceleration)

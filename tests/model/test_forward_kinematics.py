@@ -175,3 +175,57 @@ def test_angles_are_counted_in_the_turns_of_the_guess() -> None:
     pose = platform.home_position + 0.02, np.array([0.01, -0.02, 4.03])
     found = forward_kinematics(platform, leg_geometry(platform, *pose).length)
     assert found.orientation == pytest.approx(pose[1], abs=1e-9)
+
+
+def a_log(n: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, orientations and the distances between joints, written out, of two logs (2, n, …)."""
+    t = np.linspace(0, 4, n) + np.array([[0.0], [0.3]])
+    position = UNEVEN.home_position + 0.1 * np.stack([np.sin(3 * t), np.cos(2 * t), np.sin(t)], axis=-1)
+    orientation = UNEVEN.home_orientation + 0.15 * np.stack([np.cos(t), np.sin(2 * t), np.sin(3 * t)], axis=-1)
+    rotation = np.stack([Rotation.from_euler("xyz", angles).as_matrix() for angles in orientation])
+    joints = position[..., None, :] + np.einsum("bnij,lj->bnli", rotation, UNEVEN.platform_points)
+    return position, orientation, np.linalg.norm(joints - UNEVEN.base_points, axis=-1)
+
+
+def test_rows_of_logs_have_the_poses_that_their_lengths_came_from() -> None:
+    """Expected: the poses; NaN where a length is, and the row after it is found; residuals by the distances."""
+    position, orientation, lengths = a_log()
+    lengths[1, 7, 2] = np.nan
+    found = forward_kinematics(UNEVEN, lengths, conditioning=True)
+    known = np.ones((2, 400), dtype=bool)
+    known[1, 7] = False
+    assert (found.converged == known).all()
+    assert found.position[known] == pytest.approx(position[known], abs=1e-10)
+    assert found.orientation[known] == pytest.approx(orientation[known], abs=1e-10)
+    assert np.isnan(found.position[1, 7]).all()
+    again = leg_geometry(UNEVEN, found.position, found.orientation).length
+    assert found.residual == pytest.approx(np.abs(again - lengths).max(axis=-1), abs=1e-14, nan_ok=True)
+    rho = np.sqrt((UNEVEN.platform_points**2).sum(axis=1).mean())
+    jacobian = leg_jacobian(UNEVEN, position[0], orientation[0]) / [1, 1, 1, rho, rho, rho]
+    assert found.condition_number is not None
+    assert np.asarray(found.condition_number)[0] == pytest.approx(np.linalg.cond(jacobian), rel=1e-9)
+
+
+def test_rows_start_from_the_guess_and_stay_in_its_turns_and_assembly_mode() -> None:
+    """Expected: the same lengths from a guess below the base, mirrored; from one a turn further, a turn further."""
+    level = np.linspace([0, 0, 3.0], [0.1, 0, 2.9], 50)
+    lengths = leg_geometry(PAPER, level, np.zeros((50, 3))).length
+    below = forward_kinematics(PAPER, lengths, np.array([0.1, 0, -2.8]))
+    assert below.position == pytest.approx(level * [1, 1, -1], abs=1e-9)
+    further = forward_kinematics(PAPER, lengths, orientation=np.array([0, 0, 2 * np.pi + 0.02]))
+    assert further.orientation == pytest.approx(np.tile([0, 0, 2 * np.pi], (50, 1)), abs=1e-9)
+
+
+def test_a_row_far_from_the_one_before_is_found_and_one_that_no_pose_has_is_named() -> None:
+    """Expected: across a jump the pose; of lengths that no pose has the row, counted from 0 in each leading axis."""
+    position, _, lengths = a_log()
+    jump = np.stack([lengths[0, 0], lengths[0, 200], lengths[1, 90]])
+    found = forward_kinematics(UNEVEN, jump)
+    expected = np.stack([position[0, 0], position[0, 200], position[1, 90]])
+    assert found.position == pytest.approx(expected, abs=1e-10)
+    lengths[1, 12, 0] *= 4
+    with pytest.raises(GoughStewartError, match=r"^row 1, 12, lengths \[.*\] m: no pose near this guess"):
+        forward_kinematics(UNEVEN, lengths)
+    lengths[1, 12, 0] = -1.0
+    with pytest.raises(GoughStewartError, match=r"^leg_length: is -1.0 m in row 1, 12; expected lengths > 0, or NaN$"):
+        forward_kinematics(UNEVEN, lengths)

@@ -60,14 +60,14 @@ def _root(share: Callable[[float], float], low: float, high: float) -> float:
     """The factor at which the share comes down to 1, between one that does not fit and one that does; it fits."""
 
     def excess(exponent: float) -> float:
-        found = share(math.exp(exponent))
-        return min(math.log(found / _FULL), _MOST) if found > 0 else -_MOST
+        largest = share(math.exp(exponent))
+        return min(math.log(largest / _FULL), _MOST) if largest > 0 else -_MOST
 
     from scipy.optimize import brentq  # half a second of imports, needed for motions that do not fit
 
-    found = math.exp(brentq(excess, math.log(low), math.log(high), xtol=_TOLERANCE))
+    factor = math.exp(brentq(excess, math.log(low), math.log(high), xtol=_TOLERANCE))
     # if a share jumps, the root may be on its wrong side
-    return found if share(found) <= 1 else high
+    return factor if share(factor) <= 1 else high
 
 
 def slowing_that_fits(platform: Platform, motion: Motion, largest_condition_number: float) -> float | None:

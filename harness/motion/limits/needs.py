@@ -110,7 +110,7 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
         base_angle, platform_angle = joint_angles(platform, motion.position, motion.orientation, *home)
     # forces exist in all rows, or none of their figures does
     F, P = (part if regular.all() else np.full_like(part, np.nan) for part in (loads.force, loads.power))
-    found = {
+    needs = {
         **_lengths(time, length),
         **_peak("leg_velocity", "m/s", v, time, force=F),
         **_peak("leg_acceleration", "m/s2", a, time, velocity=v, force=F),
@@ -125,7 +125,7 @@ def needs_along(platform: Platform, time: FloatArray, motion: Motion) -> Needs:
         **_peak("base_joint_angle", "rad", base_angle, time, velocity=v),
         **_peak("platform_joint_angle", "rad", platform_angle, time, velocity=v),
     }
-    return Needs(found, tuple(_notes(platform, time, length, v)))
+    return Needs(needs, tuple(_notes(platform, time, length, v)))
 
 
 def _lengths(time: FloatArray, length: FloatArray) -> dict[str, Need]:
@@ -140,17 +140,17 @@ def _lengths(time: FloatArray, length: FloatArray) -> dict[str, Need]:
     }
 
 
-def _peak(name: str, unit: str, values: FloatArray, time: FloatArray, **others: FloatArray) -> dict[str, Need]:
+def _peak(name: str, unit: str, values: FloatArray, time: FloatArray, **beside: FloatArray) -> dict[str, Need]:
     """The value (n, 6) of largest magnitude, what else there was at that time, and the root mean square."""
     row, leg = first_of_largest(np.abs(values)), np.arange(6)  # NaN is the largest
     known = np.isfinite(values[row, leg])
-    found = {f"{name}_peak": Need(unit, values[row, leg])}
-    for other, at in others.items():
-        its_unit = {"velocity": "m/s", "force": "N"}[other]
-        found[f"{name}_peak_{other}"] = Need(its_unit, np.where(known, at[row, leg], np.nan))
-    found[f"{name}_peak_time"] = Need("s", np.where(known, time[row], np.nan))
-    found[f"{name}_rms"] = Need(unit, _rms(time, values))
-    return found
+    figures = {f"{name}_peak": Need(unit, values[row, leg])}
+    for companion, at in beside.items():
+        its_unit = {"velocity": "m/s", "force": "N"}[companion]
+        figures[f"{name}_peak_{companion}"] = Need(its_unit, np.where(known, at[row, leg], np.nan))
+    figures[f"{name}_peak_time"] = Need("s", np.where(known, time[row], np.nan))
+    figures[f"{name}_rms"] = Need(unit, _rms(time, values))
+    return figures
 
 
 def _integral(time: FloatArray, values: FloatArray) -> FloatArray:
@@ -171,8 +171,8 @@ def _integral_of_positive(time: FloatArray, values: FloatArray) -> FloatArray:
     high, span = np.maximum(first, last), np.abs(last - first)
     crosses = first * last < 0
     triangle = np.maximum(high, 0.0) ** 2 / (2 * np.where(crosses, span, 1.0))
-    both = (np.maximum(first, 0.0) + np.maximum(last, 0.0)) / 2
-    return np.asarray((h * np.where(crosses, triangle, both)).sum(axis=0))
+    trapezoid = (np.maximum(first, 0.0) + np.maximum(last, 0.0)) / 2
+    return np.asarray((h * np.where(crosses, triangle, trapezoid)).sum(axis=0))
 
 
 def _notes(platform: Platform, time: FloatArray, length: FloatArray, velocity: FloatArray) -> list[str]:

@@ -74,11 +74,11 @@ def check_reach(
         smaller the motion has to be.
     """
     shares = shares_along(platform, time, motion, largest_condition_number)
-    passed = [each for each in shares.limited if not each.within.all()]
-    refused = [each for each in passed if dynamic == "refuse" or each.limit in GEOMETRIC]
+    exceeded = [limited for limited in shares.limited if not limited.within.all()]
+    refused = [limited for limited in exceeded if dynamic == "refuse" or limited.limit in GEOMETRIC]
     if not refused:
-        return [f"the reference exceeds a limit: {_at(time, each.first_beyond)}" for each in passed]
-    first = min(refused, key=lambda each: each.first_beyond.row)
+        return [f"the reference exceeds a limit: {_at(time, limited.first_beyond)}" for limited in exceeded]
+    first = min(refused, key=lambda limited: limited.first_beyond.row)
     beyond = first.first_beyond
     about = pose_at_start(motion) if centre is None else centre
     helps = remedy(platform, motion, about, largest_condition_number)

@@ -11,7 +11,6 @@ from gough_stewart.harness.motion.limits.needs import LegLoads
 from gough_stewart.harness.motion.motion import Motion, once_at_rest
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import (
-    LegGeometry,
     condition_number_bound,
     conditioning_of_legs,
     joint_angles,
@@ -113,11 +112,11 @@ class Shares:
     @cached_property
     def of(self) -> dict[str, FloatArray]:
         """By limit, (n, 6) per leg or (n,); for joint angles, the larger of a leg's two."""
-        found: dict[str, FloatArray] = {}
-        for each in self.limited:
-            share = each.share
-            found[each.limit] = np.maximum(found[each.limit], share) if each.limit in found else share
-        return found
+        by_limit: dict[str, FloatArray] = {}
+        for limited in self.limited:
+            share = limited.share
+            by_limit[limited.limit] = np.maximum(by_limit[limited.limit], share) if limited.limit in by_limit else share
+        return by_limit
 
     @cached_property
     def over_time(self) -> dict[str, FloatArray]:
@@ -138,7 +137,7 @@ class Shares:
     @property
     def within(self) -> bool:
         """Whether all limits are kept."""
-        return all(bool(each.within.all()) for each in self.limited)
+        return all(bool(limited.within.all()) for limited in self.limited)
 
     def peak(self, limit: str, leg: int | None = None) -> Peak:
         """The largest share of a limit, for one leg (from 1) or all, at the first time at which it occurs."""
@@ -198,7 +197,7 @@ def _limited(platform: Platform, motion: Motion, largest_condition_number: float
     side = side_of_singular_poses(platform, legs)
     pitch = float(np.nextafter(LARGEST_PITCH, 0.0))  # the plant refuses LARGEST_PITCH itself
     name = "the condition number of the leg Jacobian"
-    found = [
+    limited = [
         Limited("pitch", "the pitch", "rad", motion.orientation[:, 1], -pitch, pitch),
         Limited("condition_number", name, "", condition_number, 1.0 - 1e-9, largest_condition_number),
         Limited("side", "the side of the singular poses (sign of det J against home)", "", side, 1.0, 1.0),
@@ -207,35 +206,20 @@ def _limited(platform: Platform, motion: Motion, largest_condition_number: float
     if low is not None or high is not None:
         middle = 0.0 if low is None or high is None else (low + high) / 2
         ends = (0.0 if low is None else low, np.inf if high is None else high)
-        found.append(Limited("stroke", "the length", "m", np.asarray(legs.length), *ends, middle))
+        limited.append(Limited("stroke", "the length", "m", np.asarray(legs.length), *ends, middle))
     if platform.joint_angle_max is not None:
         angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
         for where, values in zip(("base", "platform"), angles, strict=True):
             quantity = f"the angle of the {where} joint"
-            found.append(Limited("joint_angle_max", quantity, "rad", values, 0.0, platform.joint_angle_max))
-    return found + moving_limits(platform, motion, legs, condition_number < LARGEST_CONDITION_NUMBER)
-
-
-def moving_limits(
-    platform: Platform, motion: Motion, legs: LegGeometry, regular: NDArray[np.bool_] | None = None
-) -> list[Limited]:
-    """Leg velocity, leg acceleration, force and power, as far as the platform states their limits.
-
-    Parameters
-    ----------
-    regular
-        Rows (n,) in which the legs can hold the pose; all rows by default.
-    """
-    loads = LegLoads(platform, motion, legs, regular)
+            limited.append(Limited("joint_angle_max", quantity, "rad", values, 0.0, platform.joint_angle_max))
+    loads = LegLoads(platform, motion, legs, condition_number < LARGEST_CONDITION_NUMBER)
     quantities = {
         "leg_velocity_max": ("velocity", "m/s"),
         "leg_acceleration_max": ("acceleration", "m/s²"),
         "actuator_force_max": ("force", "N"),
         "actuator_power_max": ("power", "W"),
     }
-    stated = {limit: getattr(platform, limit) for limit in quantities}
-    return [
-        Limited(limit, f"the {name}", unit, getattr(loads, name), -stated[limit], stated[limit])
-        for limit, (name, unit) in quantities.items()
-        if stated[limit] is not None
-    ]
+    for limit, (name, unit) in quantities.items():
+        if (most := getattr(platform, limit)) is not None:
+            limited.append(Limited(limit, f"the {name}", unit, getattr(loads, name), -most, most))
+    return limited

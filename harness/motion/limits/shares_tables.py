@@ -94,14 +94,14 @@ def largest_needs(needs: Needs) -> str:
         values = np.abs(needs[name])
         return number_text(finite(float(values.max())))
 
-    of = {
+    texts = {
         "stroke": f"{largest('stroke')} m",
         "speed": f"{largest('leg_velocity_peak')} m/s (RMS {largest('leg_velocity_rms')})",
         "force": f"{largest('actuator_force_peak')} N (RMS {largest('actuator_force_rms')})",
         "power": f"{largest('motoring_power_peak')} W (RMS {largest('actuator_power_rms')})",
         "regenerated": f"{largest('regenerated_power_peak')} W",
     }
-    return f"needs: {', '.join(f'{name} {value}' for name, value in of.items())}"
+    return f"needs: {', '.join(f'{name} {value}' for name, value in texts.items())}"
 
 
 def finite(value: float) -> float | None:

@@ -3,7 +3,7 @@
 A plan is optimal on a grid of the path. Limits are exceeded elsewhere: between the points of the grid, where Coulomb
 friction changes within one piece, and, with a ramp, wherever an average over time does not fit. There, and only there,
 the plan is made again with less of the limit. The last, smallest excess is removed by slowing the whole motion down,
-until a bound over all times shows that none is left.
+until the largest share of a limit at any time shows that none is left.
 """
 
 import math
@@ -11,13 +11,13 @@ import math
 import numpy as np
 
 from gough_stewart.harness.errors import MotionError
+from gough_stewart.harness.motion.limits.needs import LegLoads
 from gough_stewart.harness.motion.limits.shares import DYNAMIC
-from gough_stewart.harness.motion.paths.extremes import largest_share
-from gough_stewart.harness.motion.paths.legs_along import DynamicLimits, LegsAlong, coefficients_at
 from gough_stewart.harness.motion.paths.path import GeometricPath
-from gough_stewart.harness.motion.paths.polynomials import polynomials_of
+from gough_stewart.harness.motion.paths.polynomials import Polynomials, polynomials_of
 from gough_stewart.harness.motion.paths.time_law import AlongPath, Averaged, Stepwise, Stretched, TimedPath, TimeLaw
-from gough_stewart.harness.motion.paths.time_optimal import TimeOptimal
+from gough_stewart.harness.motion.paths.time_optimal import DynamicLimits, LegsAlong, TimeOptimal, coefficients_at
+from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -38,6 +38,11 @@ _LEAST = 0.05
 # Slowed down by at least this share, four times as much each time: rounding of short pieces differs from time to time.
 _ROUNDING = 1e-8
 _MOST_STRETCHES = 15
+# Samples of each piece in the search for the largest share, how often those around it are refined, and the share of
+# the largest within which a piece is searched on: far more than the error of the first samples.
+_SAMPLES = np.linspace(0.0, 1.0, 9)
+_REFINEMENTS = 6
+_NEAR = 1e-3
 
 
 def fastest(platform: Platform, path: GeometricPath, margin: float = 0.0, ramp: float = 0.0) -> TimeLaw:
@@ -70,7 +75,7 @@ def _limits(platform: Platform, margin: float) -> DynamicLimits:
             "timing is 'fastest', but the platform states neither leg_acceleration_max nor actuator_force_max; "
             "expected at least one, for instance by platform.parameters.actuator_force_max, or a duration as timing"
         )
-    return DynamicLimits(*(np.inf if each is None else each * (1 - margin) for each in stated))
+    return DynamicLimits(*(np.inf if limit is None else limit * (1 - margin) for limit in stated))
 
 
 def _planned(platform: Platform, path: GeometricPath, limits: DynamicLimits, ramp: float) -> Stretched:
@@ -141,12 +146,33 @@ def _largest_near(values: FloatArray, time: FloatArray, knots: FloatArray, windo
     begins = np.searchsorted(time, np.append(0.0, knots[:-1]))
     ends = np.searchsorted(time, np.append(knots[1:], knots[-1]) + window, side="right")
     levels = np.log2(ends - begins).astype(int)
-    found = np.empty((len(values), len(knots), 6))
+    largest = np.empty((len(values), len(knots), 6))
     for level in range(int(levels.max()) + 1):
-        here = levels == level
-        found[:, here] = np.maximum(values[:, begins[here]], values[:, ends[here] - 2**level])
+        at_level = levels == level
+        largest[:, at_level] = np.maximum(values[:, begins[at_level]], values[:, ends[at_level] - 2**level])
         values = np.maximum(values[:, : -(2**level)], values[:, 2**level :])
-    return found
+    return largest
+
+
+def largest_share(platform: Platform, motion: Polynomials, limits: DynamicLimits) -> float:
+    """The largest share that a motion uses of the limits at any time, also between rows, to about 1e-9.
+
+    Each piece is sampled, and the neighbourhood of its largest share sampled again, until it is shorter by 4⁶.
+    """
+    low = motion.begins
+    high = np.nextafter(np.append(low[1:], motion.end), 0)  # the acceleration may jump at the end
+    largest = 0.0
+    for _ in range(_REFINEMENTS + 1):
+        time = low[:, None] + (high - low)[:, None] * _SAMPLES
+        rows = motion(time.reshape(-1))
+        loads = LegLoads(platform, rows, leg_geometry(platform, rows.position, rows.orientation))
+        used = [np.abs(getattr(loads, name)) / limit for name, limit in limits._asdict().items() if limit < np.inf]
+        share = np.max(used, axis=(0, 2)).reshape(time.shape)
+        largest = max(largest, float(share.max()))
+        near = np.flatnonzero(share.max(axis=1) >= largest * (1 - _NEAR))
+        peak = share[near].argmax(axis=1)
+        low, high = time[near, np.maximum(peak - 1, 0)], time[near, np.minimum(peak + 1, len(_SAMPLES) - 1)]
+    return largest
 
 
 def _within(platform: Platform, path: GeometricPath, plan: Stretched, limits: DynamicLimits) -> TimeLaw:

@@ -130,7 +130,7 @@ class GeometricPath:
 
 def rotation_of(rho: FloatArray) -> FloatArray:
     """exp(ρ̃) of rotation vectors (n, 3) [rad]: 1 + a ρ̃ + b ρ̃², a = sin θ/θ, b = (1 − cos θ)/θ², θ = |ρ|."""
-    a, b, _, _, _ = (each[:, None, None] for each in _coefficients(rho))
+    a, b, _, _, _ = (coefficient[:, None, None] for coefficient in _coefficients(rho))
     x = skew(rho)
     return np.asarray(np.eye(3) + a * x + b * (x @ x))
 
@@ -141,7 +141,7 @@ def turning_of(rho: FloatArray, rate: FloatArray, acceleration: FloatArray) -> t
     ω = ρ' + b ρ × ρ' + c ρ × (ρ × ρ'), with b = (1 − cos θ)/θ², c = (θ − sin θ)/θ³, and ω' by the product rule; b' and
     c' are 2 ρ·ρ' times the derivatives of b and c with respect to θ².
     """
-    _, b, c, db, dc = (each[:, None] for each in _coefficients(rho))
+    _, b, c, db, dc = (coefficient[:, None] for coefficient in _coefficients(rho))
     growth = 2 * dot(rho, rate)[:, None]
     once = cross(rho, rate)
     twice = cross(rho, once)
@@ -164,7 +164,7 @@ def _coefficients(rho: FloatArray) -> tuple[FloatArray, ...]:
     a, b, c = np.sin(theta) / theta, (1 - np.cos(theta)) / safe, (theta - np.sin(theta)) / (safe * theta)
     # db/dq = (a − 2 b)/(2 q), dc/dq = (b − 3 c)/(2 q)
     exact = (a, b, c, (a - 2 * b) / (2 * safe), (b - 3 * c) / (2 * safe))
-    return tuple(where(is_small, _series(k, q), each) for k, each in enumerate(exact))
+    return tuple(where(is_small, _series(k, q), formula) for k, formula in enumerate(exact))
 
 
 def _series(k: int, q: FloatArray) -> FloatArray:

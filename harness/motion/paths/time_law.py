@@ -119,8 +119,8 @@ class Averaged:
     @property
     def knots(self) -> FloatArray:
         """The other law's knots, and the same delayed by the window."""
-        own = self.law.knots
-        return np.unique(np.concatenate([own, own + self.window]))
+        knots = self.law.knots
+        return np.unique(np.concatenate([knots, knots + self.window]))
 
     def __call__(self, time: FloatArray) -> AlongPath:
         """At times (n,) [s]: ṡ and s̈ are differences of s₀ and ṡ₀ over the window."""

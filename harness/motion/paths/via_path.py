@@ -26,16 +26,16 @@ def _poses(value: Any) -> list[tuple[float, ...]]:
     rows = value.tolist() if isinstance(value, np.ndarray) else value
     if not isinstance(rows, list | tuple):
         raise ValueError("expected a list of poses, each x, y, z, roll, pitch, yaw")  # noqa: TRY004 - pydantic's
-    found = []
+    poses = []
     for k, row in enumerate(rows):
         listed = row.tolist() if isinstance(row, np.ndarray) else row
         if not isinstance(listed, list | tuple) or len(listed) != 6:
             raise ValueError(f"pose {k + 1} is {row!r}; expected x, y, z, roll, pitch, yaw")
         try:
-            found.append((*vector(listed[:3], "m", 3), *vector(listed[3:], "rad", 3)))
+            poses.append((*vector(listed[:3], "m", 3), *vector(listed[3:], "rad", 3)))
         except ValueError as error:
             raise ValueError(f"pose {k + 1}: {error}") from None
-    return found
+    return poses
 
 
 class ViaPath(ReferenceChoice):
@@ -110,7 +110,7 @@ def _check_poses(platform: Platform, position: FloatArray, orientation: FloatArr
     rest = np.zeros_like(position)
     at_rest = Motion(position, orientation, rest, rest, rest, rest)
     shares = shares_along(platform, np.zeros(len(position)), at_rest)
-    beyond = [each.first_beyond for each in shares.limited if not each.within.all()]
+    beyond = [limited.first_beyond for limited in shares.limited if not limited.within.all()]
     if beyond:
-        first = min(beyond, key=lambda each: each.row)
+        first = min(beyond, key=lambda limited: limited.row)
         raise MotionError(f"pose {first.row + 1} of the path cannot be reached: {first.text}")

@@ -78,63 +78,69 @@ def columns_of(header: Sequence[str], chosen: Mapping[str, str] | str = "", *, t
     for name in chosen:
         if name not in _QUANTITIES:
             raise MotionError(f"columns: no quantity '{name}'{nearest(name, _QUANTITIES)}")
-    found = {name: _heading_of(name, headings, chosen) for name in _QUANTITIES}
-    turning = _TURNING[_kind_of_turning(found, chosen)]
+    headings_found = {name: _heading_of(name, headings, chosen) for name in _QUANTITIES}
+    turning = _TURNING[_kind_of_turning(headings_found, chosen)]
     required = (*(_PLACE if timed else _PLACE[1:]), *turning)
-    missing = [name for name in required if found[name] is None]
+    missing = [name for name in required if headings_found[name] is None]
     if missing:
         raise MotionError(
             f"has no column {', '.join(missing)}; expected {', '.join(required)}, or the usual names of motion logs "
             "('x [mm]', 'roll [deg]', 'qx'), or columns named in the reference: columns = { \"position[1]\" = "
             '"NAME [mm]", … }'
         )
-    return _in_units({name: heading for name in required if (heading := found[name]) is not None})
+    return _in_units({name: heading for name in required if (heading := headings_found[name]) is not None})
 
 
 def _heading_of(quantity: str, headings: Sequence[Heading], chosen: Mapping[str, str]) -> Heading | None:
     """The column of a quantity: as chosen, by this project's name, or by a usual one."""
     if quantity in chosen:
         return _chosen(quantity, headings, chosen[quantity])
-    own = [heading for heading in headings if heading.name == quantity]
-    found = own or [heading for heading in headings if heading.name.lower() in _USUAL[quantity]]
-    if len(found) > 1:
-        names = " and ".join(heading.column for heading in found)
-        raise MotionError(f'has {names} for {quantity}; choose one: columns = {{ "{quantity}" = "{found[0].column}" }}')
-    return found[0] if found else None
+    ours = [heading for heading in headings if heading.name == quantity]
+    candidates = ours or [heading for heading in headings if heading.name.lower() in _USUAL[quantity]]
+    if len(candidates) > 1:
+        names = " and ".join(heading.column for heading in candidates)
+        raise MotionError(
+            f'has {names} for {quantity}; choose one: columns = {{ "{quantity}" = "{candidates[0].column}" }}'
+        )
+    return candidates[0] if candidates else None
 
 
 def _chosen(quantity: str, headings: Sequence[Heading], text: str) -> Heading:
     """A column by its whole heading, or by its name, optionally with a unit."""
     whole = [heading for heading in headings if heading.column == text]
     name, unit = Heading.of(text)[1:]
-    found = whole or [heading for heading in headings if name in (heading.column, heading.name)]
-    if not found:
+    candidates = whole or [heading for heading in headings if name in (heading.column, heading.name)]
+    if not candidates:
         raise MotionError(
             f"columns: {quantity} is '{text}', but the file has no such column"
             f"{nearest(name, [heading.name for heading in headings])}"
         )
-    if len(found) > 1:
-        raise MotionError(f"columns: {quantity} is '{text}'; the file has {len(found)} such columns; write the unit")
-    of_file = None if found[0].column == name else found[0].unit
+    if len(candidates) > 1:
+        raise MotionError(
+            f"columns: {quantity} is '{text}'; the file has {len(candidates)} such columns; write the unit"
+        )
+    of_file = None if candidates[0].column == name else candidates[0].unit
     if unit is not None and of_file is not None and unit != of_file:
-        raise MotionError(f"columns: {quantity} is '{text}', but the file has '{found[0].column}'; expected one unit")
-    return found[0]._replace(unit=of_file if unit is None else unit)
+        raise MotionError(
+            f"columns: {quantity} is '{text}', but the file has '{candidates[0].column}'; expected one unit"
+        )
+    return candidates[0]._replace(unit=of_file if unit is None else unit)
 
 
-def _kind_of_turning(found: Mapping[str, Heading | None], chosen: Mapping[str, str]) -> str:
+def _kind_of_turning(headings: Mapping[str, Heading | None], chosen: Mapping[str, str]) -> str:
     """The one of orientation, quaternion and rotation_vector to read."""
     kinds = [kind for kind, names in _TURNING.items() if not set(names).isdisjoint(chosen)]
-    whole = kinds or [kind for kind, names in _TURNING.items() if all(found[name] is not None for name in names)]
+    whole = kinds or [kind for kind, names in _TURNING.items() if all(headings[name] is not None for name in names)]
     if len(whole) > 1:
         first = _TURNING[whole[0]][0]
-        heading = found[first]
+        heading = headings[first]
         column = heading.column if heading is not None else ""
         raise MotionError(
             f'has {" and ".join(whole)}; choose one by naming its columns: columns = {{ "{first}" = "{column}", … }}'
         )
     if whole:
         return whole[0]
-    return max(_TURNING, key=lambda kind: sum(found[name] is not None for name in _TURNING[kind]))
+    return max(_TURNING, key=lambda kind: sum(headings[name] is not None for name in _TURNING[kind]))
 
 
 def _in_units(headings: Mapping[str, Heading]) -> dict[str, Column]:

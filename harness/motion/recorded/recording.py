@@ -98,7 +98,9 @@ def read_poses(path: Path | Traversable, columns: Mapping[str, str] | str = "") 
 
 
 def _poses(table: "polars.DataFrame", columns: Mapping[str, Column]) -> tuple[FloatArray, FloatArray]:
-    values = {name: each.factor * numbers_of(table, each.name) for name, each in columns.items() if name != "time"}
+    values = {
+        name: column.factor * numbers_of(table, column.name) for name, column in columns.items() if name != "time"
+    }
     position, turning = list(values)[:3], list(values)[3:]
     return _stacked(values, position), _ORIENTATION_FROM[turning[0].partition("[")[0]](_stacked(values, turning))
 

@@ -1,4 +1,4 @@
-"""Bounds over all times against closed forms, dense rows, and a leg that turns between two rows."""
+"""The largest share at any time against closed forms, dense rows, and a leg that turns between two rows."""
 
 from dataclasses import replace
 
@@ -7,11 +7,11 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from gough_stewart.harness.motion.limits.shares import shares_along
-from gough_stewart.harness.motion.paths.extremes import largest_share
-from gough_stewart.harness.motion.paths.legs_along import DynamicLimits
+from gough_stewart.harness.motion.paths.fastest import largest_share
 from gough_stewart.harness.motion.paths.path import GeometricPath
 from gough_stewart.harness.motion.paths.polynomials import Polynomials, polynomials_of
 from gough_stewart.harness.motion.paths.time_law import Averaged, Quintic, Stepwise, TimedPath, TimeLaw
+from gough_stewart.harness.motion.paths.time_optimal import DynamicLimits
 from tests.support.forces import forces_by_newton_euler
 from tests.support.uneven import UNEVEN
 
@@ -46,13 +46,13 @@ def test_the_largest_leg_velocity_of_a_lift_is_that_of_its_closed_form() -> None
     peaks = [
         -minimize_scalar(lambda tau, leg=leg: -speed(tau, leg), (0.3, 0.5, 0.7), tol=1e-14).fun for leg in range(6)
     ]
-    bound = largest_share(UNEVEN, lift(T), NONE._replace(velocity=0.2), enough=0.0)
-    assert bound == pytest.approx(max(peaks) / 0.2, abs=2e-9)
+    largest = largest_share(UNEVEN, lift(T), NONE._replace(velocity=0.2))
+    assert largest == pytest.approx(max(peaks) / 0.2, abs=2e-9)
 
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("limit", DynamicLimits._fields)
-def test_a_bound_is_above_all_dense_rows_and_meets_the_largest(law: str, limit: str) -> None:
+def test_the_largest_share_is_that_of_dense_rows(law: str, limit: str) -> None:
     """Expected: the largest share of 40,000 rows by `shares_along`, the ends and knots densest."""
     motion = polynomials_of(TimedPath(PATH, LAWS[law]))
     name = ("leg_" if limit in ("velocity", "acceleration") else "actuator_") + f"{limit}_max"
@@ -61,8 +61,8 @@ def test_a_bound_is_above_all_dense_rows_and_meets_the_largest(law: str, limit: 
     near = np.concatenate([knots + side * 10.0**-power for side in (-1, 1) for power in range(4, 10)])
     time = np.clip(np.concatenate([np.linspace(0, motion.end, 20_001), near]), 0, motion.end)
     dense = shares_along(LIMITED, time, motion(time)).of[name].max()
-    bound = largest_share(LIMITED, motion, NONE._replace(**{limit: most}), enough=0.0)
-    assert dense - 1e-9 <= bound <= dense + 2e-5
+    largest = largest_share(LIMITED, motion, NONE._replace(**{limit: most}))
+    assert dense - 1e-9 <= largest <= dense + 2e-5
 
 
 def test_coulomb_friction_within_one_piece_is_seen() -> None:
@@ -70,14 +70,7 @@ def test_coulomb_friction_within_one_piece_is_seen() -> None:
     platform = replace(UNEVEN, leg_coulomb_friction=40.0, leg_friction_velocity=1e-3)
     path = GeometricPath(np.array([[0, 0, 2.9], [0, 0, 2.7]]), np.zeros((2, 3)), 1.0)
     motion = polynomials_of(TimedPath(path, Stepwise(np.array([0.0, 0.5, 1.0]), np.array([0.0, 3.0, 0.0]))))
-    bound = largest_share(platform, motion, NONE._replace(force=1.0), enough=0.0)
+    largest = largest_share(platform, motion, NONE._replace(force=1.0))
     earlier, last = np.abs(forces_by_newton_euler(platform, motion, motion.end - np.array([1e-3, 0.0]))).max(axis=1)
     assert last > earlier + 10
-    assert bound == pytest.approx(last, rel=1e-9)
-
-
-def test_pieces_below_what_is_enough_are_not_halved_further() -> None:
-    # "enough" ends the search: the bound may then be coarse, but not below the truth
-    exact = largest_share(LIMITED, lift(1.3), NONE._replace(velocity=0.2), enough=0.0)
-    coarse = largest_share(LIMITED, lift(1.3), NONE._replace(velocity=0.2), enough=100.0)
-    assert exact <= coarse < 100
+    assert largest == pytest.approx(last, rel=1e-9)

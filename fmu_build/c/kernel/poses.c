@@ -1,0 +1,149 @@
+/* Poses with given leg lengths, row after row of a log: Newton's method from the pose of the row before. */
+#include "plant_table.h"
+#include "vectors.h"
+
+#include <math.h>
+#include <stddef.h>
+
+enum { MOST_ITERATIONS = 30 };
+/* Bound of a Newton step, in sizes of the platform and in rad; a smaller pivot, in row sums, is a singular pose. */
+#define LARGEST_STEP 0.5
+#define SMALLEST_PIVOT 1e-12
+
+typedef struct {
+    const double (*base)[3], (*platform)[3];
+    double size; /* of the platform [m] */
+} geometry;
+
+/* Leg lengths at a pose x, y, z, roll, pitch, yaw, and their rates by a twist [v; w], the rows [u, c x u]. */
+static void legs_at(const geometry *g, const double pose[6], double length[6], double jacobian[6][6])
+{
+    double sa = sin(pose[3]), ca = cos(pose[3]), sb = sin(pose[4]), cb = cos(pose[4]), sc = sin(pose[5]), cc = cos(pose[5]);
+    const double R[3][3] = {
+        {cc * cb, cc * sb * sa - sc * ca, cc * sb * ca + sc * sa},
+        {sc * cb, sc * sb * sa + cc * ca, sc * sb * ca - cc * sa},
+        {-sb, cb * sa, cb * ca},
+    };
+    for (int leg = 0; leg < 6; leg++) {
+        double c[3], l[3], *row = jacobian[leg];
+        for (int i = 0; i < 3; i++) {
+            const double *p = g->platform[leg];
+            c[i] = R[i][0] * p[0] + R[i][1] * p[1] + R[i][2] * p[2];
+            l[i] = pose[i] + c[i] - g->base[leg][i];
+        }
+        length[leg] = sqrt(l[0] * l[0] + l[1] * l[1] + l[2] * l[2]);
+        for (int i = 0; i < 3; i++)
+            row[i] = l[i] / length[leg];
+        for (int i = 0; i < 3; i++)
+            row[3 + i] = c[(i + 1) % 3] * row[(i + 2) % 3] - c[(i + 2) % 3] * row[(i + 1) % 3];
+    }
+}
+
+/* Replaces b by the solution of A x = b; returns the sign of det A, or 0 if A is singular. */
+static int solve(double A[6][6], double b[6])
+{
+    int sign = 1;
+    for (int k = 0; k < 6; k++) {
+        int pivot = k;
+        for (int i = k + 1; i < 6; i++)
+            if (fabs(A[i][k]) > fabs(A[pivot][k]))
+                pivot = i;
+        if (!(fabs(A[pivot][k]) > SMALLEST_PIVOT))
+            return 0;
+        if (pivot != k)
+            sign = -sign;
+        for (int j = 0; j < 6; j++) {
+            double kept = A[k][j];
+            A[k][j] = A[pivot][j];
+            A[pivot][j] = kept;
+        }
+        double kept = b[k];
+        b[k] = b[pivot];
+        b[pivot] = kept;
+        if (A[k][k] < 0)
+            sign = -sign;
+        for (int i = k + 1; i < 6; i++) {
+            double factor = A[i][k] / A[k][k];
+            for (int j = k; j < 6; j++)
+                A[i][j] -= factor * A[k][j];
+            b[i] -= factor * b[k];
+        }
+    }
+    for (int k = 5; k >= 0; k--) {
+        for (int j = k + 1; j < 6; j++)
+            b[k] -= A[k][j] * b[j];
+        b[k] /= A[k][k];
+    }
+    return sign;
+}
+
+/* Moves a pose by a twist, shortened to LARGEST_STEP; the angles by their rates. */
+static void move(const geometry *g, double pose[6], const double twist[6])
+{
+    double shift = sqrt(twist[0] * twist[0] + twist[1] * twist[1] + twist[2] * twist[2]) / g->size;
+    double turn = sqrt(twist[3] * twist[3] + twist[4] * twist[4] + twist[5] * twist[5]);
+    double share = LARGEST_STEP / fmax(LARGEST_STEP, fmax(shift, turn));
+    double sc = sin(pose[5]), cc = cos(pose[5]), across = cc * twist[3] + sc * twist[4];
+    double rates[3] = {across / cos(pose[4]), cc * twist[4] - sc * twist[3], twist[5] + tan(pose[4]) * across};
+    for (int i = 0; i < 3; i++) {
+        pose[i] += share * twist[i];
+        pose[3 + i] += share * rates[i];
+    }
+}
+
+/* The pose of one row from a guess, which it replaces: the largest length error, or NaN if none was found on the side
+   of the singular poses where `side` is the sign of det J. */
+static double found_pose(const geometry *g, int side, double tolerance, const double length[6], double pose[6], int *iterations)
+{
+    double longest = 0;
+    for (int leg = 0; leg < 6; leg++)
+        longest = fmax(longest, length[leg]);
+    for (*iterations = 0; *iterations <= MOST_ITERATIONS; ++*iterations) {
+        double at[6], jacobian[6][6], error[6], largest = 0;
+        legs_at(g, pose, at, jacobian);
+        for (int leg = 0; leg < 6; leg++) {
+            error[leg] = length[leg] - at[leg];
+            largest = fmax(largest, fabs(error[leg]));
+        }
+        if (solve(jacobian, error) != side || !(fabs(pose[4]) < LARGEST_PITCH))
+            return NAN;
+        if (largest <= tolerance * longest)
+            return largest;
+        move(g, pose, error);
+    }
+    return NAN;
+}
+
+/* Poses of rows of leg lengths; the first from a guess, whose assembly mode they keep. A row with a length that is NaN,
+   or that no pose was found for, has NaN for its residual and is passed over. Returns the number of the latter. */
+OFFERED size_t poses_of_lengths(const double base[6][3], const double platform[6][3], double size, const double guess[6],
+                                double tolerance, size_t rows, const double lengths[][6], double poses[][6],
+                                double residuals[], int iterations[])
+{
+    const geometry g = {base, platform, size};
+    double at[6], jacobian[6][6], last[6], change[6] = {0};
+    size_t lost = 0;
+    memcpy(last, guess, sizeof last);
+    legs_at(&g, guess, at, jacobian);
+    int side = solve(jacobian, at);
+    for (size_t k = 0; k < rows; k++) {
+        int is_known = 1;
+        for (int leg = 0; leg < 6; leg++)
+            is_known &= !isnan(lengths[k][leg]);
+        for (int i = 0; i < 6; i++)
+            poses[k][i] = is_known ? last[i] + change[i] : NAN;
+        iterations[k] = 0;
+        residuals[k] = is_known ? found_pose(&g, side, tolerance, lengths[k], poses[k], &iterations[k]) : NAN;
+        if (is_known && isnan(residuals[k])) { /* not from the extrapolated pose: from the last one */
+            memcpy(poses[k], last, sizeof last);
+            residuals[k] = found_pose(&g, side, tolerance, lengths[k], poses[k], &iterations[k]);
+            lost += isnan(residuals[k]) != 0;
+        }
+        int is_found = !isnan(residuals[k]), follows = is_found && k > 0 && !isnan(residuals[k - 1]);
+        for (int i = 0; i < 6; i++) {
+            change[i] = follows ? poses[k][i] - poses[k - 1][i] : 0;
+            last[i] = is_found ? poses[k][i] : last[i];
+        }
+    }
+    return lost;
+}

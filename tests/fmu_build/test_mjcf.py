@@ -1,0 +1,85 @@
+"""The platform as a model for MuJoCo: it loads there, stands, and moves as the stepping model does."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import gough_stewart as gs
+from tests.support.uneven import UNEVEN
+
+mujoco = pytest.importorskip("mujoco")
+
+# No Coulomb friction, which is smooth here and a constraint there.
+SLIDING = {
+    "motion_base": replace(gs.load_preset("motion_base"), leg_coulomb_friction=0.0),
+    "uneven": replace(UNEVEN, leg_coulomb_friction=0.0, leg_armature=3.0, leg_viscous_friction=200.0),
+}
+STEPS = 300
+
+
+def loaded(platform: gs.Platform, folder: Path) -> "mujoco.MjModel":
+    (file,) = gs.build(folder, forms=["mjcf"], platform=platform)
+    return mujoco.MjModel.from_xml_path(str(file))
+
+
+def end_of(model: "mujoco.MjModel", forces: np.ndarray, substeps: int) -> np.ndarray:
+    """Position [m] and rotation matrix, flat, after forces that hold for 1 ms each."""
+    model.opt.timestep = 1e-3 / substeps
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for force in forces:
+        data.ctrl[:] = force
+        for _ in range(substeps):
+            mujoco.mj_step(model, data)
+    mujoco.mj_forward(model, data)
+    return np.concatenate([data.site("Op").xpos, data.site("Op").xmat])
+
+
+@pytest.mark.parametrize("name", SLIDING)
+def test_it_follows_the_stepping_model_with_an_error_that_falls_with_the_time_step(name: str, tmp_path: Path) -> None:
+    """Expected: the pose by SciPy's integration of our equations; a fourth of the step has a third of the error."""
+    platform = SLIDING[name]
+    time = 1e-3 * np.arange(STEPS)
+    swing = np.sin(2 * np.pi * 3 * time[:, None] + np.arange(6)) * [1, 0.5, -0.7, 0.9, 0.3, -1]
+    forces = platform.home_actuator_force * (1 + 0.2 * swing)
+    plant = gs.SteppingModel(platform, integrator="scipy", tolerance=1e-10)
+    for k, force in enumerate(forces):
+        plant.set("actuator_force", force)
+        plant.do_step(1e-3 * k, 1e-3)
+    position = np.asarray(plant.get("position"))
+    turn = Rotation.from_euler("xyz", np.asarray(plant.get("orientation"))).as_matrix().ravel()
+    home = Rotation.from_euler("xyz", platform.home_orientation).as_matrix().ravel()
+    model = loaded(platform, tmp_path)
+    coarse, fine = (end_of(model, forces, substeps) for substeps in (1, 4))
+    for values, at_home, part in ((position, platform.home_position, slice(3)), (turn, home, slice(3, 12))):
+        moved = np.abs(values - at_home).max()
+        first, second = (np.abs(end[part] - values).max() for end in (coarse, fine))
+        assert moved > 1e-3
+        assert first < 3e-3 * moved
+        assert second < first / 3
+
+
+def test_what_has_no_counterpart_is_named_and_the_rest_is_there(tmp_path: Path) -> None:
+    """Expected: of a machine with stiction, springs and limits the lines; masses, limits and stroke as in the file."""
+    platform = gs.load_preset("motion_base_screws")
+    platform = replace(platform, leg_stiffness=1e8, joint_angle_max=1.0)
+    model = loaded(platform, tmp_path)
+    text = (tmp_path / "motion_base_screws.xml").read_text()
+    for line in ("velocity and power", "joint angles", "static and Stribeck friction", "springs"):
+        assert line in text
+    legs = 6 * (platform.leg_lower_mass + platform.leg_upper_mass)
+    assert model.body_mass.sum() == pytest.approx(platform.platform_mass + legs)
+    assert platform.actuator_force_max is not None
+    assert model.actuator_ctrlrange == pytest.approx(np.tile([-1, 1], (6, 1)) * platform.actuator_force_max)
+    lengths = gs.leg_geometry(platform, platform.home_position, platform.home_orientation).length
+    stroke = [[platform.leg_length_min, platform.leg_length_max]] - lengths[:, None]
+    assert model.jnt_range[model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE] == pytest.approx(stroke)
+
+
+def test_an_unknown_form_is_named(tmp_path: Path) -> None:
+    with pytest.raises(gs.GoughStewartError, match="no form 'urdf'; expected 'fmu' or 'mjcf'"):
+        gs.build(tmp_path, forms=["urdf"])
+    assert not any(tmp_path.iterdir())
