@@ -5,8 +5,8 @@ import pytest
 from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.tuning.candidates import members_for
-from gough_stewart.harness.tuning.conditions import condition_of
-from gough_stewart.harness.tuning.space import Axis, axes_of
+from gough_stewart.harness.tuning.goal import condition_of
+from gough_stewart.harness.tuning.space import SearchAxis, axes_of
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_a_condition_holds_on_its_side_and_at_its_bound_only_if_it_says_so(
     assert condition.violation(float("inf")) == (0.0 if sign[0] == ">" else 1e6)
 
 
-def axis(text: str, **settings: object) -> Axis:
+def axis(text: str, **settings: object) -> SearchAxis:
     """The axis of a text in a shipped experiment with these settings."""
     (found,) = axes_of([text], members_for(load_experiment("heave_step", dict(settings)), 1, None))
     return found

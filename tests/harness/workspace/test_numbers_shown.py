@@ -15,7 +15,7 @@ from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.report.scene import Surface
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.workspace.isosurface import clearance, surface_of
-from gough_stewart.harness.workspace.report import workspace_csv, workspace_report
+from gough_stewart.harness.workspace.workspace_report import workspace_csv, workspace_report
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.pose_limits import LARGEST_PITCH

@@ -19,7 +19,7 @@ from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.workspace.isosurface import Isosurface, clearance, isosurface, surface_of
-from gough_stewart.harness.workspace.report import workspace_report
+from gough_stewart.harness.workspace.workspace_report import workspace_report
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import load_preset
 from gough_stewart.model.workspace import evaluate_poses, sweep
