@@ -68,15 +68,15 @@ def check_command(
 
     - `gough-stewart check pitch_sine --set reference.frequency=4 --fit time`
     """
-    chosen = chosen_experiment(experiment, settings, executed=lambda _: ())
+    loaded = chosen_experiment(experiment, settings, executed=lambda _: ())
     from gough_stewart.harness.experiment.checking import FILES, PATHS, check, check_files
 
     running.expect(PATHS)
     running.hold(out or results_folder("check", experiment), FILES)
     running.step("shares of all limits")
-    checked = check(chosen)
+    checked = check(loaded)
     report = checked.report(charts=running.draws)
-    running.require(chosen.requirements, report.numbers)
+    running.require(loaded.requirements, report.numbers)
     running.present(report, check_files(checked))
     if fit is not None and not (checked.within and checked.keeps_margin):
         from gough_stewart.harness.experiment.file import text_with_settings
@@ -118,15 +118,15 @@ def margins_command(
 
     - `gough-stewart margins heave_step --set controller.bandwidth=8 --out results/eight`
     """
-    chosen = chosen_experiment(experiment, settings, no_python)
+    loaded = chosen_experiment(experiment, settings, no_python)
     from gough_stewart.harness.experiment.margins import PATHS, margins, margins_file
 
     running.expect(PATHS)
     running.hold(out or results_folder("margins", experiment), ["margins.json"])
     running.step("linear model, margins")
-    analysis = margins(chosen)
+    analysis = margins(loaded)
     report = analysis.report(charts=running.draws)
-    running.require(chosen.requirements, report.numbers)
+    running.require(loaded.requirements, report.numbers)
     running.present(report, {"margins.json": margins_file(analysis)})
 
 
@@ -165,18 +165,18 @@ def frf_command(
     run_folder = record if record.is_dir() else record.parent
     # the page of the run is in its folder
     folder = out or (run_folder / "frf" if running.page or running.options.figures else run_folder)
-    chosen = None if experiment is None else chosen_experiment(experiment, None)
+    loaded = None if experiment is None else chosen_experiment(experiment, None)
     from gough_stewart.harness.experiment.frf import FILES, frf, frf_files
 
     running.hold(folder, FILES, keeps_data=folder != run_folder)
     running.step("transforms, linear model, figure")
-    responses = frf(record, experiment=chosen)
+    responses = frf(record, experiment=loaded)
     report = responses.report(charts=running.draws)
     running.require(responses.requirements, report.numbers)
     running.present(report, frf_files(responses))
 
 
-@study(figures=("distribution", "bands", "dependence", "sensitivity"), bar=members_bar)
+@study(figures=("distribution", "bands", "dependence", "sensitivity", "beside"), bar=members_bar)
 def ensemble_command(
     running: Running,
     experiment: ExperimentArgument,
@@ -239,7 +239,7 @@ def ensemble_command(
     """
     if workers is not None and scheduler is not None:
         raise UsageError("--workers and --scheduler exclude each other: a scheduler has its own workers; give one")
-    chosen = chosen_experiment(experiment, settings, no_python)
+    loaded = chosen_experiment(experiment, settings, no_python)
     from gough_stewart.harness.ensemble import compare as comparing
     from gough_stewart.harness.ensemble.data import BANDS, MEMBERS, METADATA, SAMPLES
     from gough_stewart.harness.ensemble.ensemble import ensemble
@@ -256,8 +256,8 @@ def ensemble_command(
     }
     if compare is None:
         folder = running.hold(out or results_folder("ensemble", experiment))
-        running.require(chosen.requirements, METRICS)
-        result = ensemble(chosen, out=folder, **options, status=running.step)
+        running.require(loaded.requirements, METRICS)
+        result = ensemble(loaded, out=folder, **options, status=running.step)
         running.command.written.append(folder)
         running.step("worst members and report", total=None)
         worst = write_worst(result, folder, pages=running.page)
@@ -266,12 +266,12 @@ def ensemble_command(
         running.present(report, [MEMBERS, BANDS, SAMPLES, METADATA, *([WORST] if worst.links else [])])
         results = [result]
     else:
-        other = chosen_experiment(compare, None, no_python)
+        second = chosen_experiment(compare, None, no_python)
         folder = out or results_folder("ensemble", experiment, "_compared")
         running.hold(folder, study="ensemble --compare")
-        running.require(other.requirements, comparing.known_numbers())
+        running.require(second.requirements, comparing.known_numbers())
         names = comparing.names_of(experiment, compare)
-        compared = comparing.run_compared((chosen, other), names, folder, running.step, **options)
+        compared = comparing.run_compared((loaded, second), names, folder, running.step, **options)
         running.command.written.append(folder)
         running.step("worst members and reports", total=None)
         results = [compared.a, compared.b]
@@ -352,14 +352,14 @@ def tune_command(
       --over-ensemble quantile=0.95`
     """
     quantile = _quantile(over_ensemble)
-    chosen = chosen_experiment(experiment, settings, no_python)
-    if over_ensemble is not None and chosen.ensemble is None:
+    loaded = chosen_experiment(experiment, settings, no_python)
+    if over_ensemble is not None and loaded.ensemble is None:
         raise UsageError(
             f"--over-ensemble {over_ensemble}: {experiment} has no [ensemble], so there are no machines that "
             "differ; add one, or leave the option out"
         )
     if over_ensemble is None:
-        chosen = chosen.model_copy(update={"ensemble": None})
+        loaded = loaded.model_copy(update={"ensemble": None})
     from gough_stewart.harness.experiment.file import text_with_settings
     from gough_stewart.harness.results.metric_folds import METRICS, metric_of
     from gough_stewart.harness.tuning.tune import tune
@@ -376,7 +376,7 @@ def tune_command(
         running.step(f"best {so_far}", completed=search.generation[-1] + 1, total=generations)
 
     result = tune(
-        chosen,
+        loaded,
         vary,
         minimise,
         subject_to=subject_to or (),
@@ -391,7 +391,7 @@ def tune_command(
     report = result.report(charts=running.draws)
     if result.left_out:
         warn(f"{result.left_out} members have impossible parameters and are left out")
-    running.require(chosen.requirements, report.numbers)
+    running.require(loaded.requirements, report.numbers)
     then = f"gough-stewart run {shlex.quote(str(folder / TUNED))}"
     running.present(report, tuning_files(result, experiment, folder, settings or ()), then=then)
     if result.is_interrupted:

@@ -30,7 +30,7 @@ from gough_stewart.harness.errors import UsageError
 Criterion = Literal["condition", "determinant"]
 
 
-@study(numbers=("condition_number", "log_determinant"))
+@study(numbers=("condition_number", "log_determinant"), figures=("pose",))
 def excite_command(
     running: Running,
     preset: PresetOption = None,
@@ -70,7 +70,7 @@ def excite_command(
     for name, value in (("duration", duration), ("frequency", frequency), ("fade", fade)):
         if not 0 < value < float("inf"):
             raise UsageError(f"--{name} is {value:g}; expected a number > 0")
-    chosen = chosen_platform(preset, platform)
+    loaded = chosen_platform(preset, platform)
     from gough_stewart.harness.identify.excite import excite, experiment_text
     from gough_stewart.harness.identify.excite_report import excite_report
     from gough_stewart.harness.identify.names import expanded
@@ -79,7 +79,7 @@ def excite_command(
     running.hold(folder, ("excitation.toml", "platform.toml"))
     running.step("motions")
     design = excite(
-        chosen,
+        loaded,
         estimate,
         duration=duration,
         frequency=frequency,
@@ -90,11 +90,11 @@ def excite_command(
         seed=seed,
         status=running.step,
     )
-    line = 'file = "platform.toml"' if platform is not None else f'preset = "{chosen.name}"'
-    files = {"excitation.toml": experiment_text(design, chosen, line, estimate, seed).encode()}
+    line = 'file = "platform.toml"' if platform is not None else f'preset = "{loaded.name}"'
+    files = {"excitation.toml": experiment_text(design, loaded, line, estimate, seed).encode()}
     if platform is not None:
-        files["platform.toml"] = platform_to_toml(chosen).encode()
-    report = excite_report(design, chosen, expanded(estimate.split(","), chosen), duration)
+        files["platform.toml"] = platform_to_toml(loaded).encode()
+    report = excite_report(design, loaded, expanded(estimate.split(","), loaded), duration)
     running.present(report, files, then=f"gough-stewart run {shlex.quote(str(folder / 'excitation.toml'))}")
 
 
@@ -201,9 +201,9 @@ def identify_command(
     metrics = () if experiment is None else METRICS
     running.expect(["parameters", "condition_number", *(metric.path for metric in metrics)])
     running.hold(out or log_folder("identify", logs[0]), FILES)
-    chosen = None
+    loaded = None
     if experiment is not None:
-        chosen = chosen_experiment(experiment, settings, no_python, lambda chosen: chosen.code)
+        loaded = chosen_experiment(experiment, settings, no_python, lambda loaded: loaded.code)
     running.step("identifying")
     options: dict[str, Any] = {} if pose_frame is None else {"pose_frame": pose_frame}
     log_options: dict[str, Any] = {"holds_force": holds_force or None, "side": side}
@@ -214,14 +214,14 @@ def identify_command(
         options["validation"] = validation
     result = identify(fitted, nominal, estimate, method, **options)
     compared = None
-    if chosen is not None:
+    if loaded is not None:
         running.step("before and after")
-        compared = before_and_after(chosen, nominal, result.platform(nominal))
+        compared = before_and_after(loaded, nominal, result.platform(nominal))
     tables = [] if compared is None else [compared.table]
     report = estimate_report(result, nominal.name, tables, charts=running.draws)
-    if chosen is not None and compared is not None:
-        report = replace(report, settings=settings_of(chosen.changed), numbers=(*report.numbers, *compared.numbers))
-    running.require(() if chosen is None else chosen.requirements, report.numbers)
+    if loaded is not None and compared is not None:
+        report = replace(report, settings=settings_of(loaded.changed), numbers=(*report.numbers, *compared.numbers))
+    running.require(() if loaded is None else loaded.requirements, report.numbers)
     then = None
     if result.not_excited:
         machine = f"--platform {shlex.quote(str(platform))}" if platform else f"--preset {preset or nominal.name}"

@@ -139,10 +139,10 @@ def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
     if platform is None:
         with wrong_use_if(PlatformFileError):
             return load_preset(cases.PAPER_PRESET if preset is None else preset)
-    chosen = load_platform(platform)
-    for hint in chosen.hints:
+    loaded = load_platform(platform)
+    for hint in loaded.hints:
         warn(f"{platform}: {hint}")
-    return chosen
+    return loaded
 
 
 def chosen_targets(names: list[str] | None) -> list[str]:
@@ -167,7 +167,7 @@ def chosen_experiment(
     experiment: str,
     settings: list[str] | None,
     no_python: bool = False,
-    executed: "Callable[[Experiment], tuple[str, ...]]" = lambda chosen: chosen.controller.code,
+    executed: "Callable[[Experiment], tuple[str, ...]]" = lambda loaded: loaded.controller.code,
 ) -> "Experiment":
     """The experiment from a file, or a shipped one by name; a file of that name takes precedence.
 
@@ -184,16 +184,16 @@ def chosen_experiment(
     from gough_stewart.harness.cli.study import check_paths
     from gough_stewart.harness.experiment.file import load_experiment
 
-    chosen = load_experiment(experiment, settings or [])
-    check_paths(chosen.requirements)
-    code = executed(chosen)
+    loaded = load_experiment(experiment, settings or [])
+    check_paths(loaded.requirements)
+    code = executed(loaded)
     if no_python and code:
         raise ExperimentError(
-            chosen.where, "", f"executes {', '.join(code)}; omit --no-python if you trust these files"
+            loaded.where, "", f"executes {', '.join(code)}; omit --no-python if you trust these files"
         )
     for file in code:
         errors.say((f"executes {file}, named by {experiment}", "dim"))
-    return chosen
+    return loaded
 
 
 def results_folder(command: str, experiment: str, suffix: str = "") -> Path:
@@ -211,8 +211,8 @@ def platform_folder(command: str, preset: str | None, platform: Path | None) -> 
     from gough_stewart.model.formulations import cases
     from gough_stewart.model.platform import preset_names
 
-    chosen = preset or cases.PAPER_PRESET if platform is None else str(platform)
-    return _folder_after(command, chosen, preset_names())
+    loaded = preset or cases.PAPER_PRESET if platform is None else str(platform)
+    return _folder_after(command, loaded, preset_names())
 
 
 def log_folder(command: str, log: Path) -> Path:

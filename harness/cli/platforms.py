@@ -76,7 +76,7 @@ def experiments_command(
                 typer.echo(shipped_text(name), nl=False)
             return
         shipped = {experiment: shipped_experiment(experiment) for experiment in experiment_names()}
-        rows = [(key, chosen.platform.preset_name, chosen.description) for key, chosen in shipped.items()]
+        rows = [(key, loaded.platform.preset_name, loaded.description) for key, loaded in shipped.items()]
         _show((Column("name"), Column("platform"), Column("what")), rows)
 
 
@@ -135,7 +135,7 @@ def workspace_command(
     """
     folder = out or platform_folder("workspace", preset, platform)
     ranges, fixed = None if over is None else _swept(over), _fixed(at or [])
-    chosen = chosen_platform(preset, platform)
+    loaded = chosen_platform(preset, platform)
     from gough_stewart.harness.workspace.workspace_report import workspace_csv, workspace_report
     from gough_stewart.model.workspace import POINTS, sweep
 
@@ -143,7 +143,7 @@ def workspace_command(
     dimensions = 2 if ranges is None else len(ranges)
     running.step("poses", total=(points or POINTS.get(dimensions, 1)) ** dimensions)
     with wrong_use_if(WorkspaceError):  # all inputs come from the options
-        workspace = sweep(chosen, ranges, fixed, points, lambda done: running.step(completed=done))
+        workspace = sweep(loaded, ranges, fixed, points, lambda done: running.step(completed=done))
     files = {TABLE: workspace_csv(workspace)}
     running.present(workspace_report(workspace, surface=running.draws), files)
 
@@ -247,9 +247,9 @@ def reproduce_command(
     from gough_stewart.model.formulations import cases
 
     running.hold(folder, FILES)
-    chosen = chosen_platform(preset, platform)
+    loaded = chosen_platform(preset, platform)
     if order is None:
-        case = cases.case_of(chosen)
+        case = cases.case_of(loaded)
     elif platform is not None or preset not in (None, cases.PAPER_PRESET):
         raise UsageError(f"--order applies only to the paper's own platform; omit it, or use {cases.PAPER_PRESET}")
     else:

@@ -91,14 +91,14 @@ def run_command(
     - `gough-stewart experiments heave_step > mine.toml`, change it, then `gough-stewart run mine.toml`
     """
 
-    def executed(chosen: "Experiment") -> tuple[str, ...]:
-        law = chosen.controller.code if controller is None or controller in FMI_VERSIONS else ()
+    def executed(loaded: "Experiment") -> tuple[str, ...]:
+        law = loaded.controller.code if controller is None or controller in FMI_VERSIONS else ()
         # members without a plant of their own run in the compiled batch
         in_batch = member is not None and plant is None and fmu is None
-        unit = None if in_batch else chosen.plant.own_unit(plant, fmu)
+        unit = None if in_batch else loaded.plant.own_unit(plant, fmu)
         return law if unit is None else (*law, unit)
 
-    chosen = chosen_experiment(experiment, settings, no_python, executed)
+    loaded = chosen_experiment(experiment, settings, no_python, executed)
     folder = out or results_folder("run", experiment, "" if member is None else f"_member_{member}")
     from gough_stewart.harness.experiment.run import names_of_files, run, warnings_of, write_results
     from gough_stewart.harness.report.document import Note
@@ -106,16 +106,16 @@ def run_command(
     from gough_stewart.harness.results.oscillation import oscillation
 
     running.hold(folder, names_of_files())
-    requirements = running.require(chosen.requirements, METRICS)
-    running.step(total=chosen.loop.duration)
-    with _unit_of(controller, chosen, running, anyway=anyway) as unit:
+    requirements = running.require(loaded.requirements, METRICS)
+    running.step(total=loaded.loop.duration)
+    with _unit_of(controller, loaded, running, anyway=anyway) as unit:
         record = run(
-            chosen,
+            loaded,
             plant=plant,
             fmu=fmu,
             controller=unit,
             member=member,
-            progress=lambda time: running.step(chosen.title, completed=time),
+            progress=lambda time: running.step(loaded.title, completed=time),
             status=running.step,
             warn=warn,
         )
@@ -124,7 +124,7 @@ def run_command(
     if controller is None and member is None and any(required.path == "margins.disk" for required in requirements):
         from gough_stewart.harness.experiment.margins import robustness_of
 
-        robustness = robustness_of(chosen)
+        robustness = robustness_of(loaded)
     swinging = oscillation(record)
     swings = [] if swinging is None or swinging.is_growing else [swinging.text()]
     files, report = write_results(
@@ -139,7 +139,7 @@ def run_command(
     )
     outcome = record.metadata["outcome"]
     is_whole = outcome["status"] == "completed"
-    simulated = f"{outcome['time']:.6g} s" if is_whole else f"{outcome['time']:.6g} of {chosen.loop.duration:.6g} s"
+    simulated = f"{outcome['time']:.6g} s" if is_whole else f"{outcome['time']:.6g} of {loaded.loop.duration:.6g} s"
     running.end(
         report,
         files,

@@ -152,9 +152,9 @@ class Running:
         numbers = list(known)
         paths = {number.path for number in numbers}
         kinds = {path.partition(".")[0] for path in paths}
-        others = (_numbers_of_loops() if from_file else set()) - paths
+        elsewhere = (_numbers_of_loops() if from_file else set()) - paths
         for requirement in map(required, from_file):
-            if requirement.path in others or requirement.path.partition(".")[0] not in kinds:
+            if requirement.path in elsewhere or requirement.path.partition(".")[0] not in kinds:
                 errors.say((f"not judged by this command: {requirement.text}", "dim"))
                 continue
             self.required.append(requirement)
@@ -164,7 +164,7 @@ class Running:
         return self.required
 
     def expect(self, known: Iterable[str]) -> None:
-        """Refuse requirements of the command line on others than these paths, or first words of paths.
+        """Refuse requirements of the command line on elsewhere than these paths, or first words of paths.
 
         Raises
         ------
@@ -315,11 +315,11 @@ def study(
                 running.judge()
 
         signature = inspect.signature(function)
-        _, *own = signature.parameters.values()
+        _, *declared_options = signature.parameters.values()
         shared_options = inspect.signature(ReportOptions).parameters
         shared = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in shared_options.values()]
-        command.__signature__ = signature.replace(parameters=[*own, *shared])  # type: ignore[attr-defined]
-        command.__annotations__ = {parameter.name: parameter.annotation for parameter in (*own, *shared)}
+        command.__signature__ = signature.replace(parameters=[*declared_options, *shared])  # type: ignore[attr-defined]
+        command.__annotations__ = {parameter.name: parameter.annotation for parameter in (*declared_options, *shared)}
         return command
 
     return declared
@@ -339,12 +339,12 @@ def check_paths(from_file: Iterable[str]) -> None:
     from gough_stewart.harness.report.requirements import required
     from gough_stewart.model.interface import nearest
 
-    known = _numbers_of_loops()
+    paths = _numbers_of_loops()
     for requirement in map(required, from_file):
-        if requirement.path not in known and requirement.path.partition(".")[0] not in _NUMBERS:
+        if requirement.path not in paths and requirement.path.partition(".")[0] not in _NUMBERS:
             raise RequirementError(
                 f"the requirement '{requirement.text}': no study has a number '{requirement.path}'"
-                f"{nearest(requirement.path, known)}"
+                f"{nearest(requirement.path, paths)}"
             )
 
 
@@ -358,12 +358,12 @@ def _numbers_of_loops() -> set[str]:
 
 def _studies_in(folder: Path) -> list[str]:
     """The studies whose results a folder holds: one, unless an older version has mixed them."""
-    found = ["run"] if any((folder / name).is_file() for name in _RECORDS) else []
+    studies = ["run"] if any((folder / name).is_file() for name in _RECORDS) else []
     with suppress(OSError, ValueError):
         data = json.loads((folder / DATA).read_bytes())
         if isinstance(data, dict) and data.get("study"):
-            found.append(data["study"])
-    return found
+            studies.append(data["study"])
+    return studies
 
 
 def _remove_empty(folders: Iterable[Path]) -> None:

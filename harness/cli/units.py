@@ -58,7 +58,7 @@ def build_command(
     targets. That of platforms whose legs stick or give, and all code of a checkout of the sources, is compiled at the
     first build (Windows: two minutes) and kept.
 
-    The chosen platform sets the start values; parameters can change them to another platform without a new build.
+    The loaded platform sets the start values; parameters can change them to another platform without a new build.
 
     With `--check` exit code 3 if a check fails.
 
@@ -75,7 +75,7 @@ def build_command(
     from gough_stewart.fmu_build.toolchain import chosen_targets as targets_by_name
     from gough_stewart.fmu_build.toolchain import native
 
-    chosen = chosen_platform(preset, platform)
+    loaded = chosen_platform(preset, platform)
     versions, targets = [version.value for version in fmi] if fmi else VERSIONS, chosen_targets(target)
     if check:
         with wrong_use_if(BuildError):
@@ -87,7 +87,7 @@ def build_command(
     running.hold(out, keeps_data=running.page or out != Path())
     running.step("building", total=number_of_steps(versions, targets))
     files = build(
-        out, fmi=versions, targets=targets, platform=chosen, progress=lambda stage: running.step(stage, advance=1)
+        out, fmi=versions, targets=targets, platform=loaded, progress=lambda stage: running.step(stage, advance=1)
     )
     checks: list[UnitCheck] | None = None
     if check:
@@ -97,7 +97,7 @@ def build_command(
         checks = list(check_units(files))
     running.command.written.append(out)
     names = [str(file.relative_to(out)) for file in files]
-    running.present(_report(chosen.name, versions, targets, names, checks), names)
+    running.present(_report(loaded.name, versions, targets, names, checks), names)
     if not all(outcome.passed for outcome in checks or ()):
         raise typer.Exit(ExitCode.MISSED)
 
@@ -178,7 +178,7 @@ def export_command(
         ),
     ] = None,
     anyway: Annotated[
-        bool, option("Export a loop that is unstable in one of the forms; they say so.", None, "--anyway")
+        bool, option("Export a loop that is unstable in steps_of_one of the forms; they say so.", None, "--anyway")
     ] = False,
     real: Annotated[
         Real, choice("Precision of the C: double, or float with poses and lengths relative to home.", Real)
@@ -202,7 +202,7 @@ def export_command(
     plant and controller connected, for co-simulation tools; `--as page` **NAME_live.html**, the loop live in a browser.
 
     Each form's loop is judged with the delay that it has there, for the experiment's machine and all members of its
-    [ensemble]; an unstable one is refused. The files say what was judged and what they leave out.
+    [ensemble]; an unstable steps_of_one is refused. The files say what was judged and what they leave out.
 
     Examples
     --------
@@ -221,21 +221,21 @@ def export_command(
     from gough_stewart.harness.export.report import export_report
     from gough_stewart.harness.report.document import settings_of
 
-    chosen = chosen_experiment(experiment, settings, no_python)
+    loaded = chosen_experiment(experiment, settings, no_python)
     with wrong_use_if(ExportError):
         chosen_as = chosen_forms(form.strip() for form in forms.split(","))
         inside = chosen_parts(part.strip() for part in (parts or "").split(",") if part.strip())
     versions, targets = [version.value for version in fmi] if fmi else ["2.0", "3.0"], chosen_targets(target)
     running.hold(out, keeps_data=running.page or out != Path())
-    one = number_of_steps(["2.0"], targets)
-    steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * one, "page": 1}
+    steps_of_one = number_of_steps(["2.0"], targets)
+    steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * steps_of_one, "page": 1}
     running.step("exporting", total=sum(steps[form] for form in chosen_as))
     judging = running.progress.add_task("judging the members", total=None, visible=False)
     warnings: list[str] = []
     verdicts: list[str] = []
     loops: list[LoopStability] = []
     files = export(
-        chosen,
+        loaded,
         forms=chosen_as,
         out=out,
         fmi=versions,
@@ -255,9 +255,9 @@ def export_command(
     )
     running.command.written.append(out)
     names = [str(file.relative_to(out)) for file in files]
-    report = export_report(chosen.title, chosen_as, verdicts, warnings, names, loops)
-    report = replace(report, settings=settings_of(chosen.changed))
-    running.require(chosen.requirements, report.numbers)
+    report = export_report(loaded.title, chosen_as, verdicts, warnings, names, loops)
+    report = replace(report, settings=settings_of(loaded.changed))
+    running.require(loaded.requirements, report.numbers)
     running.present(report, names)
 
 

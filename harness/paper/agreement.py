@@ -17,7 +17,7 @@ from gough_stewart.model.vectors import FloatArray
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Agreement:
     """A difference between two formulations, with its bound."""
 
     what: str
@@ -38,7 +38,7 @@ def agreement(
     stepping: FloatArray,
     leap: FloatArray,
     units: Mapping[str, FloatArray] = {},
-) -> list[Comparison]:
+) -> list[Agreement]:
     """All comparisons of an open-loop case with the kernel's run.
 
     `stepping` took many communication steps, `leap` one; `units` are the states of FMUs by importer.
@@ -52,9 +52,9 @@ def agreement(
     unit_bound = 1e-7 if case.is_published else 1e-6
     unit_poses = {f"{name} (tolerance 1e-8) against kernel": (states, unit_bound) for name, states in units.items()}
 
-    def final_poses(states: Mapping[str, tuple[FloatArray, float]]) -> list[Comparison]:
+    def final_poses(states: Mapping[str, tuple[FloatArray, float]]) -> list[Agreement]:
         return [
-            Comparison(f"final pose: {name}", float(np.abs(values[-1, :6] - pose).max()), bound, "m, rad")
+            Agreement(f"final pose: {name}", float(np.abs(values[-1, :6] - pose).max()), bound, "m, rad")
             for name, (values, bound) in states.items()
         ]
 
@@ -62,17 +62,15 @@ def agreement(
     return [
         *instantaneous(case, kernel),
         *final_poses(poses),
-        Comparison(
-            "joint forces along the run: multipliers of Kane's DAE against task space", forces, 1e-6, "relative"
-        ),
-        Comparison(
+        Agreement("joint forces along the run: multipliers of Kane's DAE against task space", forces, 1e-6, "relative"),
+        Agreement(
             "energy minus work of the forces, largest over the run", energy_error(case, kernel), 1e-9, "relative"
         ),
         *final_poses(unit_poses),
     ]
 
 
-def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Comparison]:
+def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Agreement]:
     """Platform accelerations and joint forces at the states of a run, by four formulations."""
     platform, state = case.platform, State.from_vector(kernel.states)
     n = len(kernel.time)
@@ -90,11 +88,11 @@ def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Comparison]:
         "Newton–Euler": np.concatenate([by_newton.linear, by_newton.angular], axis=-1),
     }
     rows = [
-        Comparison(f"platform acceleration: {name} against kernel", _relative(a, by_kernel), 1e-10, "relative")
+        Agreement(f"platform acceleration: {name} against kernel", _relative(a, by_kernel), 1e-10, "relative")
         for name, a in accelerations.items()
     ]
     forces = _relative(by_newton.joint_force, kernel["joint_force"])
-    return [*rows, Comparison("joint forces: Newton–Euler against kernel", forces, 1e-10, "relative")]
+    return [*rows, Agreement("joint forces: Newton–Euler against kernel", forces, 1e-10, "relative")]
 
 
 def energy_error(case: OpenLoopCase, run: Trajectory) -> float:

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.paper import figures, readings
-from gough_stewart.harness.paper.agreement import Comparison, agreement
+from gough_stewart.harness.paper.agreement import Agreement, agreement
 from gough_stewart.harness.paper.case_report import case_report
 from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.report.document import Report
@@ -198,7 +198,7 @@ def _units(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, byte
 def _content(
     case: OpenLoopCase,
     run: Trajectory,
-    comparisons: list[Comparison],
+    comparisons: list[Agreement],
     others: list[readings.Reading],
     weight: dict[str, float] | None,
     drift: Mapping[str, KaneTrajectory],

@@ -21,18 +21,18 @@ Point = tuple[float | int, ...]
 class Condition:
     """A metric with an upper or lower bound."""
 
-    wanted: Required
+    requirement: Required
     metric: str  # its full name
     bound: float  # in the unit of the metric
 
     @property
     def text(self) -> str:
         """As it was written."""
-        return self.wanted.text
+        return self.requirement.text
 
     def holds(self, value: float) -> bool:
         """Whether a value meets it; false for NaN."""
-        return bool(self.wanted.holds(np.array(value), self.bound))
+        return bool(self.requirement.holds(np.array(value), self.bound))
 
     def violation(self, value: float) -> float:
         """The violation by a value, as a share of the bound; 0 if the condition holds."""
@@ -90,7 +90,9 @@ class Goal:
             rank = math.ceil(self.quantile * len(values) - 1e-9)
             return float(values[rank - 1] if is_upper else values[-rank])
 
-        conditions = tuple(quantile(k, condition.wanted.is_upper) for k, condition in enumerate(self.conditions, 1))
+        conditions = tuple(
+            quantile(k, condition.requirement.is_upper) for k, condition in enumerate(self.conditions, 1)
+        )
         metrics = dict(zip(further, numbers.T[1 + len(conditions) :], strict=True))
         return Evaluation(point, quantile(0, True), conditions, int((~completed).sum()), reason, metrics)
 
@@ -105,17 +107,17 @@ def condition_of(text: str, known: Iterable[str]) -> Condition:
         states what was expected.
     """
     try:
-        wanted = required(text)
-        metric = check_metric(wanted.path, known, f"--subject-to '{text}'")
-        bound = wanted.bound_of(metric_of(metric).quantity)
+        requirement = required(text)
+        metric = check_metric(requirement.path, known, f"--subject-to '{text}'")
+        bound = requirement.bound_of(metric_of(metric).quantity)
     except RequirementError as error:
         raise SearchError(f"--subject-to: {error}") from None
-    if wanted.share is not None:
+    if requirement.share is not None:
         raise SearchError(
             f"--subject-to '{text}' is on a share of members; expected a condition without one: it is that of "
             "--over-ensemble for all conditions"
         )
-    return Condition(wanted, metric, bound)
+    return Condition(requirement, metric, bound)
 
 
 def check_metric(name: str, known: Iterable[str], where: str) -> str:

@@ -35,19 +35,23 @@ class Search:
     @property
     def best(self) -> Evaluation | None:
         """The best candidate that meets all conditions."""
-        kept = [done for done in self.tried if self.goal.violation(done) == 0 and np.isfinite(done.value)]
-        return min(kept, key=lambda done: done.value, default=None)
+        kept = [
+            evaluation
+            for evaluation in self.tried
+            if self.goal.violation(evaluation) == 0 and np.isfinite(evaluation.value)
+        ]
+        return min(kept, key=lambda evaluation: evaluation.value, default=None)
 
     def broken_most(self) -> str:
         """The condition that most candidates break, as text."""
         if not self.tried:
             return "no candidate was tried"
-        failed = [done for done in self.tried if not np.isfinite(done.value)]
-        reason = next((f"; the first: {done.reason}" for done in failed if done.reason), "")
+        failed = [evaluation for evaluation in self.tried if not np.isfinite(evaluation.value)]
+        reason = next((f"; the first: {evaluation.reason}" for evaluation in failed if evaluation.reason), "")
         lack = "members that do not complete" if reason else f"no value of {self.goal.metric}"
         counts = {f"{len(failed)} of {len(self.tried)} candidates have {lack}{reason}": len(failed)}
         for k, condition in enumerate(self.goal.conditions):
-            values = [done.conditions[k] for done in self.tried]
+            values = [evaluation.conditions[k] for evaluation in self.tried]
             count = sum(not condition.holds(value) for value in values)
             closest = min(filter(np.isfinite, values), key=condition.violation, default=None)
             quantity = metric_of(condition.metric).quantity
@@ -86,7 +90,10 @@ def search(
             status(history)
         violations = [goal.violation(evaluation) for evaluation in evaluations]
         return np.array(
-            [_INFEASIBLE * (1 + v) if v else done.value for v, done in zip(violations, evaluations, strict=True)]
+            [
+                _INFEASIBLE * (1 + v) if v else evaluation.value
+                for v, evaluation in zip(violations, evaluations, strict=True)
+            ]
         )
 
     # evenly spread candidates, and the original values

@@ -149,5 +149,5 @@ def _number(experiment: Experiment, requested: int | None, most: int) -> int:
     """The default number of members."""
     if requested is not None:
         return requested
-    has = None if experiment.ensemble is None else experiment.ensemble.members
-    return most if has is None else min(has, most)
+    stated = None if experiment.ensemble is None else experiment.ensemble.members
+    return most if stated is None else min(stated, most)

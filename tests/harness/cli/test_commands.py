@@ -42,13 +42,13 @@ USES: dict[str, tuple[tuple[str, ...], tuple[int, ...], str, str]] = {
         ("heave_tolerances", *FEW),
         (0, 3),
         "members.parquet bands.parquet samples.parquet ensemble.json worst",
-        "distribution bands dependence sensitivity",
+        "distribution bands dependence beside",
     ),
     "ensemble --compare": (
         ("heave_tolerances", *FEW, "--set", "controller.bandwidth=3", "--compare", "slower.toml"),
         (0, 3),
         "differences.parquet heave_tolerances slower",
-        "distribution dependence sensitivity",
+        "distribution dependence",
     ),
     "tune": (
         ("heave_step", *BANDWIDTH, *SHORT, "--generations", "1", "--population", "5"),
@@ -63,7 +63,7 @@ USES: dict[str, tuple[tuple[str, ...], tuple[int, ...], str, str]] = {
         "platform.toml estimate.json",
         "parameters fit residuals",
     ),
-    "excite": (("--preset", "motion_base", "--trials", "1", "--duration", "10"), (0,), "excitation.toml", ""),
+    "excite": (("--preset", "motion_base", "--trials", "1", "--duration", "10"), (0,), "excitation.toml", "pose"),
     "workspace": (("--preset", "motion_base", "--points", "5"), (0,), "workspace.csv", "maps"),
     "build": (("--fmi", "3.0", "--check"), (0,), "gough_stewart_fmi3.fmu", ""),
     "export": (
@@ -121,8 +121,10 @@ def test_every_command_shows_what_it_found_in_all_ways(
     assert printed.study == use
     names = {path.name for path in Path("out").iterdir()}
     pictures = {name for name in names if name.endswith(".svg")}
+    wanted = {f"{group}.svg" for group in groups.split()}
     if use != "reproduce":  # its figures are those of the paper
-        assert pictures == {f"{group}.svg" for group in groups.split()}
+        # the page of some studies has more charts
+        assert (pictures >= wanted) if use == "run" else (pictures == wanted), pictures
     data = {"report.html"} if use == "run" else {"report.html", "report.json"}
     assert names - pictures == {*files.split()} | data
     if use != "run":

@@ -66,7 +66,7 @@ def test_every_comparison_holds_on_a_platform_with_friction(share: float) -> Non
 
 
 def test_a_comparison_that_is_not_a_number_does_not_hold() -> None:
-    assert not agreement.Comparison("nothing", float("nan"), 1.0, "m").holds
+    assert not agreement.Agreement("nothing", float("nan"), 1.0, "m").holds
 
 
 def test_results_have_the_rows_and_columns_of_the_interface(kernel_run: Trajectory) -> None:

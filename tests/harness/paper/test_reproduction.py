@@ -30,8 +30,8 @@ from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 CASE = OpenLoopCase("uneven *case*", UNEVEN, STATE, INPUTS.actuator_force, 0.3)
 ROWS = [
-    agreement.Comparison("first thing", 2.5e-9, 1e-8, "m, rad"),
-    agreement.Comparison("second thing", 3.4e-5, 2e-6, "relative"),
+    agreement.Agreement("first thing", 2.5e-9, 1e-8, "m, rad"),
+    agreement.Agreement("second thing", 3.4e-5, 2e-6, "relative"),
 ]
 READINGS = [
     readings.Reading("a point", "decided so", "other way", 0.01234, 0.56789, "a remark", 3.125),

@@ -120,7 +120,7 @@ def test_a_condition_has_its_metric_side_and_bound(
     """Expected: by hand; a violation is a share of the bound, at most a million, and never 0 where it does not hold."""
     known = ["force.peak", "stroke.margin", "energy.net_total", "saturation.force_limited.any"]
     condition = condition_of(text, [*known, "step_response.z.overshoot_percent"])
-    assert (condition.metric, condition.is_upper, condition.wanted.is_strict) == expected[:3]
+    assert (condition.metric, condition.requirement.is_upper, condition.requirement.is_strict) == expected[:3]
     assert condition.bound == pytest.approx(expected[3])
     assert condition.text == text.strip()
     at = (condition.bound, condition.bound - 1, condition.bound + 1)

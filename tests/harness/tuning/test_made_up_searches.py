@@ -204,7 +204,7 @@ def test_fresh_members_carry_the_verdict_and_doubts_are_told() -> None:
     assert "(10 % more)" in worse.text
     assert worse.status == "bad"
     # an experiment that breaks a condition itself is no rival
-    allowed = tuned(searched(3)).report().verdict
+    allowed = tuned(searched(3), before_fresh=Evaluation((), 0.002, (96.0, 1.0), 0, "")).report().verdict
     assert "; the values before break a condition; with controller.bandwidth 2.3 Hz" in allowed.text
     assert "; not held on fresh members: stroke.margin >= 10 µm" in allowed.text
 
