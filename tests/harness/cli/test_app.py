@@ -121,7 +121,7 @@ def test_a_missed_bound_of_the_other_order_exits_with_3_after_writing(
     """Expected: the demonstration's files, with a report in which one comparison was made to miss its bound."""
     report = json.loads((demo.paper / "comparison.json").read_text())
     report["agreement"][2]["holds"] = False
-    files = {name: (demo.paper / name).read_bytes() for name in FILES}
+    files = {name: (demo.paper / name).read_bytes() for name in FILES - {"report.json"}}
     asked: list[OpenLoopCase] = []
 
     def reproduced(case: OpenLoopCase, *_: object) -> Reproduction:
@@ -137,11 +137,11 @@ def test_a_missed_bound_of_the_other_order_exits_with_3_after_writing(
     assert "− before +" in asked[0].title
 
 
-def test_a_full_disk_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_one_clear_line(demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device", str(tmp_path / "open_loop.csv"))
 
-    ready = Reproduction({"agreement": []}, {"open_loop.csv": b"time\n"})
+    ready = Reproduction(json.loads((demo.paper / "comparison.json").read_text()), {"open_loop.csv": b"time\n"})
     monkeypatch.setattr("gough_stewart.harness.paper.reproduce.reproduce", lambda *_, **__: ready)
     monkeypatch.setattr("gough_stewart.model.process.files.write_whole", full)
     done = invoke("reproduce", "--out", str(tmp_path))
