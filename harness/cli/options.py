@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
     from gough_stewart.model.platform import Platform
 
+# First words of numbers whose paths follow from options, an injection or a platform: of searches, comparisons,
+# identified machines, and the studies that declare them.
+KINDS_OF_NUMBERS = {"value", "values", "fresh", "first", "difference", "parameters", "condition_number"}
+
 
 class FmiVersion(StrEnum):
     """Versions of the FMI standard; Typer takes no list of a `Literal`."""
@@ -124,13 +128,7 @@ def check_page_name(out: Path) -> None:
 
 
 def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
-    """The platform of a preset or a file; the paper's by default.
-
-    Raises
-    ------
-    UsageError
-        Both options are used, or there is no such preset.
-    """
+    """The platform of a preset or a file; the paper's by default."""
     if preset is not None and platform is not None:
         raise UsageError("--preset and --platform exclude each other; give one")
     from gough_stewart.model.formulations import cases
@@ -146,13 +144,7 @@ def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
 
 
 def chosen_targets(names: list[str] | None) -> list[str]:
-    """The targets by name, the native one by default.
-
-    Raises
-    ------
-    UsageError
-        There is no such target.
-    """
+    """The targets by name, the native one by default."""
     if names is None:
         return ["native"]
     from gough_stewart.fmu_build import toolchain
@@ -173,15 +165,7 @@ def chosen_experiment(
 
     `executed` gives the files among those that it names which the command executes; each is announced. By
     default only the controller's, as for a design, which does not run the FMU of the plant.
-
-    Raises
-    ------
-    ExperimentError
-        It cannot be loaded, or it executes code of its own despite --no-python.
-    RequirementError
-        It requires something of a number that no study has.
     """
-    from gough_stewart.harness.cli.study import check_paths
     from gough_stewart.harness.experiment.file import load_experiment
 
     loaded = load_experiment(experiment, settings or [])
@@ -194,6 +178,31 @@ def chosen_experiment(
     for file in code:
         errors.say((f"executes {file}, named by {experiment}", "dim"))
     return loaded
+
+
+def check_paths(from_file: Iterable[str]) -> None:
+    """Refuse requirements of an experiment's file on numbers that no study has."""
+    if not from_file:
+        return
+    from gough_stewart.harness.errors import RequirementError
+    from gough_stewart.harness.report.requirements import required
+    from gough_stewart.model.interface import nearest
+
+    paths = numbers_of_loops()
+    for requirement in map(required, from_file):
+        if requirement.path not in paths and requirement.path.partition(".")[0] not in KINDS_OF_NUMBERS:
+            raise RequirementError(
+                f"the requirement '{requirement.text}': no study has a number '{requirement.path}'"
+                f"{nearest(requirement.path, paths)}"
+            )
+
+
+def numbers_of_loops() -> set[str]:
+    """The paths of numbers that several studies of one experiment share the first word of."""
+    from gough_stewart.harness.experiment import checking, margins
+    from gough_stewart.harness.results.metric_folds import METRICS
+
+    return {*checking.PATHS, *margins.PATHS, *(metric.path for metric in METRICS)}
 
 
 def results_folder(command: str, experiment: str, suffix: str = "") -> Path:

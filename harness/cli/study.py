@@ -31,7 +31,7 @@ import typer
 
 from gough_stewart.harness.cli.command import Command, clear_errors
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.cli.options import option
+from gough_stewart.harness.cli.options import KINDS_OF_NUMBERS, numbers_of_loops, option
 from gough_stewart.harness.cli.terminal import Terminal, diverted, errors, progress_bar, warn
 
 if TYPE_CHECKING:
@@ -43,9 +43,6 @@ if TYPE_CHECKING:
 
 PAGE, DATA = "report.html", "report.json"
 _RECORDS = ("record.parquet", "record.csv")
-# First words of numbers whose paths follow from options, an injection or a platform: of searches, comparisons,
-# identified machines, and the studies that declare them.
-_NUMBERS = {"value", "values", "fresh", "first", "difference", "parameters", "condition_number"}
 
 
 @dataclass(frozen=True)
@@ -152,7 +149,7 @@ class Running:
         numbers = list(known)
         paths = {number.path for number in numbers}
         kinds = {path.partition(".")[0] for path in paths}
-        elsewhere = (_numbers_of_loops() if from_file else set()) - paths
+        elsewhere = (numbers_of_loops() if from_file else set()) - paths
         for requirement in map(required, from_file):
             if requirement.path in elsewhere or requirement.path.partition(".")[0] not in kinds:
                 errors.say((f"not judged by this command: {requirement.text}", "dim"))
@@ -164,13 +161,7 @@ class Running:
         return self.required
 
     def expect(self, known: Iterable[str]) -> None:
-        """Refuse requirements of the command line on elsewhere than these paths, or first words of paths.
-
-        Raises
-        ------
-        RequirementError
-            Such a number, with the nearest.
-        """
+        """Refuse requirements of the command line on elsewhere than these paths, or first words of paths."""
         if not self.required:
             return
         from gough_stewart.harness.errors import RequirementError
@@ -261,13 +252,7 @@ class Running:
         self.command.close(files, self.folder, done=done, then=then, open_it=self.options.open_it)
 
     def judge(self) -> None:
-        """End the command with the exit code of its requirements, each failure of which is said.
-
-        Raises
-        ------
-        typer.Exit
-            A requirement is missed or open.
-        """
+        """End the command with the exit code of its requirements, each failure of which is said."""
         labels = {"missed": ("missed: ", "bold red"), "open": ("cannot be told: ", "bold yellow")}
         requirements = self.report.requirements if self.report is not None else ()
         for requirement in requirements:
@@ -293,7 +278,7 @@ def study(
     bar
         How its progress is shown.
     """
-    _NUMBERS.update(numbers)
+    KINDS_OF_NUMBERS.update(numbers)
 
     def declared(function: Callable[..., None]) -> Callable[..., None]:
         name = function.__name__.removesuffix("_command")
@@ -323,37 +308,6 @@ def study(
         return command
 
     return declared
-
-
-def check_paths(from_file: Iterable[str]) -> None:
-    """Refuse requirements of an experiment's file on numbers that no study has.
-
-    Raises
-    ------
-    RequirementError
-        Such a number, with the nearest path.
-    """
-    if not from_file:
-        return
-    from gough_stewart.harness.errors import RequirementError
-    from gough_stewart.harness.report.requirements import required
-    from gough_stewart.model.interface import nearest
-
-    paths = _numbers_of_loops()
-    for requirement in map(required, from_file):
-        if requirement.path not in paths and requirement.path.partition(".")[0] not in _NUMBERS:
-            raise RequirementError(
-                f"the requirement '{requirement.text}': no study has a number '{requirement.path}'"
-                f"{nearest(requirement.path, paths)}"
-            )
-
-
-def _numbers_of_loops() -> set[str]:
-    """The paths of numbers that several studies of one experiment share the first word of."""
-    from gough_stewart.harness.experiment import checking, margins
-    from gough_stewart.harness.results.metric_folds import METRICS
-
-    return {*checking.PATHS, *margins.PATHS, *(metric.path for metric in METRICS)}
 
 
 def _studies_in(folder: Path) -> list[str]:

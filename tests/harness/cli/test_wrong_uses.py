@@ -79,12 +79,6 @@ WRONG = [
     ("excite --frequency inf --fade -1", 2, "--frequency is inf; expected a number > 0"),
     ("workspace --at yaw=400deg", 2, "yaw is 6.98132 rad, 400°; expected from −180° to 180°"),
     ("workspace --at yaw=40", 2, "yaw is 40 rad, 2291.83°; expected .*numbers without a unit are in rad"),
-    ("workspace --at z", 2, "--at z: found no value; expected NAME=VALUE, such as z=0.1"),
-    ("workspace --at z=1 --at z=2", 2, "--at z=2: z is fixed twice"),
-    ("workspace --over x,y,x", 2, "--over x,y,x: x appears twice"),
-    ("workspace --over x=1", 2, "found the range '1' for x; expected LOW:HIGH"),
-    ("workspace --over q", 2, "unknown coordinate 'q'; expected one of x, y"),
-    ("workspace --over x=-1kg:1", 2, "--over x=-1kg:1: x is '-1kg'; .*, such as 20mm or 5deg"),
     # ensembles and searches
     ("ensemble heave_step", 1, "ensemble: is missing; add it to declare what varies, or start from heave_tolerances"),
     ("ensemble heave_tolerances --workers 0", 2, "Invalid value for '--workers'"),

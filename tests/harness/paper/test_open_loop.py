@@ -1,6 +1,5 @@
 """The paper's open-loop case: formulations agree, other platforms get a scaled case."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
@@ -13,11 +12,8 @@ import pytest
 from gough_stewart.fmu_build.build import VERSIONS
 from gough_stewart.harness.paper import agreement, readings
 from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
-from gough_stewart.harness.paper.reproduce import record_of_case, table_of
 from gough_stewart.harness.plants import unit
 from gough_stewart.harness.plants.unit import FmiType, FmuInstance
-from gough_stewart.harness.results.record import platform_of
-from gough_stewart.model import interface
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case, with_pairs_swapped
 from gough_stewart.model.platform import load_preset
@@ -43,16 +39,6 @@ def test_case_is_the_published_one(case: OpenLoopCase) -> None:
     assert len(case.time) == 101
 
 
-def test_the_record_of_the_case_is_complete(case: OpenLoopCase, kernel_run: Trajectory) -> None:
-    """Expected: the run's own numbers, the constant forces, a platform that is the case's."""
-    record = record_of_case(case, kernel_run)
-    assert np.array_equal(record["position"], kernel_run["position"])
-    assert np.array_equal(record["actuator_force"], np.tile(case.actuator_force, (101, 1)))
-    assert np.array_equal(record["external_force"], np.zeros((101, 3)))
-    assert platform_of(record) == case.platform
-    assert json.loads(record.to_metadata()) == record.metadata
-
-
 # stiff in its friction, which Kane's equations pay for: every day the beginning, and the whole case as evidence
 @pytest.mark.parametrize("share", [0.1, pytest.param(1.0, marks=pytest.mark.evidence)])
 def test_every_comparison_holds_on_a_platform_with_friction(share: float) -> None:
@@ -67,13 +53,6 @@ def test_every_comparison_holds_on_a_platform_with_friction(share: float) -> Non
 
 def test_a_comparison_that_is_not_a_number_does_not_hold() -> None:
     assert not agreement.Agreement("nothing", float("nan"), 1.0, "m").holds
-
-
-def test_results_have_the_rows_and_columns_of_the_interface(kernel_run: Trajectory) -> None:
-    table = table_of(kernel_run)
-    assert table.columns == ["time", *interface.RESULT_COLUMNS]
-    assert table.height == 101
-    assert np.array_equal(table["leg_length[3]"].to_numpy(), kernel_run["leg_length"][:, 2])
 
 
 def test_minus_first_is_the_same_mechanism_with_renamed_legs(case: OpenLoopCase) -> None:
