@@ -1,5 +1,6 @@
 """The commands `presets`, `experiments`, `workspace` and `reproduce`: what ships, and what a platform can do."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -80,7 +81,7 @@ def experiments_command(
         _show((Column("name"), Column("platform"), Column("what")), rows)
 
 
-def _show(columns: "tuple[Column, ...]", rows: "list[tuple[Cell, ...]]") -> None:
+def _show(columns: "tuple[Column, ...]", rows: "Sequence[tuple[Cell, ...]]") -> None:
     from gough_stewart.harness.report.table import Table
     from gough_stewart.harness.report.terminal import TerminalTable
 

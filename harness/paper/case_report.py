@@ -100,7 +100,7 @@ def _tables(content: dict[str, Any], title: str) -> list[Table]:
         for name, (components, quantity) in _STATE.items()
         for component, first, last in zip(components, case["start"][name], end[name], strict=True)
     )
-    heads = (Column(""), Column("start"), Column(f"after {case['duration']:.4g} s"))
+    heads: tuple[Column, ...] = (Column(""), Column("start"), Column(f"after {case['duration']:.4g} s"))
     tables = [Table(title, heads, states, group_ends=(2, 5, 8))]
     heads = (
         Column("comparison"), Column("measured", _TWO_DIGITS), Column("bound", _TWO_DIGITS), Column("unit"), Column(""),

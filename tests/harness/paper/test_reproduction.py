@@ -331,7 +331,7 @@ def test_each_comparison_measures_what_it_names() -> None:
     position[-1, 2] -= 7e-3
     position[:-1] += 1.0
     changed = replace(kane, configuration=kane.configuration._replace(position=position))
-    found = agreement.agreement(case, kernel, changed, *moved)
+    found = agreement.agreement(case, kernel, changed, moved[0], moved[1])
     assert [found[k].measured for k in (4, 5, 6)] == pytest.approx([7e-3, 3e-3, 5e-3], rel=1e-3)
     assert [found[k].measured for k in (0, 1, 2, 3, 7, 8)] == [rows[k].measured for k in (0, 1, 2, 3, 7, 8)]
     # the largest difference over the largest value of any row, each a norm over all components
