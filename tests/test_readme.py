@@ -45,7 +45,7 @@ def test_the_picture_of_the_house_is_that_of_the_contracts() -> None:
 
 def test_the_demo_runs(demo: Demo) -> None:
     assert "Agreement of the formulations" in demo.text
-    assert (demo.paper / "report.md").exists()
+    assert (demo.paper / "comparison.json").exists()
     assert "Step response" in demo.text
     assert (demo.heave / "report.html").exists()
 

@@ -6,7 +6,7 @@ from saving import save_svg
 
 from gough_stewart.harness.report.document import Section
 from gough_stewart.harness.report.figures import figures
-from gough_stewart.harness.workspace.report import workspace_report
+from gough_stewart.harness.workspace.workspace_report import workspace_report
 from gough_stewart.model.platform import load_preset
 from gough_stewart.model.workspace import sweep
 

@@ -10,23 +10,24 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from gough_stewart.harness.cli.build import build_command
-from gough_stewart.harness.cli.check import check_command
-from gough_stewart.harness.cli.ensemble import ensemble_command
-from gough_stewart.harness.cli.excite import excite_command
+from gough_stewart.harness.cli.design import (
+    check_command,
+    ensemble_command,
+    frf_command,
+    margins_command,
+    tune_command,
+)
 from gough_stewart.harness.cli.exit_codes import ExitCode
-from gough_stewart.harness.cli.experiments import experiments_command
-from gough_stewart.harness.cli.export import export_command
-from gough_stewart.harness.cli.frf import frf_command
-from gough_stewart.harness.cli.identify import identify_command
 from gough_stewart.harness.cli.live import live_command
-from gough_stewart.harness.cli.margins import margins_command
-from gough_stewart.harness.cli.presets import presets_command
-from gough_stewart.harness.cli.reproduce import reproduce_command
-from gough_stewart.harness.cli.run import run_command
-from gough_stewart.harness.cli.tune import tune_command
-from gough_stewart.harness.cli.view import view_command
-from gough_stewart.harness.cli.workspace import workspace_command
+from gough_stewart.harness.cli.logs import excite_command, identify_command
+from gough_stewart.harness.cli.platforms import (
+    experiments_command,
+    presets_command,
+    reproduce_command,
+    workspace_command,
+)
+from gough_stewart.harness.cli.run import run_command, view_command
+from gough_stewart.harness.cli.units import build_command, export_command
 
 # Wrong usage of any kind; Typer carries a click of its own in some versions.
 _WrongUse: type[Exception] = typer.BadParameter.__mro__[1]
@@ -62,7 +63,7 @@ class PlainCommand(TyperCommand):
     def _platform_option(self, message: str) -> str:
         """How a platform is given to a command that takes none as a plain argument, as in `workspace motion_base`."""
         extra = re.fullmatch(r"Got unexpected extra argument(?:\(s\))? \((\S+)\)", message)
-        if extra is None or not any(each.name == "preset" for each in self.params):
+        if extra is None or not any(parameter.name == "preset" for parameter in self.params):
             return ""
         option = "--platform" if extra[1].endswith(".toml") else "--preset"
         return f"; a platform is given as `{option} {extra[1]}`"
@@ -78,11 +79,13 @@ class PlainGroup(TyperGroup):
 
 def _without_types(parameters: list[Any]) -> list[Any]:
     """Remove <bool> from flags and <str> from arguments, whose names are clear."""
-    for each in parameters:
-        if isinstance(each, TyperArgument):
-            each.display_type_rich = _no_type  # type: ignore[method-assign]
-        elif getattr(each, "is_flag", False):
-            each.metavar = ""
+    for parameter in parameters:
+        if isinstance(parameter, TyperArgument):
+            parameter.display_type_rich = _no_type  # type: ignore[method-assign]
+        elif getattr(parameter, "is_flag", False):
+            parameter.metavar = ""
+            # a flag that is not set needs no conversion, for which Typer would load Pydantic
+            parameter.default = parameter.default or False
     return parameters
 
 

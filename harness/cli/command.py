@@ -2,21 +2,17 @@
 
 import logging
 import time
-import webbrowser
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import typer
-from rich.padding import Padding
-from rich.text import Text
 
 from gough_stewart.harness.cli.exit_codes import ExitCode
 from gough_stewart.harness.cli.terminal import Terminal, errors
 from gough_stewart.harness.errors import MissedError, UsageError
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.process.installed import check_environment, tracer_is_named
 
 
 @dataclass
@@ -42,9 +38,15 @@ class Command:
 
         With `open_it`, open the last page among the files in the browser.
         """
+        import webbrowser
+
+        from rich.padding import Padding
+        from rich.text import Text
+
         names = [str(file) for file in files]
         took = f"{done} in {duration_text(time.perf_counter() - self.started)}. " if done else ""
-        size = size_text(sum(_size(folder / name) for name in names))
+        places = [place for name in names for place in (folder / name, *(folder / name).rglob("*")) if place.is_file()]
+        size = size_text(sum(place.stat().st_size for place in places))
         terminal = Terminal()
         if len(names) == 1:
             terminal.say(f"{took}Wrote {folder / names[0]} ({size}).")
@@ -92,30 +94,24 @@ def size_text(size: int) -> str:
     return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.3g} kB"
 
 
-def _size(path: Path) -> int:
-    """Size of a file, or of all files in a folder."""
-    files = path.rglob("*") if path.is_dir() else [path]
-    return sum(file.stat().st_size for file in files if file.is_file())
-
-
 @contextmanager
 def clear_errors() -> Iterator[Command]:
     """Turn an error into one clear line and an exit code instead of a traceback."""
+    from gough_stewart.model.process.installed import check_environment, tracer_is_named
+
     _latest[:] = [command := Command()]
     try:
         check_environment()
         with tracer_is_named():
             yield command
     except GoughStewartError as error:
-        _say_error(str(error), error)
-        missed = ExitCode.MISSED if isinstance(error, MissedError) else ExitCode.FAILED
-        raise typer.Exit(ExitCode.USAGE if isinstance(error, UsageError) else missed) from error
+        code = ExitCode.MISSED if isinstance(error, MissedError) else ExitCode.FAILED
+        _fail(ExitCode.USAGE if isinstance(error, UsageError) else code, str(error), error)
     except OSError as error:
-        _say_error(f"{error.filename or 'output'}: {error.strerror or error}", error)
-        raise typer.Exit(ExitCode.FAILED) from error
+        _fail(ExitCode.FAILED, f"{error.filename or 'output'}: {error.strerror or error}", error)
     except MemoryError as error:
-        _say_error("not enough memory; make the run shorter, its plant_step longer, or the grid coarser", error)
-        raise typer.Exit(ExitCode.FAILED) from error
+        remedy = "make the run shorter, its plant_step longer, or the grid coarser"
+        _fail(ExitCode.FAILED, f"not enough memory; {remedy}", error)
     except KeyboardInterrupt as error:
         errors.say((f"interrupted; {_notes(error) or command.whereabouts()}", "bold red"))
         raise typer.Exit(ExitCode.INTERRUPTED) from None
@@ -130,8 +126,9 @@ def wrong_use_if(*kinds: type[GoughStewartError]) -> Iterator[None]:
         raise UsageError(str(error)) from error
 
 
-def _say_error(message: str, error: BaseException) -> None:
+def _fail(code: ExitCode, message: str, error: BaseException) -> None:
     errors.say(("error: ", "bold red"), "; ".join(filter(None, [message, _notes(error)])))
+    raise typer.Exit(code) from error
 
 
 def _notes(error: BaseException) -> str:

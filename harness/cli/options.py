@@ -6,12 +6,12 @@ Commands import what they need inside their functions, so that --help and mistyp
 from collections.abc import Callable, Iterable
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 
 from gough_stewart.harness.cli.command import wrong_use_if
-from gough_stewart.harness.cli.terminal import errors, preparing, warn
+from gough_stewart.harness.cli.terminal import errors, warn
 from gough_stewart.harness.errors import ExperimentError, UsageError
 from gough_stewart.model.errors import PlatformFileError
 
@@ -19,17 +19,26 @@ if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
     from gough_stewart.model.platform import Platform
 
+# First words of numbers whose paths follow from options, an injection or a platform: of searches, comparisons,
+# identified machines, and the studies that declare them.
+KINDS_OF_NUMBERS = {"value", "values", "fresh", "first", "difference", "parameters", "condition_number"}
+
 
 class FmiVersion(StrEnum):
-    """Versions of the FMI standard."""
+    """Versions of the FMI standard; Typer takes no list of a `Literal`."""
 
     fmi2 = "2.0"
     fmi3 = "3.0"
 
 
-def choices(kind: type[StrEnum]) -> str:
-    """The values of an option, as shown in its help."""
-    return "|".join(kind)
+def option(explanation: str, metavar: str | None = None, *names: str, **more: Any) -> Any:
+    """An option by its help and the word for its value; `names` where they differ from the parameter's."""
+    return typer.Option(*names, help=explanation, metavar=metavar, **more)
+
+
+def choice(explanation: str, kind: Any, *names: str, **more: Any) -> Any:
+    """An option with the values of a `Literal` or of an enumeration."""
+    return option(explanation, "|".join(get_args(kind) or kind), *names, **more)
 
 
 def path(text: str) -> Path:
@@ -71,13 +80,11 @@ def targets(begun: str) -> list[str]:
 
 PresetOption = Annotated[
     str | None,
-    typer.Option(
-        help="A platform that ships with the package; `gough-stewart presets` lists them.",
-        metavar="NAME",
-        autocompletion=presets,
+    option(
+        "A platform that ships with the package; `gough-stewart presets` lists them.", "NAME", autocompletion=presets
     ),
 ]
-PlatformOption = Annotated[Path | None, typer.Option(help="Your own platform file, TOML.", metavar="FILE", parser=path)]
+PlatformOption = Annotated[Path | None, option("Your own platform file, TOML.", "FILE", parser=path)]
 ExperimentArgument = Annotated[
     str,
     typer.Argument(
@@ -88,126 +95,114 @@ ExperimentArgument = Annotated[
     ),
 ]
 NoPythonOption = Annotated[
-    bool,
-    typer.Option("--no-python", help="Refuse experiments that execute code of their own: a Python file or an FMU."),
+    bool, option("Refuse experiments that execute code of their own: a Python file or an FMU.", None, "--no-python")
 ]
 SetOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set", help="Set one key of the experiment, such as loop.duration=3; may be repeated.", metavar="KEY=VALUE"
+    option("Set one key of the experiment, such as loop.duration=3; may be repeated.", "KEY=VALUE", "--set"),
+]
+SeedOption = Annotated[int, option("Seed of the random numbers; the same seed gives the same result.", "N", min=0)]
+FmiOption = Annotated[list[FmiVersion] | None, choice("Version of FMI; may be repeated. Default: both.", FmiVersion)]
+TargetOption = Annotated[
+    list[str] | None,
+    option(
+        "Target system: native (default), all, x86_64-linux, aarch64-linux, x86_64-windows, "
+        "x86_64-darwin, aarch64-darwin; may be repeated.",
+        "NAME",
+        autocompletion=targets,
     ),
 ]
 _FOLDER = "Folder for the files; created if needed."
-FolderOption = Annotated[
-    Path,
-    typer.Option("--out", help=_FOLDER, metavar="DIR", parser=path, show_default="the current folder"),
-]
-OpenOption = Annotated[bool, typer.Option("--open", help="Open the page in the browser.")]
-OpenReportOption = Annotated[bool, typer.Option("--open", help="Open report.html in the browser; implies --report.")]
+FolderOption = Annotated[Path, option(_FOLDER, "DIR", "--out", parser=path, show_default="the current folder")]
 
 
 def out_option(default: str) -> Any:
     """The option --out of a command that writes to a folder of its own by default."""
-    return typer.Option("--out", help=f"{_FOLDER} Default: {default}.", metavar="DIR", parser=path)
+    return option(f"{_FOLDER} Default: {default}.", "DIR", "--out", parser=path)
 
 
-SeedOption = Annotated[
-    int, typer.Option(help="Seed of the random numbers; the same seed gives the same result.", metavar="N", min=0)
-]
-FmiOption = Annotated[
-    list[FmiVersion] | None,
-    typer.Option(help="Version of FMI; may be repeated. Default: both.", metavar=choices(FmiVersion)),
-]
-TargetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Target system: native (default), all, x86_64-linux, aarch64-linux, x86_64-windows, "
-        "x86_64-darwin, aarch64-darwin; may be repeated.",
-        metavar="NAME",
-        autocompletion=targets,
-    ),
-]
-ReportOption = Annotated[
-    bool,
-    typer.Option("--report", help="Also write report.html, a page for the browser with the motion in 3-D and charts."),
-]
+def check_page_name(out: Path) -> None:
+    """Refuse the name of a page that browsers take for something else."""
+    if out.suffix not in (".html", ".htm"):
+        raise UsageError(f"--out {out}: expected the name of a page, such as {out}.html")
 
 
 def chosen_platform(preset: str | None, platform: Path | None) -> "Platform":
-    """The platform of a preset or a file; the paper's by default.
-
-    Raises
-    ------
-    UsageError
-        Both options are used, or there is no such preset.
-    """
+    """The platform of a preset or a file; the paper's by default."""
     if preset is not None and platform is not None:
         raise UsageError("--preset and --platform exclude each other; give one")
-    with preparing():
-        from gough_stewart.model.formulations import cases
-        from gough_stewart.model.platform import load_platform, load_preset
+    from gough_stewart.model.formulations import cases
+    from gough_stewart.model.platform import load_platform, load_preset
 
-        if platform is None:
-            with wrong_use_if(PlatformFileError):
-                return load_preset(cases.PAPER_PRESET if preset is None else preset)
-        chosen = load_platform(platform)
-        for hint in chosen.hints:
-            warn(f"{platform}: {hint}")
-        return chosen
+    if platform is None:
+        with wrong_use_if(PlatformFileError):
+            return load_preset(cases.PAPER_PRESET if preset is None else preset)
+    loaded = load_platform(platform)
+    for hint in loaded.hints:
+        warn(f"{platform}: {hint}")
+    return loaded
 
 
 def chosen_targets(names: list[str] | None) -> list[str]:
-    """The targets by name, the native one by default.
-
-    Raises
-    ------
-    UsageError
-        There is no such target.
-    """
+    """The targets by name, the native one by default."""
     if names is None:
         return ["native"]
-    from gough_stewart.fmu_build import toolchain as known
+    from gough_stewart.fmu_build import toolchain
     from gough_stewart.fmu_build.cache import BuildError
 
     with wrong_use_if(BuildError):
-        known.chosen_targets(names)
+        toolchain.chosen_targets(names)
     return names
 
 
 def chosen_experiment(
     experiment: str,
     settings: list[str] | None,
-    no_python: bool,
-    executed: "Callable[[Experiment], tuple[str, ...]]" = lambda chosen: chosen.controller.code,
+    no_python: bool = False,
+    executed: "Callable[[Experiment], tuple[str, ...]]" = lambda loaded: loaded.controller.code,
 ) -> "Experiment":
     """The experiment from a file, or a shipped one by name; a file of that name takes precedence.
 
     `executed` gives the files among those that it names which the command executes; each is announced. By
     default only the controller's, as for a design, which does not run the FMU of the plant.
-
-    Raises
-    ------
-    ExperimentError
-        It cannot be loaded, or it executes code of its own despite --no-python.
-    RequirementError
-        It requires something of a number that no study has.
     """
-    with preparing():
-        from gough_stewart.harness.experiment.file import load_experiment
+    from gough_stewart.harness.experiment.file import load_experiment
 
-        chosen = load_experiment(experiment, settings or [])
-        if chosen.requirements:
-            from gough_stewart.harness.cli.showing import check_paths
-
-            check_paths(chosen.requirements)
-    code = executed(chosen)
+    loaded = load_experiment(experiment, settings or [])
+    check_paths(loaded.requirements)
+    code = executed(loaded)
     if no_python and code:
         raise ExperimentError(
-            chosen.where, "", f"executes {', '.join(code)}; omit --no-python if you trust these files"
+            loaded.where, "", f"executes {', '.join(code)}; omit --no-python if you trust these files"
         )
     for file in code:
         errors.say((f"executes {file}, named by {experiment}", "dim"))
-    return chosen
+    return loaded
+
+
+def check_paths(from_file: Iterable[str]) -> None:
+    """Refuse requirements of an experiment's file on numbers that no study has."""
+    if not from_file:
+        return
+    from gough_stewart.harness.errors import RequirementError
+    from gough_stewart.harness.report.requirements import required
+    from gough_stewart.model.interface import nearest
+
+    paths = numbers_of_loops()
+    for requirement in map(required, from_file):
+        if requirement.path not in paths and requirement.path.partition(".")[0] not in KINDS_OF_NUMBERS:
+            raise RequirementError(
+                f"the requirement '{requirement.text}': no study has a number '{requirement.path}'"
+                f"{nearest(requirement.path, paths)}"
+            )
+
+
+def numbers_of_loops() -> set[str]:
+    """The paths of numbers that several studies of one experiment share the first word of."""
+    from gough_stewart.harness.experiment import checking, margins
+    from gough_stewart.harness.results.metric_folds import METRICS
+
+    return {*checking.PATHS, *margins.PATHS, *(metric.path for metric in METRICS)}
 
 
 def results_folder(command: str, experiment: str, suffix: str = "") -> Path:
@@ -217,7 +212,7 @@ def results_folder(command: str, experiment: str, suffix: str = "") -> Path:
     """
     from gough_stewart.harness.experiment.file import experiment_names
 
-    return _folder_of(command, experiment, experiment_names(), suffix)
+    return _folder_after(command, experiment, experiment_names(), suffix)
 
 
 def platform_folder(command: str, preset: str | None, platform: Path | None) -> Path:
@@ -225,8 +220,8 @@ def platform_folder(command: str, preset: str | None, platform: Path | None) -> 
     from gough_stewart.model.formulations import cases
     from gough_stewart.model.platform import preset_names
 
-    chosen = preset or cases.PAPER_PRESET if platform is None else str(platform)
-    return _folder_of(command, chosen, preset_names())
+    loaded = preset or cases.PAPER_PRESET if platform is None else str(platform)
+    return _folder_after(command, loaded, preset_names())
 
 
 def log_folder(command: str, log: Path) -> Path:
@@ -236,7 +231,7 @@ def log_folder(command: str, log: Path) -> Path:
     return Path("results", f"{command}_{place.name if place.is_dir() else name}")
 
 
-def _folder_of(command: str, given: str, shipped: Iterable[str], suffix: str = "") -> Path:
-    file = Path(given)
-    name = file.name if file.stem in shipped and given != file.stem else file.stem
+def _folder_after(command: str, source: str, shipped: Iterable[str], suffix: str = "") -> Path:
+    file = Path(source)
+    name = file.name if file.stem in shipped and source != file.stem else file.stem
     return Path("results", f"{command}_{name}{suffix}")

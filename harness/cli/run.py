@@ -1,10 +1,9 @@
-"""The command `run`: runs an experiment and writes its record and figures."""
+"""The commands `run` and `view`: an experiment's record, and the page of what any command found."""
 
 import shlex
-from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,61 +13,60 @@ from gough_stewart.harness.cli.options import (
     ExperimentArgument,
     NoPythonOption,
     SetOption,
+    check_page_name,
+    choice,
     chosen_experiment,
+    option,
     out_option,
     path,
     results_folder,
 )
-from gough_stewart.harness.cli.showing import Showing, shows
+from gough_stewart.harness.cli.study import DATA, PAGE, Running, study
 from gough_stewart.harness.cli.terminal import errors, progress_bar, warn
+from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.plants.kinds import FMI_VERSIONS, PlantKind
 
 if TYPE_CHECKING:
     from gough_stewart.harness.experiment.schema import Experiment
 
 
-@shows
+@study()
 def run_command(
+    running: Running,
     experiment: ExperimentArgument,
     plant: Annotated[
-        PlantKind | None,
-        typer.Option(
-            help="Simulator of the platform. Default: from the experiment.", metavar="|".join(get_args(PlantKind))
-        ),
+        PlantKind | None, choice("Simulator of the platform. Default: from the experiment.", PlantKind)
     ] = None,
     fmu: Annotated[
         Path | None,
-        typer.Option(
-            help="The FMU for the plant fmu2 or fmu3; built if omitted. Its code is executed in a process of its own.",
-            metavar="FILE",
+        option(
+            "The FMU for the plant fmu2 or fmu3; built if omitted. Its code is executed in a process of its own.",
+            "FILE",
             parser=path,
         ),
     ] = None,
     controller: Annotated[
         str | None,
-        typer.Option(
-            help="The controller as FMU: fmu2 or fmu3 exports the experiment's own; a file is executed in a process "
+        option(
+            "The controller as FMU: fmu2 or fmu3 exports the experiment's own; a file is executed in a process "
             "of its own. Needs a loop.delay of at least 1.",
-            metavar="fmu2|fmu3|FILE.fmu",
+            "fmu2|fmu3|FILE.fmu",
         ),
     ] = None,
     anyway: Annotated[
-        bool,
-        typer.Option("--anyway", help="Run with --controller fmu2 or fmu3 although that loop is unstable when linear."),
+        bool, option("Run with --controller fmu2 or fmu3 although that loop is unstable when linear.", None, "--anyway")
     ] = False,
     member: Annotated[
         int | None,
-        typer.Option(
-            help="Run this member of the experiment's ensemble, with the same results as there; with --plant, in that "
+        option(
+            "Run this member of the experiment's ensemble, with the same results as there; with --plant, in that "
             "plant.",
-            metavar="K",
+            "K",
         ),
     ] = None,
     out: Annotated[Path | None, out_option("results/run_NAME, after the experiment")] = None,
     settings: SetOption = None,
     no_python: NoPythonOption = False,
-    *,
-    showing: Showing,
 ) -> None:
     """Run an experiment: a controller in a loop with the stepping model or the FMU, sampled as on the machine.
 
@@ -92,83 +90,72 @@ def run_command(
 
     - `gough-stewart experiments heave_step > mine.toml`, change it, then `gough-stewart run mine.toml`
     """
-    with clear_errors() as command:
 
-        def executed(chosen: "Experiment") -> tuple[str, ...]:
-            law = chosen.controller.code if controller is None or controller in FMI_VERSIONS else ()
-            # members without a plant of their own run in the compiled batch
-            in_batch = member is not None and plant is None and fmu is None
-            unit = None if in_batch else chosen.plant.own_unit(plant, fmu)
-            return law if unit is None else (*law, unit)
+    def executed(loaded: "Experiment") -> tuple[str, ...]:
+        law = loaded.controller.code if controller is None or controller in FMI_VERSIONS else ()
+        # members without a plant of their own run in the compiled batch
+        in_batch = member is not None and plant is None and fmu is None
+        unit = None if in_batch else loaded.plant.own_unit(plant, fmu)
+        return law if unit is None else (*law, unit)
 
-        chosen = chosen_experiment(experiment, settings, no_python, executed)
-        folder = out or results_folder("run", experiment, "" if member is None else f"_member_{member}")
-        # each refresh takes as long as a hundred steps of the run
-        with progress_bar(refresh_per_second=4) as progress:
-            task = progress.add_task("preparing", total=chosen.loop.duration)
-            from gough_stewart.harness.experiment.run import names_of_files, run, warnings_of, write_results
-            from gough_stewart.harness.report.document import Note
-            from gough_stewart.harness.results.metric_folds import METRICS
-            from gough_stewart.harness.results.oscillation import oscillation
-            from gough_stewart.model.process.files import check_output_folder
+    loaded = chosen_experiment(experiment, settings, no_python, executed)
+    folder = out or results_folder("run", experiment, "" if member is None else f"_member_{member}")
+    from gough_stewart.harness.experiment.run import names_of_files, run, warnings_of, write_results
+    from gough_stewart.harness.report.document import Note
+    from gough_stewart.harness.results.metric_folds import METRICS
+    from gough_stewart.harness.results.oscillation import oscillation
 
-            check_output_folder(folder, names_of_files())
-            requirements = showing.requirements(chosen.requirements, METRICS)
-
-            def status(what: str) -> None:
-                progress.update(task, description=what)
-
-            with _unit_of(controller, chosen, status, anyway=anyway) as unit:
-                record = run(
-                    chosen,
-                    plant=plant,
-                    fmu=fmu,
-                    controller=unit,
-                    member=member,
-                    progress=lambda time: progress.update(task, completed=time, description=chosen.title),
-                    status=status,
-                    warn=warn,
-                )
-            progress.update(task, total=None, description="files and report")
-            robustness = None
-            if controller is None and member is None and any(each.path == "margins.disk" for each in requirements):
-                from gough_stewart.harness.experiment.margins import robustness_of
-
-                robustness = robustness_of(chosen)
-            own = oscillation(record)
-            warnings = warnings_of(record) + ([own.text()] if own is not None and not own.is_growing else [])
-            files, report = write_results(
-                record,
-                folder,
-                page=showing.page,
-                figures=showing.figures,
-                charts=showing.as_json,
-                requirements=requirements,
-                notes=[Note(warning, "warning") for warning in warnings],
-                robustness=robustness,
-            )
-        outcome = record.metadata["outcome"]
-        is_whole = outcome["status"] == "completed"
-        simulated = f"{outcome['time']:.6g} s" if is_whole else f"{outcome['time']:.6g} of {chosen.loop.duration:.6g} s"
-        showing.end(
-            command,
-            report,
-            folder,
-            files,
-            done=f"{'Completed' if is_whole else 'Not completed'}: {simulated} simulated",
-            then=None if showing.page else f"gough-stewart view {shlex.quote(str(folder))} --open",
+    running.hold(folder, names_of_files())
+    requirements = running.require(loaded.requirements, METRICS)
+    running.step(total=loaded.loop.duration)
+    with _unit_of(controller, loaded, running, anyway=anyway) as unit:
+        record = run(
+            loaded,
+            plant=plant,
+            fmu=fmu,
+            controller=unit,
+            member=member,
+            progress=lambda time: running.step(loaded.title, completed=time),
+            status=running.step,
+            warn=warn,
         )
-        if not is_whole:
-            errors.say((outcome["status"], "bold red"), f" at {outcome['time']:.6g} s: {outcome['cause']}")
-            raise typer.Exit(ExitCode.INTERRUPTED if outcome["status"] == "interrupted" else ExitCode.MISSED)
-        if own is not None and own.is_growing:
-            errors.say(("growing: ", "bold red"), own.text())
-            raise typer.Exit(ExitCode.MISSED)
-        showing.exit(report)
+    running.step("files and report", total=None)
+    robustness = None
+    if controller is None and member is None and any(required.path == "margins.disk" for required in requirements):
+        from gough_stewart.harness.experiment.margins import robustness_of
+
+        robustness = robustness_of(loaded)
+    swinging = oscillation(record)
+    swings = [] if swinging is None or swinging.is_growing else [swinging.text()]
+    files, report = write_results(
+        record,
+        folder,
+        page=running.page,
+        figures=running.options.figures,
+        charts=running.options.as_json,
+        requirements=requirements,
+        notes=[Note(warning, "warning") for warning in (*warnings_of(record), *swings)],
+        robustness=robustness,
+    )
+    outcome = record.metadata["outcome"]
+    is_whole = outcome["status"] == "completed"
+    simulated = f"{outcome['time']:.6g} s" if is_whole else f"{outcome['time']:.6g} of {loaded.loop.duration:.6g} s"
+    running.end(
+        report,
+        files,
+        done=f"{'Completed' if is_whole else 'Not completed'}: {simulated} simulated",
+        then=None if running.page else f"gough-stewart view {shlex.quote(str(folder))} --open",
+    )
+    if not is_whole:
+        errors.say((outcome["status"], "bold red"), f" at {outcome['time']:.6g} s: {outcome['cause']}")
+        raise typer.Exit(ExitCode.INTERRUPTED if outcome["status"] == "interrupted" else ExitCode.MISSED)
+    if swinging is not None and swinging.is_growing:
+        errors.say(("growing: ", "bold red"), swinging.text())
+        raise typer.Exit(ExitCode.MISSED)
 
 
 def _unit_of(
-    controller: str | None, experiment: "Experiment", status: Callable[[str], None], *, anyway: bool
+    controller: str | None, experiment: "Experiment", running: Running, *, anyway: bool
 ) -> AbstractContextManager[Any]:
     """The controller that replaces the experiment's; None for its own."""
     if controller is None:
@@ -178,4 +165,70 @@ def _unit_of(
         return nullcontext(path(controller))
     from gough_stewart.harness.export.own_unit import exported_controller
 
-    return exported_controller(experiment, FMI_VERSIONS[controller], status, anyway=anyway, warn=warn)
+    return exported_controller(experiment, FMI_VERSIONS[controller], running.step, anyway=anyway, warn=warn)
+
+
+def view_command(
+    records: Annotated[
+        list[Path],
+        typer.Argument(
+            help="The folder of any command, or a report.json; of runs also several, or their record.parquet or "
+            "record.csv.",
+            metavar="FOLDER",
+            parser=path,
+        ),
+    ],
+    out: Annotated[Path, option("The page to write.", "FILE.html", parser=path)] = Path("report.html"),
+    open_it: Annotated[bool, option("Open the page in the browser.", None, "--open")] = False,
+) -> None:
+    """Show in a browser what a command found: verdict, numbers, charts; of runs also the platform in 3-D motion.
+
+    Writes one self-contained page: it needs no network, server or other file. Several runs are overlaid.
+
+    Examples
+    --------
+    - `gough-stewart view results/run_heave_step --open`
+
+    - `gough-stewart view results/margins_heave_step --open`
+
+    - `gough-stewart view results/run_circle results/run_circle_computed_torque --out compared.html`
+    """
+    with clear_errors() as command:
+        check_page_name(out)
+        page, place = out, records[0]
+        is_run = any((place / name).is_file() for name in ("record.parquet", "record.csv"))
+        is_report = place.name == DATA or any((place / name).is_file() for name in (DATA, PAGE))
+        with progress_bar() as progress:
+            task = progress.add_task("reading", total=None)
+            if len(records) > 1 or is_run or not is_report:
+                from gough_stewart.harness.view.file import view
+
+                view(records, out, progress=lambda stage: progress.update(task, description=stage))
+            elif place.name != DATA and not (place / DATA).is_file():
+                page = place / PAGE  # that its command has written
+            else:
+                _view_report(place if place.name == DATA else place / DATA, out)
+        if page == out:
+            command.written.append(out)
+        command.close([page.name], page.parent, open_it=open_it)
+
+
+def _view_report(data: Path, out: Path) -> None:
+    """Write the page of a report; of an ensemble with signals of its members, from which it draws their bands."""
+    from gough_stewart.harness.report.codec import from_json
+    from gough_stewart.harness.report.page import page_of
+    from gough_stewart.model.process.files import write_files
+
+    if not data.is_file():
+        raise RecordError(f"{data}: no such file; expected the folder of a command, or its report.json")
+    try:
+        report = from_json(data.read_bytes())
+    except (ValueError, KeyError) as error:
+        raise RecordError(f"{data}: cannot be read as a report: {error}; expected what a command writes") from error
+    if report.study == "ensemble" and (data.parent / "samples.parquet").exists():
+        from gough_stewart.harness.ensemble.charts import with_samples
+        from gough_stewart.harness.ensemble.report import read_ensemble
+
+        samples = read_ensemble(data.parent).samples
+        report = report if samples is None else with_samples(report, samples)
+    write_files(out.parent, {out.name: page_of(report)})

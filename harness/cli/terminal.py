@@ -6,31 +6,14 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rich.console import Console, ConsoleOptions, RenderableType
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.segment import Segment
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from gough_stewart.harness.report.table import Table
+    from rich.progress import Progress, Task
 
 # Control characters except newline and tab, and marks that change the writing direction.
 _UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
-
-
-def visible(text: str) -> str:
-    """A text without effects on the terminal."""
-    return _UNSAFE.sub("\N{REPLACEMENT CHARACTER}", text)
-
-
 # Whether standard output is for data only, so that texts go to the error stream.
 _diverted = [False]
 
@@ -54,7 +37,8 @@ class Terminal(Console):
     def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
         """As in rich, with control characters made visible."""
         for segment in super().render(renderable, options):
-            yield segment if segment.control else Segment(visible(segment.text), segment.style)
+            text = segment.text if segment.control else _UNSAFE.sub("\N{REPLACEMENT CHARACTER}", segment.text)
+            yield Segment(text, segment.style, segment.control)
 
     def say(self, *parts: str | tuple[str, str]) -> None:
         """Print one line of any length; a part may be a pair of text and style."""
@@ -64,21 +48,36 @@ class Terminal(Console):
 errors = Terminal(stderr=True)
 
 
-def progress_bar(refresh_per_second: float = 10) -> Progress:
+def progress_bar() -> "Progress":
     """Shows the task, its progress and its duration on the error stream, if it is a terminal; removed at the end."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn())
-    return Progress(
-        *columns, console=errors, transient=True, refresh_per_second=refresh_per_second, disable=not errors.is_terminal
+    # each refresh takes as long as a hundred steps of a run
+    return Progress(*columns, console=errors, transient=True, refresh_per_second=4, disable=not errors.is_terminal)
+
+
+def members_bar() -> "Progress":
+    """The same for many members: their number, members per second, and the remaining time."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        ProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
     )
 
+    class Rate(ProgressColumn):
+        def render(self, task: "Task") -> Text:
+            return Text(f"{task.speed:.0f} members/s" if task.speed else "", style="dim")
 
-def members_bar() -> Progress:
-    """The same for many members: their number, members per second, and the remaining time."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
-        _Rate(),
+        Rate(),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
@@ -87,24 +86,12 @@ def members_bar() -> Progress:
     return Progress(*columns, console=errors, transient=True, speed_estimate_period=60, disable=not errors.is_terminal)
 
 
-class _Rate(ProgressColumn):
-    def render(self, task: Task) -> Text:
-        return Text(f"{task.speed:.0f} members/s" if task.speed else "", style="dim")
-
-
 @contextmanager
 def preparing() -> Iterator[None]:
     """Show a message during slow imports, which may take seconds."""
     with progress_bar() as bar:
         bar.add_task("preparing", total=None)
         yield
-
-
-def show(table: "Table") -> None:
-    """Print a table that fits the width."""
-    from gough_stewart.harness.report.terminal import TerminalTable
-
-    Terminal().print(TerminalTable(table))
 
 
 def warn(message: str) -> None:

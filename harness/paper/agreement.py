@@ -17,8 +17,8 @@ from gough_stewart.model.vectors import FloatArray
 
 
 @dataclass(frozen=True)
-class Row:
-    """One comparison."""
+class Agreement:
+    """A difference between two formulations, with its bound."""
 
     what: str
     measured: float
@@ -32,55 +32,45 @@ class Row:
 
 
 def agreement(
-    case: OpenLoopCase, kernel: Trajectory, kane_run: KaneTrajectory, stepping: FloatArray, leap: FloatArray
-) -> list[Row]:
-    """All comparisons of an open-loop case; `stepping` took many communication steps, `leap` one."""
+    case: OpenLoopCase,
+    kernel: Trajectory,
+    kane_run: KaneTrajectory,
+    stepping: FloatArray,
+    leap: FloatArray,
+    units: Mapping[str, FloatArray] = {},
+) -> list[Agreement]:
+    """All comparisons of an open-loop case with the kernel's run.
+
+    `stepping` took many communication steps, `leap` one; `units` are the states of FMUs by importer.
+    """
+    pose = kernel.states[-1, :6]
+    poses = {
+        "Kane's DAE (RK45, rtol 1e-10) against kernel (DOP853, 1e-12)": (kane_run.platform.to_vector(), 1e-8),
+        "stepping model (tolerance 1e-8, a step a row) against kernel": (stepping, 1e-6),
+        "stepping model (tolerance 1e-8, one step) against kernel": (leap, 1e-6),
+    }
+    unit_bound = 1e-7 if case.is_published else 1e-6
+    unit_poses = {f"{name} (tolerance 1e-8) against kernel": (states, unit_bound) for name, states in units.items()}
+
+    def final_poses(states: Mapping[str, tuple[FloatArray, float]]) -> list[Agreement]:
+        return [
+            Agreement(f"final pose: {name}", float(np.abs(values[-1, :6] - pose).max()), bound, "m, rad")
+            for name, (values, bound) in states.items()
+        ]
+
+    forces = _relative(kane_run.joint_force, kernel["joint_force"])
     return [
         *instantaneous(case, kernel),
-        Row(
-            "final pose: Kane's DAE (RK45, rtol 1e-10) against kernel (DOP853, 1e-12)",
-            float(np.abs(kane_run.platform.to_vector()[-1, :6] - kernel.states[-1, :6]).max()),
-            1e-8,
-            "m, rad",
+        *final_poses(poses),
+        Agreement("joint forces along the run: multipliers of Kane's DAE against task space", forces, 1e-6, "relative"),
+        Agreement(
+            "energy minus work of the forces, largest over the run", energy_error(case, kernel), 1e-9, "relative"
         ),
-        *(
-            Row(
-                f"final pose: stepping model (tolerance 1e-8, {how}) against kernel",
-                float(np.abs(states[-1, :6] - kernel.states[-1, :6]).max()),
-                1e-6,
-                "m, rad",
-            )
-            for how, states in (("a step a row", stepping), ("one step", leap))
-        ),
-        Row(
-            "joint forces along the run: multipliers of Kane's DAE against task space",
-            _relative(kane_run.joint_force, kernel["joint_force"]),
-            1e-6,
-            "relative",
-        ),
-        Row(
-            "energy minus work of the forces, largest over the run",
-            energy_error(case, kernel),
-            1e-9,
-            "relative",
-        ),
+        *final_poses(unit_poses),
     ]
 
 
-def of_fmus(case: OpenLoopCase, kernel: Trajectory, runs: Mapping[str, FloatArray]) -> list[Row]:
-    """Final poses of the FMU's runs, by importer."""
-    return [
-        Row(
-            f"final pose: {how} (tolerance 1e-8) against kernel",
-            float(np.abs(states[-1, :6] - kernel.states[-1, :6]).max()),
-            1e-7 if case.is_published else 1e-6,
-            "m, rad",
-        )
-        for how, states in runs.items()
-    ]
-
-
-def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Row]:
+def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Agreement]:
     """Platform accelerations and joint forces at the states of a run, by four formulations."""
     platform, state = case.platform, State.from_vector(kernel.states)
     n = len(kernel.time)
@@ -98,11 +88,11 @@ def instantaneous(case: OpenLoopCase, kernel: Trajectory) -> list[Row]:
         "Newton–Euler": np.concatenate([by_newton.linear, by_newton.angular], axis=-1),
     }
     rows = [
-        Row(f"platform acceleration: {name} against kernel", _relative(a, by_kernel), 1e-10, "relative")
+        Agreement(f"platform acceleration: {name} against kernel", _relative(a, by_kernel), 1e-10, "relative")
         for name, a in accelerations.items()
     ]
     forces = _relative(by_newton.joint_force, kernel["joint_force"])
-    return [*rows, Row("joint forces: Newton–Euler against kernel", forces, 1e-10, "relative")]
+    return [*rows, Agreement("joint forces: Newton–Euler against kernel", forces, 1e-10, "relative")]
 
 
 def energy_error(case: OpenLoopCase, run: Trajectory) -> float:

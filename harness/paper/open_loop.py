@@ -1,6 +1,8 @@
-"""An open-loop case, computed three ways: Kane's DAE, the task-space kernel, the stepping model."""
+"""An open-loop case, computed four ways: Kane's DAE, the task-space kernel, the stepping model, the FMU."""
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -16,6 +18,9 @@ from gough_stewart.model.process.progress import TimeProgress
 from gough_stewart.model.state import State
 from gough_stewart.model.stepping import SteppingModel
 from gough_stewart.model.vectors import Array, FloatArray
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.plants.unit import FmiType
 
 
 @dataclass(frozen=True)
@@ -101,3 +106,49 @@ def run_kane(
     """The paper's DAE with the method of ode45; see `kane.integrate`."""
     start = kane.consistent_start(case.platform, case.start)
     return kane.integrate(case.platform, *start, case.inputs, case.time, baumgarte, rtol, own_steps, progress)
+
+
+def run_fmu(fmu: Path, case: OpenLoopCase, fmi_type: "FmiType") -> FloatArray:
+    """States (n, 12) at the case's times: one communication step per row, or FMPy's CVode with Model Exchange.
+
+    Parameters keep the FMU's start values, those of the case's platform; the initial state and forces are set.
+
+    Raises
+    ------
+    StepError
+        The FMU or the solver failed, with the FMU's messages.
+    PlantError
+        The file is not a unit of the plant, or cannot run here.
+    """
+    import fmpy
+    from fmpy.fmi1 import FMICallException
+
+    from gough_stewart.fmu_build.plant.layout import PLANT
+    from gough_stewart.harness.plants.unit import FmuInstance, UnitFile
+
+    with UnitFile(fmu) as file, FmuInstance(file, fmi_type) as unit:
+        starts, columns = dict[str, Any](), list[str]()
+        for name, value in {**case.start._asdict(), "actuator_force": case.actuator_force}.items():
+            elements = PLANT.by_name[name].variable.scalar_names
+            starts |= dict(zip(elements, value.tolist(), strict=True)) if unit.is_fmi2 else {name: value.tolist()}
+        for variable in interface.STATES:
+            columns += variable.scalar_names if unit.is_fmi2 else [variable.name]
+        who = f"FMI {file.version} {fmi_type}"
+        try:
+            result = fmpy.simulate_fmu(
+                str(file.folder),
+                model_description=file.description,
+                fmu_instance=unit.fmu,
+                fmi_type=fmi_type,
+                start_values=starts,
+                output=columns,
+                stop_time=case.duration,
+                output_interval=case.duration / (len(case.time) - 1),
+                relative_tolerance=interface.DEFAULT_TOLERANCE,
+            )
+        except (FMICallException, RuntimeError) as error:
+            reason = "; ".join(text for text in (unit.take_messages(), str(error)) if text)
+            raise StepError(who, float("nan"), float("nan"), reason) from error
+        if unit.messages or len(result) != len(case.time):
+            raise StepError(f"{who}: rows", len(result), float(result["time"][-1]), unit.take_messages())
+        return np.concatenate([np.asarray(result[column]).reshape(len(result), -1) for column in columns], axis=1)

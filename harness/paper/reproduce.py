@@ -1,8 +1,9 @@
 """The reproduction: compute an open-loop case in every way, show progress, then write all files, the record too."""
 
+import json
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,17 +14,21 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
 from gough_stewart.harness.output.versions import versions
-from gough_stewart.harness.paper import figures, readings, report
-from gough_stewart.harness.paper.agreement import agreement, of_fmus
-from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.paper import figures, readings
+from gough_stewart.harness.paper.agreement import Agreement, agreement
+from gough_stewart.harness.paper.case_report import case_report
+from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.page import PAGE, page_of
 from gough_stewart.harness.results.record import Record, plain
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import PAPER_PRESET, OpenLoopCase, case_of
+from gough_stewart.model.formulations.kane import KaneTrajectory
+from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.progress import TimeProgress
+from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:
@@ -39,12 +44,8 @@ _DRIFT_RUNS = {
 _FMI_TYPES: "dict[FmiType, str]" = {"CoSimulation": "Co-Simulation", "ModelExchange": "Model Exchange under CVode"}
 FILES = (
     "open_loop.csv",
-    "figure-4.png",
-    "figure-5.png",
-    "figure-6.png",
-    "figure-7.png",
+    *(f"figure-{number}.png" for number in (4, 5, 6, 7)),
     "drift.png",
-    "report.md",
     "comparison.json",
     "gough_stewart_fmi2.fmu",
     "gough_stewart_fmi3.fmu",
@@ -74,7 +75,7 @@ class Reproduction:
         Report
             Verdict, numbers and tables, and with `charts` the signals over time and the platform in motion.
         """
-        return report.report_of_case(self.report, self.record if charts else None)
+        return case_report(self.report, self.record if charts else None)
 
     def __repr__(self) -> str:
         """Whether all comparisons hold, and the files, in one line."""
@@ -140,7 +141,7 @@ def reproduce(
             task = progress.add_task(description, total=case.duration)
             return lambda time: progress.update(task, completed=time)
 
-        def each(description: str, total: int) -> Callable[[], None]:
+        def counted(description: str, total: int) -> Callable[[], None]:
             task = progress.add_task(description, total=total)
             return lambda: progress.advance(task)
 
@@ -149,63 +150,98 @@ def reproduce(
         leap = run_stepping(case, rows=False)
         kernel = run_kernel(case, progress=over_time("task-space kernel (DOP853)"))
         kane = run_kane(case, progress=over_time("Kane's DAE (RK45)"))
-        fmus, fmu_runs = _fmus(
-            case, each("FMUs", number_of_steps(VERSIONS, ["native"]) + len(_FMI_TYPES) * len(VERSIONS))
-        )
-        drawn = each("drift", len(_DRIFT_RUNS))
+        steps = number_of_steps(VERSIONS, ["native"]) + len(_FMI_TYPES) * len(VERSIONS)
+        units, unit_runs = _units(case, counted("FMUs", steps))
+        advance = counted("drift", len(_DRIFT_RUNS))
         drift = {}
         for label, (rtol, baumgarte) in _DRIFT_RUNS.items():
             drift[label] = run_kane(case, baumgarte, rtol, own_steps=True)
-            drawn()
+            advance()
         others, weight = [], None
         if case.is_published:
-            task = each("other readings of the paper", readings.NUMBER_OF_RUNS)
-            others = readings.other_readings(case.minus_first, task)
+            advance = counted("other readings of the paper", readings.NUMBER_OF_RUNS)
+            others = readings.other_readings(case.minus_first, advance)
             weight = readings.weight_of_the_published_forces()
-        draw = each("figures", 2)
+        advance = counted("figures", 2)
         pictures = figures.open_loop_figures(case, kernel)
-        draw()
+        advance()
         pictures["drift.png"] = figures.drift_figure(drift)
-        draw()
+        advance()
         progress.add_task("comparisons and report", total=None)
-        rows = [*agreement(case, kernel, kane, stepping, leap), *of_fmus(case, kernel, fmu_runs)]
-        content = report.record(case, kernel, rows, others, weight, drift)
+        content = _content(
+            case, kernel, agreement(case, kernel, kane, stepping, leap, unit_runs), others, weight, drift
+        )
         files = {
-            "open_loop.csv": csv_of(kernel),
+            "open_loop.csv": table_of(kernel).write_csv().encode(),
             **pictures,
-            "report.md": report.to_markdown(content),
-            "comparison.json": report.to_json(content),
-            **fmus,
+            "comparison.json": (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode(),
+            **units,
         }
         record = record_of_case(case, kernel)
         if page:
-            files[PAGE] = page_of(report.report_of_case(content, record))
+            files[PAGE] = page_of(case_report(content, record))
     return Reproduction(content, files, record)
 
 
-def _fmus(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes], dict[str, FloatArray]]:
+def _units(case: OpenLoopCase, done: Callable[[], None]) -> tuple[dict[str, bytes], dict[str, FloatArray]]:
     """The native FMUs of the case's platform as files, and their results of the case."""
-    from gough_stewart.harness.paper.fmu_runs import run_fmu
-
     runs = {}
     with tempfile.TemporaryDirectory(prefix="gough-stewart-") as folder:
-        paths = build(folder, platform=case.platform, progress=lambda _what: done())
+        paths = build(folder, platform=case.platform, progress=lambda _step: done())
         for version, path in zip(VERSIONS, paths, strict=True):
-            for fmi_type, how in _FMI_TYPES.items():
-                runs[f"FMU, FMI {version} {how}"] = run_fmu(path, case, fmi_type)
+            for fmi_type, words in _FMI_TYPES.items():
+                runs[f"FMU, FMI {version} {words}"] = run_fmu(path, case, fmi_type)
                 done()
         return {path.name: path.read_bytes() for path in paths}, runs
+
+
+def _content(
+    case: OpenLoopCase,
+    run: Trajectory,
+    comparisons: list[Agreement],
+    others: list[readings.Reading],
+    weight: dict[str, float] | None,
+    drift: Mapping[str, KaneTrajectory],
+) -> dict[str, Any]:
+    """All numbers as plain types. `others` and `weight` are for the paper's own platform only."""
+    first, last = (State.from_vector(run.states[k]) for k in (0, -1))
+    states, stroke = State.from_vector(run.states), run["leg_length"][-1] - run["leg_length"][0]
+    numbers = conditioning(case.platform, states.position, states.orientation).condition_number
+    return {
+        "case": {
+            "title": case.title,
+            "platform": case.platform.name,
+            "source": case.platform.source,
+            "duration": case.duration,
+            "actuator_force": case.actuator_force.tolist(),
+            "start": {name: value.tolist() for name, value in first._asdict().items()},
+        },
+        "result": {
+            "end": {name: value.tolist() for name, value in last._asdict().items()},
+            "leg_length_end": run["leg_length"][-1].tolist(),
+            "largest_condition_number": float(numbers.max()),
+            "friction_work": float(run.friction_work[-1]),
+            "actuator_work": float(stroke @ case.actuator_force),
+        },
+        "agreement": [{**asdict(comparison), "holds": comparison.holds} for comparison in comparisons],
+        "drift": {
+            label: {
+                "steps": len(kane.time) - 1,
+                "closure_gap_end": float(kane.position_violation[-1]),
+                "slip_end": float(kane.velocity_violation[-1]),
+            }
+            for label, kane in drift.items()
+        },
+        "readings": [asdict(reading) for reading in others],
+        "published_forces": weight,
+        "versions": versions(),
+    }
 
 
 def table_of(run: Trajectory) -> polars.DataFrame:
     """An open-loop trajectory: `time`, then every output and local."""
     names = ["time", *interface.RESULT_COLUMNS]
     return polars.DataFrame(np.column_stack([run.time, run.results]), schema=names)
-
-
-def csv_of(run: Trajectory) -> bytes:
-    """`table_of` as CSV with the fewest digits that read back to the same numbers."""
-    return table_of(run).write_csv().encode()
 
 
 def record_of_case(case: OpenLoopCase, run: Trajectory) -> Record:

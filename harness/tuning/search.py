@@ -10,8 +10,9 @@ from scipy.stats import qmc
 
 from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import metric_of
-from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
-from gough_stewart.harness.tuning.space import Axis, values_of
+from gough_stewart.harness.tuning.candidates import Candidates, RunsProgress
+from gough_stewart.harness.tuning.goal import Evaluation, Goal, Point
+from gough_stewart.harness.tuning.space import SearchAxis
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.vectors import FloatArray
 
@@ -24,7 +25,7 @@ _TOLERANCE = 1e-3
 class Search:
     """All candidates tried, in order."""
 
-    axes: tuple[Axis, ...]
+    axes: tuple[SearchAxis, ...]
     goal: Goal
     tried: list[Evaluation] = field(default_factory=list)
     generation: list[int] = field(default_factory=list)  # of each candidate
@@ -34,31 +35,34 @@ class Search:
     @property
     def best(self) -> Evaluation | None:
         """The best candidate that meets all conditions."""
-        kept = [each for each in self.tried if self.goal.violation(each) == 0 and np.isfinite(each.value)]
-        return min(kept, key=lambda each: each.value, default=None)
+        kept = [
+            evaluation
+            for evaluation in self.tried
+            if self.goal.violation(evaluation) == 0 and np.isfinite(evaluation.value)
+        ]
+        return min(kept, key=lambda evaluation: evaluation.value, default=None)
 
     def broken_most(self) -> str:
         """The condition that most candidates break, as text."""
         if not self.tried:
             return "no candidate was tried"
-        failed = [each for each in self.tried if not np.isfinite(each.value)]
-        reason = next((f"; the first: {each.reason}" for each in failed if each.reason), "")
-        what = "members that do not complete" if reason else f"no value of {self.goal.metric}"
-        counts = {f"{len(failed)} of {len(self.tried)} candidates have {what}{reason}": len(failed)}
+        failed = [evaluation for evaluation in self.tried if not np.isfinite(evaluation.value)]
+        reason = next((f"; the first: {evaluation.reason}" for evaluation in failed if evaluation.reason), "")
+        lack = "members that do not complete" if reason else f"no value of {self.goal.metric}"
+        counts = {f"{len(failed)} of {len(self.tried)} candidates have {lack}{reason}": len(failed)}
         for k, condition in enumerate(self.goal.conditions):
-            values = [each.conditions[k] for each in self.tried]
+            values = [evaluation.conditions[k] for evaluation in self.tried]
             count = sum(not condition.holds(value) for value in values)
-            finite = [value for value in values if np.isfinite(value)]
-            nearest = min(finite, key=condition.violation, default=None)
+            closest = min(filter(np.isfinite, values), key=condition.violation, default=None)
             quantity = metric_of(condition.metric).quantity
-            reached = "" if nearest is None else f", the nearest reached {exactly(quantity, nearest, 4)}"
+            reached = "" if closest is None else f", the nearest reached {exactly(quantity, closest, 4)}"
             counts[f"'{condition.text}' was not met by {count} of {len(self.tried)} candidates{reached}"] = count
         return max(counts, key=lambda text: counts[text])
 
 
 def search(
     candidates: Candidates,
-    axes: tuple[Axis, ...],
+    axes: tuple[SearchAxis, ...],
     goal: Goal,
     *,
     population: int,
@@ -74,60 +78,52 @@ def search(
     differential evolution only compares candidates, this suffices; SciPy's own constraints would be evaluated
     separately, although metric and conditions come from the same runs.
     """
-    found = Search(axes, goal)
-    number = 0
+    history = Search(axes, goal)
 
     def energies(x: FloatArray, /) -> Any:
-        nonlocal number
-        points = [values_of(axes, u) for u in np.atleast_2d(x.T)]
-        done = candidates.evaluate(axes, points, goal, progress)
-        found.tried += done
-        found.generation += [number] * len(done)
-        number += 1
+        points = [tuple(axis.value(float(u)) for axis, u in zip(axes, row, strict=True)) for row in np.atleast_2d(x.T)]
+        evaluations = candidates.evaluate(axes, points, goal, progress)
+        number = history.generation[-1] + 1 if history.generation else 0
+        history.tried += evaluations
+        history.generation += [number] * len(evaluations)
         if status is not None:
-            status(found)
-        return np.array([_energy(goal, each) for each in done])
+            status(history)
+        violations = [goal.violation(evaluation) for evaluation in evaluations]
+        return np.array(
+            [
+                _INFEASIBLE * (1 + v) if v else evaluation.value
+                for v, evaluation in zip(violations, evaluations, strict=True)
+            ]
+        )
 
+    # evenly spread candidates, and the original values
+    first: FloatArray = qmc.LatinHypercube(len(axes), rng=np.random.default_rng([seed, 1])).random(population)
+    original = point_of_experiment(axes)
+    if original is not None and all(axis.is_within for axis in axes):
+        first[0] = [axis.share(value) for axis, value in zip(axes, original, strict=True)]
     options: dict[str, Any] = {"polish": False, "vectorized": True, "updating": "deferred", "tol": _TOLERANCE}
     try:
         result = differential_evolution(
             energies,
             Bounds(np.zeros(len(axes)), np.ones(len(axes))),
-            init=_first(axes, population, seed),
+            init=first,
             maxiter=generations - 1,
             rng=np.random.default_rng(seed),
             **options,
         )
-        found.ending = (
-            "the candidates have converged"
-            if result.success
-            else f"after {generations} generation{'s' * (generations > 1)}"
-        )
+        after = f"after {generations} generation{'s' * (generations > 1)}"
+        history.ending = "the candidates have converged" if result.success else after
     except KeyboardInterrupt:
-        found.ending, found.is_interrupted = "interrupted by the user", True
+        history.ending, history.is_interrupted = "interrupted by the user", True
     except RuntimeError as error:
         # SciPy takes a ValueError of the candidates, which many errors here are, for one of its own call
         if isinstance(error.__cause__, GoughStewartError):
             raise error.__cause__ from None
         raise
-    return found
+    return history
 
 
-def _energy(goal: Goal, found: Evaluation) -> float:
-    violation = goal.violation(found)
-    return found.value if violation == 0 else _INFEASIBLE * (1 + violation)
-
-
-def _first(axes: tuple[Axis, ...], population: int, seed: int) -> FloatArray:
-    """The first generation: evenly spread candidates, and the original values."""
-    points: FloatArray = qmc.LatinHypercube(len(axes), rng=np.random.default_rng([seed, 1])).random(population)
-    own = point_of_experiment(axes)
-    if own is not None and all(axis.is_within for axis in axes):
-        points[0] = [axis.share(value) for axis, value in zip(axes, own, strict=True)]
-    return points
-
-
-def point_of_experiment(axes: tuple[Axis, ...]) -> Point | None:
+def point_of_experiment(axes: tuple[SearchAxis, ...]) -> Point | None:
     """The values of the experiment as it is, also outside the bounds; None if it leaves one out."""
     values = tuple(axis.now for axis in axes if axis.now is not None)
     return values if len(values) == len(axes) else None

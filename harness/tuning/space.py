@@ -11,7 +11,6 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Place
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.quantities import PLAIN, number
-from gough_stewart.model.vectors import FloatArray
 
 _DIGITS = 5
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -19,7 +18,7 @@ _RANGE = re.compile(rf"\s*({_NUMBER})\s*([^\d.,\s][^.,]*?)?\s*\.\.\s*({_NUMBER})
 
 
 @dataclass(frozen=True)
-class Axis:
+class SearchAxis:
     """One number to search."""
 
     key: str
@@ -60,7 +59,7 @@ class Axis:
         return self.now is not None and self.low <= self.now <= self.high
 
 
-def axes_of(texts: Sequence[str], members: Members) -> tuple[Axis, ...]:
+def axes_of(texts: Sequence[str], members: Members) -> tuple[SearchAxis, ...]:
     """The axes of strings such as `controller.bandwidth=1..6Hz`; `,log` after it selects a logarithmic scale.
 
     Raises
@@ -79,7 +78,7 @@ def axes_of(texts: Sequence[str], members: Members) -> tuple[Axis, ...]:
     return axes
 
 
-def _axis(text: str, members: Members) -> Axis:
+def _axis(text: str, members: Members) -> SearchAxis:
     key, equals, range_text = (part.strip() for part in text.partition("="))
     parts = _RANGE.fullmatch(range_text)
     if not equals or not key or parts is None:
@@ -99,12 +98,12 @@ def _axis(text: str, members: Members) -> Axis:
         is_whole = isinstance(now, int) and low_text.lstrip("+-").isdigit() and high_text.lstrip("+-").isdigit()
     if target.shape or (target.unit is None and not is_whole):
         raise SearchError(f"--vary {text}: {key} is not a single number; expected the key of a number")
-    if any(each.place.path == place.path for each in members.inputs):
+    if any(varied.place.path == place.path for varied in members.inputs):
         raise SearchError(f"--vary {text}: {key} also varies in [ensemble]; expected it in one of them")
     try:
         low, high = (
-            number(digits + each if each else float(digits), target.unit or PLAIN)
-            for digits, each in ((low_text, low_unit or unit), (high_text, unit))
+            number(digits + its_unit if its_unit else float(digits), target.unit or PLAIN)
+            for digits, its_unit in ((low_text, low_unit or unit), (high_text, unit))
         )
     except ValueError as error:
         raise SearchError(f"--vary {text}: {error}") from None
@@ -112,7 +111,7 @@ def _axis(text: str, members: Members) -> Axis:
         raise SearchError(f"--vary {text}: the bounds are {low:g} and {high:g}; expected the lower one first")
     if log and not low > 0:
         raise SearchError(f"--vary {text}: the lower bound is {low:g}; expected > 0 for a logarithmic scale")
-    axis = Axis(key, place, low, high, now if is_whole or now is None else float(now), bool(log), is_whole)
+    axis = SearchAxis(key, place, low, high, now if is_whole or now is None else float(now), bool(log), is_whole)
     if axis.is_whole and (low % 1 or high % 1):
         raise SearchError(f"--vary {text}: {key} is a whole number; expected whole bounds")
     return axis
@@ -132,8 +131,3 @@ def _now(experiment: Experiment, place: Place) -> float | int | None:
         return value
     nominal = place.target.nominal
     return None if nominal is None or nominal.ndim else float(nominal)
-
-
-def values_of(axes: Sequence[Axis], u: FloatArray) -> tuple[float | int, ...]:
-    """The values at a point of the unit cube."""
-    return tuple(axis.value(float(each)) for axis, each in zip(axes, u, strict=True))

@@ -5,16 +5,16 @@ from pathlib import Path
 from typing import Any
 
 from gough_stewart.harness.ensemble.data import DISK
-from gough_stewart.harness.errors import NoCandidateError, TuningError
+from gough_stewart.harness.errors import NoCandidateError, SearchError, TuningError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
 from gough_stewart.harness.experiment.preparation import too_late
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.tuning.candidates import Candidates, Evaluation, Goal, Point, RunsProgress
-from gough_stewart.harness.tuning.conditions import check_metric, condition_of
-from gough_stewart.harness.tuning.result import Tuning
+from gough_stewart.harness.tuning.candidates import Candidates, RunsProgress
+from gough_stewart.harness.tuning.goal import Goal, check_metric, condition_of
 from gough_stewart.harness.tuning.search import Search, point_of_experiment, search
-from gough_stewart.harness.tuning.space import Axis, axes_of
+from gough_stewart.harness.tuning.space import axes_of
+from gough_stewart.harness.tuning.tuning import Tuning
 
 # Members that evaluate a candidate, if the experiment has more, and fresh members that the search does not use.
 MEMBERS, FRESH = 64, 500
@@ -61,7 +61,7 @@ def tune(
         The share of the members that do not exceed a candidate's value, and that meet each condition.
     members, fresh
         How many members evaluate candidates, and how many fresh ones test the result; 64 and 500 by default, or as many
-        as the experiment has, if fewer.
+        as the experiment has, if fewer. Without `[ensemble]`, noise and jitter all members are the same: an error.
     generations, population
         Of the search; by default 25 generations of 16 candidates for each key.
     seed
@@ -97,61 +97,57 @@ def tune(
             raise TuningError(f"{name} is {number}; expected at least 1")
     for hint in too_late(chosen):
         raise TuningError(hint)
-    number = _number(chosen, members, MEMBERS if chosen.ensemble is not None else 1)
-    here = Candidates(chosen, number, controller=controller)
-    axes = axes_of(vary, here.members)
+    search_members = _number(chosen, members, MEMBERS if chosen.ensemble is not None else 1)
+    candidates = Candidates(chosen, search_members, controller=controller)
+    for name, number in (("members", members), ("fresh", fresh)):
+        if number is not None and number > 1 and not candidates.is_random:
+            raise SearchError(
+                f"{name} is {number}, and all members would be the same: the search has no [ensemble], no noise and no "
+                "jitter; leave it out, or give the experiment one (on the command line also --over-ensemble)"
+            )
+    axes = axes_of(vary, candidates.members)
     size = POPULATION * len(axes) if population is None else population
     if size < 5:
         raise TuningError(f"population is {size}; expected at least 5 candidates in a generation")
-    known = here.metrics()
+    known = candidates.metrics()
     conditions = tuple(condition_of(text, known) for text in subject_to)
     goal = Goal(check_metric(minimise, known, "--minimise"), conditions, quantile)
-    left_out, _ = here.leave_out_impossible()
-    own = point_of_experiment(axes)
-    found = search(
-        here, axes, goal, population=size, generations=generations, seed=seed, progress=progress, status=status
+    history = search(
+        candidates, axes, goal, population=size, generations=generations, seed=seed, progress=progress, status=status
     )
-    best = found.best
-    if best is None and found.is_interrupted:
+    best = history.best
+    if best is None and history.is_interrupted:
         raise KeyboardInterrupt  # there is nothing to keep
     if best is None:
-        raise NoCandidateError(f"no candidate meets the conditions ({found.ending}): {found.broken_most()}")
-    judges = [here]
-    if here.is_random and not found.is_interrupted:
-        other = Candidates(chosen, _number(chosen, fresh, FRESH), here.members.seed + 1, controller)
-        other.leave_out_impossible()
-        judges.append(other)
-    further = (*known, DISK)
-    judged = [_judged(each, axes, goal, best.point, own, further) for each in judges]
-    (seen, before), (unseen, before_unseen) = judged[0], judged[1] if judges[1:] else (None, None)
+        raise NoCandidateError(f"no candidate meets the conditions ({history.ending}): {history.broken_most()}")
+    judges = [candidates]
+    if candidates.is_random and not history.is_interrupted:
+        judges.append(Candidates(chosen, _number(chosen, fresh, FRESH), candidates.members.seed + 1, controller))
+    original = point_of_experiment(axes)
+    points = [best.point, *([] if original is None else [original])]
+    # the result and the original experiment, on the same members
+    judged = [judge.evaluate(axes, points, goal, further=(*known, DISK)) for judge in judges]
+    (seen, *before), (unseen, *before_unseen) = judged[0], judged[1] if judges[1:] else [None]
     path_values = {axis.place.path: value for axis, value in zip(axes, best.point, strict=True)}
-    tuned = experiment_with(here.members.nominal, path_values).model_copy(update={"ensemble": chosen.ensemble})
+    tuned = experiment_with(candidates.members.nominal, path_values).model_copy(update={"ensemble": chosen.ensemble})
     return Tuning(
         tuned,
         dict(zip([axis.key for axis in axes], best.point, strict=True)),
         seen,
         unseen,
-        before,
-        before_unseen,
-        found,
-        here.count,
-        judges[-1].count if judges[1:] else 0,
-        left_out,
-        max(each.integration_error for each in judges),
+        before[0] if before else None,
+        before_unseen[0] if before_unseen else None,
+        history,
+        candidates.count,
+        judges[1].count if judges[1:] else 0,
+        candidates.left_out,
+        max(judge.integration_error for judge in judges),
     )
-
-
-def _judged(
-    candidates: Candidates, axes: tuple[Axis, ...], goal: Goal, best: Point, own: Point | None, further: Sequence[str]
-) -> tuple[Evaluation, Evaluation | None]:
-    """The evaluations of the result and of the original experiment, on the same members."""
-    found = candidates.evaluate(axes, [best, *([] if own is None else [own])], goal, further=further)
-    return found[0], found[1] if own is not None else None
 
 
 def _number(experiment: Experiment, requested: int | None, most: int) -> int:
     """The default number of members."""
     if requested is not None:
         return requested
-    has = None if experiment.ensemble is None else experiment.ensemble.members
-    return most if has is None else min(has, most)
+    stated = None if experiment.ensemble is None else experiment.ensemble.members
+    return most if stated is None else min(stated, most)

@@ -91,26 +91,3 @@ def test_what_nothing_fits_ends_with_an_error_and_no_file() -> None:
     assert done.exit_code == 1
     assert "no time_scale makes the motion fit" in done.output
     assert not Path("pitch_sine-fitted.toml").exists()
-
-
-def test_a_run_beyond_limits_is_refused_with_what_would_fit() -> None:
-    refused = invoke("run", "pitch_sine", *FAST)
-    assert refused.exit_code == 1
-    assert "it would fit if it were" in refused.output
-
-
-def test_wrong_input_gets_one_clear_line() -> None:
-    for arguments, expected in (
-        (["paper_open_loop"], "is missing; add one"),
-        (["no.toml"], "no.toml: cannot read this experiment"),
-        (["pitch_sine", "--set", "reference.time_scale=0"], "reference.time_scale: is 0; expected > 0"),
-        (
-            ["pitch_sine", "--set", "limits.reference=ignore"],
-            "is 'ignore'; expected 'refuse' or 'warn'",
-        ),
-    ):
-        done = invoke("check", *arguments)
-        assert done.exit_code == 1
-        assert expected in done.output
-    assert invoke("check", "pitch_sine", "--fit", "both").exit_code == 2
-    assert list(Path().iterdir()) == []

@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -160,42 +159,6 @@ def test_two_controllers_are_compared_over_the_same_machines(tmp_path: Path, mon
     found = {each["path"]: each for each in json.loads(again.stdout)["numbers"]}
     assert found[f"difference.{rms}"]["members"] == pytest.approx(gaps.tolist())
     assert {path.name for path in out.iterdir()} == own - {"report.html"}
-
-
-WRONG: Mapping[str, tuple[tuple[str, ...], int, str]] = {
-    "no ensemble": (
-        ("ensemble", "heave_step"),
-        1,
-        "ensemble: is missing; add it to declare what varies, or start from heave_tolerances",
-    ),
-    "workers": (("ensemble", "heave_tolerances", "--workers", "0"), 2, "Invalid value for '--workers'"),
-    "members": (("ensemble", "heave_tolerances", "--members", "-4"), 2, "Invalid value for '--members'"),
-    "both": (
-        ("ensemble", "heave_tolerances", "--workers", "2", "--scheduler", "tcp://h:1"),
-        2,
-        "--workers and --scheduler exclude each other",
-    ),
-    "metric": (
-        ("ensemble", "heave_tolerances", *SHORT, "--set", "ensemble.worst_by=force.peek"),
-        1,
-        "ensemble.worst_by: no metric 'force.peek'; did you mean 'force.peak'?",
-    ),
-    "parameter": (
-        ("ensemble", "heave_tolerances", "--set", "ensemble.platform_mas={ normal = [1, 1] }"),
-        1,
-        "ensemble.platform_mas: no such parameter; did you mean 'platform_mass'?",
-    ),
-    "member": (("run", "heave_tolerances", "--member", "1000"), 1, "member: is 1000; expected 0 to 999"),
-}
-
-
-@pytest.mark.parametrize("what", WRONG)
-def test_what_cannot_be_is_said_in_a_line(what: str, tmp_path: Path) -> None:
-    command, code, message = WRONG[what]
-    result = invoke(*command, "--out", str(tmp_path / "new"))
-    assert result.exit_code == code, result.output
-    assert message in " ".join(result.output.split())
-    assert not (tmp_path / "new").exists()
 
 
 def test_requirements_on_a_share_of_all_machines_end_with_their_own_code(tmp_path: Path) -> None:

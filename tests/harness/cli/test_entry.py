@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 
 from gough_stewart.harness.cli import app, command, entry
-from gough_stewart.harness.cli.exit_codes import ExitCode
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and streams of POSIX")
 
@@ -335,15 +334,3 @@ def test_messages_on_a_full_disk_are_lost_without_an_error(monkeypatch: pytest.M
     assert set(calls) == {(55, 98)}
     Raw.fails = False
     stream.flush()
-
-
-def test_every_exit_code_has_its_number_and_meaning() -> None:
-    """Expected: the table that the documentation promises to scripts."""
-    assert {int(code): code.meaning for code in ExitCode} == {
-        0: "done",
-        1: "could not be done",
-        2: "wrong usage",
-        3: "done, and a bound or a requirement is missed",
-        4: "done, and no requirement is missed, but one cannot be told from this study",
-        130: "interrupted by Ctrl-C, SIGTERM or SIGHUP",
-    }

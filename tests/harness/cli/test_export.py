@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from gough_stewart.harness.results.record import read_record
 from tests.support.commands import invoke
@@ -43,13 +42,6 @@ def test_the_exported_unit_runs_in_the_place_of_the_controller(tmp_path: Path) -
     assert np.abs(found["position"] - expected["position"]).max() <= 1e-10
 
 
-def test_a_unit_without_delay_is_refused(tmp_path: Path) -> None:
-    done = invoke("run", "circle", "--controller", "fmu3", "--out", str(tmp_path / "out"))
-    assert done.exit_code == 1
-    assert "expected a loop.delay of at least 1, for instance by --set loop.delay=1" in done.output
-    assert not (tmp_path / "out").exists()
-
-
 def test_an_unstable_loop_is_refused_and_with_anyway_exported(tmp_path: Path) -> None:
     """Expected: nothing is written, though the C alone would be; anyway, with a warning."""
     arguments = ("export", "circle", "--as", "c,ssp", "--out", str(tmp_path / "out"))
@@ -76,33 +68,6 @@ def test_a_run_with_the_exported_unit_is_refused_where_its_loop_is_unstable(tmp_
     assert "warning: run anyway: with the unit in the run" in done.output
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["heave_step", "--as", "fmi"], "no form 'fmi'; did you mean 'fmu'?"),
-        (["heave_step", "--as", "ssp", "--reference", "inputs"], "leaves an SSP without a reference"),
-        (["heave_step", "--set", "reference.position_change=[0, 0, 3]"], "leg"),
-        (["paper_open_loop"], "its forces are constant"),
-        (["nowhere.toml"], "nowhere.toml"),
-        (["heave_step", "--target", "toaster"], "no target 'toaster'"),
-    ],
-)
-def test_what_cannot_leave_is_refused_and_writes_nothing(arguments: list[str], message: str, tmp_path: Path) -> None:
-    done = invoke("export", *arguments, "--out", str(tmp_path / "out"))
-    assert done.exit_code in (1, 2)
-    assert message in done.output
-    assert "Traceback" not in done.output
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "out").write_text("mine")
-    done = invoke("export", "heave_step", "--as", "ssp", "--out", str(tmp_path / "out"))
-    assert done.exit_code == 1
-    assert str(tmp_path / "out") in done.output
-    assert (tmp_path / "out").read_text() == "mine"
-
-
 def test_precision_and_safe_forces_are_chosen_at_the_command(tmp_path: Path) -> None:
     """Expected: the header states the deviation, the safe force, and what counts as frozen."""
     options = ("--real", "float", "--safe-force", "zero", "--frozen", "50, 1 mm", "--set", "loop.duration=0.05")
@@ -113,11 +78,3 @@ def test_precision_and_safe_forces_are_chosen_at_the_command(tmp_path: Path) -> 
     assert "While `input_status` is not good, all six forces are 0," in header
     assert "the same for 50 samples while its reference moves by more than 0.001 m" in header
     assert "typedef float saturation_controller_real;" in header
-
-
-def test_what_counts_as_frozen_is_a_number_and_a_length(tmp_path: Path) -> None:
-    for wrong in ("50", "1 mm,50", "50,1 kg"):
-        done = invoke("export", "saturation", "--as", "c", "--frozen", wrong, "--out", str(tmp_path / "out"))
-        assert done.exit_code == 1
-        assert f"--frozen is '{wrong}'; expected a number of samples and a length" in done.output
-    assert not (tmp_path / "out").exists()

@@ -6,32 +6,25 @@ import logging
 import re
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import typer
 
-from gough_stewart.fmu_build.toolchain import BY_NAME
 from gough_stewart.harness.cli import app, terminal
-from gough_stewart.harness.cli.command import clear_errors, size_text, wrong_use_if
+from gough_stewart.harness.cli.command import clear_errors, duration_text, size_text, wrong_use_if
 from gough_stewart.harness.cli.options import (
     chosen_experiment,
     chosen_platform,
     chosen_targets,
-    experiments,
     log_folder,
     path,
     platform_folder,
-    presets,
     results_folder,
-    targets,
 )
 from gough_stewart.harness.errors import MissedError, UsageError
-from gough_stewart.harness.experiment.file import experiment_names
 from gough_stewart.model.errors import GoughStewartError
-from gough_stewart.model.platform import load_preset, platform_to_toml, preset_names
-from tests.support.commands import invoke
+from gough_stewart.model.platform import load_preset, platform_to_toml
 from tests.support.uneven import UNEVEN
 
 
@@ -73,15 +66,6 @@ def test_folders_of_platforms_and_logs(tmp_path: Path) -> None:
     assert log_folder("identify", tmp_path / "other.parquet") == Path("results/identify_other")
 
 
-def test_completions_are_names_that_begin_as_given() -> None:
-    assert presets("") == list(preset_names())
-    assert presets("l") == ["liu2000"]
-    assert experiments("heave_s") == ["heave_step"]
-    assert set(experiments("")) == set(experiment_names())
-    assert targets("") == ["native", "all", *BY_NAME]
-    assert targets("a") == ["all", *(name for name in BY_NAME if name.startswith("a"))]
-
-
 def test_a_platform_is_the_papers_a_preset_or_a_file_with_its_hints(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -120,12 +104,12 @@ def test_progress_is_shown_on_the_error_stream_if_that_is_a_terminal(
 ) -> None:
     """Expected: task, bar and duration; of members also their number, speed over a minute, and the time left."""
     console = forced(monkeypatch, is_terminal)
-    one, many = terminal.progress_bar(4), terminal.members_bar()
+    one, many = terminal.progress_bar(), terminal.members_bar()
     for bar in (one, many):
         assert bar.console is console
         assert bar.disable is not is_terminal
         assert bar.live.transient
-    assert (one.live.refresh_per_second, terminal.progress_bar().live.refresh_per_second) == (4, 10)
+    assert one.live.refresh_per_second == 4
     assert many.speed_estimate_period == 60
     for bar in (one, many):
         bar.update(bar.add_task("[red]seven", total=40), completed=10)
@@ -136,9 +120,6 @@ def test_progress_is_shown_on_the_error_stream_if_that_is_a_terminal(
         texts.append(" ".join(re.sub(r"\x1b\[[0-9;]*m", "", shown.get()).split()))
     assert re.fullmatch(r"\[red\]seven \S+ (\S+ )?0:00:0\d", texts[0])
     assert re.fullmatch(r"\[red\]seven \S+ (\S+ )?10/40 (\d+ members/s )?0:00:0\d left \S+", texts[1])
-    rate = terminal._Rate()
-    assert rate.render(SimpleNamespace(speed=12.6)).plain == "13 members/s"  # type: ignore[arg-type]
-    assert rate.render(SimpleNamespace(speed=None)).plain == ""  # type: ignore[arg-type]
     assert terminal.errors.stderr
 
 
@@ -147,7 +128,8 @@ def test_texts_are_shown_as_they_are(capsys: pytest.CaptureFixture[str]) -> None
     terminal.Terminal().say("[b]x[/b] :smile: \x1b[31m", ("12", "bold"), "\u202e\x1b\x9b")
     out, err = capsys.readouterr()
     assert (out, err) == ("[b]x[/b] :smile: \ufffd[31m12\ufffd\ufffd\ufffd\n", "")
-    assert terminal.visible("a\tb\nc\x00\x1f\x7f\u2028\u2066") == "a\tb\nc" + "\ufffd" * 5
+    terminal.Terminal().say("a\nc\x00\x1f\x7f\u2028\u2066")
+    assert capsys.readouterr().out == "a\nc" + "\ufffd" * 5 + "\n"
     terminal.warn("[x] take care")
     assert capsys.readouterr().err == "warning: [x] take care\n"
 
@@ -204,40 +186,10 @@ def test_remarks_of_functions_are_shown(capsys: pytest.CaptureFixture[str]) -> N
     assert capsys.readouterr().err == "removed 3 leftovers\n"
 
 
-@pytest.mark.parametrize(("size", "text"), [(999_999, "1e+03 kB"), (1_000_000, "1.0 MB"), (1500, "1.5 kB")])
-def test_sizes_change_their_unit_at_a_megabyte(size: int, text: str) -> None:
-    assert size_text(size) == text
-
-
-def test_the_help_has_panels_in_the_order_of_work_and_the_exit_codes() -> None:
-    text = invoke("-h", columns=100).stdout
-    order = [
-        *("Platforms and experiments", " presets ", " experiments ", " workspace ", "Runs", " live ", " run "),
-        *(
-            " view ",
-            "Design",
-            " check ",
-            " margins ",
-            " frf ",
-            " ensemble ",
-            " tune ",
-            "Parameters from logs",
-            " excite ",
-        ),
-        *(" identify ", "For other tools", " build ", " export ", "The paper", " reproduce "),
-    ]
-    places: list[int] = []
-    for word in order:
-        places.append(text.index(word, places[-1] if places else text.index("Commands") if "Commands" in text else 0))
-    assert places == sorted(places)
-    plain = " ".join(text.split())
-    assert "Dynamics of the Gough–Stewart platform" in plain[: plain.index("Platforms and experiments")]
-    assert "Exit codes: 0 done; 1 could not be done; 2 wrong usage; 3 done, and a bound" in plain
-    assert "-h" in text
-    assert "--help" in text
-    nothing = invoke()
-    assert nothing.exit_code in (0, 2)
-    assert "Usage" in nothing.output
+def test_durations_and_sizes_as_text() -> None:
+    assert [duration_text(seconds) for seconds in (0.04, 59.9, 125.4)] == ["0.0 s", "59.9 s", "2 min 5 s"]
+    sizes = (0, 1500, 12345, 999_999, 1_000_000, 2_345_678)
+    assert [size_text(size) for size in sizes] == ["0 kB", "1.5 kB", "12.3 kB", "1e+03 kB", "1.0 MB", "2.3 MB"]
 
 
 def test_the_process_collects_garbage_seldom_and_shows_what_it_cannot_encode(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,72 +3,18 @@
 import json
 import os
 import re
-from io import BytesIO
 from pathlib import Path
 
 import pytest
-from PIL import Image
-from typer.testing import CliRunner, Result
+from typer.testing import CliRunner
 
 from gough_stewart.harness.cli import app as cli
-from gough_stewart.harness.experiment.file import experiment_names, shipped_text
 from gough_stewart.harness.results.record import read_record
 from gough_stewart.model.errors import GoughStewartError
 from tests.support.commands import invoke
-from tests.support.fmu_plants import Fmu
 from tests.support.interpreter import Interpreter
 
-FIGURES = {f"{name}.{kind}" for name in ("errors", "pose", "actuators", "legs") for kind in ("pdf", "png", "svg")}
 FILES = {"record.csv", "record.parquet", "metadata.json", "metrics.json"}
-
-
-@pytest.fixture(scope="module")
-def heave(tmp_path_factory: pytest.TempPathFactory, fmus: dict[str, Fmu]) -> tuple[Result, Path]:
-    """The heave step on the FMU."""
-    out = tmp_path_factory.mktemp("heave") / "new" / "folder"
-    fmu = str(fmus["3.0"].path)
-    return invoke("run", "heave_step", "--plant", "fmu3", "--fmu", fmu, "--figures", "--out", str(out)), out
-
-
-def test_run_writes_its_files_and_prints_the_metrics(heave: tuple[Result, Path]) -> None:
-    done, out = heave
-    assert done.exit_code == 0, done.output
-    assert {p.name for p in out.iterdir()} == FILES | FIGURES
-    for title in ("Tracking error", "Step response", "Legs"):
-        assert title in done.output
-    assert re.search(
-        rf"^Completed: 2 s simulated in \d+\.\d s\. Wrote to {out} \(\d\.\d MB\):$", done.stdout, re.MULTILINE
-    )
-    assert done.stdout.endswith(f"\nNext: gough-stewart view {out} --open\n")
-
-
-def test_figures_are_pictures_with_something_on_them(heave: tuple[Result, Path]) -> None:
-    """Expected: PNG of some size with many colours, SVG with paths, PDF."""
-    for name in FIGURES:
-        content = (heave[1] / name).read_bytes()
-        if name.endswith("png"):
-            picture = Image.open(BytesIO(content)).convert("RGB")
-            assert min(picture.size) > 500
-            colours = picture.getcolors(1 << 24)
-            assert colours is not None
-            assert len(colours) > 50
-        elif name.endswith("svg"):
-            assert content.count(b"<path") > 20
-        else:
-            assert content.startswith(b"%PDF")
-
-
-def test_metrics_and_record_agree(heave: tuple[Result, Path]) -> None:
-    """Expected: the peak error of z is the step itself, and both files hold the same run."""
-    metrics = json.loads((heave[1] / "metrics.json").read_text())
-    record = read_record(heave[1] / "record.parquet")
-    assert metrics["tracking"]["position"]["peak"][2] == pytest.approx(0.05, rel=1e-3)
-    assert metrics["outcome"] == {**record.metadata["outcome"], "oscillation": None}
-    assert record.metadata["plant"] == "fmu3"
-    assert read_record(heave[1] / "record.csv").table.equals(record.table)
-    (z,) = metrics["step_response"]
-    assert z["axis"] == "z"
-    assert z["settling_time"] < 1.0
 
 
 def test_an_experiment_that_diverges_exits_with_3_and_keeps_its_record(tmp_path: Path) -> None:
@@ -122,59 +68,6 @@ def test_ctrl_c_keeps_what_ran_so_far(interpreter: Interpreter, tmp_path: Path) 
     assert record.table.height in (20, 21)
 
 
-def test_experiments_are_listed_and_printed() -> None:
-    listed = invoke("experiments").output
-    assert [name for name in experiment_names() if name not in listed] == []
-    assert invoke("experiments", "impulse").output == shipped_text("impulse")
-
-
-def test_margins_prints_and_writes(tmp_path: Path) -> None:
-    done = invoke("margins", "heave_step", "--figures", "--out", str(tmp_path))
-    assert done.exit_code == 0, done.output
-    for title in ("Gains", "Modes of the closed loop", "one leg at a time", "all legs at once"):
-        assert title in done.output
-    pictures = {f"{name}.{kind}" for name in ("bode", "step") for kind in ("pdf", "png", "svg")}
-    assert {p.name for p in tmp_path.iterdir()} == {"margins.json", "report.json"} | pictures
-    said = json.loads((tmp_path / "margins.json").read_text())
-    assert len(said["margins"]["legs"]) == 6
-    assert said["margins"]["disk"]["alpha"] > 0.5
-
-
-WRONG = {
-    "no such file": (
-        ["run", "nothing.toml"],
-        "nothing.toml: cannot read this experiment: No such file or directory; expected a TOML file, or a shipped ",
-    ),
-    "no such experiment": (["experiments", "heave_stp"], "did you mean 'heave_step'"),
-    "a wrong key": (["run", "heave_step", "--set", "loop.latency=1"], "loop.latency: unknown key"),
-    "a negative mass": (
-        ["run", "heave_step", "--set", "platform.parameters.platform_mass=-1"],
-        "platform: platform_mass: is -1",
-    ),
-    "a missing FMU": (["run", "heave_step", "--plant", "fmu3", "--fmu", "no.fmu"], "no.fmu: no such file"),
-    "an FMU for the model": (["run", "heave_step", "--fmu", "no.fmu"], "plant 'model' does not accept the file no.fmu"),
-    "margins of an open loop": (["margins", "paper_open_loop"], "an open loop has no margins"),
-    "margins of an unstable loop": (["margins", "too_slow"], "the closed loop is unstable (worst eigenvalue"),
-}
-
-
-@pytest.mark.parametrize("what", WRONG)
-def test_wrong_input_gets_one_clear_line(what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    arguments, expected = WRONG[what]
-    done = invoke(*arguments)
-    assert done.exit_code == (2 if arguments[0] == "experiments" else 1)
-    assert expected in done.output
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_an_output_folder_that_is_a_file_is_refused_before_the_run(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    done = invoke("run", "heave_step", "--out", str(tmp_path / "file"))
-    assert done.exit_code == 1
-    assert "is a file; expected a folder" in done.output
-
-
 def test_a_folder_without_permission_is_refused_before_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "access", lambda *_: False)
     done = invoke("run", "heave_step", "--out", str(tmp_path / "out"))
@@ -195,23 +88,6 @@ def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         head + 'controller.type = "open_loop"\nplant = {kind = "fmu2", fmu = "unit.fmu"}'
     )
     return tmp_path
-
-
-@pytest.mark.parametrize("command", ["run", "margins"])
-def test_no_python_refuses_what_an_experiment_would_execute(command: str, own: Path) -> None:
-    """Expected: the file is named, and was not executed."""
-    for experiment, file in (("heave_step.toml", "law.py"), ("unit.toml", "unit.fmu"))[: 2 if command == "run" else 1]:
-        done = invoke(command, experiment, "--no-python")
-        assert done.exit_code == 1
-        assert f"{experiment}: executes {file}; omit --no-python" in done.output
-    assert {path.name for path in own.iterdir()} == {"law.py", "heave_step.toml", "unit.toml"}
-    assert invoke("margins", "heave_step", "--no-python", "--out", "shipped").exit_code == 0
-
-
-def test_run_says_which_code_it_executes(own: Path) -> None:
-    done = invoke("run", "heave_step.toml")
-    assert "executes law.py, named by heave_step.toml" in done.stderr
-    assert (own / "mark").is_file()
 
 
 _LAW, _UNIT = "executes law.py, named by both.toml\n", "executes unit.fmu, named by both.toml\n"
@@ -282,15 +158,6 @@ def test_a_file_with_the_name_of_a_shipped_experiment_has_a_folder_of_its_own(ow
     assert invoke("run", "heave_step", "--set", "loop.duration=0.3").exit_code == 0
     assert {path.name for path in (own / "results").iterdir()} == {"run_heave_step", "run_heave_step.toml", "run_mine"}
     assert read_record(own / "results" / "run_heave_step").metadata["title"] != "own"
-
-
-def test_no_file_of_an_older_run_stays_beside_a_new_record(own: Path) -> None:
-    """Expected: with page and figures at first, then without: as after the second alone."""
-    short = ("run", "heave_step", "--set", "loop.duration=0.3")
-    assert invoke(*short, "--report", "--figures", "--out", "out").exit_code == 0
-    assert {path.name for path in (own / "out").iterdir()} == FILES | FIGURES | {"report.html"}
-    assert invoke("run", "heave_step", "--set", "loop.duration=0.3", "--out", "out").exit_code == 0
-    assert {path.name for path in (own / "out").iterdir()} == FILES
 
 
 def test_figures_that_fail_cost_no_record(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -91,10 +91,6 @@ def test_too_many_records_are_refused(folder: Path, tmp_path: Path) -> None:
     assert "7 records; expected 1 to 6" in done.output
 
 
-def test_no_record_is_an_error_of_use() -> None:
-    assert invoke("view").exit_code == 2
-
-
 def test_run_writes_the_page_if_asked(fmus: dict[str, Fmu], tmp_path: Path) -> None:
     """Expected: the bytes that `view` makes of the record beside it, but for the name."""
     fmu = ("--plant", "fmu3", "--fmu", str(fmus["3.0"].path))
@@ -105,14 +101,6 @@ def test_run_writes_the_page_if_asked(fmus: dict[str, Fmu], tmp_path: Path) -> N
     pages = [(tmp_path / f"{name}.html").read_bytes() for name in ("report", "again")]
     name = str(tmp_path.name).encode()
     assert pages[0].replace(b'"name":"run"', b'"name":"' + name + b'"') == pages[1]
-
-
-def test_a_loop_that_diverged_has_a_page_that_says_so(fmus: dict[str, Fmu], tmp_path: Path) -> None:
-    fmu = ("--plant", "fmu3", "--fmu", str(fmus["3.0"].path))
-    assert invoke("run", "too_slow", *fmu, "--report", "--out", str(tmp_path)).exit_code == 3
-    page = (tmp_path / "report.html").read_text("utf-8")
-    verdict = page.partition('<p class="verdict bad">')[2].partition("</p>")[0]
-    assert "Diverged at" in verdict
 
 
 def test_what_another_command_wrote_is_shown_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

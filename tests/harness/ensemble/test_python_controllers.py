@@ -14,7 +14,7 @@ from gough_stewart.harness.errors import EnsembleError, ExperimentError
 from gough_stewart.harness.experiment.plan import plan_from, plan_of
 from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.results.metrics import flattened, metrics
-from gough_stewart.harness.tuning.files import tuning_files
+from gough_stewart.harness.tuning.tuning import tuning_files
 from tests.support.memory import BESIDE, EXPERIMENT, FILE, RMS, SHORT, WAYS, Pid
 
 KP = "controller.parameters.kp"

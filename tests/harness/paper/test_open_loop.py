@@ -1,22 +1,23 @@
 """The paper's open-loop case: formulations agree, other platforms get a scaled case."""
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
+import fmpy
 import numpy as np
 import pytest
 
+from gough_stewart.fmu_build.build import VERSIONS
 from gough_stewart.harness.paper import agreement, readings
-from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
-from gough_stewart.harness.paper.reproduce import record_of_case, table_of
-from gough_stewart.harness.results.record import platform_of
-from gough_stewart.model import interface
+from gough_stewart.harness.paper.open_loop import Trajectory, run_fmu, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.plants import unit
+from gough_stewart.harness.plants.unit import FmiType, FmuInstance
 from gough_stewart.model.errors import StepError
 from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case, with_pairs_swapped
-from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import load_preset
+from tests.support.fmu_plants import Fmu
 
 
 @pytest.fixture(scope="module")
@@ -38,26 +39,6 @@ def test_case_is_the_published_one(case: OpenLoopCase) -> None:
     assert len(case.time) == 101
 
 
-def test_the_record_of_the_case_is_complete(case: OpenLoopCase, kernel_run: Trajectory) -> None:
-    """Expected: the run's own numbers, the constant forces, a platform that is the case's."""
-    record = record_of_case(case, kernel_run)
-    assert np.array_equal(record["position"], kernel_run["position"])
-    assert np.array_equal(record["actuator_force"], np.tile(case.actuator_force, (101, 1)))
-    assert np.array_equal(record["external_force"], np.zeros((101, 3)))
-    assert platform_of(record) == case.platform
-    assert json.loads(record.to_metadata()) == record.metadata
-
-
-def test_kanes_dae_ends_in_the_pose_of_the_kernel(case: OpenLoopCase, kernel_run: Trajectory) -> None:
-    """Expected: DOP853 at 1e-12; RK45 at 1e-10, two formulations with different states."""
-    pose = run_kane(case).platform.to_vector()[-1, :6]
-    assert np.abs(pose - kernel_run.states[-1, :6]).max() <= 1e-8
-
-
-def test_stepping_model_ends_in_the_pose_of_the_kernel(case: OpenLoopCase, kernel_run: Trajectory) -> None:
-    assert np.abs(run_stepping(case)[-1, :6] - kernel_run.states[-1, :6]).max() <= 1e-7
-
-
 # stiff in its friction, which Kane's equations pay for: every day the beginning, and the whole case as evidence
 @pytest.mark.parametrize("share", [0.1, pytest.param(1.0, marks=pytest.mark.evidence)])
 def test_every_comparison_holds_on_a_platform_with_friction(share: float) -> None:
@@ -71,24 +52,7 @@ def test_every_comparison_holds_on_a_platform_with_friction(share: float) -> Non
 
 
 def test_a_comparison_that_is_not_a_number_does_not_hold() -> None:
-    assert not agreement.Row("nothing", float("nan"), 1.0, "m").holds
-
-
-def test_results_have_the_rows_and_columns_of_the_interface(kernel_run: Trajectory) -> None:
-    table = table_of(kernel_run)
-    assert table.columns == ["time", *interface.RESULT_COLUMNS]
-    assert table.height == 101
-    assert np.array_equal(table["leg_length[3]"].to_numpy(), kernel_run["leg_length"][:, 2])
-
-
-def test_csv_reads_back_to_the_same_numbers(kernel_run: Trajectory) -> None:
-    from io import BytesIO
-
-    import polars
-
-    from gough_stewart.harness.paper.reproduce import csv_of
-
-    assert polars.read_csv(BytesIO(csv_of(kernel_run))).equals(table_of(kernel_run))
+    assert not agreement.Agreement("nothing", float("nan"), 1.0, "m").holds
 
 
 def test_minus_first_is_the_same_mechanism_with_renamed_legs(case: OpenLoopCase) -> None:
@@ -191,21 +155,6 @@ def plus_first() -> tuple[list[readings.Reading], int]:
     return readings.other_readings(progress=lambda: reports.append(1)), len(reports)
 
 
-def test_other_readings_are_compared_and_the_impossible_one_says_why(
-    plus_first: tuple[list[readings.Reading], int],
-) -> None:
-    rows, reports = plus_first
-    assert reports == readings.NUMBER_OF_RUNS == len(rows) - 1
-    impossible = [r for r in rows if r.position_change is None]
-    assert len(impossible) == 1
-    assert "singular at the home pose" in impossible[0].remark
-    assert all(r.position_change is None or r.position_change < 1 for r in rows)
-    turned = rows[-1]
-    assert turned.position_change == 0
-    assert turned.orientation_change is not None
-    assert turned.orientation_change > 0
-
-
 def test_each_reading_says_what_was_decided_and_what_else_could_be_meant(
     plus_first: tuple[list[readings.Reading], int],
 ) -> None:
@@ -265,7 +214,44 @@ def test_the_uniform_rod_reading_follows_from_j2_and_m2(case: OpenLoopCase) -> N
     assert case.platform.leg_upper_mass * (2 * half) ** 2 / 12 == pytest.approx(case.platform.leg_upper_inertia)
 
 
-def test_leg_lengths_of_the_far_pairing(case: OpenLoopCase) -> None:
-    """Expected: cosine rule with 60°: L² = 4 + 1 − 2 + 9."""
-    far = readings._far_pairing(case.platform)
-    assert np.allclose(leg_geometry(far, far.home_position, far.home_orientation).length, np.sqrt(12))
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("fmi_type", ["CoSimulation", "ModelExchange"])
+def test_states_are_those_of_the_kernel_at_every_row(fmus: dict[str, Fmu], version: str, fmi_type: FmiType) -> None:
+    """Expected: DOP853 at 1e-12."""
+    case = paper_case()
+    assert np.abs(run_fmu(fmus[version].path, case, fmi_type) - run_kernel(case).states).max() <= 1e-7
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("fmi_type", ["CoSimulation", "ModelExchange"])
+def test_a_case_that_the_plant_cannot_go_through_is_an_error_with_its_reason(
+    fmus: dict[str, Fmu], version: str, fmi_type: FmiType
+) -> None:
+    """The paper's case passes a singular pose at 1.136 s."""
+    with pytest.raises(StepError, match="singular"):
+        run_fmu(fmus[version].path, replace(paper_case(), duration=1.5), fmi_type)
+
+
+@pytest.mark.parametrize("says", [True, False])
+def test_a_run_that_ends_early_or_warns_is_an_error(
+    fmus: dict[str, Fmu], says: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: a warning of the unit in the error's text, though all rows are there; too few rows without one."""
+    simulate, made = fmpy.simulate_fmu, list[Any]()
+
+    class Noted(FmuInstance):
+        def __init__(self, *arguments: Any) -> None:
+            super().__init__(*arguments)
+            made.append(self)
+
+    def simulated(*arguments: Any, **options: Any) -> Any:
+        found = simulate(*arguments, **options)
+        if says:
+            made[-1].messages.append("a warning of the unit")
+        return found if says else found[:-1]
+
+    monkeypatch.setattr(unit, "FmuInstance", Noted)
+    monkeypatch.setattr(fmpy, "simulate_fmu", simulated)
+    with pytest.raises(StepError, match=r"FMI 3\.0 CoSimulation: rows") as caught:
+        run_fmu(fmus["3.0"].path, paper_case(), "CoSimulation")
+    assert ("a warning of the unit" in str(caught.value)) == says

@@ -5,8 +5,8 @@ import pytest
 from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.tuning.candidates import members_for
-from gough_stewart.harness.tuning.conditions import condition_of
-from gough_stewart.harness.tuning.space import Axis, axes_of
+from gough_stewart.harness.tuning.goal import condition_of
+from gough_stewart.harness.tuning.space import SearchAxis, axes_of
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_a_condition_holds_on_its_side_and_at_its_bound_only_if_it_says_so(
     assert condition.violation(float("inf")) == (0.0 if sign[0] == ">" else 1e6)
 
 
-def axis(text: str, **settings: object) -> Axis:
+def axis(text: str, **settings: object) -> SearchAxis:
     """The axis of a text in a shipped experiment with these settings."""
     (found,) = axes_of([text], members_for(load_experiment("heave_step", dict(settings)), 1, None))
     return found
@@ -120,7 +120,7 @@ def test_a_condition_has_its_metric_side_and_bound(
     """Expected: by hand; a violation is a share of the bound, at most a million, and never 0 where it does not hold."""
     known = ["force.peak", "stroke.margin", "energy.net_total", "saturation.force_limited.any"]
     condition = condition_of(text, [*known, "step_response.z.overshoot_percent"])
-    assert (condition.metric, condition.is_upper, condition.wanted.is_strict) == expected[:3]
+    assert (condition.metric, condition.requirement.is_upper, condition.requirement.is_strict) == expected[:3]
     assert condition.bound == pytest.approx(expected[3])
     assert condition.text == text.strip()
     at = (condition.bound, condition.bound - 1, condition.bound + 1)

@@ -1,9 +1,7 @@
 """The command `tune`: its options reach the search, and what it writes and shows is what the search found."""
 
 import json
-import re
 import tomllib
-import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -122,98 +120,6 @@ def test_the_experiment_that_is_written_runs_and_has_the_values(folder: Path, fo
     assert experiment.ensemble.members == 9
     again = gs.ensemble(experiment, members=3, workers=1).values(METRIC)
     assert np.sort(again) == pytest.approx(errors, rel=1e-9)
-
-
-def test_tables_and_statement_show_the_numbers_in_their_units(found: gs.Tuning, shown: str) -> None:
-    """Expected: millimetres and newtons with four digits, "was" before "is", seen before fresh; the words by hand."""
-    lines = [re.split(r"\s*[│┃]\s*", line.strip("│┃ ")) for line in shown.splitlines() if line[:1] in ("│", "┃")]
-    rows = {line[0]: line[1:] for line in lines}
-    values = found.values
-    assert lines[0][-4:] == ["was", "is", "from", "to"]
-    assert [float(x) for x in rows["controller.bandwidth Hz"]] == [3, values["controller.bandwidth"], 2, 5]
-    assert [float(x) for x in rows["plant.leg_armature kg"]] == [1.7, values["plant.leg_armature"], 0.5, 6]
-    assert "Metric and conditions, 60 % of 3 members" in shown
-    assert lines[3][-4:] == ["was", "is", "was, fresh", "is, fresh"]
-    order: list[Any] = [found.before, found.seen, found.before_fresh, found.fresh]
-
-    def close(cells: list[str], numbers: list[float]) -> None:
-        assert [float(cell) for cell in cells] == pytest.approx(numbers, rel=6e-4)
-
-    close(rows["position error, peak mm"], [1e3 * each.value for each in order])
-    close(rows["RMS force N"], [each.conditions[0] for each in order])
-    close(rows["stroke margin mm"], [1e3 * each.conditions[1] for each in order])
-    close(rows["members that failed"], [each.failed for each in order])
-    assert found.fresh is not None
-    said = re.search(
-        r"position error, peak: ([\d.]+) mm on the 3 members of the search; 60 % of 2 fresh members have at most "
-        r"([\d.]+) mm\.(| On these, .*? does not hold\.)(?= Done)",
-        " ".join(shown.split()),
-    )
-    assert said is not None
-    close([said[1], said[2]], [1e3 * found.seen.value, 1e3 * found.fresh.value])
-    text = repr(found)
-    assert text.splitlines()[0] == "Tuning: a search & more"
-    assert " ".join(text.split()).endswith(" ".join(said[0].split()))
-    page = found._repr_html_()
-    assert page.count("<table>") == 2
-    assert page.endswith(f"<p>{said[0].replace(chr(39), '&#x27;').replace('<', '&lt;')}</p></div>")
-    broken = [
-        condition
-        for condition, holds in zip(
-            CONDITIONS, (found.fresh.conditions[0] < 94.8, found.fresh.conditions[1] >= 0.3), strict=True
-        )
-        if not holds
-    ]
-    assert said[3] == (f" On these, {' and '.join(map(repr, broken))} does not hold." if broken else "")
-
-
-_SVG = "{http://www.w3.org/2000/svg}"
-
-
-def marks_of(axes: ET.Element) -> list[tuple[np.ndarray[Any, Any], list[str], list[tuple[float, float]]]]:
-    """For each line or collection of axes: the places of its markers, their styles, the corners of its path."""
-    found = []
-    for group in axes.findall(f"{_SVG}g"):
-        if not group.get("id", "").startswith(("line2d", "PathCollection")):
-            continue
-        uses = list(group.iter(f"{_SVG}use"))
-        places = np.array([[float(use.get("x", "0")), float(use.get("y", "0"))] for use in uses]).reshape(-1, 2)
-        paths = [path for path in group.findall(f"{_SVG}path") if path.get("clip-path")]
-        corners = [
-            (float(x), float(y)) for path in paths for x, y in re.findall(r"[ML] ([\d.]+) ([\d.]+)", path.get("d", ""))
-        ]
-        found.append((places, [use.get("style", "") for use in uses], corners))
-    return found
-
-
-def along(pixels: np.ndarray[Any, Any], values: np.ndarray[Any, Any], sign: int) -> np.ndarray[Any, Any]:
-    """Pixels are a straight line of the values, rising or falling; its coefficients."""
-    line = np.polyfit(values, pixels, 1)
-    np.testing.assert_allclose(np.polyval(line, values), pixels, rtol=0, atol=0.02)
-    assert np.sign(line[0]) == sign
-    return np.asarray(line)
-
-
-def _texts(path: Path) -> list[str]:
-    return re.findall(r"<!-- (.*?) -->", path.read_text())
-
-
-def test_charts_have_every_candidate(folder: Path, shown: str, found: gs.Tuning) -> None:
-    """Expected: the numbers of candidates.csv, by each key, and the best so far of those that are kept."""
-    assert shown
-    rows = polars.read_csv(folder / "out" / "candidates.csv")
-    kept, value = rows["kept"].to_numpy(), rows["value"].to_numpy()
-    every, *landscape = found.report().charts
-    so_far = np.minimum.accumulate(np.where(kept, value, np.inf))
-    np.testing.assert_allclose(every.series[0].values, np.where(np.isfinite(value), value, np.nan))
-    np.testing.assert_allclose(every.series[1].values, np.where(np.isfinite(so_far), so_far, np.nan))
-    assert [(chart.x.name, chart.x.scale) for chart in landscape] == [(_KEYS[0], "log"), (_KEYS[1], "linear")]
-    for chart, key in zip(landscape, _KEYS, strict=False):
-        np.testing.assert_allclose(chart.x.values, rows[key].to_numpy())
-        for series, which in zip(chart.series, (kept, ~kept), strict=True):
-            there = ~np.isnan(series.values)
-            np.testing.assert_allclose(series.values[there], value[there])
-            assert not (there & ~which).any()
 
 
 def test_without_the_option_one_run_evaluates_a_candidate(folder: Path) -> None:

@@ -13,11 +13,11 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.errors import NoCandidateError
 from gough_stewart.harness.experiment.file import load_experiment
-from gough_stewart.harness.tuning.candidates import Evaluation, Goal, members_for
-from gough_stewart.harness.tuning.conditions import condition_of
-from gough_stewart.harness.tuning.files import tuning_files
+from gough_stewart.harness.tuning.candidates import members_for
+from gough_stewart.harness.tuning.goal import Evaluation, Goal, condition_of
 from gough_stewart.harness.tuning.search import Search
-from gough_stewart.harness.tuning.space import Axis, axes_of
+from gough_stewart.harness.tuning.space import SearchAxis, axes_of
+from gough_stewart.harness.tuning.tuning import tuning_files
 from tests.support.uneven_loops import experiment_of
 
 METRIC, KNOWN = "tracking.position.norm_peak", ("tracking.position.norm_peak", "force.rms", "stroke.margin")
@@ -37,7 +37,7 @@ TRIED: list[tuple[tuple[float, int, float], float, float, float, int]] = [
 KEPT = [True, False, True, False, False, True, True]
 
 
-def axes(vary: tuple[str, ...]) -> tuple[Axis, ...]:
+def axes(vary: tuple[str, ...]) -> tuple[SearchAxis, ...]:
     """Of a shipped experiment."""
     return axes_of(vary, members_for(load_experiment("heave_step"), 1, None))
 
@@ -170,6 +170,43 @@ def test_the_statement_names_the_members_and_what_does_not_hold(parts: dict[str,
     assert statement(tuned(searched(3), fresh=both)).endswith(broken)
     fine = Evaluation((), 0.0031, (94.9, 1e-5), 0, "")
     assert statement(tuned(searched(3), fresh=fine)).endswith("have at most 3.1 mm.")
+
+
+def of_one_key(after: float = 7e-3, value: float = 3.0, **parts: Any) -> gs.Tuning:
+    """A search of one key from 1 to 6 Hz, 8 mm before and 6 mm after, on fresh members 9 mm and 7 mm."""
+    goal = Goal("tracking.position.norm_rms", (), 0.9)
+    before, seen, before_fresh, fresh = (Evaluation((value,), x, (), 0, "") for x in (8e-3, 6e-3, 9e-3, after))
+    search = Search(axes(("controller.bandwidth=1..6Hz",)), goal, [before, seen], [0, 0])
+    made = gs.Tuning(load_experiment("heave_step"), {"controller.bandwidth": value}, seen, fresh, before, before_fresh,
+                     search, 20, 40, 0, 0.0)  # fmt: skip
+    return replace(made, **parts)
+
+
+def test_fresh_members_carry_the_verdict_and_doubts_are_told() -> None:
+    """Expected: from 9 to 7 mm is 22 % less; the search's own 6 mm is a number, not the verdict.
+
+    A value within 1 % of its range from the end; a search that was interrupted; one that made it worse.
+    """
+    report = of_one_key().report()
+    assert report.verdict.text == (
+        "Position error, RMS, 90 % of 40 fresh members: from 9 mm to 7 mm (22 % less); with controller.bandwidth 3 Hz"
+    )
+    assert report.verdict.status == "good"
+    assert (report.number("value").value, report.number("fresh").value) == (6e-3, 7e-3)
+    near = of_one_key(value=5.96).report().verdict
+    assert near.text.endswith("; controller.bandwidth at the end of its range, beyond which it may be better")
+    assert near.status == "marginal"
+    search = replace(of_one_key().search, is_interrupted=True)
+    cut = of_one_key(fresh=None, before_fresh=None, search=search).report().verdict
+    assert cut.text.startswith("Position error, RMS: from 8 mm to 6 mm (25 % less)")
+    assert cut.text.endswith("; interrupted, and not tried on fresh members")
+    worse = of_one_key(after=9.9e-3).report().verdict
+    assert "(10 % more)" in worse.text
+    assert worse.status == "bad"
+    # an experiment that breaks a condition itself is no rival
+    allowed = tuned(searched(3), before_fresh=Evaluation((), 0.002, (96.0, 1.0), 0, "")).report().verdict
+    assert "; the values before break a condition; with controller.bandwidth 2.3 Hz" in allowed.text
+    assert "; not held on fresh members: stroke.margin >= 10 µm" in allowed.text
 
 
 @pytest.mark.parametrize("keys", [1, 3])

@@ -71,6 +71,12 @@ def test_an_interrupted_search_keeps_the_best_so_far(folder: Path) -> None:
         ({"vary": ["plant.platform_mass=5..20kg"]}, r"also varies in \[ensemble\]"),
         ({"vary": ["loop.delay=0..2.5"]}, "is a whole number; expected whole bounds"),
         ({"vary": ["controller.bandwidth=3..3Hz"]}, "the bounds are 3 and 3; expected the lower one first"),
+        ({"vary": ["controller.bandwidth=1..6kg"]}, "found the unit 'kg'"),
+        ({"vary": [VARY[0], VARY[0]]}, "is repeated; expected every key once"),
+        ({"vary": []}, "nothing to vary; expected --vary KEY=LOW..HIGH"),
+        ({"minimise": "tracking.position.norm_rsm"}, "--minimise: no metric .*did you mean '.*norm_rms'"),
+        ({"settings": {"ensemble": {}}, "members": 2}, "members is 2, and all members would be the same"),
+        ({"settings": {"ensemble": {}}, "fresh": 2}, "fresh is 2, and all members would be the same"),
         ({"vary": ["=3..3Hz"]}, "expected KEY=LOW..HIGH"),
         ({"vary": ["plant.leg_armature=-1..3kg,log"]}, "the lower bound is -1; expected > 0"),
     ],
@@ -311,3 +317,17 @@ def test_a_generation_has_sixteen_candidates_for_each_key_by_default(folder: Pat
     said = invoke("tune", "--help").stdout
     assert "25" in said
     assert "16 per key" in said
+
+
+def test_a_search_that_is_interrupted_before_its_first_candidate_is_exit_code_130(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: interrupted, not "no candidate meets the conditions"."""
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gough_stewart.harness.tuning.candidates.Candidates.evaluate", interrupted)
+    done = invoke("tune", "heave_step", "--minimise", METRIC, "--vary", VARY[0], "--out", str(tmp_path / "out"))
+    assert (done.exit_code, done.stderr) == (130, "interrupted; nothing written\n")
+    assert not (tmp_path / "out").exists()

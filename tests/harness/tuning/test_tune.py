@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import TuningError
 
 SHORT = {"loop.duration": 0.5, "loop.sample_time": "2 ms"}
 DAMPING = "controller.damping_ratio"
@@ -85,44 +84,6 @@ def test_conditions_bound_the_optimum(found: gs.Tuning) -> None:
     assert 0.7 * bound < bounded.seen.conditions[0] <= bound
     assert bounded.seen.value > found.seen.value
     assert not bounded.candidates["kept"].all()
-
-
-@pytest.mark.parametrize(
-    ("vary", "minimise", "subject_to", "message"),
-    [
-        (["controller.bandwith=1..6Hz"], RMS, [], r"bandwith.*no such key.*bandwidth"),
-        (["controller.bandwidth=6..1Hz"], RMS, [], r"the bounds are 6 and 1; expected the lower one first"),
-        (["controller.bandwidth=1-6Hz"], RMS, [], r"expected KEY=LOW\.\.HIGH"),
-        (["controller.bandwidth=1..6kg"], RMS, [], r"found the unit 'kg'"),
-        (["controller.bandwidth=0..6Hz,log"], RMS, [], r"expected > 0 for a logarithmic scale"),
-        (["loop.delay=0.5..3"], RMS, [], r"whole number"),
-        ([f"{DAMPING}=0.3..1", f"{DAMPING}=0.4..1"], RMS, [], r"is repeated"),
-        ([], RMS, [], r"nothing to vary"),
-        ([f"{DAMPING}=0.3..1"], "tracking.position.norm_rsm", [], r"no metric .*norm_rms"),
-        ([f"{DAMPING}=0.3..1"], RMS, ["disk_margin ~ 2"], r"cannot be read; expected PATH <= NUMBER UNIT"),
-        (
-            [f"{DAMPING}=0.3..1"],
-            RMS,
-            ["stroke.margin > 10 kg"],
-            r"has the unit 'kg'; expected m, cm, mm",
-        ),
-        ([f"{DAMPING}=0.3..1"], RMS, ["force.peek < 10"], r"no metric 'force.peek'"),
-        (
-            [f"{DAMPING}=0.3..1"],
-            RMS,
-            ["force.peak < 10 N"],
-            r"no candidate meets.*'force.peak < 10 N' was not met by 5 of 5",
-        ),
-    ],
-)
-def test_what_cannot_be_is_refused_with_its_reason(
-    vary: list[str], minimise: str, subject_to: list[str], message: str
-) -> None:
-    """Expected: the text that names what was found and what was expected."""
-    with pytest.raises(TuningError, match=message):
-        gs.tune(
-            "heave_step", vary, minimise, {"loop.duration": 0.3}, subject_to=subject_to, generations=1, population=5
-        )
 
 
 def test_a_machine_that_sticks_and_gives_is_tuned_as_it_is() -> None:

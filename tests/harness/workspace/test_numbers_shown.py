@@ -15,7 +15,7 @@ from gough_stewart.harness.report.document import Note, Report
 from gough_stewart.harness.report.scene import Surface
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.workspace.isosurface import clearance, surface_of
-from gough_stewart.harness.workspace.report import workspace_csv, workspace_report
+from gough_stewart.harness.workspace.workspace_report import workspace_csv, workspace_report
 from gough_stewart.model.kinematics import joint_angles
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.pose_limits import LARGEST_PITCH
@@ -522,3 +522,18 @@ def test_a_grid_out_of_reach_is_bad() -> None:
     assert report.verdict.text.startswith("Reaches none of 25 poses of this grid; ")
     assert report.verdict.status == "bad"
     assert report.notes[0].text.startswith("No pose of this grid can be reached")
+
+
+@pytest.mark.parametrize(
+    ("platform", "over", "why"),
+    [
+        (load_preset("liu2000"), {"yaw": (-3.0, 3.0), "x": (-0.1, 0.1)}, "out of reach beyond a singular pose"),
+        (replace(load_preset("motion_base"), joint_angle_max=0.1), {"roll": (-0.5, 0.5), "x": (-0.4, 0.4)},
+         "out of reach because of the angle of a base joint"),
+    ],
+)  # fmt: skip
+def test_why_most_poses_are_out_of_reach_is_a_sentence(
+    platform: Platform, over: dict[str, tuple[float, float]], why: str
+) -> None:
+    """Expected: written out; the platforms have one limit that keeps off most."""
+    assert workspace_report(sweep(platform, over, points=9)).verdict.text.endswith(f" of it is {why}")

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lxml import etree
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 from scipy.spatial.transform import Rotation
 from typer.testing import Result
@@ -16,10 +15,9 @@ from typer.testing import Result
 from gough_stewart.harness.errors import ReachError
 from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion
-from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.workspace.isosurface import Isosurface, clearance, isosurface, surface_of
-from gough_stewart.harness.workspace.report import workspace_report
+from gough_stewart.harness.workspace.workspace_report import workspace_report
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import load_preset
 from gough_stewart.model.workspace import evaluate_poses, sweep
@@ -60,68 +58,6 @@ def test_what_can_be_reached_is_what_reach_lets_pass(seed: int) -> None:
             assert not reachable[k]
         else:
             assert reachable[k]
-
-
-@pytest.fixture(scope="module")
-def maps(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
-    out = tmp_path_factory.mktemp("workspace") / "new" / "folder"
-    done = run(
-        "--preset",
-        "motion_base",
-        "--over",
-        "x,y=-1200mm:1.2",
-        "--at",
-        "pitch=5deg",
-        "--points",
-        "25",
-        "--out",
-        str(out),
-    )
-    return done, out
-
-
-def test_the_command_writes_its_files_and_no_others_and_tells_what_it_found(maps: tuple[Result, Path]) -> None:
-    done, out = maps
-    assert done.exit_code == 0, done.stderr
-    assert {path.name for path in out.iterdir()} == FILES
-    for said in ("Swept", "given", "computed", "joint angle from home", "largest payload", "of the grid", "m²"):
-        assert said in done.stdout
-
-
-@pytest.fixture(scope="module")
-def with_page(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
-    out = tmp_path_factory.mktemp("page")
-    options = ("--over", "yaw=-30deg:0.5,z=2.9:3.1", "--points", "3", "--report", "--figures")
-    return run(*options, "--require", "worst.condition_number <= 1", "--out", str(out)), out
-
-
-def test_page_and_figures_are_made_if_they_are_asked_for_and_requirements_are_judged(
-    with_page: tuple[Result, Path],
-) -> None:
-    """Expected: no condition number is below 1, and that of no such platform is 1 everywhere."""
-    done, out = with_page
-    assert done.exit_code == 3
-    assert done.stdout.startswith("Missed: worst.condition_number <= 1")
-    assert {path.name for path in out.iterdir()} == FILES | {"report.html", "maps.pdf", "maps.png", "maps.svg"}
-
-
-def test_the_page_loads_nothing_from_anywhere(with_page: tuple[Result, Path]) -> None:
-    """Expected: no element that names a resource of its own, and a policy that forbids all others."""
-    page = (with_page[1] / "report.html").read_text()
-    tree = etree.HTML(page)
-    assert tree.xpath("//@src") == []
-    assert tree.xpath("//link/@href") == ["data:,"]
-    assert tree.xpath("count(//meta[starts-with(@content, \"default-src 'none';\")])") == 1
-
-
-def test_view_shows_the_folder_of_a_workspace_with_its_maps(maps: tuple[Result, Path], tmp_path: Path) -> None:
-    """Expected: without a page the command has kept the maps as data, with every pose of the grid."""
-    done = invoke("view", str(maps[1]), "--out", str(tmp_path / "map.html"))
-    assert done.exit_code == 0, done.stderr
-    page = (tmp_path / "map.html").read_text()
-    assert page.count('class="chart heat"') == 7
-    kept = from_json((maps[1] / "report.json").read_text())
-    assert kept.charts[0].series[0].values.size == 625
 
 
 def test_a_name_cannot_break_out_of_the_page() -> None:
@@ -223,8 +159,6 @@ ERRORS = [
     (["--at", "z=1e400"], "expected a number of at most 1e+12"),
     (["--points", "501"], "501 points per coordinate, in all 251,001 poses, for 2 swept coordinates"),
     (["--points", "0"], "0 points per coordinate for 2 swept coordinates; expected from 2 to 500"),
-    (["--preset", "motion_base", "--platform", "mine.toml"], "--preset and --platform exclude each other; give one"),
-    (["--preset", "no_such"], "no_such"),
 ]
 
 
@@ -235,13 +169,6 @@ def test_what_cannot_be_is_one_clear_line_and_no_file(arguments: list[str], text
     assert text in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "out").exists()
-
-
-def test_the_folder_is_checked_before_anything_is_computed(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    done = run("--points", "3", "--out", str(tmp_path / "file"))
-    assert done.exit_code == 1
-    assert "is a file; expected a folder" in done.stderr
 
 
 def test_the_refined_surface_lies_where_a_leg_reaches_its_limit() -> None:

@@ -1,9 +1,9 @@
-"""What the reproduction reports of a case in which no two numbers are alike: record, page, tables, figures, files."""
+"""What the reproduction reports of a case in which no two numbers are alike: numbers, tables, figures, files."""
 
 import json
 import re
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,24 +15,23 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.progress import Progress
 
 import gough_stewart as gs
 from gough_stewart.harness.output.plotting import COLOURS, DASHES
-from gough_stewart.harness.paper import agreement, figures, readings, report, reproduce
+from gough_stewart.harness.paper import agreement, figures, readings, reproduce
+from gough_stewart.harness.paper.case_report import case_report
 from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
-from gough_stewart.harness.paper.reproduce import record_of_case
 from gough_stewart.harness.report.table import Table
 from gough_stewart.model import interface
-from gough_stewart.model.formulations.cases import OpenLoopCase, case_of, paper_case
+from gough_stewart.model.formulations.cases import OpenLoopCase, paper_case
 from tests.support.lagrangian import Pose, legs_along
 from tests.support.tables_shown import rows_of
 from tests.support.uneven import INPUTS, STATE, UNEVEN
 
 CASE = OpenLoopCase("uneven *case*", UNEVEN, STATE, INPUTS.actuator_force, 0.3)
 ROWS = [
-    agreement.Row("first thing", 2.5e-9, 1e-8, "m, rad"),
-    agreement.Row("second thing", 3.4e-5, 2e-6, "relative"),
+    agreement.Agreement("first thing", 2.5e-9, 1e-8, "m, rad"),
+    agreement.Agreement("second thing", 3.4e-5, 2e-6, "relative"),
 ]
 READINGS = [
     readings.Reading("a point", "decided so", "other way", 0.01234, 0.56789, "a remark", 3.125),
@@ -51,18 +50,15 @@ DRIFT: Any = {
         velocity_violation=np.array([0.0, 2e-7, 1e-7]),
     ),
 }
-VERSIONS = {"python": "3.99", "numpy": "2.77"}
+DRIFT_ENDS = [
+    {"steps": 3, "closure_gap_end": 2e-5, "slip_end": 5e-4},
+    {"steps": 2, "closure_gap_end": 7e-8, "slip_end": 1e-7},
+]
 
 
 @pytest.fixture(scope="module")
 def run() -> Trajectory:
     return run_kernel(CASE)
-
-
-@pytest.fixture(scope="module")
-def content(run: Trajectory) -> dict[str, Any]:
-    made = report.record(CASE, run, ROWS, READINGS, WEIGHT, DRIFT)
-    return {**made, "versions": VERSIONS}
 
 
 def test_friction_work_and_states_are_those_of_another_integration(run: Trajectory) -> None:
@@ -103,78 +99,15 @@ def test_each_kind_of_friction_loses_work(viscous: float, coulomb: float, lost: 
     assert (found.friction_work[-1] > 0) == lost
 
 
-def test_record_has_every_number_of_the_run(run: Trajectory, content: dict[str, Any]) -> None:
-    """Expected: states by name and place in the vector of 12; condition number and work as formulas."""
-    expected_case = {
-        "title": "uneven *case*",
-        "platform": "uneven",
-        "source": "made up for tests",
-        "duration": 0.3,
-        "actuator_force": [52.0, 38.0, 47.0, 44.0, 58.0, 41.0],
-        "start": {
-            "position": [0.12, -0.09, 2.97],
-            "orientation": [0.09, -0.14, 0.21],
-            "velocity": [0.21, -0.13, 0.08],
-            "angular_velocity": [-0.11, 0.17, 0.26],
-        },
+@pytest.fixture(scope="module")
+def content() -> dict[str, Any]:
+    """The content of a report with round numbers, no two alike."""
+    start = {
+        "position": [0.12, -0.09, 2.97],
+        "orientation": [0.09, -0.14, 0.21],
+        "velocity": [0.21, -0.13, 0.08],
+        "angular_velocity": [-0.11, 0.17, 0.26],
     }
-    assert content["case"] == expected_case
-    last = run.states[-1].tolist()
-    ends = {"position": last[:3], "orientation": last[3:6], "velocity": last[6:9], "angular_velocity": last[9:]}
-    result = content["result"]
-    assert list(result) == [
-        "end",
-        "leg_length_end",
-        "largest_condition_number",
-        "friction_work",
-        "actuator_work",
-    ]
-    assert result["end"] == ends
-    assert result["leg_length_end"] == run["leg_length"][-1].tolist()
-    rho = np.sqrt((UNEVEN.platform_points**2).sum() / 6)
-    largest = 0.0
-    for state in run.states:
-        J = gs.leg_jacobian(UNEVEN, state[:3], state[3:6]) / np.array([1, 1, 1, rho, rho, rho])
-        largest = max(largest, float(np.linalg.cond(J)))
-    assert result["largest_condition_number"] == pytest.approx(largest, rel=1e-9)
-    assert result["friction_work"] == run.friction_work[-1] != run.friction_work[0]
-    power = run["leg_velocity"] @ CASE.actuator_force
-    assert result["actuator_work"] == pytest.approx(np.trapezoid(power, run.time), rel=1e-4)
-    assert content["agreement"] == [
-        {"what": "first thing", "measured": 2.5e-9, "bound": 1e-8, "unit": "m, rad", "holds": True},
-        {"what": "second thing", "measured": 3.4e-5, "bound": 2e-6, "unit": "relative", "holds": False},
-    ]
-    assert content["drift"] == {
-        "loose": {"steps": 3, "closure_gap_end": 2e-5, "slip_end": 5e-4},
-        "tight": {"steps": 2, "closure_gap_end": 7e-8, "slip_end": 1e-7},
-    }
-    assert content["readings"] == [
-        {
-            "point": "a point",
-            "decided": "decided so",
-            "other": "other way",
-            "position_change": 0.01234,
-            "orientation_change": 0.56789,
-            "remark": "a remark",
-            "height": 3.125,
-        },
-        {
-            "point": "another",
-            "decided": "thus",
-            "other": "not thus",
-            "position_change": None,
-            "orientation_change": None,
-            "remark": "impossible: why",
-            "height": None,
-        },
-    ]
-    assert content["published_forces"] == WEIGHT
-    assert json.loads(report.to_json(content)) == content
-    assert report.to_json(content).startswith(b'{\n  "case": {\n    "title"')
-
-
-def _plain(content: dict[str, Any]) -> dict[str, Any]:
-    """The content with round numbers at the end."""
     ends = {
         "position": [0.1, -0.2, 3.25],
         "orientation": [-0.0, 0.5, 0.625],
@@ -188,54 +121,27 @@ def _plain(content: dict[str, Any]) -> dict[str, Any]:
         "friction_work": 0.0123456,
         "actuator_work": 7.654321,
     }
-    return {**content, "result": result}
-
-
-def test_page_has_every_number_in_its_place(content: dict[str, Any]) -> None:
-    """Expected: the page written out."""
-    page = report.to_markdown(_plain(content)).decode()
-    parts = page.split("\n\n")
-    assert parts[:5] == [
-        r"# Uneven \*case\*",
-        "Platform uneven (made up for tests).",
-        "Constant actuator forces (52, 38, 47, 44, 58, 41) N over 0.3 s.",
-        "|  | start | end |\n| --- | --- | --- |\n"
-        "| position [m] | (0.12, -0.09, 2.97) | (0.1, -0.2, 3.25) |\n"
-        "| orientation [rad] | (0.09, -0.14, 0.21) | (0, 0.5, 0.625) |\n"
-        "| velocity [m/s] | (0.21, -0.13, 0.08) | (1, 2, 3) |\n"
-        "| angular_velocity [rad/s] | (-0.11, 0.17, 0.26) | (4, 5, 6) |",
-        "Leg lengths at the end: (3.1, 3.2, 3.3, 3.4, 3.5, 3.6) m. Largest condition number of the leg Jacobian: 12.3. "
-        "Work of the actuators: 7.65432 J, lost in friction: 0.0123456 J.",
-    ]
-    assert parts[5] == "## Agreement of the formulations"
-    assert parts[7] == (
-        "| comparison | measured | bound | unit |  |\n| --- | --- | --- | --- | --- |\n"
-        "| first thing | 2.50e-09 | 1e-08 | m, rad | ok |\n| second thing | 3.40e-05 | 2e-06 | relative | MISSED |"
-    )
-    assert parts[8] == "## Drift of the constraints"
-    assert parts[10] == (
-        "| run | steps | closure gap at the end [m] | slip at the end [m/s, rad/s] |\n| --- | --- | --- | --- |\n"
-        "| loose | 3 | 2.00e-05 | 5.00e-04 |\n| tight | 2 | 7.00e-08 | 1.00e-07 |"
-    )
-    assert parts[11] == "## What the scan of the paper leaves open"
-    assert parts[13] == (
-        "| point | decided | other reading | position [m] | angles [rad] | remark |\n"
-        "| --- | --- | --- | --- | --- | --- |\n"
-        "| a point | decided so | other way | 0.0123 | 0.568 | a remark |\n"
-        "| another | thus | not thus | – | – | impossible: why |"
-    )
-    assert "each actuator holds 44.12 N" in parts[14]
-    assert "the weight of all bodies, 49.53 N." in parts[14]
-    assert parts[15:17] == ["## Versions", "python 3.99, numpy 2.77"]
-    assert parts[17] == "## Files"
-    assert len(parts) == 19
-    without = report.to_markdown({**_plain(content), "readings": [], "published_forces": None}).decode()
-    assert without.split("\n\n") == parts[:11] + parts[15:]
+    case = {
+        "title": "uneven *case*",
+        "platform": "uneven",
+        "source": "made up",
+        "duration": 0.3,
+        "actuator_force": CASE.actuator_force.tolist(),
+        "start": start,
+    }
+    return {
+        "case": case,
+        "result": result,
+        "agreement": [{**asdict(row), "holds": row.holds} for row in ROWS],
+        "drift": {"loose": DRIFT_ENDS[0], "tight": DRIFT_ENDS[1]},
+        "readings": [asdict(reading) for reading in READINGS],
+        "published_forces": WEIGHT,
+    }
 
 
 def test_tables_of_the_terminal_have_every_number(content: dict[str, Any]) -> None:
     """Expected: written out."""
-    found = report.report_of_case(_plain(content))
+    found = case_report(content)
     motion, agreed, drift, other = (part for part in found.parts() if isinstance(part, Table))
     assert motion.title == "Uneven *case*"
     assert [column.name for column in motion.columns] == ["", "start", "after 0.3 s"]
@@ -259,7 +165,7 @@ def test_tables_of_the_terminal_have_every_number(content: dict[str, Any]) -> No
         ("another: thus", "not thus", None, None, None),
     ]
     assert [column.quantity.unit for column in other.columns[2:] if column.quantity] == ["m", "m", "deg"]
-    bare = report.report_of_case({**_plain(content), "readings": [], "published_forces": None})
+    bare = case_report({**content, "readings": [], "published_forces": None})
     assert len([part for part in bare.parts() if isinstance(part, Table)]) == 3
     assert [number.value for number in found.numbers][-2:] == [2.5e-9, 3.4e-5]
     assert found.number("agreement.2").margin == pytest.approx(2e-6 - 3.4e-5)
@@ -267,8 +173,8 @@ def test_tables_of_the_terminal_have_every_number(content: dict[str, Any]) -> No
 
 def test_the_verdict_says_how_far_the_platform_moves_in_every_reading(content: dict[str, Any]) -> None:
     """Expected: heights and forces of the content; a reading that cannot run does not count; one that sinks does."""
-    made = _plain(content)
-    verdict = report.verdict_of_case(made)
+    made = content
+    verdict = case_report(made).verdict
     low, high = min(CASE.actuator_force), max(CASE.actuator_force)
     assert verdict.text == (
         "Under the published forces the platform rises from 2.97 m to 3.25 m in 0.3 s, in every reading of the scan "
@@ -278,23 +184,11 @@ def test_the_verdict_says_how_far_the_platform_moves_in_every_reading(content: d
     assert verdict.status == "bad"
     assert (verdict.numbers[1].low, verdict.numbers[1].high) == (3.125, 3.125)
     sinks = {**made["readings"][0], "height": 2.5}
-    text = report.verdict_of_case({**made, "readings": [*made["readings"], sinks]}).text
+    text = case_report({**made, "readings": [*made["readings"], sinks]}).verdict.text
     assert "in 1 of 2 readings of the scan that is possible (2.5 to 3.12 m)" in text
-    assert report.verdict_of_case({**made, "readings": [], "published_forces": None}).text.startswith(
+    assert case_report({**made, "readings": [], "published_forces": None}).verdict.text.startswith(
         "Under the constant forces of the case the platform rises from 2.97 m to 3.25 m in 0.3 s; 1 of 2 "
     )
-
-
-def test_every_possible_reading_of_the_paper_rises() -> None:
-    """Expected: with friction of 1 N s/m in each leg, the height that the stepping model reaches; all far above 3 m."""
-    found = readings.other_readings()
-    assert sum(each.height is None for each in found) == 1
-    heights = [each.height for each in found if each.height is not None]
-    assert min(heights) > 6.5
-    case = paper_case()
-    rubbing = replace(case, platform=replace(case.platform, leg_viscous_friction=1.0))
-    (height,) = (each.height for each in found if each.point.startswith("friction"))
-    assert height == pytest.approx(run_stepping(rubbing)[-1][2], abs=1e-6)
 
 
 @pytest.fixture
@@ -437,7 +331,7 @@ def test_each_comparison_measures_what_it_names() -> None:
     position[-1, 2] -= 7e-3
     position[:-1] += 1.0
     changed = replace(kane, configuration=kane.configuration._replace(position=position))
-    found = agreement.agreement(case, kernel, changed, *moved)
+    found = agreement.agreement(case, kernel, changed, moved[0], moved[1])
     assert [found[k].measured for k in (4, 5, 6)] == pytest.approx([7e-3, 3e-3, 5e-3], rel=1e-3)
     assert [found[k].measured for k in (0, 1, 2, 3, 7, 8)] == [rows[k].measured for k in (0, 1, 2, 3, 7, 8)]
     # the largest difference over the largest value of any row, each a norm over all components
@@ -465,21 +359,6 @@ def test_each_comparison_measures_what_it_names() -> None:
     gained = np.abs(kernel["kinetic_energy"] - kernel["kinetic_energy"][0]).max()
     error = agreement.energy_error(case, heavy)
     assert error == pytest.approx(1e-3 * gained / max(np.abs(work).max(), heavy["kinetic_energy"].max()), rel=1e-4)
-
-
-def test_rows_of_the_fmus_have_the_bound_of_the_case(run: Trajectory) -> None:
-    """Expected: 1e-7 for the published case, 1e-6 for others; the difference put in."""
-    states = [run.states.copy() for _ in range(2)]
-    states[0][-1, 4] -= 2e-4
-    states[1][-1, 0] += 6e-4
-    states[0][:-1], states[1][-1, 6:] = 9, 9
-    rows = agreement.of_fmus(CASE, run, {"one way": states[0], "another": states[1]})
-    assert [row.measured for row in rows] == pytest.approx([2e-4, 6e-4], rel=1e-9)
-    assert [(row.what, row.bound, row.unit) for row in rows] == [
-        (f"final pose: {how} (tolerance 1e-8) against kernel", 1e-6, "m, rad") for how in ("one way", "another")
-    ]
-    (row,) = agreement.of_fmus(paper_case(), run, {"a way": run.states})
-    assert (row.measured, row.bound) == (0, 1e-7)
 
 
 def test_other_readings_move_the_end_by_what_a_run_of_them_does() -> None:
@@ -520,20 +399,6 @@ def test_other_readings_move_the_end_by_what_a_run_of_them_does() -> None:
     assert found["axes"].orientation_change == pytest.approx(np.abs(moving - end[3:6]).max(), rel=1e-4)
 
 
-def test_the_record_of_a_case_has_its_own_words(run: Trajectory) -> None:
-    """Expected: the numbers of the case."""
-    record = record_of_case(CASE, run)
-    known = {key: record.metadata[key] for key in ("title", "plant", "outcome", "duration")}
-    assert known == {
-        "title": "uneven *case*",
-        "plant": "task-space kernel under DOP853",
-        "outcome": {"status": "completed", "time": 0.3, "cause": None},
-        "duration": 0.3,
-    }
-    np.testing.assert_array_equal(record["actuator_force"], np.tile(INPUTS.actuator_force, (101, 1)))
-    np.testing.assert_array_equal(record["orientation"], run.states[:, 3:6])
-
-
 @pytest.fixture(scope="module")
 def made() -> tuple[reproduce.Reproduction, str, dict[str, Any]]:
     """A reproduction of a short case of the uneven platform, with FMUs that are made up, and what it showed."""
@@ -543,14 +408,14 @@ def made() -> tuple[reproduce.Reproduction, str, dict[str, Any]]:
     wrong[-1, 5] += 4e-4
     calls: dict[str, Any] = {}
 
-    def fmus(given: OpenLoopCase, done: Any) -> Any:
-        calls["case"] = given
+    def units(case: OpenLoopCase, done: Any) -> Any:
+        calls["case"] = case
         done()
         return {"a.fmu": b"zip", "b.fmu": b"zap"}, {"good FMU": kernel.states, "wrong FMU": wrong}
 
     shown = StringIO()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reproduce, "_fmus", fmus)
+        patch.setattr(reproduce, "_units", units)
         patch.setattr(figures, "png", lambda *_: b"png")
         console = Console(file=shown, force_terminal=True, width=120)
         found = reproduce.reproduce(case, console, page=True)
@@ -566,7 +431,6 @@ def test_a_reproduction_has_all_parts_and_says_whether_it_agrees(
         "open_loop.csv",
         *(f"figure-{k}.png" for k in (4, 5, 6, 7)),
         "drift.png",
-        "report.md",
         "comparison.json",
         "a.fmu",
         "b.fmu",
@@ -575,7 +439,8 @@ def test_a_reproduction_has_all_parts_and_says_whether_it_agrees(
     assert calls["case"].title == CASE.title
     rows = found.report["agreement"]
     assert [row["holds"] for row in rows] == [True] * 10 + [False]
-    assert rows[9]["what"].startswith("final pose: good FMU")
+    assert rows[9]["what"] == "final pose: good FMU (tolerance 1e-8) against kernel"
+    assert (rows[9]["bound"], rows[9]["unit"]) == (1e-6, "m, rad")
     assert rows[10]["measured"] == pytest.approx(4e-4, rel=1e-6)
     assert not found.agrees
     good = replace(found, report={**found.report, "agreement": rows[:10]})
@@ -584,9 +449,19 @@ def test_a_reproduction_has_all_parts_and_says_whether_it_agrees(
         "<Reproduction: 10 of 11 comparisons within their bounds; files open_loop.csv, figure-4"
     )
     assert json.loads(found.files["comparison.json"]) == found.report
-    assert found.files["report.md"] == report.to_markdown(found.report)
     assert found.report["readings"] == []
     assert found.report["published_forces"] is None
+    # states by name and place in the vector of 12; condition number, work and loss as formulas
+    run = run_kernel(calls["case"])
+    last, result = run.states[-1].tolist(), found.report["result"]
+    assert [*result["end"].values()] == [last[:3], last[3:6], last[6:9], last[9:]]
+    assert found.report["case"]["start"]["angular_velocity"] == STATE.angular_velocity.tolist()
+    rho = np.array([1, 1, 1, *[np.sqrt((UNEVEN.platform_points**2).sum() / 6)] * 3])
+    largest = max(np.linalg.cond(gs.leg_jacobian(UNEVEN, x[:3], x[3:6]) / rho) for x in run.states)
+    assert result["largest_condition_number"] == pytest.approx(largest, rel=1e-9)
+    power = run["leg_velocity"] @ CASE.actuator_force
+    assert result["actuator_work"] == pytest.approx(np.trapezoid(power, run.time), rel=1e-4)
+    assert result["friction_work"] == run.friction_work[-1] != run.friction_work[0]
     table = polars.read_csv(found.files["open_loop.csv"])
     assert table["time"].to_list() == pytest.approx(np.linspace(0, 0.04, 101).tolist())
     assert table["leg_length[4]"][-1] == found.report["result"]["leg_length_end"][3]
@@ -597,11 +472,11 @@ def test_a_reproduction_has_all_parts_and_says_whether_it_agrees(
         "without Baumgarte, rtol 1e-6",
         "Baumgarte α = β = 10/s, rtol 1e-6",
     ]
-    for label, each in drift.items():
+    for label, ends in drift.items():
         rtol, baumgarte = (1e-3 if "1e-3" in label else 1e-6), ((0.0, 0.0) if "without" in label else (10.0, 10.0))
         kane = run_kane(replace(CASE, duration=0.04), baumgarte, rtol, own_steps=True)
-        assert each["steps"] == len(kane.time) - 1
-        assert each["closure_gap_end"] == pytest.approx(kane.position_violation[-1])
+        assert ends["steps"] == len(kane.time) - 1
+        assert ends["closure_gap_end"] == pytest.approx(kane.position_violation[-1])
     for text in ("stepping model", "task-space kernel", "Kane's DAE", "FMUs", "drift", "figures", "comparisons"):
         assert text in shown
     assert "other readings" not in shown
@@ -609,74 +484,3 @@ def test_a_reproduction_has_all_parts_and_says_whether_it_agrees(
     assert re.search(r"Agreement of the formulations.*MISSED", page, re.DOTALL)
     assert found.save(tmp_path / "out") == [tmp_path / "out" / name for name in found.files]
     assert {each.name: each.read_bytes() for each in (tmp_path / "out").iterdir()} == found.files
-
-
-def test_the_case_is_the_papers_unless_one_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Expected: liu2000 in the published case, a platform in its scaled one, a case as it is; nothing is shown."""
-    seen: list[OpenLoopCase] = []
-
-    class StopError(Exception):
-        pass
-
-    def stop(case: OpenLoopCase, **_: Any) -> None:
-        seen.append(case)
-        raise StopError
-
-    shown: list[Console] = []
-
-    def progress(*_columns: object, console: Console, disable: bool, **_: Any) -> Progress:
-        shown.append(console)
-        return Progress(console=console, disable=disable)
-
-    monkeypatch.setattr(reproduce, "run_stepping", stop)
-    monkeypatch.setattr(reproduce, "Progress", progress)
-    for given in (None, UNEVEN, CASE):
-        with pytest.raises(StopError):
-            reproduce.reproduce(given)
-    assert all(console.quiet for console in shown)
-    loud = Console(file=StringIO(), force_terminal=True)
-    with pytest.raises(StopError):
-        reproduce.reproduce(CASE, loud)
-    assert shown[3] is loud
-    file = StringIO()
-    with pytest.raises(StopError):
-        reproduce.reproduce(CASE, Console(file=file))
-    assert file.getvalue() == ""
-    assert seen[0].is_published
-    assert seen[0].platform.name == "liu2000"
-    assert seen[1].title == case_of(UNEVEN).title
-    assert seen[1].platform == UNEVEN
-    assert seen[2] is CASE
-
-
-@pytest.mark.parametrize(
-    ("case", "is_asked"), [(paper_case(), True), (paper_case(minus_first=True), True), (CASE, False)]
-)
-def test_only_the_published_case_is_read_in_other_ways(
-    case: OpenLoopCase, is_asked: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Expected: the readings of the case's own order, and the weight; neither of another platform."""
-    asked = list[object]()
-
-    class StopError(Exception):
-        pass
-
-    def stop(*_: object) -> None:
-        raise StopError
-
-    for name in ("run_stepping", "run_kernel", "run_kane"):
-        monkeypatch.setattr(reproduce, name, lambda *_arguments, **_named: None)
-    monkeypatch.setattr(reproduce, "_fmus", lambda *_: ({}, {}))
-    monkeypatch.setattr(readings, "other_readings", lambda minus_first, _task: asked.append(minus_first))
-    monkeypatch.setattr(readings, "weight_of_the_published_forces", lambda: asked.append("weight"))
-    monkeypatch.setattr(figures, "open_loop_figures", stop)
-    with pytest.raises(StopError):
-        reproduce.reproduce(case)
-    assert asked == ([case.minus_first, "weight"] if is_asked else [])
-
-
-def test_a_reproduction_is_one_line_and_saves_its_files(tmp_path: Path) -> None:
-    made = reproduce.Reproduction({"agreement": [{"holds": True}, {"holds": False}]}, {"a.csv": b"1", "b.png": b"2"})
-    assert repr(made) == "<Reproduction: 1 of 2 comparisons within their bounds; files a.csv, b.png>"
-    assert [path.read_bytes() for path in made.save(tmp_path / "new")] == [b"1", b"2"]
-    assert not made.agrees

@@ -74,6 +74,12 @@ _RESULTS: Mapping[str, tuple[str, str, str]] = {
         "Of the joint that is nearest to its largest angle; negative beyond.",
     ),
 }
+# Why poses are out of reach, where the limit's own words do not follow "because of".
+_WHY = {
+    Limit.SINGULAR: Limit.SINGULAR.text,
+    Limit.BASE_JOINT: "because of the angle of a base joint",
+    Limit.PLATFORM_JOINT: "because of the angle of a platform joint",
+}
 # What the limits of a platform keep it from.
 _KEPT: Mapping[str, tuple[Limit, ...]] = {
     "leg_length_min": (Limit.LEG_TOO_SHORT,),
@@ -220,7 +226,8 @@ def _verdict(workspace: Workspace) -> Verdict:
     numbers = tuple(n for n in _numbers(workspace) if not n.path.endswith("_margin") or "force" in n.path)
     shares = {limit: float((code == limit).mean()) for limit in Limit if limit != Limit.NONE}
     first = max(shares, key=lambda limit: shares[limit])
-    most = f"{percent(shares[first])} of it is out of reach because of {first.text}" if share < 1 else None
+    why = _WHY.get(first, f"because of {first.text}")
+    most = f"{percent(shares[first])} of it is out of reach {why}" if share < 1 else None
     if not reached.any():
         none = f"reaches none of {counted(reached.size, 'pose')} of this grid"
         return Verdict(sentence([none, most]), "bad", numbers)

@@ -1,0 +1,413 @@
+"""The commands `check`, `margins`, `frf`, `ensemble` and `tune`: what a loop allows, over many machines, at best."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from gough_stewart.harness.cli.exit_codes import ExitCode
+from gough_stewart.harness.cli.options import (
+    ExperimentArgument,
+    NoPythonOption,
+    SeedOption,
+    SetOption,
+    choice,
+    chosen_experiment,
+    experiments,
+    option,
+    out_option,
+    path,
+    results_folder,
+)
+from gough_stewart.harness.cli.study import Running, study
+from gough_stewart.harness.cli.terminal import Terminal, errors, members_bar, warn
+from gough_stewart.harness.errors import MissedError, UsageError
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.ensemble.report import Ensemble
+    from gough_stewart.harness.tuning.search import Search
+
+Fit = Literal["time", "amplitude"]
+
+
+@study(figures=("shares",))
+def check_command(
+    running: Running,
+    experiment: ExperimentArgument,
+    out: Annotated[Path | None, out_option("results/check_NAME, after the experiment")] = None,
+    settings: SetOption = None,
+    fit: Annotated[
+        Fit | None,
+        choice(
+            "Also slow the motion down (time) or reduce it (amplitude) until it is within all limits, less the "
+            "margin of a path, write it to NAME-fitted.toml beside the experiment, and check it.",
+            Fit,
+        ),
+    ] = None,
+) -> None:
+    """Check whether the platform can follow the motion of an experiment, without running it.
+
+    Along the whole motion it checks stroke, joint angles, distance from singular poses, leg velocity, leg acceleration,
+    and force and power by inverse dynamics without load. The first line says whether it can be done, and what it needs
+    most; if a limit is exceeded, also how much slower or smaller the motion would have to be. Tables have the largest
+    share of each limit by leg, and when, and what the motion needs of each leg: stroke, speed, force, power, energy
+    and joint angles, peak and RMS.
+
+    Writes **check.json** and **needs.csv**, a row for each leg to choose actuators by; with `--figures` also
+    **shares**, the shares of all limits over time.
+
+    Exit code 3 if the motion, or the fitted one, exceeds a limit, or a requirement is not met.
+
+    Examples
+    --------
+    - `gough-stewart check pitch_sine`
+
+    - `gough-stewart check pitch_sine --set reference.frequency=4 --fit time`
+    """
+    loaded = chosen_experiment(experiment, settings, executed=lambda _: ())
+    from gough_stewart.harness.experiment.checking import FILES, PATHS, check, check_files
+
+    running.expect(PATHS)
+    running.hold(out or results_folder("check", experiment), FILES)
+    running.step("shares of all limits")
+    checked = check(loaded)
+    report = checked.report(charts=running.draws)
+    running.require(loaded.requirements, report.numbers)
+    running.present(report, check_files(checked))
+    if fit is not None and not (checked.within and checked.keeps_margin):
+        from gough_stewart.harness.experiment.file import text_with_settings
+        from gough_stewart.harness.report.terminal import show
+        from gough_stewart.model.process.files import write_whole
+
+        # beside the experiment, so that paths in it stay valid; a shipped one is written to the current folder
+        fitted = checked.experiment.folder / f"{Path(experiment).stem}-fitted.toml"
+        text = text_with_settings(experiment, settings or [], checked.settings_that_fit(fit))
+        write_whole(fitted, text.encode())
+        running.command.written.append(fitted.parent)
+        checked = check(str(fitted))
+        Terminal().say(f"\n{fitted.name}:")
+        show(checked.report(charts=False), Terminal())
+        next_step = f"gough-stewart run {shlex.quote(str(fitted))}"
+        running.command.close([fitted.name], fitted.parent, done=None, then=next_step)
+    if not checked.within:
+        raise typer.Exit(ExitCode.MISSED)
+
+
+@study(figures=("bode", "step"))
+def margins_command(
+    running: Running,
+    experiment: ExperimentArgument,
+    out: Annotated[Path | None, out_option("results/margins_NAME, after the experiment")] = None,
+    settings: SetOption = None,
+    no_python: NoPythonOption = False,
+) -> None:
+    """Compute gains, closed-loop modes and stability margins of an experiment, on the linear model.
+
+    The model is linearised at the first pose of the reference, and sampled and delayed as in the experiment. Writes
+    **margins.json**; with `--figures` also **bode** and **step**.
+
+    Exit code 3 if a requirement is not met, 4 if that cannot be told.
+
+    Examples
+    --------
+    - `gough-stewart margins heave_step`
+
+    - `gough-stewart margins heave_step --set controller.bandwidth=8 --out results/eight`
+    """
+    loaded = chosen_experiment(experiment, settings, no_python)
+    from gough_stewart.harness.experiment.margins import PATHS, margins, margins_file
+
+    running.expect(PATHS)
+    running.hold(out or results_folder("margins", experiment), ["margins.json"])
+    running.step("linear model, margins")
+    analysis = margins(loaded)
+    report = analysis.report(charts=running.draws)
+    running.require(loaded.requirements, report.numbers)
+    running.present(report, {"margins.json": margins_file(analysis)})
+
+
+@study(numbers=("S", "T", "L", "agreement", "coherence"), figures=("bode",))
+def frf_command(
+    running: Running,
+    record: Annotated[Path, typer.Argument(help="A record from `run`, or its folder.", metavar="RECORD", parser=path)],
+    experiment: Annotated[
+        str | None,
+        option(
+            "The experiment of the run, if its controller is a Python file: that file is executed for the linear "
+            "model. A record alone never executes code.",
+            "FILE.toml|NAME",
+            autocompletion=experiments,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        option(
+            "Folder for the files; created if needed. Default: the record's folder; with --report or --figures, "
+            "frf in it.",
+            "DIR",
+            parser=path,
+        ),
+    ] = None,
+) -> None:
+    """Estimate the frequency responses S, T and L of the leg or mode excited in a run, beside the linear model.
+
+    The run's experiment needs an `[injection]`. Writes **frf.csv** and **frf.parquet** with confidence and coherence;
+    with `--figures` also the Bode plot **bode**.
+
+    Examples
+    --------
+    - `gough-stewart run frequency_response` and `gough-stewart frf results/run_frequency_response`
+    """
+    run_folder = record if record.is_dir() else record.parent
+    # the page of the run is in its folder
+    folder = out or (run_folder / "frf" if running.page or running.options.figures else run_folder)
+    loaded = None if experiment is None else chosen_experiment(experiment, None)
+    from gough_stewart.harness.experiment.frf import FILES, frf, frf_files
+
+    running.hold(folder, FILES, keeps_data=folder != run_folder)
+    running.step("transforms, linear model, figure")
+    responses = frf(record, experiment=loaded)
+    report = responses.report(charts=running.draws)
+    running.require(responses.requirements, report.numbers)
+    running.present(report, frf_files(responses))
+
+
+@study(figures=("distribution", "bands", "dependence", "sensitivity", "beside"), bar=members_bar)
+def ensemble_command(
+    running: Running,
+    experiment: ExperimentArgument,
+    members: Annotated[int | None, option("Number of members. Default: from the experiment.", "N", min=1)] = None,
+    seed: Annotated[int | None, option("Seed of samples and noise. Default: from the experiment.", "N", min=0)] = None,
+    out: Annotated[Path | None, out_option("results/ensemble_NAME, after the experiment")] = None,
+    resume: Annotated[
+        bool, option("Continue an interrupted run in the folder from its finished chunks.", None, "--resume")
+    ] = False,
+    workers: Annotated[
+        int | None, option("Number of processes on this machine. Default: one thread or process per core.", "N", min=1)
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        option(
+            "Compute on the workers of this dask.distributed scheduler instead, such as tcp://HOST:8786.", "ADDRESS"
+        ),
+    ] = None,
+    compare: Annotated[
+        str | None,
+        option(
+            "Also run this experiment with the same members, and show the differences: it minus the first one. "
+            "--set changes only the first.",
+            "FILE.toml|NAME",
+        ),
+    ] = None,
+    settings: SetOption = None,
+    no_python: NoPythonOption = False,
+) -> None:
+    """Run the members of an experiment's [ensemble]: machines that differ, all with the same controller.
+
+    Writes **members.parquet** (one row per member: varied quantities, metrics, outcome), **bands.parquet** (quantiles
+    of signals over time), **samples.parquet** (signals of the first 1,000 members at 101 times), **ensemble.json**, and
+    in **worst** the records of the worst members and of the nominal machine; with `--report` a page of all, of each
+    worst member, and of these beside the nominal machine; with `--figures` **distribution**, **bands**,
+    **dependence** and **sensitivity**.
+    `gough-stewart run FILE --member 17` repeats a member exactly.
+
+    A requirement is on every member, or with "for 95 % of members" on that share of all machines: exit code 3 if it is
+    not met, 4 if there are too few members to tell; the report says how many would. Exit code 3 also if no member
+    completes its run with a loop that does not grow by itself. Members whose loops grow or oscillate are counted in a
+    warning.
+
+    With `--compare`, a requirement is on the second experiment; "first.PATH" is on the first, "difference.PATH" on the
+    second minus the first.
+
+    Ctrl-C keeps the finished chunks; the same command with `--resume` continues, and gives the same bytes.
+
+    Examples
+    --------
+    - `gough-stewart ensemble heave_tolerances --members 200`
+
+    - `gough-stewart ensemble mine.toml --set controller.bandwidth=3 --out results/faster`
+
+    - `gough-stewart ensemble mine.toml --require "tracking.position.norm_peak <= 1 mm for 95 % of members"`
+
+    - `gough-stewart ensemble slow.toml --compare fast.toml`
+
+    - `gough-stewart ensemble mine.toml --members 100000 --scheduler tcp://10.0.0.1:8786`
+    """
+    if workers is not None and scheduler is not None:
+        raise UsageError("--workers and --scheduler exclude each other: a scheduler has its own workers; give one")
+    loaded = chosen_experiment(experiment, settings, no_python)
+    from gough_stewart.harness.ensemble import compare as comparing
+    from gough_stewart.harness.ensemble.data import BANDS, MEMBERS, METADATA, SAMPLES
+    from gough_stewart.harness.ensemble.ensemble import ensemble
+    from gough_stewart.harness.ensemble.worst import WORST, write_worst
+    from gough_stewart.harness.results.metric_folds import METRICS
+
+    options: dict[str, Any] = {
+        "members": members,
+        "seed": seed,
+        "resume": resume,
+        "workers": workers,
+        "scheduler": scheduler,
+        "progress": lambda done, total: running.step(completed=done, total=total),
+    }
+    if compare is None:
+        folder = running.hold(out or results_folder("ensemble", experiment))
+        running.require(loaded.requirements, METRICS)
+        result = ensemble(loaded, out=folder, **options, status=running.step)
+        running.command.written.append(folder)
+        running.step("worst members and report", total=None)
+        worst = write_worst(result, folder, pages=running.page)
+        report = worst.shown_in(result.report(charts=running.draws, worst=worst.links))
+        report = replace(report, repeat=_repeats(experiment, settings, members, seed))
+        running.present(report, [MEMBERS, BANDS, SAMPLES, METADATA, *([WORST] if worst.links else [])])
+        results = [result]
+    else:
+        second = chosen_experiment(compare, None, no_python)
+        folder = out or results_folder("ensemble", experiment, "_compared")
+        running.hold(folder, study="ensemble --compare")
+        running.require(second.requirements, comparing.known_numbers())
+        names = comparing.names_of(experiment, compare)
+        compared = comparing.run_compared((loaded, second), names, folder, running.step, **options)
+        running.command.written.append(folder)
+        running.step("worst members and reports", total=None)
+        results = [compared.a, compared.b]
+        for name, result in zip(names, results, strict=True):
+            worst = write_worst(result, folder / name, pages=running.page)
+            running.write(worst.shown_in(result.report(charts=running.draws, worst=worst.links)), folder / name, {})
+        report = comparing.comparison_report(compared, charts=running.draws)
+        running.present(report, [*names, comparing.DIFFERENCES])
+    for result in results:
+        _check_some_work(result)
+
+
+def _repeats(experiment: str, settings: Sequence[str] | None, members: int | None, seed: int | None) -> str:
+    """The command that runs a member again, without its number."""
+    numbers = {"ensemble.members": members, "ensemble.seed": seed}
+    changed = [*(settings or ()), *(f"{key}={value}" for key, value in numbers.items() if value is not None)]
+    options = "".join(f"--set {quote(setting)} " for setting in changed)
+    return f"gough-stewart run {quote(str(experiment))} {options}--open --member"
+
+
+def _check_some_work(result: "Ensemble") -> None:
+    """Raise `MissedError` if no member has completed its run, or the loops of all that have grow by themselves."""
+    from gough_stewart.harness.ensemble.data import oscillation_warning, works
+
+    members = result.members
+    if works(members).any():
+        return
+    if (members["outcome"] == "completed").any():
+        raise MissedError(f"no member completed its run with a loop that does not grow: {oscillation_warning(members)}")
+    raise MissedError(f"none of {members.height} members completed its run; the first: {members['cause'][0]}")
+
+
+@study(figures=("search", "values"))
+def tune_command(
+    running: Running,
+    experiment: ExperimentArgument,
+    vary: Annotated[
+        list[str],
+        option(
+            "A key and its bounds, such as controller.bandwidth=1..6Hz; add ,log for a logarithmic scale. "
+            "May be repeated.",
+            "KEY=LOW..HIGH",
+        ),
+    ],
+    minimise: Annotated[str, option("The metric to minimise, such as tracking.position.norm_rms.", "METRIC")],
+    subject_to: Annotated[
+        list[str] | None,
+        option("A condition, such as 'disk_margin > 0.5' or 'stroke.margin >= 10 mm'; may be repeated.", "CONDITION"),
+    ] = None,
+    over_ensemble: Annotated[
+        str | None,
+        option("Minimise this quantile over the members of the [ensemble], such as quantile=0.95.", "quantile=Q"),
+    ] = None,
+    members: Annotated[
+        int | None, option("Number of members that evaluate a candidate. Default: at most 64.", "N", min=1)
+    ] = None,
+    fresh: Annotated[
+        int | None, option("Number of members, not used in the search, that evaluate the result.", "N", min=1)
+    ] = None,
+    generations: Annotated[int, option("Number of generations.", "N", min=1)] = 25,
+    population: Annotated[int | None, option("Candidates per generation. Default: 16 per key.", "N", min=5)] = None,
+    seed: SeedOption = 0,
+    out: Annotated[Path | None, out_option("results/tune_NAME, after the experiment")] = None,
+    settings: SetOption = None,
+    no_python: NoPythonOption = False,
+) -> None:
+    """Find the numbers of an experiment that minimise a metric, over many machines if it has an [ensemble].
+
+    Writes **tuned.toml**, an experiment for `gough-stewart run`, **tuning.json** and **candidates.csv**; with
+    `--figures` also **search** and **values**. Ctrl-C ends the search and writes the best so far.
+
+    Examples
+    --------
+    - `gough-stewart tune heave_step --vary controller.bandwidth=1..6Hz --vary controller.damping_ratio=0.4..1.2
+      --minimise tracking.position.norm_rms --subject-to 'step_response.z.overshoot_percent < 5'`
+
+    - `gough-stewart tune heave_tolerances --vary controller.bandwidth=1..6Hz --minimise tracking.position.norm_peak
+      --over-ensemble quantile=0.95`
+    """
+    quantile = _quantile(over_ensemble)
+    loaded = chosen_experiment(experiment, settings, no_python)
+    if over_ensemble is not None and loaded.ensemble is None:
+        raise UsageError(
+            f"--over-ensemble {over_ensemble}: {experiment} has no [ensemble], so there are no machines that "
+            "differ; add one, or leave the option out"
+        )
+    if over_ensemble is None:
+        loaded = loaded.model_copy(update={"ensemble": None})
+    from gough_stewart.harness.experiment.file import text_with_settings
+    from gough_stewart.harness.results.metric_folds import METRICS, metric_of
+    from gough_stewart.harness.tuning.tune import tune
+    from gough_stewart.harness.tuning.tuning import TUNED, tuning_files
+
+    # before a long search: whether its result can be judged, and written as a file
+    running.expect(["value", "values", "fresh", *(metric.path for metric in METRICS)])
+    folder = running.hold(out or results_folder("tune", experiment), (TUNED, "tuning.json", "candidates.csv"))
+    text_with_settings(experiment, settings or (), folder=folder)
+
+    def status(search: "Search") -> None:
+        quantity, best = metric_of(search.goal.metric).quantity, search.best
+        so_far = "none yet" if best is None else quantity.text(best.value)
+        running.step(f"best {so_far}", completed=search.generation[-1] + 1, total=generations)
+
+    result = tune(
+        loaded,
+        vary,
+        minimise,
+        subject_to=subject_to or (),
+        quantile=quantile,
+        members=members,
+        fresh=fresh,
+        generations=generations,
+        population=population,
+        seed=seed,
+        status=status,
+    )
+    report = result.report(charts=running.draws)
+    if result.left_out:
+        warn(f"{result.left_out} members have impossible parameters and are left out")
+    running.require(loaded.requirements, report.numbers)
+    then = f"gough-stewart run {shlex.quote(str(folder / TUNED))}"
+    running.present(report, tuning_files(result, experiment, folder, settings or ()), then=then)
+    if result.is_interrupted:
+        errors.say(("interrupted", "bold red"), "; the best candidate so far is written")
+        raise typer.Exit(ExitCode.INTERRUPTED)
+
+
+def _quantile(text: str | None) -> float:
+    """From `quantile=0.95`."""
+    if text is None:
+        return 0.95
+    name, _, number = (part.strip() for part in text.partition("="))
+    try:
+        quantile = float(number)
+    except ValueError:
+        quantile = 0.0
+    if name != "quantile" or not 0 < quantile <= 1:
+        raise UsageError(f"--over-ensemble {text}: expected quantile=Q with Q above 0, up to 1, such as quantile=0.95")
+    return quantile

@@ -1,0 +1,231 @@
+"""The commands `excite` and `identify`: parameters of a platform from logs."""
+
+import shlex
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from gough_stewart.harness.cli.exit_codes import ExitCode
+from gough_stewart.harness.cli.options import (
+    NoPythonOption,
+    PlatformOption,
+    PresetOption,
+    SeedOption,
+    SetOption,
+    choice,
+    chosen_experiment,
+    chosen_platform,
+    experiments,
+    log_folder,
+    option,
+    out_option,
+    path,
+    platform_folder,
+)
+from gough_stewart.harness.cli.study import Running, study
+from gough_stewart.harness.errors import UsageError
+
+Criterion = Literal["condition", "determinant"]
+
+
+@study(numbers=("condition_number", "log_determinant"), figures=("pose",))
+def excite_command(
+    running: Running,
+    preset: PresetOption = None,
+    platform: PlatformOption = None,
+    estimate: Annotated[
+        str,
+        option(
+            "The parameters to identify.",
+            "NAME,…",
+            show_default="mass, com and inertia of the platform, friction of the legs",
+        ),
+    ] = "platform_mass,platform_com,platform_inertia,leg_viscous_friction,leg_coulomb_friction",
+    duration: Annotated[float, option("Duration of the motion [s].", "SECONDS")] = 20.0,
+    frequency: Annotated[float, option("Frequency of the first harmonic [Hz].", "HZ")] = 0.1,
+    harmonics: Annotated[int, option("Number of harmonics.", "N", min=1, max=100)] = 5,
+    fade: Annotated[float, option("Duration of the fade from rest and to rest [s].", "SECONDS")] = 1.0,
+    criterion: Annotated[
+        Criterion,
+        choice(
+            "What to optimise: the condition number of the regressor, or the determinant of its information.", Criterion
+        ),
+    ] = "condition",
+    trials: Annotated[int, option("Number of motions to evaluate.", "N", min=1)] = 150,
+    seed: SeedOption = 0,
+    out: Annotated[Path | None, out_option("results/excite_NAME, after the platform")] = None,
+) -> None:
+    """Design a motion for the identification of parameters: a finite Fourier series within all limits.
+
+    Writes **excitation.toml**, an experiment for `run`, and, if the platform is your own file, **platform.toml** beside
+    it.
+
+    Examples
+    --------
+    - `gough-stewart excite --preset motion_base`, then `gough-stewart run results/excite_motion_base/excitation.toml`
+    """
+    folder = out or platform_folder("excite", preset, platform)
+    for name, value in (("duration", duration), ("frequency", frequency), ("fade", fade)):
+        if not 0 < value < float("inf"):
+            raise UsageError(f"--{name} is {value:g}; expected a number > 0")
+    loaded = chosen_platform(preset, platform)
+    from gough_stewart.harness.identify.excite import excite, experiment_text
+    from gough_stewart.harness.identify.excite_report import excite_report
+    from gough_stewart.harness.identify.names import expanded
+    from gough_stewart.model.platform import platform_to_toml
+
+    running.hold(folder, ("excitation.toml", "platform.toml"))
+    running.step("motions")
+    design = excite(
+        loaded,
+        estimate,
+        duration=duration,
+        frequency=frequency,
+        harmonics=harmonics,
+        fade=fade,
+        criterion=criterion,
+        trials=trials,
+        seed=seed,
+        status=running.step,
+    )
+    line = 'file = "platform.toml"' if platform is not None else f'preset = "{loaded.name}"'
+    files = {"excitation.toml": experiment_text(design, loaded, line, estimate, seed).encode()}
+    if platform is not None:
+        files["platform.toml"] = platform_to_toml(loaded).encode()
+    report = excite_report(design, loaded, expanded(estimate.split(","), loaded), duration)
+    running.present(report, files, then=f"gough-stewart run {shlex.quote(str(folder / 'excitation.toml'))}")
+
+
+Method = Literal["linear", "geometry"]
+Side = Literal["leg", "motor"]
+PoseFrame = Literal["world", "own"]
+
+
+@study(figures=("parameters", "fit", "residuals"))
+def identify_command(
+    running: Running,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            help="A CSV or Parquet file, or the folder of a record; several of one machine are fitted at once.",
+            metavar="LOG",
+            parser=path,
+        ),
+    ],
+    estimate: Annotated[str, option("Parameters to estimate, separated by commas; NAME[1..6] for each leg.", "NAME,…")],
+    preset: PresetOption = None,
+    platform: PlatformOption = None,
+    method: Annotated[Method, choice("Method of estimation.", Method)] = "linear",
+    force_per_current: Annotated[
+        float | None, option("Force per current of each motor [N/A], for logs with motor_current[1..6].", "FACTOR")
+    ] = None,
+    holds_force: Annotated[
+        bool,
+        option(
+            "Forces are commands of a sampled controller: each acts from its row to the next. Without it, forces "
+            "are readings at the times of their rows. Records of `run` say so themselves.",
+            None,
+            "--holds-force",
+        ),
+    ] = False,
+    side: Annotated[
+        Side | None,
+        choice(
+            "Of legs that give, where leg_length was measured. Records of `run` say so themselves; columns "
+            "motor_position[1..6] are the motors'.",
+            Side,
+            show_default="leg",
+        ),
+    ] = None,
+    validate: Annotated[
+        list[Path] | None,
+        option(
+            "A log of the same machine that validates the fit and is not fitted; may be repeated. Then all of the "
+            "other logs is fitted.",
+            "LOG",
+            parser=path,
+        ),
+    ] = None,
+    validation: Annotated[
+        float | None,
+        option("Share of each log, at its end, that validates the fit and is not fitted.", "SHARE", show_default="0.2"),
+    ] = None,
+    pose_frame: Annotated[
+        PoseFrame | None,
+        choice("Frame of measured poses: world, or the tracker's own, at any unknown pose.", PoseFrame),
+    ] = None,
+    experiment: Annotated[
+        str | None,
+        option(
+            "Run this experiment with the nominal platform and with the identified one, and compare errors and "
+            "margins.",
+            "FILE.toml|NAME",
+            autocompletion=experiments,
+        ),
+    ] = None,
+    settings: SetOption = None,
+    no_python: NoPythonOption = False,
+    out: Annotated[Path | None, out_option("results/identify_NAME, after the log")] = None,
+) -> None:
+    """Identify parameters of a platform from logs of time, leg lengths and forces, with their uncertainty.
+
+    A log is a record of `run`, or has the columns `time`, `leg_length[1..6]`, `actuator_force[1..6]` or
+    `motor_current[1..6]`, with units in their names where they are not SI: `time [ms]`.
+
+    Writes **platform.toml** for `run`; **estimate.json** with values, intervals, correlation, observability and
+    residuals; with `--figures` also **parameters**, **fit** and **residuals**.
+
+    If the log contradicts the model, or much of it is damaged, the files are written, and the exit code is 3.
+
+    Examples
+    --------
+    - `gough-stewart identify log.csv --platform nominal.toml --estimate platform_mass,platform_com`
+
+    - `gough-stewart identify slow.csv fast.csv --platform nominal.toml --estimate platform_mass --validate other.csv`
+
+    - `gough-stewart identify poses.csv --platform nominal.toml --estimate base_points,leg_length_offset`
+    """
+    if validate and validation is not None:
+        raise UsageError("--validate and --validation exclude each other; give one")
+    nominal = chosen_platform(preset, platform)
+    from gough_stewart.harness.identify.files import FILES, identification_files
+    from gough_stewart.harness.identify.identify import identify
+    from gough_stewart.harness.identify.log import read_log
+    from gough_stewart.harness.identify.report import estimate_report
+    from gough_stewart.harness.identify.retuned import before_and_after
+    from gough_stewart.harness.report.document import settings_of
+    from gough_stewart.harness.results.metric_folds import METRICS
+
+    metrics = () if experiment is None else METRICS
+    running.expect(["parameters", "condition_number", *(metric.path for metric in metrics)])
+    running.hold(out or log_folder("identify", logs[0]), FILES)
+    loaded = None
+    if experiment is not None:
+        loaded = chosen_experiment(experiment, settings, no_python, lambda loaded: loaded.code)
+    running.step("identifying")
+    options: dict[str, Any] = {} if pose_frame is None else {"pose_frame": pose_frame}
+    log_options: dict[str, Any] = {"holds_force": holds_force or None, "side": side}
+    fitted = [read_log(log, force_per_current, **log_options) for log in logs]
+    if validate:
+        options["validation"] = [read_log(log, force_per_current, **log_options) for log in validate]
+    elif validation is not None:
+        options["validation"] = validation
+    result = identify(fitted, nominal, estimate, method, **options)
+    compared = None
+    if loaded is not None:
+        running.step("before and after")
+        compared = before_and_after(loaded, nominal, result.platform(nominal))
+    tables = [] if compared is None else [compared.table]
+    report = estimate_report(result, nominal.name, tables, charts=running.draws)
+    if loaded is not None and compared is not None:
+        report = replace(report, settings=settings_of(loaded.changed), numbers=(*report.numbers, *compared.numbers))
+    running.require(() if loaded is None else loaded.requirements, report.numbers)
+    then = None
+    if result.not_excited:
+        machine = f"--platform {shlex.quote(str(platform))}" if platform else f"--preset {preset or nominal.name}"
+        then = f"gough-stewart excite {machine} --estimate {shlex.quote(estimate)}"
+    running.present(report, identification_files(result, nominal), then=then)
+    if result.alarms:
+        raise typer.Exit(ExitCode.MISSED)

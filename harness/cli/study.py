@@ -1,0 +1,326 @@
+"""A study is one declaration: a function with its options. What follows is the same for all, and done here.
+
+    @study(numbers=("margins",), figures=("bode", "step"))
+    def margins_command(running: Running, experiment: ExperimentArgument, out: … = None) -> None:
+        '''What the help says.'''
+        running.hold(folder, names_of_files)
+        running.require(…, known_numbers)
+        running.present(report, files)
+
+1. The command has the options of the function, then --report, --figures, --open, --json and --require.
+2. Progress is shown from the start; the function describes it by `running.step`.
+3. An error is one line and an exit code (`command.clear_errors`).
+4. `hold` reserves the folder, which holds one study at a time.
+5. `require` refuses wrong requirements before anything is computed.
+6. `present` judges them, writes the files, report.json, figures and page as one set that replaces that of an older
+   result, and prints the report and the closing lines.
+7. Afterwards the exit code is that of the requirements, unless the function ends with one of its own.
+"""
+
+import inspect
+import json
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gough_stewart.harness.cli.command import Command, clear_errors
+from gough_stewart.harness.cli.exit_codes import ExitCode
+from gough_stewart.harness.cli.options import KINDS_OF_NUMBERS, numbers_of_loops, option
+from gough_stewart.harness.cli.terminal import Terminal, diverted, errors, progress_bar, warn
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from gough_stewart.harness.report.document import Report
+    from gough_stewart.harness.report.requirements import Known, Required
+    from gough_stewart.model.process.files import Content
+
+PAGE, DATA = "report.html", "report.json"
+_RECORDS = ("record.parquet", "record.csv")
+
+
+@dataclass(frozen=True)
+class ReportOptions:
+    """The options that every study has."""
+
+    report: Annotated[bool, option("Also write report.html, a page for the browser.", None, "--report")] = False
+    figures: Annotated[bool, option("Also draw the charts, each as PDF, PNG and SVG.", None, "--figures")] = False
+    open_it: Annotated[bool, option("Open the page in the browser; implies --report.", None, "--open")] = False
+    as_json: Annotated[
+        bool, option("Write the report as data to the standard output, and nothing else there.", None, "--json")
+    ] = False
+    require: Annotated[
+        list[str] | None,
+        option(
+            "A requirement on a number of the report, such as 'stroke.margin >= 10 mm'; may be "
+            "repeated. Exit code 3 if it is not met, 4 if that cannot be told.",
+            "CONDITION",
+        ),
+    ] = None
+
+
+@dataclass
+class Running:
+    """A study that runs: what was asked of its report, its progress, and its folder."""
+
+    name: str
+    command: Command
+    options: ReportOptions
+    progress: "Progress"
+    groups: Sequence[str] = ()  # of charts, each a figure
+    required: "list[Required]" = field(default_factory=list)
+    report: "Report | None" = None  # as presented
+    folder: Path = Path()
+    names: tuple[str, ...] = ()  # of all files that the study may write there
+    keeps_data: bool = True
+    until_end: ExitStack = field(default_factory=ExitStack)
+
+    @property
+    def page(self) -> bool:
+        """Whether a page is written."""
+        return self.options.report or self.options.open_it
+
+    @property
+    def draws(self) -> bool:
+        """Whether charts are shown anywhere."""
+        return self.page or self.options.figures or self.options.as_json
+
+    def step(self, description: str | None = None, **values: Any) -> None:
+        """Show what is done now; `total` and `completed` as in rich."""
+        self.progress.update(self.progress.task_ids[0], description=description, **values)
+
+    def hold(
+        self, folder: Path, names: Iterable[str] = (), study: str | None = None, *, keeps_data: bool = True
+    ) -> Path:
+        """Check the folder of the results, and reserve it to the end of the command.
+
+        Parameters
+        ----------
+        names
+            All files that the study may write, apart from those of its report.
+        study
+            The name of the study in its report, if it is not that of the command.
+        keeps_data
+            Write report.json. Without it, the folder is another's, such as the current one, and not reserved.
+
+        Raises
+        ------
+        OutputError
+            It cannot be written to, another command writes there, or it holds the results of another study.
+        """
+        from gough_stewart.model.errors import OutputError
+        from gough_stewart.model.process.files import check_output_folder, reserved
+
+        self.folder, self.names, self.keeps_data = folder, tuple(names), keeps_data
+        check_output_folder(folder, [*self.names, DATA, PAGE])
+        if keeps_data:
+            holders = _studies_in(folder)
+            if holders and (study or self.name) not in holders:
+                raise OutputError(
+                    f"output folder {folder}: it holds the results of `gough-stewart {holders[0]}`; choose another "
+                    "folder, or delete that one"
+                )
+            self.until_end.callback(_remove_empty, [place for place in (folder, *folder.parents) if not place.exists()])
+            self.until_end.enter_context(reserved(folder))
+        return folder
+
+    def require(self, from_file: Sequence[str], known: "Iterable[Known]") -> "list[Required]":
+        """Take the requirements of the experiment's file that are on this study, beside those of the command line.
+
+        A file may have requirements for several studies: those on other kinds of numbers, or on numbers that other
+        studies have, are named and left out.
+
+        Raises
+        ------
+        RequirementError
+            An unknown number, a unit of another kind, or a requirement that cannot be read.
+        """
+        if not self.required and not from_file:
+            return []
+        from gough_stewart.harness.experiment.margins import RENAMED
+        from gough_stewart.harness.report.requirements import check_known, required
+
+        numbers = list(known)
+        paths = {number.path for number in numbers}
+        kinds = {path.partition(".")[0] for path in paths}
+        elsewhere = (numbers_of_loops() if from_file else set()) - paths
+        for requirement in map(required, from_file):
+            if requirement.path in elsewhere or requirement.path.partition(".")[0] not in kinds:
+                errors.say((f"not judged by this command: {requirement.text}", "dim"))
+                continue
+            self.required.append(requirement)
+            if requirement.path in RENAMED:  # a file may be older
+                errors.say((f"{requirement.text}: {requirement.path} is {RENAMED[requirement.path]}", "dim"))
+        check_known(self.required, numbers)
+        return self.required
+
+    def expect(self, known: Iterable[str]) -> None:
+        """Refuse requirements of the command line on elsewhere than these paths, or first words of paths."""
+        if not self.required:
+            return
+        from gough_stewart.harness.errors import RequirementError
+        from gough_stewart.model.interface import nearest
+
+        names = list(known)
+        for requirement in self.required:
+            if not {*names} & {requirement.path, requirement.path.partition(".")[0]}:
+                hint = nearest(requirement.path, names)
+                raise RequirementError(f"the requirement '{requirement.text}': no number '{requirement.path}'{hint}")
+
+    def present(
+        self,
+        report: "Report",
+        files: "Mapping[str, Content] | Sequence[str]",
+        *,
+        done: str | None = "Done",
+        then: str | None = None,
+    ) -> None:
+        """Judge the requirements, write the files with report.json, figures and page, and say what was found.
+
+        Parameters
+        ----------
+        files
+            Their contents by name; or only names, if the study has written them.
+        done, then
+            For the closing lines: what is done, and the next step.
+
+        Raises
+        ------
+        RequirementError
+            A number that the report does not have.
+        """
+        from gough_stewart.harness.report.requirements import with_requirements
+
+        self.step("files and report", total=None)
+        report = with_requirements(report, self.required) if self.required else report
+        written = self.write(report, self.folder, files if isinstance(files, Mapping) else {})
+        self.end(report, [*files, *written], done=done, then=then)
+
+    def write(self, report: "Report", folder: Path, files: "Mapping[str, Content]") -> list[str]:
+        """Write these files with report.json, figures and page as one set; the names of those that are not in `files`.
+
+        From report.json `gough-stewart view` shows the folder.
+        """
+        from gough_stewart.harness.report.codec import to_json
+        from gough_stewart.harness.report.thinning import thinned
+        from gough_stewart.model.process.files import file_set
+
+        expected = [*files, *([DATA] if self.keeps_data else []), *([PAGE] if self.page else [])]
+        pictures = [f"{group}.{kind}" for group in self.groups for kind in ("pdf", "png", "svg")]
+        with file_set(folder, expected, [*(self.names if files else ()), PAGE, *pictures]) as new:
+            new.add(files)
+            if self.keeps_data:
+                new.add({DATA: to_json(thinned(report)).encode()})
+            if self.options.figures:
+                from gough_stewart.harness.report.figures import figures
+
+                new.add(figures(report))
+            if self.page:
+                from gough_stewart.harness.report.page import page_of
+
+                new.add({PAGE: page_of(report)})
+        if folder == self.folder:
+            self.command.written.append(folder)
+        return new.names[len(files) :]
+
+    def end(
+        self, report: "Report", files: Sequence[str], *, done: str | None = "Done", then: str | None = None
+    ) -> None:
+        """Print a report whose files are written, on the terminal or as JSON, and the closing lines."""
+        self.progress.stop()
+        self.report = report
+        if self.folder not in self.command.written:
+            self.command.written.append(self.folder)
+        if self.options.as_json:
+            from gough_stewart.harness.report.codec import to_json
+            from gough_stewart.harness.report.thinning import thinned
+
+            sys.stdout.write(to_json(thinned(report)) + "\n")
+        else:
+            from gough_stewart.harness.report.terminal import show
+
+            show(report, Terminal())
+        for note in report.notes:
+            if note.kind == "warning":
+                warn(note.text)
+        self.command.close(files, self.folder, done=done, then=then, open_it=self.options.open_it)
+
+    def judge(self) -> None:
+        """End the command with the exit code of its requirements, each failure of which is said."""
+        labels = {"missed": ("missed: ", "bold red"), "open": ("cannot be told: ", "bold yellow")}
+        requirements = self.report.requirements if self.report is not None else ()
+        for requirement in requirements:
+            if requirement.status in labels:
+                errors.say(labels[requirement.status], requirement.text)
+        states = {requirement.status for requirement in requirements}
+        if states & {"missed", "open"}:
+            raise typer.Exit(ExitCode.MISSED if "missed" in states else ExitCode.OPEN)
+
+
+def study(
+    numbers: Sequence[str] = (), figures: Sequence[str] = (), bar: "Callable[[], Progress]" = progress_bar
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Declare a study, whose function gets itself `Running` first.
+
+    Parameters
+    ----------
+    numbers
+        First words of the paths of its numbers, if the function does not check requirements itself by `expect` or
+        `require` before it computes.
+    figures
+        The groups of its charts.
+    bar
+        How its progress is shown.
+    """
+    KINDS_OF_NUMBERS.update(numbers)
+
+    def declared(function: Callable[..., None]) -> Callable[..., None]:
+        name = function.__name__.removesuffix("_command")
+
+        @wraps(function)
+        def command(**values: Any) -> None:
+            options = ReportOptions(**{shared: values.pop(shared) for shared in shared_options})
+            # also errors go there with --json
+            with diverted(options.as_json), clear_errors() as command, bar() as progress, ExitStack() as until_end:
+                progress.add_task("preparing", total=None)
+                running = Running(name, command, options, progress, figures, until_end=until_end)
+                if options.require:
+                    from gough_stewart.harness.report.requirements import required
+
+                    running.required += map(required, options.require)
+                    if numbers:
+                        running.expect(numbers)
+                function(running, **values)
+                running.judge()
+
+        signature = inspect.signature(function)
+        _, *declared_options = signature.parameters.values()
+        shared_options = inspect.signature(ReportOptions).parameters
+        shared = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in shared_options.values()]
+        command.__signature__ = signature.replace(parameters=[*declared_options, *shared])  # type: ignore[attr-defined]
+        command.__annotations__ = {parameter.name: parameter.annotation for parameter in (*declared_options, *shared)}
+        return command
+
+    return declared
+
+
+def _studies_in(folder: Path) -> list[str]:
+    """The studies whose results a folder holds: one, unless an older version has mixed them."""
+    studies = ["run"] if any((folder / name).is_file() for name in _RECORDS) else []
+    with suppress(OSError, ValueError):
+        data = json.loads((folder / DATA).read_bytes())
+        if isinstance(data, dict) and data.get("study"):
+            studies.append(data["study"])
+    return studies
+
+
+def _remove_empty(folders: Iterable[Path]) -> None:
+    for folder in folders:
+        with suppress(OSError):  # something is in it
+            folder.rmdir()

@@ -1,0 +1,275 @@
+"""The commands `build` and `export`: the platform and the controller for other tools."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from gough_stewart.harness.cli.command import wrong_use_if
+from gough_stewart.harness.cli.exit_codes import ExitCode
+from gough_stewart.harness.cli.options import (
+    ExperimentArgument,
+    FmiOption,
+    FmiVersion,
+    FolderOption,
+    NoPythonOption,
+    PlatformOption,
+    PresetOption,
+    SetOption,
+    TargetOption,
+    choice,
+    chosen_experiment,
+    chosen_platform,
+    chosen_targets,
+    option,
+)
+from gough_stewart.harness.cli.study import Running, study
+from gough_stewart.harness.errors import ExportError
+
+if TYPE_CHECKING:
+    from gough_stewart.harness.export.stability import LoopStability
+    from gough_stewart.harness.plants.unit_check import UnitCheck
+    from gough_stewart.harness.report.document import Report
+
+
+@study(numbers=("files", "checks"))
+def build_command(
+    running: Running,
+    fmi: FmiOption = None,
+    target: TargetOption = None,
+    preset: PresetOption = None,
+    platform: PlatformOption = None,
+    out: FolderOption = Path(),
+    check: Annotated[
+        bool,
+        option(
+            "Also check the units here: FMPy's validation, and their reference results in Co-Simulation and Model "
+            "Exchange.",
+            None,
+            "--check",
+        ),
+    ] = False,
+) -> None:
+    """Build the platform as an FMU: self-contained, compiled, Co-Simulation and Model Exchange.
+
+    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. The package carries the compiled code for all
+    targets. That of platforms whose legs stick or give, and all code of a checkout of the sources, is compiled at the
+    first build (Windows: two minutes) and kept.
+
+    The loaded platform sets the start values; parameters can change them to another platform without a new build.
+
+    With `--check` exit code 3 if a check fails.
+
+    Examples
+    --------
+    - `gough-stewart build`
+
+    - `gough-stewart build --check`
+
+    - `gough-stewart build --fmi 3.0 --target all --preset motion_base --out fmus`
+    """
+    from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
+    from gough_stewart.fmu_build.cache import BuildError
+    from gough_stewart.fmu_build.toolchain import chosen_targets as targets_by_name
+    from gough_stewart.fmu_build.toolchain import native
+
+    loaded = chosen_platform(preset, platform)
+    versions, targets = [version.value for version in fmi] if fmi else VERSIONS, chosen_targets(target)
+    if check:
+        with wrong_use_if(BuildError):
+            if native() not in targets_by_name(targets):
+                raise BuildError(
+                    f"--check runs the units on this machine, {native().name}, and the targets are "
+                    f"{', '.join(targets)}; add `--target native`"
+                )
+    running.hold(out, keeps_data=running.page or out != Path())
+    running.step("building", total=number_of_steps(versions, targets))
+    files = build(
+        out, fmi=versions, targets=targets, platform=loaded, progress=lambda stage: running.step(stage, advance=1)
+    )
+    checks: list[UnitCheck] | None = None
+    if check:
+        from gough_stewart.harness.plants.unit_check import check_units
+
+        running.step("checking", total=None)
+        checks = list(check_units(files))
+    running.command.written.append(out)
+    names = [str(file.relative_to(out)) for file in files]
+    running.present(_report(loaded.name, versions, targets, names, checks), names)
+    if not all(outcome.passed for outcome in checks or ()):
+        raise typer.Exit(ExitCode.MISSED)
+
+
+def _report(
+    platform: str,
+    versions: Sequence[str],
+    targets: Sequence[str],
+    files: Sequence[str],
+    checks: "Sequence[UnitCheck] | None",
+) -> "Report":
+    """What was built: of which platform, for what, and how it passed its checks, or that it has not been run."""
+    from gough_stewart.harness.report.document import Number, Report, Section, Verdict
+    from gough_stewart.harness.report.quantities import COUNT, NUMBER
+    from gough_stewart.harness.report.table import Column, Table
+    from gough_stewart.harness.report.words import listed, sentence
+
+    systems = "this machine" if list(targets) == ["native"] else listed([*targets])
+    built = [
+        f"FMI {listed([*versions])} of the platform {platform}, compiled for {systems}",
+        "six actuator forces in, pose and leg lengths out",
+    ]
+    title, written = f"FMU of {platform}", Number("files", "files written", float(len(files)), COUNT)
+    if checks is None:
+        verdict = Verdict(sentence([*built, "not yet run: `--check` runs and compares them"]), "good")
+        return Report(title, verdict, study="build", numbers=(written,))
+    from gough_stewart.harness.plants.unit_check import EXPLANATION
+
+    failed = [f"{check.name} of {check.file}" for check in checks if not check.passed]
+    outcome = f"{len(failed)} of {len(checks)} checks failed: {listed(failed)}"
+    worst = max((check.deviation for check in checks if check.deviation is not None), default=None)
+    numbers = (
+        Number("checks.failed", "failed checks", float(len(failed)), COUNT),
+        Number("checks.deviation", "largest deviation from reference results", worst, NUMBER),
+    )
+    table = Table(
+        "",
+        (Column("unit"), Column("check"), Column("outcome"), Column("deviation or problem")),
+        tuple((check.file, check.name, "passed" if check.passed else "FAILED", check.result) for check in checks),
+        note=EXPLANATION,
+    )
+    text = sentence([*built, outcome if failed else f"all {len(checks)} checks passed"])
+    verdict = Verdict(text, "bad" if failed else "good", numbers)
+    return Report(title, verdict, (Section("Checks", (table,)),), study="build", numbers=(written, *numbers))
+
+
+SafeForce = Literal["feedforward", "zero"]
+Real = Literal["double", "float"]
+ReferenceFrom = Literal["inside", "inputs"]
+
+
+@study(numbers=("files", "stability", "margins"))
+def export_command(
+    running: Running,
+    experiment: ExperimentArgument,
+    forms: Annotated[
+        str, option("What to write: fmu, c, ssp, page, or several with commas between them.", "FORMS", "--as")
+    ] = "fmu",
+    fmi: FmiOption = None,
+    ssp_fmi: Annotated[
+        FmiVersion,
+        choice("FMI version of the FMUs in an SSP: 2.0, which all importers of SSP 1.0 support, or 3.0.", FmiVersion),
+    ] = FmiVersion.fmi2,
+    target: TargetOption = None,
+    reference: Annotated[
+        ReferenceFrom,
+        choice("Put the experiment's reference inside the controller, or make references its inputs.", ReferenceFrom),
+    ] = "inside",
+    safe_force: Annotated[
+        SafeForce, choice("Forces while a measurement is NaN or out of its range: the feedforward, or zero.", SafeForce)
+    ] = "feedforward",
+    frozen: Annotated[
+        str | None,
+        option(
+            "Take a measurement for frozen that is the same for N samples while its reference moves by more than "
+            "a length, such as `50,1 mm`.",
+            "N,LENGTH",
+        ),
+    ] = None,
+    anyway: Annotated[
+        bool, option("Export a loop that is unstable in steps_of_one of the forms; they say so.", None, "--anyway")
+    ] = False,
+    real: Annotated[
+        Real, choice("Precision of the C: double, or float with poses and lengths relative to home.", Real)
+    ] = "double",
+    parts: Annotated[
+        str | None,
+        option(
+            "Parts of the machine that the controller includes: drives, sensors, or both with a comma.",
+            "PARTS",
+            "--with",
+        ),
+    ] = None,
+    settings: SetOption = None,
+    out: FolderOption = Path(),
+    no_python: NoPythonOption = False,
+) -> None:
+    """Export the controller of an experiment, to run without Python.
+
+    `--as fmu` writes **NAME_controller_fmi2.fmu** and **NAME_controller_fmi3.fmu**, Co-Simulation; `--as c`
+    **NAME_controller.c**, **NAME_controller.h** and **example_main.c**, C99 for any processor; `--as ssp` **NAME.ssp**,
+    plant and controller connected, for co-simulation tools; `--as page` **NAME_live.html**, the loop live in a browser.
+
+    Each form's loop is judged with the delay that it has there, for the experiment's machine and all members of its
+    [ensemble]; an unstable steps_of_one is refused. The files say what was judged and what they leave out.
+
+    Examples
+    --------
+    - `gough-stewart export heave_step --out exported`
+
+    - `gough-stewart export heave_step --as c,fmu,ssp --target all --out exported`
+
+    - `gough-stewart export mine.toml --as fmu --fmi 2.0 --reference inputs`
+
+    - `gough-stewart export mine.toml --as ssp --with drives,sensors`
+    """
+    from gough_stewart.fmu_build.build import number_of_steps
+    from gough_stewart.harness.export.carried import chosen_parts
+    from gough_stewart.harness.export.export import export
+    from gough_stewart.harness.export.forms import chosen_forms
+    from gough_stewart.harness.export.report import export_report
+    from gough_stewart.harness.report.document import settings_of
+
+    loaded = chosen_experiment(experiment, settings, no_python)
+    with wrong_use_if(ExportError):
+        chosen_as = chosen_forms(form.strip() for form in forms.split(","))
+        inside = chosen_parts(part.strip() for part in (parts or "").split(",") if part.strip())
+    versions, targets = [version.value for version in fmi] if fmi else ["2.0", "3.0"], chosen_targets(target)
+    running.hold(out, keeps_data=running.page or out != Path())
+    steps_of_one = number_of_steps(["2.0"], targets)
+    steps = {"c": 1, "fmu": number_of_steps(versions, targets), "ssp": 1 + 2 * steps_of_one, "page": 1}
+    running.step("exporting", total=sum(steps[form] for form in chosen_as))
+    judging = running.progress.add_task("judging the members", total=None, visible=False)
+    warnings: list[str] = []
+    verdicts: list[str] = []
+    loops: list[LoopStability] = []
+    files = export(
+        loaded,
+        forms=chosen_as,
+        out=out,
+        fmi=versions,
+        ssp_fmi=ssp_fmi.value,
+        targets=targets,
+        reference=reference,
+        safe_force=safe_force,
+        real=real,
+        parts=inside,
+        frozen=None if frozen is None else _frozen(frozen),
+        anyway=anyway,
+        progress=lambda stage: running.step(stage, advance=1),
+        judging=lambda k, of: running.progress.update(judging, completed=k, total=of, visible=k < of),
+        warn=warnings.append,
+        verdict=verdicts.append,
+        stability=loops.extend,
+    )
+    running.command.written.append(out)
+    names = [str(file.relative_to(out)) for file in files]
+    report = export_report(loaded.title, chosen_as, verdicts, warnings, names, loops)
+    report = replace(report, settings=settings_of(loaded.changed))
+    running.require(loaded.requirements, report.numbers)
+    running.present(report, names)
+
+
+def _frozen(text: str) -> tuple[int, float]:
+    """Samples and movement [m] from the text of the option."""
+    from gough_stewart.harness.quantities import number
+
+    samples, _, movement = text.partition(",")
+    try:
+        return int(samples), number(movement.strip(), "m")
+    except ValueError:
+        raise ExportError(
+            f"--frozen is '{text}'; expected a number of samples and a length with a comma between them, such as "
+            "'50,1 mm'"
+        ) from None

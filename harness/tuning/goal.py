@@ -1,0 +1,136 @@
+"""What a search is to reach: a metric to minimise, and conditions such as `disk_margin > 0.5`."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.ensemble.data import MARGINS, SHORT
+from gough_stewart.harness.errors import RequirementError, SearchError
+from gough_stewart.harness.report.requirements import Required, required
+from gough_stewart.harness.results.metric_folds import metric_of
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.vectors import FloatArray
+
+Point = tuple[float | int, ...]
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A metric with an upper or lower bound."""
+
+    requirement: Required
+    metric: str  # its full name
+    bound: float  # in the unit of the metric
+
+    @property
+    def text(self) -> str:
+        """As it was written."""
+        return self.requirement.text
+
+    def holds(self, value: float) -> bool:
+        """Whether a value meets it; false for NaN."""
+        return bool(self.requirement.holds(np.array(value), self.bound))
+
+    def violation(self, value: float) -> float:
+        """The violation by a value, as a share of the bound; 0 if the condition holds."""
+        if self.holds(value):
+            return 0.0
+        gap = abs(value - self.bound) / max(abs(self.bound), 1e-9)
+        # a strict bound is not met by equality
+        return float(min(max(gap, 1e-12), 1e6)) if np.isfinite(gap) else 1e6
+
+
+class Evaluation(NamedTuple):
+    """The evaluation of a candidate."""
+
+    point: Point
+    value: float  # of the metric; infinite if too many members failed
+    conditions: tuple[float, ...]  # the metric of each
+    failed: int  # number of members that did not complete
+    reason: str  # cause of the first failure
+    metrics: Mapping[str, FloatArray] = {}  # further metrics of its members (members,), NaN of those that failed
+
+
+@dataclass(frozen=True)
+class Goal:
+    """The objective of the search."""
+
+    metric: str  # to be minimised
+    conditions: tuple[Condition, ...]
+    quantile: float  # over the members, of the metric and of metrics with an upper bound
+
+    def violation(self, evaluation: Evaluation) -> float:
+        """The violation of all conditions, 0 if they hold; failed members count as the worst."""
+        pairs = zip(self.conditions, evaluation.conditions, strict=True)
+        total = sum(condition.violation(value) for condition, value in pairs)
+        return total + (0.0 if np.isfinite(evaluation.value) else 1e6 * (1 + evaluation.failed))
+
+    def broken(self, evaluation: Evaluation) -> list[str]:
+        """The conditions that do not hold, as they were written."""
+        pairs = zip(self.conditions, evaluation.conditions, strict=True)
+        return [condition.text for condition, value in pairs if not condition.holds(value)]
+
+    def evaluation(self, point: Point, numbers: FloatArray, completed: "np.ndarray[tuple[int], np.dtype[np.bool_]]",
+                   reason: str, further: Iterable[str]) -> Evaluation:  # fmt: skip
+        """Quantiles over the members; a member that failed, or has no value, counts as the worst.
+
+        Parameters
+        ----------
+        numbers
+            (members, k): the metric, that of each condition, and `further` ones, which are kept for each member.
+        """
+
+        def quantile(column: int, is_upper: bool) -> float:
+            worst = np.inf if is_upper else -np.inf
+            values = np.sort(np.where(completed & np.isfinite(numbers[:, column]), numbers[:, column], worst))
+            # the value that this share of the members reaches, without interpolation, which could involve infinity
+            rank = math.ceil(self.quantile * len(values) - 1e-9)
+            return float(values[rank - 1] if is_upper else values[-rank])
+
+        conditions = tuple(
+            quantile(k, condition.requirement.is_upper) for k, condition in enumerate(self.conditions, 1)
+        )
+        metrics = dict(zip(further, numbers.T[1 + len(conditions) :], strict=True))
+        return Evaluation(point, quantile(0, True), conditions, int((~completed).sum()), reason, metrics)
+
+
+def condition_of(text: str, known: Iterable[str]) -> Condition:
+    """Parse a condition on one of the known metrics; nothing is executed.
+
+    Raises
+    ------
+    SearchError
+        Not a condition, an unknown metric, a unit of another kind, or a share of members, which is that of the search;
+        states what was expected.
+    """
+    try:
+        requirement = required(text)
+        metric = check_metric(requirement.path, known, f"--subject-to '{text}'")
+        bound = requirement.bound_of(metric_of(metric).quantity)
+    except RequirementError as error:
+        raise SearchError(f"--subject-to: {error}") from None
+    if requirement.share is not None:
+        raise SearchError(
+            f"--subject-to '{text}' is on a share of members; expected a condition without one: it is that of "
+            "--over-ensemble for all conditions"
+        )
+    return Condition(requirement, metric, bound)
+
+
+def check_metric(name: str, known: Iterable[str], where: str) -> str:
+    """The full name of a metric.
+
+    Raises
+    ------
+    SearchError
+        Unknown; suggests the nearest name.
+    """
+    full, known = SHORT.get(name, name), list(known)
+    if full not in known and not full.startswith(MARGINS):
+        raise SearchError(f"{where}: no metric '{name}'{nearest(name, [*known, *SHORT])}")
+    if full.startswith(MARGINS) and full not in SHORT.values():
+        raise SearchError(f"{where}: no margin '{name}'{nearest(name, SHORT)}")
+    return full

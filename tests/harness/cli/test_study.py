@@ -1,0 +1,184 @@
+"""A study of the test's own: declared as all are, shown in all ways, judged, in a folder that it does not share."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner, Result
+
+from gough_stewart.harness.cli.exit_codes import ExitCode
+from gough_stewart.harness.cli.options import option, out_option
+from gough_stewart.harness.cli.study import Running, study
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.report.chart import Axis, Chart, Series
+from gough_stewart.harness.report.codec import from_json
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict
+from gough_stewart.harness.report.quantities import LENGTH, NUMBER, TIME
+from gough_stewart.harness.report.table import Column, Table
+
+# --- a whole study: a function, its result, its declaration; in fewer than 60 lines ------------------------------
+
+
+def swing(length: float, periods: int) -> np.ndarray:
+    """Times and deflections [s, m] of a pendulum of small amplitude, (2, n)."""
+    time = np.linspace(0.0, periods, 101) * 2 * np.pi * np.sqrt(length / 9.81)
+    return np.stack([time, 0.01 * length * np.cos(np.sqrt(9.81 / length) * time)])
+
+
+def swing_report(length: float, path: np.ndarray) -> Report:
+    """The report of a pendulum."""
+    time, deflection = path
+    numbers = (Number("swing.peak", "deflection", deflection.max(), LENGTH), Number("swing.rest", "rest", None, TIME))
+    axis = Axis("time", TIME, time)
+    charts = (
+        Chart("deflection", axis, (Series("bob", LENGTH, deflection),), group="deflection"),
+        Chart("energy", axis, (Series("share", NUMBER, (deflection / deflection.max()) ** 2),), group="energy"),
+    )
+    table = Table("Pendulum", (Column(""), Column("length", LENGTH)), (("rod", length),))
+    return Report(
+        "pendulum",
+        Verdict(f"Swings by {LENGTH.text(deflection.max())}", "good"),
+        (Section("Motion", (table, *charts)),),
+        study="pendulum",
+        numbers=numbers,
+        notes=(Note("without air", "warning"),),
+    )
+
+
+@study(numbers=("swing",), figures=("deflection", "energy"))
+def pendulum_command(
+    running: Running,
+    length: Annotated[float, typer.Argument(help="Length of the rod [m].")],
+    periods: Annotated[int, option("Number of periods.", "N", min=1)] = 2,
+    out: Annotated[Path, out_option("pendulum")] = Path("pendulum"),
+) -> None:
+    """Swing a pendulum."""
+    running.hold(out, ["swing.csv", "warm.csv"])
+    running.step("swinging")
+    if length <= 0:
+        raise RecordError("no rod")
+    path = swing(length, periods)
+    running.present(swing_report(length, path), {"swing.csv": path.tobytes()}, then="look")
+
+
+# -----------------------------------------------------------------------------------------------------------------
+
+app = typer.Typer()
+app.command("pendulum")(pendulum_command)
+
+
+@app.command("other")
+@study()
+def other_command(running: Running, out: Annotated[Path, out_option("other")] = Path("pendulum")) -> None:
+    """Another study."""
+    running.hold(out)
+    running.present(Report("other", Verdict("Done", "good"), study="other"), {})
+
+
+def run(*arguments: str) -> Result:
+    return CliRunner(env={"COLUMNS": "120", "NO_COLOR": "1", "TERM": "dumb"}).invoke(app, list(arguments))
+
+
+def names(folder: str = "pendulum") -> set[str]:
+    return {path.name for path in Path(folder).iterdir()}
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def test_a_study_is_printed_and_kept_as_data() -> None:
+    done = run("pendulum", "1.5")
+    assert done.exit_code == 0, done.output
+    lines = done.stdout.splitlines()
+    assert lines[0] == "Swings by 15 mm"
+    assert any(line.startswith("Done in ") and "Wrote to pendulum (" in line for line in lines)
+    assert lines[-2:] == ["  swing.csv, report.json", "Next: look"]
+    assert done.stderr == "warning: without air\n"
+    assert from_json(Path("pendulum/report.json").read_bytes()).verdict.text == "Swings by 15 mm"
+    assert names() == {"swing.csv", "report.json"}
+
+
+def test_all_its_options_are_those_of_every_study() -> None:
+    """Expected: page and figures as one set, which goes with the next result; --json alone on the standard output."""
+    figures = {f"{group}.{kind}" for group in ("deflection", "energy") for kind in ("pdf", "png", "svg")}
+    done = run("pendulum", "1.5", "--report", "--figures", "--json", "--require", "swing.peak <= 20 mm")
+    assert done.exit_code == 0, done.output
+    data = json.loads(done.stdout)
+    assert data["verdict"]["text"] == "Met: swing.peak <= 20 mm (15 mm, 5 mm left). Swings by 15 mm"
+    assert all(
+        text in done.stderr for text in ("Wrote to pendulum", "warning: without air", "report.html in a browser")
+    )
+    assert names() == {"swing.csv", "report.json", "report.html"} | figures
+    Path("pendulum/warm.csv").touch()  # a file that the study may write
+    Path("pendulum/mine.txt").touch()  # one that it never writes
+    assert run("pendulum", "2").exit_code == 0
+    assert names() == {"swing.csv", "report.json", "mine.txt"}
+
+
+@pytest.mark.parametrize(
+    ("requirements", "code", "said"),
+    [
+        ([], 0, []),
+        (["swing.peak <= 20 mm"], 0, []),
+        (["swing.peak <= 5 mm"], 3, ["missed: swing.peak <= 5 mm"]),
+        (["swing.rest <= 1 s"], 4, ["cannot be told: swing.rest <= 1 s"]),
+        (
+            ["swing.rest <= 1 s", "swing.peak < 5 mm"],
+            3,
+            ["cannot be told: swing.rest <= 1 s", "missed: swing.peak < 5 mm"],
+        ),
+    ],
+)
+def test_requirements_set_the_exit_code(requirements: list[str], code: int, said: list[str]) -> None:
+    done = run("pendulum", "1.5", *(word for text in requirements for word in ("--require", text)))
+    assert (done.exit_code, done.stderr.splitlines()) == (code, ["warning: without air", *said])
+    kept = from_json(Path("pendulum/report.json").read_bytes()).requirements
+    assert [requirement.text for requirement in kept] == requirements
+
+
+@pytest.mark.parametrize(
+    ("requirement", "message", "is_before"),
+    [
+        ("swimg.peak <= 1 mm", "no number 'swimg.peak'; did you mean 'swing'?", True),
+        ("swing.peak == 1 mm", "cannot be read; expected PATH <= NUMBER UNIT", True),
+        ("swing.peek <= 1 mm", "no number 'swing.peek'; did you mean 'swing.peak'?", False),
+        ("swing.peak <= 1 s", "has the unit 's'; expected m, cm, mm", False),
+    ],
+)
+def test_a_wrong_requirement_is_wrong_usage(requirement: str, message: str, is_before: bool) -> None:
+    """Expected: exit code 2 and no file; an unknown kind of number before the study begins, so before its own error."""
+    done = run("pendulum", "1.5", "--require", requirement)
+    assert done.exit_code == ExitCode.USAGE
+    assert message in done.stderr
+    assert not Path("pendulum").exists()
+    assert ("no rod" in run("pendulum", "0", "--require", requirement).stderr) is not is_before
+
+
+def test_an_error_is_one_line_and_leaves_no_folder() -> None:
+    done = run("pendulum", "0", "--json", "--out", "a/b/c")
+    assert (done.exit_code, done.stdout, done.stderr) == (1, "", "error: no rod\n")
+    assert not Path("a").exists()
+
+
+def test_a_folder_holds_one_study() -> None:
+    """Expected: that of another study is refused, told by report.json or a record, and left as it was."""
+    assert run("pendulum", "1.5").exit_code == 0
+    before = {path.name: path.read_bytes() for path in Path("pendulum").iterdir()}
+    done = run("other")
+    assert done.exit_code == 1
+    assert "output folder pendulum: it holds the results of `gough-stewart pendulum`; choose another" in done.stderr
+    assert {path.name: path.read_bytes() for path in Path("pendulum").iterdir()} == before
+    assert run("other", "--out", "elsewhere").exit_code == 0
+    Path("ran").mkdir()
+    Path("ran/record.parquet").touch()
+    assert "it holds the results of `gough-stewart run`" in run("other", "--out", "ran").stderr
+    # a file of another program is no study
+    Path("foreign").mkdir()
+    for text in ("{", "[1]", '{"study": ""}'):
+        Path("foreign/report.json").write_text(text)
+        assert run("other", "--out", "foreign").exit_code == 0, text
