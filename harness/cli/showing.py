@@ -189,8 +189,7 @@ class Showing:
         if folder not in command.written:
             command.written.append(folder)
         if self.as_json:
-            from gough_stewart.harness.report.codec import to_json
-            from gough_stewart.harness.report.thinning import thinned
+            from gough_stewart.harness.report.codec import thinned, to_json
 
             sys.stdout.write(to_json(thinned(report)) + "\n")
         else:
@@ -222,8 +221,7 @@ class Showing:
         self, report: "Report", folder: Path, former: Sequence[str] = (), *, keeps_data: bool = True
     ) -> list[str]:
         """Write report.json, from which `gough-stewart view` shows the folder, page and figures as one set."""
-        from gough_stewart.harness.report.codec import to_json
-        from gough_stewart.harness.report.thinning import thinned
+        from gough_stewart.harness.report.codec import thinned, to_json
 
         files = {DATA: to_json(thinned(report)).encode()} if keeps_data else {}
         if self.figures:

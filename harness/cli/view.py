@@ -50,7 +50,7 @@ def view_command(
             return
         with progress_bar() as progress:
             task = progress.add_task("reading", total=None)
-            from gough_stewart.harness.view.file import view
+            from gough_stewart.harness.view.view import view
 
             view(records, out, progress=lambda what: progress.update(task, description=what))
         command.written.append(out)

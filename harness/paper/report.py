@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.paper.agreement import Row
 from gough_stewart.harness.paper.open_loop import Trajectory
 from gough_stewart.harness.paper.readings import Reading
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Verdict
 from gough_stewart.harness.report.quantities import ANGLE, ANGULAR_VELOCITY, NUMBER, POSITION, VELOCITY, Quantity
 from gough_stewart.harness.report.table import Column, Table, Value
+from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.report.words import sentence
 from gough_stewart.harness.results.record import Record, platform_of
 from gough_stewart.harness.results.run_charts import run_charts, scenes, shown

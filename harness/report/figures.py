@@ -16,16 +16,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from gough_stewart.harness.output.display_resolution import decimated, least_span
-from gough_stewart.harness.output.plotting import entitle, files_of
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.heat_figures import (
     draw_heat,
     kind_patches,
 )
+from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.palette import DASHES, SIX_DASHES, colour_of, colour_of_six
 from gough_stewart.harness.report.panels import ROW, WIDTH, Panel, columns_of, drawable, height_of, rows_of, told_apart
+from gough_stewart.harness.report.plotting import entitle, files_of
+from gough_stewart.harness.report.quantities import least_span
 from gough_stewart.harness.report.words import percent
 
 KINDS = ("pdf", "png", "svg")

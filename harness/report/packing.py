@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.output.display_resolution import least_span
-from gough_stewart.harness.report.quantities import Quantity
+from gough_stewart.harness.report.quantities import Quantity, least_span
 from gough_stewart.model.vectors import Array, FloatArray
 
 # Rows of a series that a page holds one by one; of a longer one it holds blocks.
@@ -69,6 +68,29 @@ def blocks(time: FloatArray, values: FloatArray, most: int = MOST_ROWS) -> tuple
     starts = width * np.arange(count)
     times = np.stack([time[starts], time[np.minimum(starts + width // 2, n - 1)]], axis=1)
     return times.ravel(), pairs.ravel()
+
+
+def decimated(time: FloatArray, values: FloatArray, points: int) -> tuple[FloatArray, FloatArray]:
+    """Times and values (m,), m ≤ max(points, 4), that look the same in a figure as all (n,).
+
+    The first and last row stay. The rows between are divided into buckets; of each, the smallest and the largest finite
+    value stay at their times, so no peak is lost. Curves with few enough points are returned unchanged.
+    """
+    n = len(time)
+    if n <= max(points, 4):
+        return time, values
+    inner = values[1:-1]
+    buckets = max(1, (points - 2) // 2)
+    width = -(-len(inner) // buckets)
+    padding = (0, buckets * width - len(inner))
+    finite = np.isfinite(inner)
+    low = np.pad(np.where(finite, inner, np.inf), padding, constant_values=np.inf).reshape(buckets, width)
+    high = np.pad(np.where(finite, inner, -np.inf), padding, constant_values=-np.inf).reshape(buckets, width)
+    starts = 1 + width * np.arange(buckets)
+    rows = np.concatenate([[0, n - 1], starts + low.argmin(axis=1), starts + high.argmax(axis=1)])
+    # the last buckets may have only padding
+    rows = np.unique(np.minimum(rows, n - 1))
+    return time[rows], values[rows]
 
 
 def _step(array: FloatArray, quantity: Quantity, steps: float) -> float:

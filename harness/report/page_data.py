@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.output.display_resolution import least_span
 from gough_stewart.harness.report.chart import Axis, Chart, Map, Samples, Series
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
-from gough_stewart.harness.report.quantities import TIME, Quantity
+from gough_stewart.harness.report.quantities import Quantity, least_span
 from gough_stewart.harness.report.scene import Scene, Surface
 from gough_stewart.harness.report.words import percent
 from gough_stewart.model.vectors import FloatArray
@@ -20,18 +19,13 @@ _LONGEST = 28
 _SAMPLE_STEPS = 1000.0
 
 
-def is_over_time(chart: Chart) -> bool:
-    """Whether its curves are over time."""
-    return chart.kind in ("line", "step") and chart.x.quantity == TIME
-
-
 def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[str, Any]:
     """A chart as data; it shares the time of the page if that `has_time`."""
     quantity = chart.series[0].quantity
     found: dict[str, Any] = {
         "title": chart.title,
         "kind": chart.kind,
-        "isTime": has_time and is_over_time(chart),
+        "isTime": has_time and chart.is_over_time,
         "x": _axis(chart.x, arrays),
         "y": {**_shown(quantity, chart), "title": _y_title(chart), "scale": chart.y.scale if chart.y else "linear"}
         | ({"labels": chart.y.labels} if chart.y and chart.y.labels and chart.kind != "heat" else {}),

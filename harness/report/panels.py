@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.output.display_resolution import least_span
 from gough_stewart.harness.report.chart import Chart, Series
 from gough_stewart.harness.report.heat_figures import height_over_width, slice_title, slices_shown
+from gough_stewart.harness.report.quantities import least_span
 from gough_stewart.model.vectors import FloatArray
 
 WIDTH, ROW = 8.0, 1.9  # of a figure, and the height of a row [inch]

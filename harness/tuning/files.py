@@ -8,8 +8,8 @@ import numpy as np
 
 from gough_stewart.harness.experiment.file import text_with_settings
 from gough_stewart.harness.experiment.overrides import Settings
-from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.quantities import PLAIN
+from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.tuning.candidates import Evaluation
 from gough_stewart.harness.tuning.result import Tuning
 

@@ -8,8 +8,8 @@ import polars
 from gough_stewart.harness.experiment.preparation import platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.document import Report
-from gough_stewart.harness.report.notebook import to_html
-from gough_stewart.harness.report.small_machine import fine, fineness_of
+from gough_stewart.harness.report.page import to_html
+from gough_stewart.harness.report.quantities import fine, fineness_of
 from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import metric_of

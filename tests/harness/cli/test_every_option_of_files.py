@@ -321,7 +321,7 @@ def test_view(notes: Notes) -> None:
         options["progress"]("reading it")
 
     opened = notes.opened()
-    notes.replace("harness.view.file.view", act=act)
+    notes.replace("harness.view.view.view", act=act)
     done = invoke("view", "a", "b/record.csv", "--out", "new/p.htm", "--open")
     assert notes.one("view") == (([Path("a"), Path("b/record.csv")], Path("new/p.htm")), {})
     assert done.exit_code == 0

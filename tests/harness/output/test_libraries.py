@@ -5,9 +5,9 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 
 import pytest
 
-from gough_stewart.harness.output import versions as module
-from gough_stewart.harness.output.versions import versions
-from gough_stewart.harness.report.libraries import three, three_licence
+from gough_stewart.harness.report import versions as module
+from gough_stewart.harness.report.offline import three, three_licence
+from gough_stewart.harness.report.versions import versions
 
 
 def test_versions_are_those_of_the_installed_packages_and_the_machine() -> None:

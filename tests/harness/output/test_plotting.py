@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from gough_stewart.harness.output.plotting import COLOURS, DASHES, entitle, label, panel, pictures, png, two_panels
+from gough_stewart.harness.report.plotting import COLOURS, DASHES, entitle, label, panel, pictures, png, two_panels
 
 # blue, vermillion, bluish green, reddish purple, sky blue, orange: RGB of Okabe & Ito (2008), fig. 16
 OKABE_ITO = [(0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233), (230, 159, 0)]

@@ -7,11 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gough_stewart.harness.report import columns as layout
-from gough_stewart.harness.report.columns import is_at_right, is_prose, stacked_columns
-from gough_stewart.harness.report.notebook import table_to_html
+from gough_stewart.harness.report.page import table_to_html
 from gough_stewart.harness.report.quantities import Quantity
-from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.terminal import tables_text
+from gough_stewart.harness.report.table import Cell, Column, Table, Value, is_at_right, is_prose
+from gough_stewart.harness.report.terminal import stacked_columns, tables_text
 from gough_stewart.harness.report.words import number_text
 from tests.support.whole_tables import check_is_whole, printed
 

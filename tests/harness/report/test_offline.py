@@ -12,8 +12,7 @@ import lxml.html
 import pytest
 
 from gough_stewart.harness.report import libraries
-from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, three_licence
-from gough_stewart.harness.report.offline import document
+from gough_stewart.harness.report.offline import bokeh, bokeh_licence, document, three, three_licence
 from gough_stewart.model.errors import GoughStewartError
 
 SCRIPTS = ("let a = 1;\r\nlet b = 2;\rlet c = 'ü <b>';", "a + b;")

@@ -16,7 +16,7 @@ from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.palette import THEMES, colour_of_six
 from gough_stewart.harness.report.quantities import FREQUENCY, NUMBER
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.page import view_page
+from gough_stewart.harness.view.view import view_page
 from gough_stewart.model.platform import Platform
 from tests.support.browser import Watched, open_report, until
 from tests.support.records import waving_record

@@ -12,8 +12,7 @@ from gough_stewart.harness.report.quantities import ENERGY, LENGTH
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain
-from gough_stewart.harness.view.comparison import best, difference, differing_settings, side_by_side
-from gough_stewart.harness.view.page import view_report
+from gough_stewart.harness.view.view import best, difference, differing_settings, side_by_side, view_report
 from gough_stewart.model.platform import Platform, load_preset
 from tests.support.records import oscillating, says_it_oscillates, waving_record
 from tests.support.uneven_records import record_of
