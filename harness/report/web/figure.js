@@ -81,7 +81,8 @@
       const zoom = this.bars ? [] : [new Bokeh.PanTool({ dimensions }), new Bokeh.BoxZoomTool({ dimensions }), new Bokeh.WheelZoomTool({ dimensions }), new Bokeh.ResetTool()];
       const told = parts.flatMap(({ glyphs }) => glyphs).filter(({ kind }) => kind === "point" || kind === "bar").map(({ made }) => made);
       const inspect = this.isFunction ? [new Bokeh.CrosshairTool({ dimensions: "width", line_color: "#888888", line_alpha: 0.6 })] : told.length ? [new Bokeh.HoverTool({ renderers: told, tooltips: "@told" })] : [];
-      toolbar.autohide = true;
+      // over the curves, of which only its buttons hide a part
+      toolbar.setv({ autohide: true, stylesheets: [":host { pointer-events: none; } :host > * { pointer-events: auto; }"] });
       figure.add_tools(...[mark, picks && new Bokeh.TapTool()].filter(Boolean), ...zoom, ...inspect, this.saveTool);
       toolbar.active_drag = matchMedia("(pointer: coarse)").matches ? null : mark || (isMap ? zoom[1] : null);
       toolbar.active_scroll = null;
