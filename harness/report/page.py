@@ -50,7 +50,7 @@ _SCENE_SCRIPTS = (
 )
 _SURFACE_SCRIPTS = ("shapes.js", "orbit.js", "viewer.js", "surface.js")
 _SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "members.js")
-_CHART_SCRIPTS = ("lines.js", "heat.js", "figure.js", "legend.js", "charts.js", "player.js")
+_CHART_SCRIPTS = ("lines.js", "heat.js", "figure.js", "legend.js", "own.js", "charts.js", "player.js")
 _STYLES = ("page.css", "first.css", "charts.css", "stage.css", "print.css")
 _SIGNS = {"good": "✓", "marginal": "!", "bad": "✗", "told": "→", "met": "✓", "missed": "✗", "open": "?"}
 # Colours of nearness to a limit, from 0 in the middle to 1 at the limit, and beyond it. Lightness and the contrast of

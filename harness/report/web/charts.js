@@ -161,20 +161,33 @@
     return panel;
   })());
 
+  // A panel that waits to be drawn in a figure element of the page.
+  const panelOf = (chart, host) => {
+    const plot = host.querySelector(".plot"), hidden = (name) => element("div", { class: name, hidden: "" });
+    plot.tabIndex = 0;
+    plot.setAttribute("role", "img");
+    plot.setAttribute("aria-label", `Chart of ${chart.title}`);
+    const panel = {
+      chart, host, plot, key: host.querySelector(".key"), group: groupOf(chart), figure: null, visible: false, stale: false,
+      cursor: hidden("cursor"), region: hidden("region"), told: hidden("pointed"),
+    };
+    panels.push(panel);
+    return panel;
+  };
+  const drop = (panel) => {
+    for (const list of [panels, panel.group.panels]) if (list.includes(panel)) list.splice(list.indexOf(panel), 1);
+  };
+  const addPanel = (chart, host, then) => {
+    const panel = panelOf(chart, host);
+    panel.visible = true;
+    draw(panel).then(then);
+    return panel;
+  };
   const seen = (panel) => panel.visible;
   GS.charts = async () => {
     await GS.timed;
     await GS.sliceBar();
-    for (const host of document.querySelectorAll("figure.chart")) {
-      const chart = page.charts[Number(host.dataset.chart)], plot = host.querySelector(".plot");
-      Object.assign(plot, { tabIndex: 0 });
-      plot.setAttribute("role", "img");
-      plot.setAttribute("aria-label", `Chart of ${chart.title}`);
-      panels.push({
-        chart, host, plot, key: host.querySelector(".key"), group: groupOf(chart), figure: null, visible: false, stale: false,
-        cursor: element("div", { class: "cursor", hidden: "" }), region: element("div", { class: "region", hidden: "" }), told: element("div", { class: "pointed", hidden: "" }),
-      });
-    }
+    for (const host of document.querySelectorAll("figure.chart")) panelOf(page.charts[Number(host.dataset.chart)], host);
     const of = new Map(panels.map((panel) => [panel.host, panel]));
     const near = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
       const panel = of.get(target);
@@ -197,6 +210,7 @@
     });
     GS.on("members", () => panels.forEach((panel) => { GS.showMembers(panel); GS.markedBars(panel); GS.markedBand(panel); }));
     GS.onTheme(() => panels.forEach(GS.dressChart));
+    GS.ownChart(addPanel, drop);
     GS.clearCharts = () => { for (const group of groups.values()) group.clear(); };
     // the charts in view first, or the one that comes next, then the others one by one, for paper and for a reader who scrolls
     const open = panels.filter(({ host }) => host.checkVisibility()), seenFirst = open.filter(({ host }) => host.getBoundingClientRect().top < innerHeight);

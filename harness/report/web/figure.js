@@ -10,7 +10,7 @@
     const x = times(await GS.array(chart.x.values), chart.x.factor), { factor } = chart.y;
     const one = async (number, by) => (number === undefined ? undefined : times(await GS.array(number), by));
     const all = await Promise.all(chart.series.map(async (each) => ({
-      x: each.x === undefined ? x : await one(each.x, chart.x.factor), y: await one(each.values, factor),
+      x: each.x === undefined ? x : await one(each.x, chart.x.factor), y: await one(each.values, each.y?.factor ?? factor),
       low: await one(each.low, factor), high: await one(each.high, factor), members: await one(each.members, 1),
     })));
     const { map, rows } = chart, of = async (axis) => axis && times(await GS.array(axis.values), axis.factor);
@@ -44,7 +44,7 @@
 
   class Figure {
     constructor(chart, host, data) {
-      Object.assign(this, { chart, host, data, parts: [], spans: [], isTime: chart.isTime });
+      Object.assign(this, { chart, host, data, parts: [], spans: [], isTime: chart.isTime, others: new Map() });
       this.isFunction = chart.kind === "line" || chart.kind === "step";
       this.groups = GS.coinciding(chart, data.all);
       this.bars = chart.kind === "bars";
@@ -120,6 +120,19 @@
       return this;
     }
 
+    // Signals of a second and further unit have an axis of their own at the right.
+    rangeOf({ y }) {
+      const { chart: { units }, figure } = this, name = y?.unit || "1";
+      if (!units || y.unit === units[0]) return {};
+      if (!this.others.has(name)) {
+        const range = new Bokeh.Range1d({ start: 0, end: 1 });
+        this.others.set(name, range);
+        figure.extra_y_ranges = new Map(this.others);
+        figure.add_layout(new Bokeh.LinearAxis({ y_range_name: name, axis_label: `[${name}]` }), "right");
+      }
+      return { y_range_name: name };
+    }
+
     // Glyphs by kind.
     build() {
       const { chart, figure, data } = this, F = (field) => ({ field });
@@ -129,7 +142,8 @@
         if (this.isFunction) {
           if (numbers.low) add(figure.varea({ x: F("x"), y1: F("low"), y2: F("high"), source }), "band");
           if (series.role !== "band") {
-            add(chart.kind === "step" ? figure.step({ x: F("x"), y: F("y"), source, mode: "after" }) : figure.line({ x: F("x"), y: F("y"), source }), "line");
+            const columns = { x: F("x"), y: F("y"), source, ...this.rangeOf(series) };
+            add(chart.kind === "step" || series.step ? figure.step({ ...columns, mode: "after" }) : figure.line(columns), "line");
             // a single row is a point
             if (numbers.y.length === 1) add(figure.scatter({ x: F("x"), y: F("y"), source, size: 6 }), "dot");
           }
@@ -209,9 +223,15 @@
         const columns = ["y", "low", "high"].filter((name) => numbers[name]);
         const [x, ...values] = GS.reduced(numbers.x, columns.map((name) => numbers[name]), from, to, Math.ceil(width));
         source.data = { x, ...Object.fromEntries(columns.map((name, k) => [name, values[k]])) };
-        if (!GS.isHidden(series)) seen.push(...values);
+        const other = series.y && this.others.get(series.y.unit || "1");
+        if (other) other.seen = [...other.seen ?? [], ...values]; else if (!GS.isHidden(series)) seen.push(...values);
       }
       this.setY(seen, least);
+      for (const range of this.others.values()) {
+        const [start, end] = airy(extent(range.seen ?? []), 1e-9, false);
+        range.seen = [];
+        range.setv({ start, end });
+      }
       figure.x_range.setv({ start: from, end: to, reset_start: whole[0], reset_end: whole[1], bounds: whole });
       if (chart.x.scale === "log") logTicks(figure.xaxes[0], from, to);
       else {

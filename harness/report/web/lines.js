@@ -14,15 +14,19 @@
   GS.look = (chart, series) => {
     const { roles, six } = GS.theme(), own = OWN.has(series.role), component = componentsOf(chart).indexOf(series.leg ?? series.component ?? series.name);
     const alike = chart.series.filter((each) => each.role === series.role).length;
+    // lines of one role that has a colour of its own differ by dashes
+    const same = chart.series.filter((each) => each.role === series.role && each.run === series.run).indexOf(series);
+    const [first, ...dots] = [page.dashes[series.role] ?? [], ...Array(Math.max(same, 0)).fill([1, 3])];
+    const ofRole = [...(first.length || !dots.length ? first : [6, 3]), ...dots.flat()];
     if (several && series.run !== undefined) {
-      const dashes = own ? page.sixDashes[component % 6] : page.dashes[series.role];
+      const dashes = own ? page.sixDashes[component % 6] : ofRole;
       // earlier runs are wide and pale under later ones, so that both are seen where they coincide
       const over = page.runs.length - 1 - series.run, width = WIDTH + over * Math.min(3.2, 7 / (page.runs.length - 1));
       return { colour: six[series.run % 6], dashes: scaled(dashes, WIDTH), width, alpha: over ? 0.6 : 1 };
     }
-    if (!own) return { colour: roles[series.role], dashes: scaled(page.dashes[series.role], WIDTH), width: WIDTH };
-    const index = series.leg !== undefined ? series.leg - 1 : component;
-    return { colour: series.leg !== undefined || alike > 1 ? six[index % 6] : roles[series.role], dashes: [], width: WIDTH };
+    if (!own) return { colour: roles[series.role], dashes: scaled(ofRole, WIDTH), width: WIDTH };
+    const index = series.leg !== undefined ? series.leg - 1 : component, again = page.sixDashes[Math.floor(index / 6) % 6];
+    return { colour: series.leg !== undefined || alike > 1 ? six[index % 6] : roles[series.role], dashes: scaled(again, WIDTH), width: WIDTH };
   };
 
   const xOf = (chart, k) => chart.series[k].x ?? chart.x.values;
