@@ -27,7 +27,7 @@ _REPORT = TypeAdapter(Report)
 def to_data(report: Report) -> dict[str, Any]:
     """A report as dictionaries, lists, strings, numbers, booleans and None."""
     keys: dict[Quantity, str] = {}
-    data = _REPORT.dump_python(report, mode="json", context=keys)
+    data = json.loads(_REPORT.dump_json(report, context=keys))
     for section, written in zip(report.sections, data.get("sections", ()), strict=True):
         kinds = [type(part).__name__.lower() for part in section.parts]
         written["parts"] = [{"part": kind, **part} for kind, part in zip(kinds, written["parts"], strict=True)]
@@ -52,7 +52,10 @@ def from_json(text: str | bytes) -> Report:
     data = json.loads(text)
     if not isinstance(data, dict) or data.get("version") != VERSION:
         found = data.get("version") if isinstance(data, dict) else type(data).__name__
-        raise ValueError(f"version: {found}; expected a report of version {VERSION}")
+        command = data.get("study") or "…" if isinstance(data, dict) else "…"
+        raise ValueError(
+            f"version: {found}; expected a report of version {VERSION}, as `gough-stewart {command} --report` writes"
+        )
     del data["version"]
     for note in data.get("notes", ()):
         note.pop("part", None)

@@ -309,30 +309,31 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     _strips(axes, panel)
 
 
-def _style(panel: Panel, index: int) -> dict[str, Any]:
-    """Colour and dashes of a series: by role, or by leg, run or order where several have one role."""
-    series = panel.series[index]
-    alike = [k for k, other in enumerate(panel.series) if other.role == series.role]
-    same = [k for k in alike if panel.series[k].run == series.run].index(index)
-    colour, dashes = colour_of(series.role), DASHES.get(series.role, ())
-    if series.role in ("reference", "limit", "band"):
-        # lines of one role differ by dashes
-        dashes = (*dashes, *same * (1.0, 3.0)) if dashes else ()
-    elif len(alike) > 1 and series.run is not None:
-        colour, dashes = colour_of_six(series.run), SIX_DASHES[same % 6]
-    elif len(alike) > 1:
-        place = series.leg - 1 if series.leg else same
-        # of more than six, the colours come again with other dashes
-        colour, dashes = colour_of_six(place), SIX_DASHES[(place + place // 6) % 6]
-    if series.run is not None and series.role == "reference":
-        colour = colour_of_six(series.run)
-    return {"color": colour, "linestyle": (0, dashes) if dashes else "-"}
+def _styles(panel: Panel) -> list[dict[str, Any]]:
+    """Colour and dashes of each series: by role, or by run, leg or order where several have one role.
+
+    No two share both.
+    """
+    styles, taken = [], set[tuple[str, tuple[float, ...]]]()
+    for series in panel.series:
+        alike = [other for other in panel.series if other.role == series.role]
+        colour, dashes = colour_of(series.role), DASHES.get(series.role, ())
+        if len(alike) > 1 and series.role not in ("reference", "limit", "band"):
+            same = [other for other in alike if other.run == series.run].index(series)
+            place = series.run if series.run is not None else series.leg - 1 if series.leg else same
+            # of more than six, the colours come again with other dashes
+            colour, dashes = colour_of_six(place), SIX_DASHES[(same if series.run else place + place // 6) % 6]
+        while series.role != "band" and (colour, dashes) in taken:
+            dashes = (*dashes, 1.0, 3.0) if dashes else (6.0, 3.0)
+        taken.add((colour, dashes))
+        styles.append({"color": colour, "linestyle": (0, dashes) if dashes else "-"})
+    return styles
 
 
 def _lines(axes: Axes, panel: Panel) -> None:
-    chart = panel.chart
+    chart, styles = panel.chart, _styles(panel)
     for k, label in told_apart(panel):
-        series, style = panel.series[k], _style(panel, k)
+        series, style = panel.series[k], styles[k]
         scale = series.quantity.factor
         x, values = chart.x.quantity.factor * chart.x_of(series), drawable(scale * series.values)
         if series.low is not None and series.high is not None:
@@ -373,7 +374,7 @@ def _span(axes: Axes, panel: Panel) -> None:
 def _histogram(axes: Axes, panel: Panel) -> None:
     edges = panel.chart.x.quantity.factor * panel.chart.x.values
     for k, series in enumerate(panel.series):
-        axes.stairs(series.values, edges, fill=True, color=_style(panel, k)["color"], alpha=0.8, label=series.name)
+        axes.stairs(series.values, edges, fill=True, color=_styles(panel)[k]["color"], alpha=0.8, label=series.name)
     axes.set_ylim(bottom=0)
 
 
@@ -391,7 +392,7 @@ def _bars(axes: Axes, panel: Panel) -> None:
             error = np.stack([values - low, high - values])
         place = at + (k - (count - 1) / 2) * thickness
         style: dict[str, Any] = {
-            "color": _style(panel, k)["color"],
+            "color": _styles(panel)[k]["color"],
             "label": series.name,
             "error_kw": {"elinewidth": 1, "capsize": 2},
         }

@@ -10,23 +10,32 @@
   // Components of a chart in order, such as x, y, z.
   const componentsOf = (chart) => [...new Set(chart.series.map((each) => each.leg ?? each.component ?? each.name))];
 
-  // Colour, dashes and width of a series in the present theme.
-  GS.look = (chart, series) => {
+  const plainLook = (chart, series) => {
     const { roles, six } = GS.theme(), own = OWN.has(series.role), component = componentsOf(chart).indexOf(series.leg ?? series.component ?? series.name);
-    const alike = chart.series.filter((each) => each.role === series.role).length;
-    // lines of one role that has a colour of its own differ by dashes
-    const same = chart.series.filter((each) => each.role === series.role && each.run === series.run).indexOf(series);
-    const [first, ...dots] = [page.dashes[series.role] ?? [], ...Array(Math.max(same, 0)).fill([1, 3])];
-    const ofRole = [...(first.length || !dots.length ? first : [6, 3]), ...dots.flat()];
+    const alike = chart.series.filter((each) => each.role === series.role).length, ofRole = page.dashes[series.role] ?? [];
     if (several && series.run !== undefined) {
-      const dashes = own ? page.sixDashes[component % 6] : ofRole;
       // earlier runs are wide and pale under later ones, so that both are seen where they coincide
       const over = page.runs.length - 1 - series.run, width = WIDTH + over * Math.min(3.2, 7 / (page.runs.length - 1));
-      return { colour: six[series.run % 6], dashes: scaled(dashes, WIDTH), width, alpha: over ? 0.6 : 1 };
+      return { colour: six[series.run % 6], dashes: own ? page.sixDashes[component % 6] : ofRole, width, alpha: over ? 0.6 : 1 };
     }
-    if (!own) return { colour: roles[series.role], dashes: scaled(ofRole, WIDTH), width: WIDTH };
-    const index = series.leg !== undefined ? series.leg - 1 : component, again = page.sixDashes[Math.floor(index / 6) % 6];
-    return { colour: series.leg !== undefined || alike > 1 ? six[index % 6] : roles[series.role], dashes: scaled(again, WIDTH), width: WIDTH };
+    const index = series.leg !== undefined ? series.leg - 1 : component;
+    return { colour: own && (series.leg !== undefined || alike > 1) ? six[index % 6] : roles[series.role], dashes: own ? [] : ofRole, width: WIDTH };
+  };
+  // Colour, dashes and width of a series in the present theme; no two lines of a chart share colour and dashes.
+  const known = new WeakMap();
+  GS.look = (chart, series) => {
+    const { name } = GS.theme();
+    if (known.get(chart)?.name !== name) {
+      const taken = new Set(), looks = new Map();
+      for (const each of chart.series) {
+        const look = plainLook(chart, each), key = () => `${look.colour} ${look.dashes}`;
+        while (each.role !== "band" && taken.has(key())) look.dashes = look.dashes.length ? [...look.dashes, 1, 3] : [6, 3];
+        taken.add(key());
+        looks.set(each, { ...look, dashes: scaled(look.dashes, WIDTH) });
+      }
+      known.set(chart, { name, looks });
+    }
+    return known.get(chart).looks.get(series);
   };
 
   const xOf = (chart, k) => chart.series[k].x ?? chart.x.values;
