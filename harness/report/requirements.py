@@ -112,17 +112,13 @@ def _share(text: str | None, what: str) -> float | None:
 
 
 class Known(Protocol):
-    """A number that a study will have."""
+    """A number that a study will have, by its path, and its unit."""
 
     @property
-    def path(self) -> str:
-        """Its name."""
-        ...
+    def path(self) -> str: ...
 
     @property
-    def quantity(self) -> Quantity:
-        """Its unit."""
-        ...
+    def quantity(self) -> Quantity: ...
 
 
 def check_known(requirements: Iterable[Required], known: Iterable[Known]) -> None:
@@ -263,15 +259,6 @@ def members_to_tell(
 def _result(
     wanted: Required, number: Number, status: Verdicts, value: float | None, bound: float, note: str
 ) -> Requirement:
-    margin = wanted.margin(value, bound)
-    return Requirement(
-        wanted.text,
-        wanted.path,
-        number.name,
-        status,
-        value,
-        bound,
-        number.quantity.telling(bound),  # which says how finely to tell
-        margin,
-        note,
-    )
+    # the bound says how finely to tell
+    quantity, margin = number.quantity.telling(bound), wanted.margin(value, bound)
+    return Requirement(wanted.text, wanted.path, number.name, status, value, bound, quantity, margin, note)

@@ -248,13 +248,12 @@ def _verdict(
         return Verdict(f"{listed(ended)} did not end well; the others are side by side below", "marginal", numbers)
     if not has_same_task(records):
         return Verdict("The runs have different references or durations, so that none is best", "told", numbers)
-    rises = [path for path in times[1::2] if all(run.get(path) is not None for run in flat)]
-    texts = [[quantity(path).text(value) for value in values(path)] for path in rises]
-    beside = "".join(
-        f"; {metric_of(path).text} {listed(shown_times)}"
-        for path, shown_times in zip(rises, texts, strict=True)
-        if len(set(shown_times)) > 1
-    )
+    beside = ""
+    for path in times[1::2]:
+        shown_times = [quantity(path).text(value) for value in values(path)]
+        if len(set(shown_times)) > 1:
+            told_times = [f"{text} ({name})" for name, text in zip(names, shown_times, strict=True)]
+            beside += f"; {metric_of(path).text} {listed(told_times)}"
     for path in known:
         top = best(path, values(path), quantity(path))
         if not top:
@@ -267,7 +266,7 @@ def _verdict(
             verb, place = ("settles" if len(top) == 1 else "settle") + " first", "in "
         else:
             place = "within "
-        after = " after settling" if path in _LEFT else ""
+        after = (" after settling" if steps else " at the end") if path in _LEFT else ""
         text = f"{leaders} {verb}, {place}{bounds[0]}{after}; {names[last]} {place}{bounds[1]}{beside}"
         return Verdict(text, "told", numbers)
     same = f"{listed(names)} end equally near" if beside else f"{listed(names)} follow equally well"

@@ -74,7 +74,7 @@ def test_steps_are_not_compared_by_the_size_of_the_step() -> None:
     assert "equally" not in text
     rises = [metrics(record)["step_response"][0]["rise_time"] for record in records]
     assert rises[0] > 1.8 * rises[1]
-    assert text.endswith(f"rise time {rises[0]:.4g} s and {rises[1]:.4g} s")
+    assert text.endswith(f"rise time {rises[0]:.4g} s (slow) and {rises[1]:.4g} s (fast)")
 
 
 @pytest.mark.parametrize(
