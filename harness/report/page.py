@@ -50,7 +50,8 @@ _SCENE_SCRIPTS = (
 )
 _SURFACE_SCRIPTS = ("shapes.js", "orbit.js", "viewer.js", "surface.js")
 _SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "members.js")
-_CHART_SCRIPTS = ("lines.js", "heat.js", "figure.js", "legend.js", "own.js", "charts.js", "player.js")
+_MAP_SCRIPTS = ("heat.js",)
+_CHART_SCRIPTS = ("lines.js", "figure.js", "legend.js", "own.js", "charts.js", "player.js")
 _STYLES = ("page.css", "first.css", "charts.css", "stage.css", "print.css")
 _SIGNS = {"good": "✓", "marginal": "!", "bad": "✗", "told": "→", "met": "✓", "missed": "✗", "open": "?"}
 # Colours of nearness to a limit, from 0 in the middle to 1 at the limit, and beyond it. Lightness and the contrast of
@@ -113,7 +114,8 @@ def page_of(report: Report) -> bytes:
         licences=[*([three_licence()] if is_solid else []), *([bokeh_licence()] if charts else [])],
     )
     solid = _SCENE_SCRIPTS if scenes else _SURFACE_SCRIPTS if surfaces else ()
-    own = "\n".join(asset(name) for name in (*_SCRIPTS, *solid, *_CHART_SCRIPTS))
+    maps = _MAP_SCRIPTS if surfaces or any(chart.kind == "heat" for chart in charts) else ()
+    own = "\n".join(asset(name) for name in (*_SCRIPTS, *maps, *solid, *_CHART_SCRIPTS))
     # the scene first, so that it appears while the library of the charts is still loading
     scripts = [*([three()] if is_solid else []), own, *([bokeh(), "GoughStewart.charts();"] if charts else [])]
     return document(report.title, body, colours() + "".join(map(asset, _STYLES)), data, scripts)

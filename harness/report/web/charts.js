@@ -186,7 +186,7 @@
   const seen = (panel) => panel.visible;
   GS.charts = async () => {
     await GS.timed;
-    await GS.sliceBar();
+    await GS.sliceBar?.();
     for (const host of document.querySelectorAll("figure.chart")) panelOf(page.charts[Number(host.dataset.chart)], host);
     const of = new Map(panels.map((panel) => [panel.host, panel]));
     const near = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {

@@ -31,6 +31,18 @@
     return [middle - (0.5 + AIR) * span, middle + (0.5 + AIR) * span];
   };
 
+  const ROUND = [1, 2, 3, 5, 7].flatMap((v) => [-3, -2, -1, 0, 1, 2, 3, 4, 5].map((e) => v * 10 ** e)).sort((a, b) => a - b);
+  // Ticks of logarithmic axes and colours: round numbers, as many as there is room for.
+  GS.roundTicks = (low, high) => {
+    // within a factor of four evenly spaced ones are rounder
+    if (high < 4 * low) {
+      const rough = (high - low) / 5, power = 10 ** Math.floor(Math.log10(rough)), step = power * [1, 2, 5, 10].find((v) => v * power >= rough);
+      return Array.from({ length: 8 }, (_, k) => Number((step * (Math.ceil(low / step) + k)).toPrecision(6))).filter((v) => v <= high);
+    }
+    const inside = ROUND.filter((v) => v >= low * 0.999 && v <= high * 1.001), step = Math.ceil(inside.length / 7);
+    return inside.filter((_, k) => k % step === 0);
+  };
+
   // Powers of ten only where decimals would be long.
   const plain = (axis, start, end) => {
     const most = Math.max(Math.abs(start), Math.abs(end));

@@ -4,7 +4,6 @@
 (() => {
   const GS = GoughStewart, { element, page, state } = GS;
   const STOPS = ["#00204d", "#31446b", "#666970", "#958f78", "#cbba69", "#ffe945"], FINE = 420, DECADES = 3;
-  const ROUND = [1, 2, 3, 5, 7].flatMap((v) => [-3, -2, -1, 0, 1, 2, 3, 4, 5].map((e) => v * 10 ** e)).sort((a, b) => a - b);
 
   GS.heatColours = (number = 256) => {
     const stops = STOPS.map((hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16)));
@@ -16,17 +15,6 @@
   const hex = (colour) => `#${colour.map((c) => c.toString(16).padStart(2, "0")).join("")}`;
   // Colours of kinds: the first is the ground.
   GS.kindColours = (chart) => chart.map.classes.map((_, k) => GS.theme().kinds[k % GS.theme().kinds.length]);
-
-  // Ticks of logarithmic colours: round numbers, as many as there is room for.
-  GS.roundTicks = (low, high) => {
-    // within a factor of four evenly spaced ones are rounder
-    if (high < 4 * low) {
-      const rough = (high - low) / 5, power = 10 ** Math.floor(Math.log10(rough)), step = power * [1, 2, 5, 10].find((v) => v * power >= rough);
-      return Array.from({ length: 8 }, (_, k) => Number((step * (Math.ceil(low / step) + k)).toPrecision(6))).filter((v) => v <= high);
-    }
-    const inside = ROUND.filter((v) => v >= low * 0.999 && v <= high * 1.001), step = Math.ceil(inside.length / 7);
-    return inside.filter((_, k) => k % step === 0);
-  };
 
   // The numbers of a map, slice by slice.
   class HeatMap {
