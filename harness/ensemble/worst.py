@@ -69,7 +69,8 @@ def write_worst(found: Ensemble, folder: Path, *, pages: bool = False) -> Worst:
     records = records_of(plan_from(found.metadata["plan"]), [None, *members])
     page = ""
     if pages:
-        from gough_stewart.harness.view.view import MOST_RECORDS, PAGE, view_page
+        from gough_stewart.harness.report.page import PAGE
+        from gough_stewart.harness.view.view import MOST_RECORDS, view_page
     for member, name, where, record in zip([None, *members], names, folders, records, strict=True):
         files: dict[str, Content] = {"record.parquet": record.to_parquet(), "metadata.json": record.to_metadata()}
         if pages:

@@ -71,7 +71,8 @@ class Numbers:
 
 def _listed(array: FloatArray) -> list[Any]:
     if np.isfinite(array).all():
-        return array.tolist()
+        numbers: list[Any] = array.tolist()
+        return numbers
     return [_listed(part) if part.ndim else as_json(float(part)) for part in array]
 
 

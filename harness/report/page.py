@@ -143,7 +143,14 @@ def colours() -> str:
 
 def to_html(report: Report) -> str:
     """A report in a notebook: the verdict, the tables but those of details, and the notes; all texts escaped."""
-    return TEMPLATES.get_template("notebook.html").render(report=report, kind_of=lambda part: type(part).__name__)
+    macros: Any = TEMPLATES.get_template("notebook.html").module
+    return str(macros.whole(report, lambda part: type(part).__name__))
+
+
+def table_to_html(table: Table) -> str:
+    """A table in a notebook; a unit that all numbers of a row share stands beside its first cell."""
+    macros: Any = TEMPLATES.get_template("notebook.html").module
+    return str(macros.table(table))
 
 
 def _differences(report: Report) -> Table | None:

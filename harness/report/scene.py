@@ -4,6 +4,7 @@ from dataclasses import field
 from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from gough_stewart.harness.report.data import CONFIG, Data, Numbers, Vector, check_shapes
@@ -11,6 +12,7 @@ from gough_stewart.harness.report.quantities import NUMBER, Quantity
 from gough_stewart.model.vectors import FloatArray
 
 _Rows = Annotated[FloatArray, Numbers(2)]
+_THREE = Field(min_length=3, max_length=3)
 
 
 @dataclass(frozen=True, config=CONFIG)
@@ -58,8 +60,8 @@ class Surface(Data):
     """Triangles in the box of three coordinates, with a value at every corner that sets its colour."""
 
     title: str
-    names: tuple[str, str, str]  # of the three coordinates
-    quantities: tuple[Quantity, Quantity, Quantity]
+    names: Annotated[tuple[str, ...], _THREE]  # of the three coordinates
+    quantities: Annotated[tuple[Quantity, ...], _THREE]
     low: Vector  # (3,): the box
     high: Vector  # (3,)
     vertices: _Rows  # (n, 3), SI units

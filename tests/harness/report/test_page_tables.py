@@ -14,7 +14,8 @@ from gough_stewart.harness.report.table import Column, Table
 def table_of(table: Table) -> Any:
     """The element of a page's only table."""
     page = page_of(Report("r", Verdict("v", "told"), (Section("s", (table,)),)))
-    (element,) = html.document_fromstring(page).xpath("//main//table")
+    elements: Any = html.document_fromstring(page).xpath("//main//table")
+    (element,) = elements
     return element
 
 
