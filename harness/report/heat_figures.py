@@ -57,7 +57,7 @@ def draw_heat(axes: Axes, chart: Chart, k: int | None = None, *, has_bar: bool =
     x, y = (axis.quantity.factor * axis.values for axis in (chart.x, chart.y))
     whole = chart.series[0].quantity.factor * chart.series[0].values
     inside = None if chart.map is None else chart.map.inside
-    values, field = (part if part is None or k is None else part[k] for part in (whole, inside))
+    values, field = whole if k is None else whole[k], inside if inside is None or k is None else inside[k]
     if chart.map is not None and chart.map.classes:
         _kinds(axes, x, y, values, field, chart.map.classes)
     else:

@@ -51,10 +51,7 @@
       return [unit ? `${name} [${unit}]` : name, ...cells, most === null ? "–" : String(most)];
     }));
     const { element } = GS, heads = ["", "median", "of all", "95 %", "of all", "largest", "in member"];
-    const table = element("table", {},
-      element("caption", {}, `${state.members.size} of ${ids.length} members are marked`),
-      element("thead", {}, element("tr", {}, ...heads.map((head) => element(head ? "th" : "td", head ? { scope: "col", class: "n" } : {}, head)))),
-      element("tbody", {}, ...rows.map(([name, ...cells]) => element("tr", {}, element("th", { scope: "row" }, name), ...cells.map((cell) => element("td", { class: "n" }, cell))))));
+    const table = GS.table(heads, rows, `${state.members.size} of ${ids.length} members are marked`);
     box.replaceChildren(element("div", { class: "sideways", role: "group", "aria-label": "marked members" }, table), ...opened());
     GS.fitTables();
   };

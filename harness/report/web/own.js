@@ -16,11 +16,9 @@
       const [from, to] = region.map((t) => Math.max(GS.rowAt(x, t + 1e-12), 0)), between = y.subarray(from, to + 1).filter(Number.isFinite);
       const mean = between.reduce((sum, v) => sum + v, 0) / between.length, ends = [from, to].map((k) => y[k]);
       const extremes = between.reduce(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [Infinity, -Infinity]);
-      const cells = [...ends, ends[1] - ends[0], ...extremes, mean].map((v) => element("td", { class: "n" }, GS.short(v, series.y.digits)));
-      return element("tr", {}, element("th", { scope: "row" }, unitOf(series)), ...cells);
+      return [unitOf(series), ...[...ends, ends[1] - ends[0], ...extremes, mean].map((v) => GS.short(v, series.y.digits))];
     });
-    const head = heads.map((text) => element(text ? "th" : "td", text ? { scope: "col", class: "n" } : {}, text));
-    table.replaceChildren(element("table", {}, element("thead", {}, element("tr", {}, ...head)), element("tbody", {}, ...rows)));
+    table.replaceChildren(GS.table(heads, rows));
   };
 
   // Rows of the marked time, or of what is shown, at the times of all signals; a signal holds its value between its own.

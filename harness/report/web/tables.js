@@ -51,6 +51,13 @@
     }
     if (isWide && box.scrollWidth > box.clientWidth) box.tabIndex = 0; else box.removeAttribute("tabindex");
   };
+  // A table of texts: heads of columns, a head for each row, numbers at the right.
+  GoughStewart.table = (heads, rows, caption) => {
+    const { element } = GoughStewart, head = (text, scope, kind) => (text ? element("th", { scope, class: kind }, text) : element("td", {}));
+    return element("table", {}, ...(caption ? [element("caption", {}, caption)] : []),
+      element("thead", {}, element("tr", {}, ...heads.map((text) => head(text, "col", "n")))),
+      element("tbody", {}, ...rows.map(([name, ...cells]) => element("tr", {}, head(name, "row", null), ...cells.map((cell) => element("td", { class: "n" }, cell))))));
+  };
   GoughStewart.fitTables = () => document.querySelectorAll(":is(.table, #marked) .sideways").forEach(fit);
   addEventListener("resize", GoughStewart.fitTables);
   document.addEventListener("toggle", GoughStewart.fitTables, true);

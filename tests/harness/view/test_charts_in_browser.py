@@ -13,7 +13,7 @@ from playwright.sync_api import Browser, Page
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
 from gough_stewart.harness.report.document import Report, Section, Verdict
 from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.report.palette import THEMES, colour_of_six
+from gough_stewart.harness.report.palette import THEMES, Role, colour_of_six
 from gough_stewart.harness.report.quantities import FREQUENCY, NUMBER
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view.view import view_page
@@ -490,9 +490,9 @@ def test_bokehs_zoom_is_that_of_all_charts_over_time(fresh: Page) -> None:
 def test_no_two_lines_of_a_chart_look_the_same(browser: Browser, three_path: Path, tmp_path: Path) -> None:
     """Expected: of three runs, and of fourteen signals and three references, every pair of colour and dashes once."""
     time = np.linspace(0, 1, 5)
-    names = [(f"s{k}", "actual") for k in range(14)] + [(f"r{k}", "reference") for k in range(3)]
-    names += [(f"n{k}", "neutral") for k in range(2)] + [(f"g{k}", "good") for k in range(2)]
-    series = [Series(name, NUMBER, time * (k + 1.3), role) for k, (name, role) in enumerate(names)]
+    counts: dict[Role, int] = {"actual": 14, "reference": 3, "neutral": 2, "good": 2}
+    roles = [role for role, count in counts.items() for _ in range(count)]
+    series = tuple(Series(f"s{k}", NUMBER, time * (k + 1.3), role) for k, role in enumerate(roles))
     path = tmp_path / "many.html"
     path.write_bytes(
         page_of(Report("m", Verdict("v", "told"), (Section("a", (Chart("m", time_axis(time), series),)),)))
