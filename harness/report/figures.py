@@ -73,35 +73,32 @@ class Panel(NamedTuple):
 
 
 def rows_of(charts: Sequence[Chart]) -> list[list[Panel]]:
-    """The panels of a figure: a row for each chart, or a grid for several of one kind with the same series."""
+    """The panels of a figure: a row for each chart, or a grid for several of one kind with the same series.
+
+    Maps stand side by side, two in a row; those in slices have a row each.
+    """
 
     def look(chart: Chart) -> object:
         if chart.map is not None:
             return "map"
-        return chart.kind, tuple((each.name, each.role) for each in chart.series)
+        return chart.kind, tuple((series.name, series.role) for series in chart.series)
 
     rows: list[list[Panel]] = []
-    for _, alike in groupby(charts, key=look):
-        some = list(alike)
-        if some[0].map is not None:
-            rows += _maps(some)
-        elif len(some) >= _SMALL and some[0].kind not in ("bars", "heat"):
-            names = tuple(each.name for each in some[0].series)
-            rows.append([Panel(each, _small_title(each), each.series, False, names=names) for each in some])
+    for kind, group in groupby(charts, key=look):
+        alike = list(group)
+        if kind == "map" and slices_shown(alike[0])[0] is not None:
+            for chart in alike:
+                slices = slices_shown(chart)
+                rows.append([Panel(chart, slice_title(chart, k), chart.series, False, slice=k) for k in slices])
+        elif kind == "map":
+            maps = [Panel(c, c.series[0].quantity.headed(c.title), c.series, False) for c in alike]
+            rows += [maps[k : k + 2] for k in range(0, len(maps), 2)]
+        elif len(alike) >= _SMALL and alike[0].kind not in ("bars", "heat"):
+            names = tuple(series.name for series in alike[0].series)
+            rows.append([Panel(chart, _small_title(chart), chart.series, False, names=names) for chart in alike])
         else:
-            rows += [_panels(each) for each in some]
+            rows += map(_panels, alike)
     return rows
-
-
-def _maps(charts: Sequence[Chart]) -> list[list[Panel]]:
-    """Maps side by side, two in a row; those in slices have a row each."""
-    if charts[0].map is not None and charts[0].map.slices is not None:
-        return [
-            [Panel(each, slice_title(each, k), each.series, False, slice=k) for k in slices_shown(each)]
-            for each in charts
-        ]
-    panels = [Panel(each, each.series[0].quantity.headed(each.title), each.series, False) for each in charts]
-    return [panels[k : k + 2] for k in range(0, len(panels), 2)]
 
 
 def _small_title(chart: Chart) -> str:
@@ -110,24 +107,24 @@ def _small_title(chart: Chart) -> str:
 
 
 def _panels(chart: Chart) -> list[Panel]:
-    has_reference = len({each.role for each in chart.series}) > 1 and any(s.role == "reference" for s in chart.series)
-    components = list(dict.fromkeys(each.component for each in chart.series))
-    if not has_reference or len(components) < 2 or len({each.run for each in chart.series}) > 1:
+    roles, runs = {series.role for series in chart.series}, {series.run for series in chart.series}
+    components = list(dict.fromkeys(series.component for series in chart.series))
+    if "reference" not in roles or len(roles) < 2 or len(components) < 2 or len(runs) > 1:
         return [Panel(chart, chart.title, chart.series, True)]
+    parts = {name: tuple(series for series in chart.series if series.component == name) for name in components}
     # an axis that hardly moves compared with the others should look like it
-    least = max(_extent(chart.series, component) for component in components) / 50
-    parts = {each: tuple(s for s in chart.series if s.component == each) for each in components}
+    least = max(map(_extent, parts.values())) / 50
     quantity = chart.series[0].quantity
     return [
-        Panel(chart, quantity.headed(f"{chart.title}, {each}"), part, False, least, tuple(s.role for s in part))
-        for each, part in parts.items()
+        Panel(chart, quantity.headed(f"{chart.title}, {name}"), part, False, least, tuple(s.role for s in part))
+        for name, part in parts.items()
     ]
 
 
-def _extent(series: Sequence[Series], component: str | None = None) -> float:
-    """The span of the values of a component, or of all, as shown."""
-    values = [drawable(s.quantity.factor * s.values) for s in series if component is None or s.component == component]
-    finite = np.concatenate([each[np.isfinite(each)] for each in values])
+def _extent(series: Sequence[Series]) -> float:
+    """The span of all their values, as shown."""
+    values = np.concatenate([drawable(one.quantity.factor * one.values) for one in series])
+    finite = values[np.isfinite(values)]
     return float(np.ptp(finite)) if finite.size else 0.0
 
 
@@ -155,7 +152,7 @@ def drawable(values: FloatArray) -> FloatArray:
 def told_apart(panel: Panel) -> list[tuple[int, str]]:
     """The series to draw, with their names; those that would hide each other are one line with all their names."""
     if panel.chart.kind == "points" or not panel.is_wide:
-        return [(k, each.name) for k, each in enumerate(panel.series)]
+        return [(k, series.name) for k, series in enumerate(panel.series)]
     is_log = panel.chart.y is not None and panel.chart.y.scale == "log"
     quantity = panel.series[0].quantity
     near = _HIDES if is_log else max(_extent(panel.series) * _HIDES, least_span(quantity.unit, least=quantity.least))
@@ -176,7 +173,7 @@ def _coincide(chart: Chart, one: Series, other: Series, near: float, *, is_log: 
         return False
     if len(one.values) != len(other.values) or not np.array_equal(chart.x_of(one), chart.x_of(other)):
         return False
-    first, second = (drawable(each.quantity.factor * each.values) for each in (one, other))
+    first, second = (drawable(series.quantity.factor * series.values) for series in (one, other))
     gap = np.abs(first - second)
     return bool(
         np.all((gap <= near * (np.abs(first) if is_log else 1)) | (np.isnan(one.values) & np.isnan(other.values)))
@@ -184,10 +181,10 @@ def _coincide(chart: Chart, one: Series, other: Series, near: float, *, is_log: 
 
 
 def _common_name(series: Sequence[Series]) -> str:
-    legs = [each.leg for each in series if each.leg is not None]
+    legs = [one.leg for one in series if one.leg is not None]
     if len(series) > 2 and len(legs) == len(series) and legs == list(range(legs[0], legs[0] + len(legs))):
         return f"legs {legs[0]}–{legs[-1]}"
-    return ", ".join(each.name for each in series)
+    return ", ".join(one.name for one in series)
 
 
 def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = None) -> dict[str, bytes]:
@@ -199,7 +196,7 @@ def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = No
         for part in section.parts
         if isinstance(part, Chart) and not part.detail and group in (None, part.group)
     ]
-    found: dict[str, bytes] = {}
+    files: dict[str, bytes] = {}
     taken: set[str] = set()
     for title, charts in groupby(drawn, key=lambda chart: chart.group or chart.title):
         name = _name(title, taken)
@@ -208,10 +205,10 @@ def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = No
         # what did not go well should look like it
         is_well = report.verdict.status in ("good", "told")
         head = report.title if is_well else f"{report.title} — {report.verdict.text}"
-        head += f" ({', '.join(each.text for each in report.settings)})" if report.changed else ""
-        files = files_of(partial(_draw, head, panels), WIDTH, height, tuple(kinds))
-        found |= {f"{name}.{kind}": file for kind, file in files.items()}
-    return found
+        head += f" ({', '.join(setting.text for setting in report.settings)})" if report.changed else ""
+        written = files_of(partial(_draw, head, panels), WIDTH, height, tuple(kinds))
+        files |= {f"{name}.{kind}": file for kind, file in written.items()}
+    return files
 
 
 def _name(title: str, taken: set[str]) -> str:
@@ -337,14 +334,14 @@ def _lines(axes: Axes, panel: Panel) -> None:
         scale = series.quantity.factor
         x, values = chart.x.quantity.factor * chart.x_of(series), drawable(scale * series.values)
         if series.low is not None and series.high is not None:
-            low, high = (scale * each for each in (series.low, series.high))
+            low, high = scale * series.low, scale * series.high
             if chart.kind == "points":
                 axes.errorbar(x, values, [values - low, high - values], fmt="none", ecolor=style["color"], elinewidth=1)
             else:
                 axes.fill_between(x, low, high, color=style["color"], alpha=_SHADE, linewidth=0)
         if series.role == "band":
             # bands lie within each other, the widest first
-            above = sum(each.role == "band" for each in panel.series[: k + 1])
+            above = sum(below.role == "band" for below in panel.series[: k + 1])
             axes.fill([], [], color=style["color"], alpha=1 - (1 - _SHADE) ** above, label=label)
             continue
         if chart.kind == "points":
@@ -388,7 +385,7 @@ def _bars(axes: Axes, panel: Panel) -> None:
         values = series.quantity.factor * series.values[shown]
         error = None
         if series.low is not None and series.high is not None:
-            low, high = (series.quantity.factor * each[shown] for each in (series.low, series.high))
+            low, high = (series.quantity.factor * ends[shown] for ends in (series.low, series.high))
             error = np.stack([values - low, high - values])
         place = at + (k - (count - 1) / 2) * thickness
         style: dict[str, Any] = {
@@ -426,7 +423,7 @@ def _draw_maps(part: Any, grid: Sequence[Axes], row: Sequence[Panel]) -> None:
     if kinds:
         cross, names = grid[0].get_legend_handles_labels()
         patches = kind_patches(kinds[0])
-        labels = [*(str(each.get_label()) for each in patches), *names]
+        labels = [*(str(patch.get_label()) for patch in patches), *names]
         part.legend([*patches, *cross], labels, loc="outside lower left", ncols=4, fontsize=8)
 
 
@@ -457,8 +454,8 @@ def _spans(axes: Axes, panel: Panel) -> None:
     """Margins as thick lines from end to end, with their text beside them."""
     chart = panel.chart
     across, up = chart.x.quantity.factor, panel.series[0].quantity.factor
-    for each in chart.spans:
-        x, (low, high), colour = across * each.at, (up * each.low, up * each.high), colour_of(each.role)
+    for span in chart.spans:
+        x, (low, high), colour = across * span.at, (up * span.low, up * span.high), colour_of(span.role)
         axes.plot([x, x], [low, high], color=colour, linewidth=2.2, marker="_", markersize=7, zorder=4)
         # left of its lower end, where a loop that falls leaves room
         start, end = axes.get_xlim()
@@ -466,19 +463,19 @@ def _spans(axes: Axes, panel: Panel) -> None:
         place: dict[str, Any] = {"ha": "right" if is_left else "left", "va": "top", "fontsize": 7.5, "zorder": 5}
         boxed = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
         shift = (-5 if is_left else 5, -2)
-        axes.annotate(each.text, (x, low), shift, textcoords="offset points", color=colour, bbox=boxed, **place)
+        axes.annotate(span.text, (x, low), shift, textcoords="offset points", color=colour, bbox=boxed, **place)
 
 
 def _strips(axes: Axes, panel: Panel) -> None:
     """When limits are active: bars at the lower edge of the axes, one above the other."""
     chart, (low, high) = panel.chart, axes.get_ylim()
     ends, room = axes.get_xlim(), 1.4 * _STRIP * len(chart.strips)
-    for k, each in enumerate(chart.strips):
-        bars = [(chart.x.quantity.factor * a, chart.x.quantity.factor * (b - a)) for a, b in each.intervals]
-        label = f"{each.name}, {percent(each.share)}"
+    for k, strip in enumerate(chart.strips):
+        bars = [(chart.x.quantity.factor * a, chart.x.quantity.factor * (b - a)) for a, b in strip.intervals]
+        label = f"{strip.name}, {percent(strip.share)}"
         place = (_STRIP * (1.4 * k + 0.4), _STRIP)
         where: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "zorder": 4}
-        axes.broken_barh(bars, place, color=colour_of(each.role), label=label, linewidth=0.8, **where)
+        axes.broken_barh(bars, place, color=colour_of(strip.role), label=label, linewidth=0.8, **where)
     axes.set_xlim(ends)
     # below all curves
     axes.set_ylim(low - (high - low) * room / (1 - room), high)

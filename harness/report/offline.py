@@ -92,12 +92,12 @@ def three() -> str:
     """
     try:
         with ZipFile(_folder("trimesh") / _ARCHIVE) as archive:
-            found = _LIBRARY.search(archive.read(_PAGE).decode())
+            library = _LIBRARY.search(archive.read(_PAGE).decode())
     except (OSError, KeyError, BadZipFile):
-        found = None
-    if found is None:
+        library = None
+    if library is None:
         raise GoughStewartError(f"trimesh {version('trimesh')} has no three.js in {_ARCHIVE}; install trimesh 5.2.0")
-    return found[1]
+    return library[1]
 
 
 @cache

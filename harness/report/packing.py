@@ -130,7 +130,7 @@ def _rounded(array: FloatArray, step: float) -> dict[str, Any]:
     filled = np.where(np.isfinite(array[last]), array[last], low) if len(array) else array
     steps = np.rint((filled - low) / step).astype(np.int64)
     differences = [steps, np.diff(steps, prepend=0), np.diff(steps, n=2, prepend=[0, 0])]
-    order, chosen = min(enumerate(differences), key=lambda each: _bits(each[1]))
+    order, chosen = min(enumerate(differences), key=lambda pair: _bits(pair[1]))
     edges = np.flatnonzero(np.diff(np.concatenate([[True], finite, [True]])))
     gaps = {"g": edges.tolist()} if len(edges) else {}
     return {"k": "q", "n": len(array), "o": order, "a": low, "s": step, "d": _planes(chosen), **gaps}

@@ -159,7 +159,7 @@ class Quantity:
         """
         known, unit = UNITS.get(self.si, {self.unit: 1.0}), unit_typed(unit)
         if unit not in known:
-            expected = ", ".join(each for each in known if each) or "no unit"
+            expected = ", ".join(filter(None, known)) or "no unit"
             raise ValueError(f"the unit '{unit}'; expected {expected}")
         # so that 800 µm are 0.0008 m to the last bit
         return number / (known[self.unit] * self.factor / known[unit])
