@@ -15,7 +15,7 @@ from pydantic_core import CoreSchema, core_schema
 
 from gough_stewart.model.vectors import FloatArray
 
-CONFIG = ConfigDict(extra="forbid", ser_json_inf_nan="strings")
+CONFIG = ConfigDict(extra="forbid", ser_json_inf_nan="strings", defer_build=True)
 
 
 @dataclass(frozen=True, eq=False, config=CONFIG)
