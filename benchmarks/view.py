@@ -13,7 +13,7 @@ from rich.table import Table
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.page import view_page
+from gough_stewart.harness.view.view import view_page
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.support.browser import CHROMIUM, chromium

@@ -50,7 +50,7 @@ from gough_stewart.harness.results.record import Record as Record
 from gough_stewart.harness.results.record import read_record as read_record
 from gough_stewart.harness.tuning.tune import tune as tune
 from gough_stewart.harness.tuning.tuning import Tuning as Tuning
-from gough_stewart.harness.view.file import view as view
+from gough_stewart.harness.view.view import view as view
 from gough_stewart.model.dynamics import Acceleration as Acceleration
 from gough_stewart.model.dynamics import inverse_dynamics as inverse_dynamics
 from gough_stewart.model.dynamics import mass_matrix as mass_matrix

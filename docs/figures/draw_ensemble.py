@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from saving import save_svg
 
 from gough_stewart.harness.ensemble.ensemble import ensemble
-from gough_stewart.harness.output.plotting import COLOURS, pictures
+from gough_stewart.harness.report.plotting import COLOURS, pictures
 from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import load_preset
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import gough_stewart as gs
 from gough_stewart.harness.control.linear import linear_matrices
 from gough_stewart.harness.control.state_space import StateSpace
-from gough_stewart.harness.output.plotting import COLOURS, pictures
+from gough_stewart.harness.report.plotting import COLOURS, pictures
 from gough_stewart.model.friction import Bristles, bristle_friction, law_of_bristles
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.platform import Platform

@@ -4,8 +4,8 @@ import matplotlib.style as mpl_style
 from matplotlib.figure import Figure
 from saving import save_svg
 
-from gough_stewart.harness.output.plotting import COLOURS, DASHES, STYLE
 from gough_stewart.harness.paper.open_loop import run_kernel
+from gough_stewart.harness.report.plotting import COLOURS, DASHES, STYLE
 from gough_stewart.model.formulations.cases import paper_case
 
 PANELS = (

@@ -8,8 +8,8 @@ from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop.run import simulate
-from gough_stewart.harness.output.plotting import COLOURS, pictures
 from gough_stewart.harness.plants.lanes import Stepping
+from gough_stewart.harness.report.plotting import COLOURS, pictures
 from gough_stewart.harness.sampling.choice import EnsembleChoice
 from gough_stewart.model.vectors import FloatArray
 

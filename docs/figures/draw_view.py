@@ -10,7 +10,7 @@ from playwright.sync_api import sync_playwright
 
 from gough_stewart.harness.experiment.file import shipped_experiment
 from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.view.page import view_page
+from gough_stewart.harness.view.view import view_page
 
 # Low gains and a large motion, so that the reference can be seen beside the platform.
 SETTINGS = [

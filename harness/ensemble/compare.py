@@ -22,13 +22,12 @@ from gough_stewart.harness.polars_paths import write_to
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
 from gough_stewart.harness.report.proportions import quantile_interval
-from gough_stewart.harness.report.quantities import SHARE
-from gough_stewart.harness.report.small_machine import fine
+from gough_stewart.harness.report.quantities import SHARE, fine
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.report.words import percent, sentence
 from gough_stewart.harness.results.metric_folds import METRICS, metric_of
-from gough_stewart.harness.view.comparison import differ_in, differing
+from gough_stewart.harness.view.view import differ_in, differing
 from gough_stewart.model.process.files import write_files
 
 CONFIDENCE = 0.95

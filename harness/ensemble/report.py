@@ -41,10 +41,9 @@ from gough_stewart.harness.ensemble.sensitivity import Sensitivity, sensitivity_
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.polars_paths import read_parquet
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
-from gough_stewart.harness.report.notebook import to_html
+from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.proportions import METHOD, quantile_interval, share_interval
-from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity
-from gough_stewart.harness.report.small_machine import fine
+from gough_stewart.harness.report.quantities import SHARE, TIME, Quantity, fine
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import text_of
 from gough_stewart.harness.report.words import about, at_least, at_most, listed, percent, sentence

@@ -19,7 +19,7 @@ from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.results.metrics import finite_part, flattened, metrics
 from gough_stewart.harness.results.oscillation import outcome_text
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.comparison import difference
+from gough_stewart.harness.view.view import difference
 from gough_stewart.model.process.files import Content, write_files
 from gough_stewart.model.vectors import FloatArray
 
@@ -69,7 +69,8 @@ def write_worst(found: Ensemble, folder: Path, *, pages: bool = False) -> Worst:
     records = records_of(plan_from(found.metadata["plan"]), [None, *members])
     page = ""
     if pages:
-        from gough_stewart.harness.view.page import MOST_RECORDS, PAGE, view_page
+        from gough_stewart.harness.report.page import PAGE
+        from gough_stewart.harness.view.view import MOST_RECORDS, view_page
     for member, name, where, record in zip([None, *members], names, folders, records, strict=True):
         files: dict[str, Content] = {"record.parquet": record.to_parquet(), "metadata.json": record.to_metadata()}
         if pages:

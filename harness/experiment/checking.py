@@ -27,12 +27,12 @@ from gough_stewart.harness.motion.limits.needs import Needs, needs_along
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, Peak, Shares, shares_along
 from gough_stewart.harness.motion.limits.shares_tables import LEGS, OF_LIMIT, finite, largest_needs, shares_tables
 from gough_stewart.harness.motion.motion import Motion, Reference, Scaled, centre_of
-from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
-from gough_stewart.harness.report.notebook import to_html
+from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
-from gough_stewart.harness.report.small_machine import fine, fineness_of
+from gough_stewart.harness.report.quantities import fine, fineness_of
+from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.report.words import listed, percent, sentence
 from gough_stewart.model.platform import Platform
 

@@ -21,7 +21,7 @@ from gough_stewart.harness.experiment.file import digests, experiment_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
-from gough_stewart.harness.report.notebook import to_html
+from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FREQUENCY, NUMBER, SHARE, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table
 from gough_stewart.harness.report.words import about, percent, sentence

@@ -25,7 +25,6 @@ from gough_stewart.harness.loop.folds import ERRORS, error_between
 from gough_stewart.harness.loop.loop import LENGTHS
 from gough_stewart.harness.loop.run import Run, simulate
 from gough_stewart.harness.loop.timing import as_numbers
-from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.kinds import PlantKind
 from gough_stewart.harness.plants.lanes import LanesPlant
@@ -34,6 +33,7 @@ from gough_stewart.harness.plants.plant import Plant
 from gough_stewart.harness.report.document import Note, Number, Report
 from gough_stewart.harness.report.quantities import LENGTH
 from gough_stewart.harness.report.requirements import Required, with_requirements
+from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.report.words import exactly
 from gough_stewart.harness.results.metric_folds import METRICS
 from gough_stewart.harness.results.metrics import metrics, metrics_json

@@ -5,8 +5,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gough_stewart.harness.output.plotting import COLOURS, DASHES, label, panel, png, two_panels
 from gough_stewart.harness.paper.open_loop import Trajectory
+from gough_stewart.harness.report.plotting import COLOURS, DASHES, label, panel, png, two_panels
 from gough_stewart.model.formulations.cases import OpenLoopCase
 from gough_stewart.model.formulations.kane import KaneTrajectory
 from gough_stewart.model.vectors import FloatArray

@@ -6,45 +6,40 @@ None, or NaN in an array.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+from pydantic.dataclasses import dataclass
 
 from gough_stewart.harness.report.chart import Chart
-from gough_stewart.harness.report.fields import array_of, defined, one_of
+from gough_stewart.harness.report.data import CONFIG, Data, Defined, Vector
 from gough_stewart.harness.report.quantities import NUMBER, Quantity
 from gough_stewart.harness.report.scene import Scene, Surface
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.report.words import plain_text
-from gough_stewart.model.vectors import FloatArray
 
 Status = Literal["good", "marginal", "bad", "told"]
 Verdicts = Literal["met", "missed", "open"]
 
 
-@dataclass(frozen=True, eq=False)
-class Number:
+@dataclass(frozen=True, eq=False, config=CONFIG)
+class Number(Data):
     """A number that the study found, and that a requirement may name by its path."""
 
     path: str  # as "tracking.position.norm_peak"; "" for one without
     name: str  # its words
-    value: float | None
+    value: Defined
     quantity: Quantity = NUMBER
-    low: float | None = None  # confidence interval, or range
-    high: float | None = None
-    limit: float | None = None
-    margin: float | None = None  # to the limit; < 0 beyond it
+    low: Defined = None  # confidence interval, or range
+    high: Defined = None
+    limit: Defined = None
+    margin: Defined = None  # to the limit; < 0 beyond it
     explanation: str = ""
     # One per member of an ensemble (N,), NaN where it is not defined.
-    members: FloatArray | None = None
+    members: Vector | None = None
     small_is_worse: bool = False
     block: int = 1  # so many members share their numbers; only blocks are independent
     doubt: str = ""  # why a requirement on it cannot be told, if so
-
-    def __post_init__(self) -> None:
-        for name in ("value", "low", "high", "limit", "margin"):
-            object.__setattr__(self, name, defined(getattr(self, name)))
-        if self.members is not None:
-            object.__setattr__(self, "members", array_of(self.members, f"the members of {self.path}"))
 
     @property
     def text(self) -> str:
@@ -64,38 +59,33 @@ class Number:
         return ", ".join([*parts, *([self.doubt] if self.doubt else [])])
 
 
-@dataclass(frozen=True)
-class Verdict:
+@dataclass(frozen=True, config=CONFIG)
+class Verdict(Data):
     """The answer to the study's question, in one line, and the numbers that carry it."""
 
-    text: str
+    text: Annotated[str, Field(pattern=r"^[^\n]+$")]
     status: Status
     numbers: tuple[Number, ...] = ()
 
-    def __post_init__(self) -> None:
-        one_of(self.status, Status, "the status")
-        if not self.text or "\n" in self.text:
-            raise ValueError(f"the verdict {self.text!r}; expected one line")
 
-
-@dataclass(frozen=True)
-class Note:
+@dataclass(frozen=True, config=CONFIG)
+class Note(Data):
     """A sentence for the reader."""
 
     text: str
     kind: Literal["note", "warning"] = "note"
 
 
-@dataclass(frozen=True)
-class File:
+@dataclass(frozen=True, config=CONFIG)
+class File(Data):
     """A file that the study wrote, and what it has."""
 
     name: str
     what: str = ""
 
 
-@dataclass(frozen=True)
-class Setting:
+@dataclass(frozen=True, config=CONFIG)
+class Setting(Data):
     """A key of the experiment that was set, or that differs between runs: a value for each run."""
 
     key: str
@@ -111,30 +101,25 @@ class Setting:
 def settings_of(changed: Mapping[str, Mapping[str, Any]]) -> tuple[Setting, ...]:
     """The keys whose `value` is not that of the `file`, which is None if it has none."""
     texts = (
-        (key, plain_text(each["value"]), "" if each["file"] is None else plain_text(each["file"]))
-        for key, each in changed.items()
+        (key, plain_text(values["value"]), "" if values["file"] is None else plain_text(values["file"]))
+        for key, values in changed.items()
     )
     return tuple(Setting(key, (value,), of_file) for key, value, of_file in texts if value != of_file)
 
 
-@dataclass(frozen=True)
-class Requirement:
+@dataclass(frozen=True, config=CONFIG)
+class Requirement(Data):
     """What was required of a number, and how it came out."""
 
     text: str  # as written
     path: str
     name: str
     status: Verdicts  # "open" if the study cannot tell
-    value: float | None
+    value: Defined
     bound: float
     quantity: Quantity
-    margin: float | None = None  # < 0 if it is missed
+    margin: Defined = None  # < 0 if it is missed
     note: str = ""  # how sure, or what would tell
-
-    def __post_init__(self) -> None:
-        one_of(self.status, Verdicts, "the status")
-        object.__setattr__(self, "value", defined(self.value))
-        object.__setattr__(self, "margin", defined(self.margin))
 
     @property
     def found(self) -> str:
@@ -149,23 +134,32 @@ def margin_text(quantity: Quantity, margin: float) -> str:
     return f"{quantity.text(abs(margin))} {'beyond' if margin < 0 else 'left'}"
 
 
-Part = Table | Chart | Scene | Surface | Note
+def _kind(part: Any) -> Any:
+    """What a part is: in JSON, a key says it, which is no field."""
+    return part.pop("part", None) if isinstance(part, dict) else type(part).__name__.lower()
 
 
-@dataclass(frozen=True, eq=False)
-class Section:
+Part = Annotated[
+    Annotated[Table, Tag("table")]
+    | Annotated[Chart, Tag("chart")]
+    | Annotated[Scene, Tag("scene")]
+    | Annotated[Surface, Tag("surface")]
+    | Annotated[Note, Tag("note")],
+    Discriminator(_kind),
+]
+
+
+@dataclass(frozen=True, eq=False, config=CONFIG)
+class Section(Data):
     """Parts of a report under a title; `detail` for those that a reader opens if needed."""
 
     title: str
     parts: tuple[Part, ...]
     detail: bool = False
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "parts", tuple(self.parts))
 
-
-@dataclass(frozen=True, eq=False)
-class Report:
+@dataclass(frozen=True, eq=False, config=CONFIG)
+class Report(Data):
     """What a study found."""
 
     title: str
@@ -182,13 +176,10 @@ class Report:
     repeat: str = ""  # the command that runs a member of an ensemble, without its number
 
     def __post_init__(self) -> None:
-        for name in ("sections", "numbers", "requirements", "settings", "runs", "notes", "files"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
-        known: set[str] = set()
-        for path in (each.path for each in self.numbers if each.path):
-            if path in known:
-                raise ValueError(f"the number {path} is there twice; expected every path once")
-            known.add(path)
+        paths = [number.path for number in self.numbers if number.path]
+        if len(set(paths)) < len(paths):
+            twice = next(path for path in paths if paths.count(path) > 1)
+            raise ValueError(f"the number {twice} is there twice; expected every path once")
 
     def parts(self) -> Iterator[Part]:
         """All parts of all sections."""
@@ -205,7 +196,8 @@ class Report:
         """What was set of the experiment's file, with what the file has; "" for nothing or several runs."""
         if len(self.runs) > 1:
             return ""
-        return ", ".join(f"{e.text} (file: {e.default})" if e.default else e.text for e in self.settings)
+        texts = [setting.text + (f" (file: {setting.default})" if setting.default else "") for setting in self.settings]
+        return ", ".join(texts)
 
     def number(self, path: str) -> Number:
         """The number of a path.
@@ -215,7 +207,7 @@ class Report:
         KeyError
             There is none.
         """
-        found = next((each for each in self.numbers if each.path == path), None)
-        if found is None:
-            raise KeyError(path)
-        return found
+        for number in self.numbers:
+            if number.path == path:
+                return number
+        raise KeyError(path)

@@ -9,26 +9,39 @@ from collections.abc import Sequence
 from functools import partial
 from itertools import groupby
 from textwrap import wrap
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from gough_stewart.harness.output.display_resolution import decimated, least_span
-from gough_stewart.harness.output.plotting import entitle, files_of
-from gough_stewart.harness.report.chart import Chart
+from gough_stewart.harness.report.chart import Chart, Series
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.heat_figures import (
     draw_heat,
+    height_over_width,
     kind_patches,
+    slice_title,
+    slices_shown,
 )
+from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.palette import DASHES, SIX_DASHES, colour_of, colour_of_six
-from gough_stewart.harness.report.panels import ROW, WIDTH, Panel, columns_of, drawable, height_of, rows_of, told_apart
+from gough_stewart.harness.report.plotting import entitle, files_of
+from gough_stewart.harness.report.quantities import least_span
 from gough_stewart.harness.report.words import percent
+from gough_stewart.model.vectors import FloatArray
 
 KINDS = ("pdf", "png", "svg")
+WIDTH, ROW = 8.0, 1.9  # of a figure, and the height of a row [inch]
+# Larger values overflow matplotlib's arithmetic.
+_LARGEST = 1e100
+# Lines that stay within this share of the axis hide each other.
+_HIDES = 4e-3
+# Lines that can be told apart in one panel.
+_MOST_LINES = 12
+# Of a group, so many charts of one kind with the same series are small panels with one legend.
+_SMALL = 3
 _HEAD = 0.55  # [inch]
 # Points of a line in a panel of about 400 pixels.
 _POINTS = 800
@@ -47,6 +60,133 @@ _STRIP = 0.022
 _SHADE = 0.22
 
 
+class Panel(NamedTuple):
+    """Some of the series of a chart, in axes of their own; wide, or a small one in a grid."""
+
+    chart: Chart
+    title: str
+    series: tuple[Series, ...]
+    is_wide: bool
+    least: float = 0.0  # span of the vertical axis
+    names: tuple[str, ...] = ()  # of its series in the legend of the grid
+    slice: int | None = None  # of a heat map
+
+
+def rows_of(charts: Sequence[Chart]) -> list[list[Panel]]:
+    """The panels of a figure: a row for each chart, or a grid for several of one kind with the same series.
+
+    Maps stand side by side, two in a row; those in slices have a row each.
+    """
+
+    def look(chart: Chart) -> object:
+        if chart.map is not None:
+            return "map"
+        return chart.kind, tuple((series.name, series.role) for series in chart.series)
+
+    rows: list[list[Panel]] = []
+    for kind, group in groupby(charts, key=look):
+        alike = list(group)
+        if kind == "map" and slices_shown(alike[0])[0] is not None:
+            for chart in alike:
+                slices = slices_shown(chart)
+                rows.append([Panel(chart, slice_title(chart, k), chart.series, False, slice=k) for k in slices])
+        elif kind == "map":
+            maps = [Panel(c, c.series[0].quantity.headed(c.title), c.series, False) for c in alike]
+            rows += [maps[k : k + 2] for k in range(0, len(maps), 2)]
+        elif len(alike) >= _SMALL and alike[0].kind not in ("bars", "heat"):
+            names = tuple(series.name for series in alike[0].series)
+            rows.append([Panel(chart, _small_title(chart), chart.series, False, names=names) for chart in alike])
+        else:
+            rows += map(_panels, alike)
+    return rows
+
+
+def _small_title(chart: Chart) -> str:
+    """The name and unit of the vertical axis, or the chart's title with the unit."""
+    return chart.y_title if chart.y is not None and chart.y.name else chart.series[0].quantity.headed(chart.title)
+
+
+def _panels(chart: Chart) -> list[Panel]:
+    roles, runs = {series.role for series in chart.series}, {series.run for series in chart.series}
+    components = list(dict.fromkeys(series.component for series in chart.series))
+    if "reference" not in roles or len(roles) < 2 or len(components) < 2 or len(runs) > 1:
+        return [Panel(chart, chart.title, chart.series, True)]
+    parts = {name: tuple(series for series in chart.series if series.component == name) for name in components}
+    # an axis that hardly moves compared with the others should look like it
+    least = max(map(_extent, parts.values())) / 50
+    quantity = chart.series[0].quantity
+    return [
+        Panel(chart, quantity.headed(f"{chart.title}, {name}"), part, False, least, tuple(s.role for s in part))
+        for name, part in parts.items()
+    ]
+
+
+def _extent(series: Sequence[Series]) -> float:
+    """The span of all their values, as shown."""
+    values = np.concatenate([drawable(one.quantity.factor * one.values) for one in series])
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if finite.size else 0.0
+
+
+def columns_of(row: Sequence[Panel]) -> int:
+    """Panels side by side: one that is wide, at most three small ones, two of four; all of a row of maps."""
+    if row[0].chart.map is not None:
+        return max(len(row), 2)
+    return 2 if len(row) == 4 else min(len(row), 3)
+
+
+def height_of(row: Sequence[Panel]) -> float:
+    """The height of a row, in panels."""
+    if row[0].chart.map is not None:
+        # what is left of the width of a panel beside titles and bar
+        wide = WIDTH / columns_of(row) - (1.3 if row[0].slice is None else 0.5)
+        return (wide * height_over_width(row[0].chart) + 0.7) / ROW
+    return 1.5 if row[0].is_wide else float(-(-len(row) // columns_of(row)))
+
+
+def drawable(values: FloatArray) -> FloatArray:
+    """Values with gaps where they would overflow the arithmetic of axes."""
+    return np.where(np.abs(values) <= _LARGEST, values, np.nan)
+
+
+def told_apart(panel: Panel) -> list[tuple[int, str]]:
+    """The series to draw, with their names; those that would hide each other are one line with all their names."""
+    if panel.chart.kind == "points" or not panel.is_wide:
+        return [(k, series.name) for k, series in enumerate(panel.series)]
+    is_log = panel.chart.y is not None and panel.chart.y.scale == "log"
+    quantity = panel.series[0].quantity
+    near = _HIDES if is_log else max(_extent(panel.series) * _HIDES, least_span(quantity.unit, least=quantity.least))
+    groups: list[list[int]] = []
+    for k, series in enumerate(panel.series):
+        for group in groups:
+            if _coincide(panel.chart, panel.series[group[0]], series, near, is_log=is_log):
+                group.append(k)
+                break
+        else:
+            groups.append([k])
+    return [(group[0], _common_name([panel.series[k] for k in group])) for group in groups[:_MOST_LINES]]
+
+
+def _coincide(chart: Chart, one: Series, other: Series, near: float, *, is_log: bool) -> bool:
+    """Whether two series stay as near as this to each other, on a logarithmic axis as a share of the value."""
+    if one.role != other.role or one.low is not None or other.low is not None:
+        return False
+    if len(one.values) != len(other.values) or not np.array_equal(chart.x_of(one), chart.x_of(other)):
+        return False
+    first, second = (drawable(series.quantity.factor * series.values) for series in (one, other))
+    gap = np.abs(first - second)
+    return bool(
+        np.all((gap <= near * (np.abs(first) if is_log else 1)) | (np.isnan(one.values) & np.isnan(other.values)))
+    )
+
+
+def _common_name(series: Sequence[Series]) -> str:
+    legs = [one.leg for one in series if one.leg is not None]
+    if len(series) > 2 and len(legs) == len(series) and legs == list(range(legs[0], legs[0] + len(legs))):
+        return f"legs {legs[0]}–{legs[-1]}"
+    return ", ".join(one.name for one in series)
+
+
 def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = None) -> dict[str, bytes]:
     """The figures of all charts but those of details, by file name; of one group alone if it is given."""
     drawn = [
@@ -56,7 +196,7 @@ def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = No
         for part in section.parts
         if isinstance(part, Chart) and not part.detail and group in (None, part.group)
     ]
-    found: dict[str, bytes] = {}
+    files: dict[str, bytes] = {}
     taken: set[str] = set()
     for title, charts in groupby(drawn, key=lambda chart: chart.group or chart.title):
         name = _name(title, taken)
@@ -65,10 +205,10 @@ def figures(report: Report, kinds: Sequence[str] = KINDS, group: str | None = No
         # what did not go well should look like it
         is_well = report.verdict.status in ("good", "told")
         head = report.title if is_well else f"{report.title} — {report.verdict.text}"
-        head += f" ({', '.join(each.text for each in report.settings)})" if report.changed else ""
-        files = files_of(partial(_draw, head, panels), WIDTH, height, tuple(kinds))
-        found |= {f"{name}.{kind}": file for kind, file in files.items()}
-    return found
+        head += f" ({', '.join(setting.text for setting in report.settings)})" if report.changed else ""
+        written = files_of(partial(_draw, head, panels), WIDTH, height, tuple(kinds))
+        files |= {f"{name}.{kind}": file for kind, file in written.items()}
+    return files
 
 
 def _name(title: str, taken: set[str]) -> str:
@@ -166,34 +306,42 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     _strips(axes, panel)
 
 
-def _style(panel: Panel, index: int) -> dict[str, Any]:
-    """Colour and dashes of a series: by role, or by leg, run or order where several have one role."""
-    series = panel.series[index]
-    same = [k for k, each in enumerate(panel.series) if each.role == series.role]
-    if len(same) == 1 or series.role in ("reference", "limit", "band"):
-        dashes, colour = DASHES.get(series.role, ()), colour_of(series.role)
-    else:
-        place = series.run if series.run is not None else series.leg - 1 if series.leg else same.index(index)
-        # of more than six, the colours come again with other dashes
-        dashes, colour = SIX_DASHES[(place + place // 6) % 6], colour_of_six(place)
-    return {"color": colour, "linestyle": (0, dashes) if dashes else "-"}
+def _styles(panel: Panel) -> list[dict[str, Any]]:
+    """Colour and dashes of each series: by role, or by run, leg or order where several have one role.
+
+    No two share both.
+    """
+    styles, taken = [], set[tuple[str, tuple[float, ...]]]()
+    for series in panel.series:
+        alike = [other for other in panel.series if other.role == series.role]
+        colour, dashes = colour_of(series.role), DASHES.get(series.role, ())
+        if len(alike) > 1 and series.role not in ("reference", "limit", "band"):
+            same = [other for other in alike if other.run == series.run].index(series)
+            place = series.run if series.run is not None else series.leg - 1 if series.leg else same
+            # of more than six, the colours come again with other dashes
+            colour, dashes = colour_of_six(place), SIX_DASHES[(same if series.run else place + place // 6) % 6]
+        while series.role != "band" and (colour, dashes) in taken:
+            dashes = (*dashes, 1.0, 3.0) if dashes else (6.0, 3.0)
+        taken.add((colour, dashes))
+        styles.append({"color": colour, "linestyle": (0, dashes) if dashes else "-"})
+    return styles
 
 
 def _lines(axes: Axes, panel: Panel) -> None:
-    chart = panel.chart
+    chart, styles = panel.chart, _styles(panel)
     for k, label in told_apart(panel):
-        series, style = panel.series[k], _style(panel, k)
+        series, style = panel.series[k], styles[k]
         scale = series.quantity.factor
         x, values = chart.x.quantity.factor * chart.x_of(series), drawable(scale * series.values)
         if series.low is not None and series.high is not None:
-            low, high = (scale * each for each in (series.low, series.high))
+            low, high = scale * series.low, scale * series.high
             if chart.kind == "points":
                 axes.errorbar(x, values, [values - low, high - values], fmt="none", ecolor=style["color"], elinewidth=1)
             else:
                 axes.fill_between(x, low, high, color=style["color"], alpha=_SHADE, linewidth=0)
         if series.role == "band":
             # bands lie within each other, the widest first
-            above = sum(each.role == "band" for each in panel.series[: k + 1])
+            above = sum(below.role == "band" for below in panel.series[: k + 1])
             axes.fill([], [], color=style["color"], alpha=1 - (1 - _SHADE) ** above, label=label)
             continue
         if chart.kind == "points":
@@ -223,7 +371,7 @@ def _span(axes: Axes, panel: Panel) -> None:
 def _histogram(axes: Axes, panel: Panel) -> None:
     edges = panel.chart.x.quantity.factor * panel.chart.x.values
     for k, series in enumerate(panel.series):
-        axes.stairs(series.values, edges, fill=True, color=_style(panel, k)["color"], alpha=0.8, label=series.name)
+        axes.stairs(series.values, edges, fill=True, color=_styles(panel)[k]["color"], alpha=0.8, label=series.name)
     axes.set_ylim(bottom=0)
 
 
@@ -237,11 +385,11 @@ def _bars(axes: Axes, panel: Panel) -> None:
         values = series.quantity.factor * series.values[shown]
         error = None
         if series.low is not None and series.high is not None:
-            low, high = (series.quantity.factor * each[shown] for each in (series.low, series.high))
+            low, high = (series.quantity.factor * ends[shown] for ends in (series.low, series.high))
             error = np.stack([values - low, high - values])
         place = at + (k - (count - 1) / 2) * thickness
         style: dict[str, Any] = {
-            "color": _style(panel, k)["color"],
+            "color": _styles(panel)[k]["color"],
             "label": series.name,
             "error_kw": {"elinewidth": 1, "capsize": 2},
         }
@@ -275,7 +423,7 @@ def _draw_maps(part: Any, grid: Sequence[Axes], row: Sequence[Panel]) -> None:
     if kinds:
         cross, names = grid[0].get_legend_handles_labels()
         patches = kind_patches(kinds[0])
-        labels = [*(str(each.get_label()) for each in patches), *names]
+        labels = [*(str(patch.get_label()) for patch in patches), *names]
         part.legend([*patches, *cross], labels, loc="outside lower left", ncols=4, fontsize=8)
 
 
@@ -306,8 +454,8 @@ def _spans(axes: Axes, panel: Panel) -> None:
     """Margins as thick lines from end to end, with their text beside them."""
     chart = panel.chart
     across, up = chart.x.quantity.factor, panel.series[0].quantity.factor
-    for each in chart.spans:
-        x, (low, high), colour = across * each.at, (up * each.low, up * each.high), colour_of(each.role)
+    for span in chart.spans:
+        x, (low, high), colour = across * span.at, (up * span.low, up * span.high), colour_of(span.role)
         axes.plot([x, x], [low, high], color=colour, linewidth=2.2, marker="_", markersize=7, zorder=4)
         # left of its lower end, where a loop that falls leaves room
         start, end = axes.get_xlim()
@@ -315,19 +463,19 @@ def _spans(axes: Axes, panel: Panel) -> None:
         place: dict[str, Any] = {"ha": "right" if is_left else "left", "va": "top", "fontsize": 7.5, "zorder": 5}
         boxed = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
         shift = (-5 if is_left else 5, -2)
-        axes.annotate(each.text, (x, low), shift, textcoords="offset points", color=colour, bbox=boxed, **place)
+        axes.annotate(span.text, (x, low), shift, textcoords="offset points", color=colour, bbox=boxed, **place)
 
 
 def _strips(axes: Axes, panel: Panel) -> None:
     """When limits are active: bars at the lower edge of the axes, one above the other."""
     chart, (low, high) = panel.chart, axes.get_ylim()
     ends, room = axes.get_xlim(), 1.4 * _STRIP * len(chart.strips)
-    for k, each in enumerate(chart.strips):
-        bars = [(chart.x.quantity.factor * a, chart.x.quantity.factor * (b - a)) for a, b in each.intervals]
-        label = f"{each.name}, {percent(each.share)}"
+    for k, strip in enumerate(chart.strips):
+        bars = [(chart.x.quantity.factor * a, chart.x.quantity.factor * (b - a)) for a, b in strip.intervals]
+        label = f"{strip.name}, {percent(strip.share)}"
         place = (_STRIP * (1.4 * k + 0.4), _STRIP)
         where: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "zorder": 4}
-        axes.broken_barh(bars, place, color=colour_of(each.role), label=label, linewidth=0.8, **where)
+        axes.broken_barh(bars, place, color=colour_of(strip.role), label=label, linewidth=0.8, **where)
     axes.set_xlim(ends)
     # below all curves
     axes.set_ylim(low - (high - low) * room / (1 - room), high)

@@ -1,8 +1,9 @@
 """Words of the field that reports use, and what they mean; the page explains each where a reader points at it."""
 
-import html
 import re
 from functools import cache
+
+from markupsafe import Markup, escape
 
 from gough_stewart.harness.report.words import with_minus
 
@@ -69,33 +70,30 @@ _CODE = re.compile(r"`([^`<>]+)`")
 
 
 @cache
-def _words() -> re.Pattern[str]:
+def _words() -> tuple[re.Pattern[str], dict[str, str]]:
     terms = sorted(GLOSSARY, key=len, reverse=True)
-    return re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, terms))})(s?)\b", re.IGNORECASE)
+    pattern = re.compile(rf"(?<![\w.])({'|'.join(map(re.escape, terms))})(s?)\b", re.IGNORECASE)
+    return pattern, {term.casefold(): meaning for term, meaning in GLOSSARY.items()}
 
 
-@cache
-def _by_word() -> dict[str, str]:
-    return {term.casefold(): meaning for term, meaning in GLOSSARY.items()}
-
-
-def with_terms(text: str) -> str:
+def with_terms(text: str) -> Markup:
     """A text as HTML, with the first of each word of the glossary marked for the page's explanations."""
-    text, found, at, seen = with_minus(text), [], 0, set()
-    for match in _words().finditer(text):
+    words, meanings = _words()
+    text, marked, at, seen = with_minus(text), Markup(), 0, set()
+    for match in words.finditer(text):
         word = match[1].casefold()
         if word in seen:
             continue
         seen.add(word)
-        found += [html.escape(text[at : match.start()]), _term(match[0], _by_word()[word])]
+        marked += escape(text[at : match.start()]) + _term(match[0], meanings[word])
         at = match.end()
-    return _CODE.sub(r"<code>\1</code>", "".join(found) + html.escape(text[at:]))
+    return Markup(_CODE.sub(r"<code>\1</code>", str(marked + escape(text[at:]))))
 
 
-def explained(text: str, explanation: str) -> str:
+def explained(text: str, explanation: str) -> Markup:
     """A text as HTML with its own explanation; without one, as `with_terms`."""
     return _term(text, explanation) if explanation else with_terms(text)
 
 
-def _term(text: str, meaning: str) -> str:
-    return f'<span class="term" tabindex="0" data-means="{html.escape(meaning)}">{html.escape(text)}</span>'
+def _term(text: str, meaning: str) -> Markup:
+    return Markup('<span class="term" tabindex="0" data-means="{}">{}</span>').format(meaning, text)

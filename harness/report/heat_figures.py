@@ -56,23 +56,25 @@ def draw_heat(axes: Axes, chart: Chart, k: int | None = None, *, has_bar: bool =
     assert chart.y is not None
     x, y = (axis.quantity.factor * axis.values for axis in (chart.x, chart.y))
     whole = chart.series[0].quantity.factor * chart.series[0].values
-    values = whole if k is None else whole[k]
-    inside = None if chart.map is None or chart.map.inside is None else chart.map.inside
-    field = inside if inside is None or k is None else inside[k]
+    inside = None if chart.map is None else chart.map.inside
+    values, field = whole if k is None else whole[k], inside if inside is None or k is None else inside[k]
     if chart.map is not None and chart.map.classes:
         _kinds(axes, x, y, values, field, chart.map.classes)
     else:
         _colours(axes, chart, (x, y), values, field, _norm(chart, whole, inside), has_bar=has_bar)
     if field is not None and _has_border(field):
         axes.contour(x, y, field, levels=[0], colors=INK["light"], linewidths=1.1)
-    _point(axes, chart, k)
+    if chart.map is not None and chart.map.point and k in (None, chart.map.first):
+        place = [axis.quantity.factor * at for axis, at in zip((chart.x, chart.y), chart.map.point, strict=True)]
+        cross: dict[str, Any] = {"marker": "+", "color": INK["light"], "linestyle": "none"}
+        axes.plot(*place, markersize=8, markeredgewidth=1.4, zorder=5, label=chart.map.point_name, **cross)
     axes.grid(visible=False)
     axes.set_ylabel(chart.y.title)
     if _is_even(chart) and field is not None:
         axes.set_aspect("equal", adjustable="datalim" if k is None else "box")
-    for axis, of in ((axes.xaxis, chart.x), (axes.yaxis, chart.y)):
-        if of.labels:
-            axis.set_ticks(of.quantity.factor * of.values, of.labels, fontsize=7, parse_math=False)
+    for drawn_axis, axis in ((axes.xaxis, chart.x), (axes.yaxis, chart.y)):
+        if axis.labels:
+            drawn_axis.set_ticks(axis.quantity.factor * axis.values, axis.labels, fontsize=7, parse_math=False)
     if chart.y.labels:
         axes.invert_yaxis()
 
@@ -80,13 +82,11 @@ def draw_heat(axes: Axes, chart: Chart, k: int | None = None, *, has_bar: bool =
 def kind_patches(chart: Chart) -> list[Patch]:
     """What the colours of a map of kinds mean, of those that occur."""
     assert chart.map is not None
-    there = sorted({int(value) for value in chart.series[0].values.ravel()})
-    ink = INK["light"]
+    kinds, ink, colours = sorted({int(value) for value in chart.series[0].values.ravel()}), INK["light"], KINDS["light"]
     return [
-        Patch(facecolor=KINDS["light"][kind % len(KINDS["light"])], edgecolor="none" if kind else ink,
-              label=chart.map.classes[kind])
-        for kind in there
-    ]  # fmt: skip
+        Patch(facecolor=colours[k % len(colours)], edgecolor="none" if k else ink, label=chart.map.classes[k])
+        for k in kinds
+    ]
 
 
 def _is_even(chart: Chart) -> bool:
@@ -123,15 +123,13 @@ def _kinds(
 
 def _spread(values: FloatArray) -> FloatArray:
     """Kinds beyond the border, also in the cells that it crosses, where the border is drawn finer than the grid."""
-    found = values.copy()
+    spread = values
     # two rounds: one that reaches every neighbour, and one for corners
     for _ in range(2):
-        around = np.pad(found, 1)
-        parts = [around[1 + i : around.shape[0] - 1 + i, 1 + j : around.shape[1] - 1 + j]
-                 for i, j in ((0, 1), (0, -1), (1, 0), (-1, 0))]  # fmt: skip
-        for part in parts:
-            found = np.where(found == 0, part, found)
-    return found
+        around = np.pad(spread, 1)
+        for neighbour in (around[1:-1, 2:], around[1:-1, :-2], around[2:, 1:-1], around[:-2, 1:-1]):
+            spread = np.where(spread == 0, neighbour, spread)
+    return spread
 
 
 def _colours(
@@ -139,53 +137,44 @@ def _colours(
     norm: Normalize, *, has_bar: bool,
 ) -> None:  # fmt: skip
     series, is_log = chart.series[0], isinstance(norm, LogNorm)
-    shown: FloatArray = np.ma.masked_invalid(values)
-    lines = None
+    low, high = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
+    look: dict[str, Any] = {"cmap": "cividis", "norm": norm, "rasterized": True}
+    is_beyond = False
     if field is None:
-        drawn: Any = axes.pcolormesh(*at, shown, shading="nearest", cmap="cividis", norm=norm, rasterized=True)
+        drawn: Any = axes.pcolormesh(*at, np.ma.masked_invalid(values), shading="nearest", **look)
     else:
         axes.set_facecolor(_GREY)
-        assert norm.vmin is not None
-        assert norm.vmax is not None
-        bounded = np.clip(
-            np.nan_to_num(values, nan=norm.vmax, posinf=norm.vmax), norm.vmin / 2 if is_log else None, None
-        )
-        drawn = axes.pcolormesh(*at, bounded, shading="gouraud", cmap="cividis", norm=norm, rasterized=True)
+        bounded = np.clip(np.nan_to_num(values, nan=high, posinf=high), low / 2 if is_log else None, None)
+        drawn = axes.pcolormesh(*at, bounded, shading="gouraud", **look)
+        finite, drawings = np.isfinite(values), [drawn]
         drawn.set_visible(bool((field > 0).any()))
-        lines = _lines(axes, at, np.where(np.isfinite(values), values, np.nan), norm) if (field > 0).any() else None
-        _clip(axes, at, field, *filter(None, (drawn, lines)))
+        is_beyond = bool((np.where(finite, values, np.inf)[field > 0] > 1.001 * high).any())
+        levels = [level for level in MaxNLocator(_LEVELS).tick_values(low, high) if low < level < high]
+        if levels and (field > 0).any():
+            contours = np.where(finite, values, np.nan)
+            lines = axes.contour(*at, contours, levels=levels, colors="white", linewidths=0.7)
+            axes.clabel(lines, fmt=lambda level: number_text(level, 3), fontsize=6.5)
+            drawings.append(lines)
+        if _has_border(field):
+            _clip(axes, at, field, drawings)
     if has_bar:
-        beyond = bool((np.where(np.isfinite(values), values, np.inf)[field > 0] > 1.001 * (norm.vmax or 0)).any()) if (
-            field is not None) else False  # fmt: skip
         label = series.quantity.headed("" if chart.map else series.name)
-        bar = axes.figure.colorbar(drawn, ax=axes, label=label, extend="max" if beyond else "neither")
+        bar = axes.figure.colorbar(drawn, ax=axes, label=label, extend="max" if is_beyond else "neither")
         if is_log:
             _plain_ticks(bar, norm)
 
 
-def _lines(axes: Axes, at: tuple[FloatArray, FloatArray], values: FloatArray, norm: Normalize) -> Any:
-    low, high = float(norm.vmin or 0.0), float(norm.vmax or 0.0)
-    levels = [level for level in MaxNLocator(_LEVELS).tick_values(low, high) if low < level < high]
-    if not levels:
-        return None
-    lines = axes.contour(*at, values, levels=levels, colors="white", linewidths=0.7)
-    axes.clabel(lines, fmt=lambda level: number_text(level, 3), fontsize=6.5)
-    return lines
-
-
-def _clip(axes: Axes, at: tuple[FloatArray, FloatArray], field: FloatArray, *drawn: Any) -> None:
+def _clip(axes: Axes, at: tuple[FloatArray, FloatArray], field: FloatArray, drawings: Sequence[Any]) -> None:
     """Clip to the border; labels that reach over it are left out."""
-    if not _has_border(field):
-        return
     border = axes.contourf(*at, field, levels=[0, np.inf], colors="none")
     path = border.get_paths()[0]
     border.remove()
-    for each in drawn:
-        each.set_clip_path(path, axes.transData)
-    step = [np.ptp(values) / 12 for values in at]
+    for drawing in drawings:
+        drawing.set_clip_path(path, axes.transData)
+    across, up = (np.ptp(values) / 12 for values in at)
     for text in axes.texts:
         x, y = text.get_position()
-        around = [(x + a * step[0], y + b * step[1]) for a in (-1, 0, 1) for b in (-0.5, 0, 0.5)]
+        around = [(x + a * across, y + b * up) for a in (-1, 0, 1) for b in (-0.5, 0, 0.5)]
         text.set_visible(bool(path.contains_points(around).all()))
 
 
@@ -196,12 +185,3 @@ def _plain_ticks(bar: Any, norm: Normalize) -> None:
     bar.ax.yaxis.set_major_locator(locator)
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     bar.ax.yaxis.set_minor_formatter(NullFormatter())
-
-
-def _point(axes: Axes, chart: Chart, k: int | None) -> None:
-    if chart.map is None or not chart.map.point or (k is not None and k != chart.map.first):
-        return
-    assert chart.y is not None
-    place = [axis.quantity.factor * value for axis, value in zip((chart.x, chart.y), chart.map.point, strict=True)]
-    cross: dict[str, Any] = {"marker": "+", "color": INK["light"], "linestyle": "none", "label": chart.map.point_name}
-    axes.plot(*place, markersize=8, markeredgewidth=1.4, zorder=5, **cross)

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.output.display_resolution import least_span
-from gough_stewart.harness.report.quantities import Quantity
+from gough_stewart.harness.report.quantities import Quantity, least_span
 from gough_stewart.model.vectors import Array, FloatArray
 
 # Rows of a series that a page holds one by one; of a longer one it holds blocks.
@@ -71,6 +70,29 @@ def blocks(time: FloatArray, values: FloatArray, most: int = MOST_ROWS) -> tuple
     return times.ravel(), pairs.ravel()
 
 
+def decimated(time: FloatArray, values: FloatArray, points: int) -> tuple[FloatArray, FloatArray]:
+    """Times and values (m,), m ≤ max(points, 4), that look the same in a figure as all (n,).
+
+    The first and last row stay. The rows between are divided into buckets; of each, the smallest and the largest finite
+    value stay at their times, so no peak is lost. Curves with few enough points are returned unchanged.
+    """
+    n = len(time)
+    if n <= max(points, 4):
+        return time, values
+    inner = values[1:-1]
+    buckets = max(1, (points - 2) // 2)
+    width = -(-len(inner) // buckets)
+    padding = (0, buckets * width - len(inner))
+    finite = np.isfinite(inner)
+    low = np.pad(np.where(finite, inner, np.inf), padding, constant_values=np.inf).reshape(buckets, width)
+    high = np.pad(np.where(finite, inner, -np.inf), padding, constant_values=-np.inf).reshape(buckets, width)
+    starts = 1 + width * np.arange(buckets)
+    rows = np.concatenate([[0, n - 1], starts + low.argmin(axis=1), starts + high.argmax(axis=1)])
+    # the last buckets may have only padding
+    rows = np.unique(np.minimum(rows, n - 1))
+    return time[rows], values[rows]
+
+
 def _step(array: FloatArray, quantity: Quantity, steps: float) -> float:
     finite = array[np.isfinite(array)]
     if not len(finite):
@@ -108,7 +130,7 @@ def _rounded(array: FloatArray, step: float) -> dict[str, Any]:
     filled = np.where(np.isfinite(array[last]), array[last], low) if len(array) else array
     steps = np.rint((filled - low) / step).astype(np.int64)
     differences = [steps, np.diff(steps, prepend=0), np.diff(steps, n=2, prepend=[0, 0])]
-    order, chosen = min(enumerate(differences), key=lambda each: _bits(each[1]))
+    order, chosen = min(enumerate(differences), key=lambda pair: _bits(pair[1]))
     edges = np.flatnonzero(np.diff(np.concatenate([[True], finite, [True]])))
     gaps = {"g": edges.tolist()} if len(edges) else {}
     return {"k": "q", "n": len(array), "o": order, "a": low, "s": step, "d": _planes(chosen), **gaps}

@@ -1,20 +1,31 @@
 """One HTML page of a report: verdict, numbers and picture first, then charts and tables; works offline.
 
-Texts and tables are HTML, so that they are there without a script; charts and scenes are data, drawn by `web/`.
+Texts and tables are HTML by `web/report.html`, so that they are there without a script; charts and scenes are data,
+drawn by the scripts of `web/`.
 """
 
 import html
 from collections.abc import Iterable, Sequence
-from typing import Any
+from itertools import groupby
+from typing import Any, NamedTuple
+from urllib.parse import quote
+
+from markupsafe import Markup
 
 from gough_stewart.harness.report.chart import Chart
-from gough_stewart.harness.report.document import Note, Number, Part, Report, Requirement, Section
+from gough_stewart.harness.report.document import Note, Number, Part, Report, Section
 from gough_stewart.harness.report.glossary import explained, with_terms
-from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, three_licence
-from gough_stewart.harness.report.offline import asset, document
+from gough_stewart.harness.report.offline import (
+    TEMPLATES,
+    asset,
+    bokeh,
+    bokeh_licence,
+    document,
+    three,
+    three_licence,
+)
 from gough_stewart.harness.report.packing import MOST_ROWS, Arrays
-from gough_stewart.harness.report.page_data import chart_data, is_over_time, member_data, scene_data, surface_data
-from gough_stewart.harness.report.page_tables import link, table_html
+from gough_stewart.harness.report.page_data import chart_data, member_data, scene_data, surface_data
 from gough_stewart.harness.report.palette import (
     DASHES,
     GROUND,
@@ -29,7 +40,7 @@ from gough_stewart.harness.report.palette import (
 )
 from gough_stewart.harness.report.requirements import OUTCOMES
 from gough_stewart.harness.report.scene import Scene, Surface
-from gough_stewart.harness.report.table import Column, Table
+from gough_stewart.harness.report.table import Cell, Column, Table, Value, is_at_right
 from gough_stewart.harness.report.words import with_minus
 
 PAGE = "report.html"
@@ -38,21 +49,11 @@ _SCENE_SCRIPTS = (
     *("drawn.js", "moment.js"),
 )
 _SURFACE_SCRIPTS = ("shapes.js", "orbit.js", "viewer.js", "surface.js")
-_SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "terms.js", "members.js", "marked.js")
-_CHART_SCRIPTS = (
-    "reduce.js",
-    "lines.js",
-    "heat.js",
-    "figure.js",
-    "legend.js",
-    "pointer.js",
-    "charts.js",
-    "player.js",
-    "print.js",
-)
+_SCRIPTS = ("page.js", "arrays.js", "state.js", "tables.js", "members.js")
+_MAP_SCRIPTS = ("heat.js",)
+_CHART_SCRIPTS = ("lines.js", "figure.js", "legend.js", "own.js", "charts.js", "player.js")
 _STYLES = ("page.css", "first.css", "charts.css", "stage.css", "print.css")
 _SIGNS = {"good": "✓", "marginal": "!", "bad": "✗", "told": "→", "met": "✓", "missed": "✗", "open": "?"}
-_SAID = {"good": "good", "marginal": "marginal", "bad": "bad", "told": "result"}
 # Colours of nearness to a limit, from 0 in the middle to 1 at the limit, and beyond it. Lightness and the contrast of
 # blue and yellow tell them apart without red and green (simulated as by Machado et al., IEEE Trans. Vis.
 # Comput. Graph. 15 (2009), 1291-1298).
@@ -64,8 +65,6 @@ THEME_OPTIONS = "".join(
     f'<option value="{value}">{text}</option>'
     for value, text in (("", "as the system"), ("light", "light"), ("dark", "dark"), ("contrast", "high contrast"))
 )
-# What is known of the members that a reader marks in a chart.
-_MARKED = '<section id="marked" class="part" aria-live="polite" hidden></section>'
 # Largest number of values that stand beside the verdict.
 _MOST_NUMBERS = 6
 
@@ -79,8 +78,9 @@ def page_of(report: Report) -> bytes:
     arrays, charts = Arrays(), report.charts
     scenes = [part for part in report.parts() if isinstance(part, Scene)]
     surfaces = [part for part in report.parts() if isinstance(part, Surface)]
+    is_solid = bool(scenes or surfaces)
     # a single chart over time among others needs no controls of time
-    has_time = bool(scenes) or sum(map(is_over_time, charts)) > 1 or bool(charts and is_over_time(charts[0]))
+    has_time = bool(scenes) or sum(c.is_over_time for c in charts) > 1 or bool(charts and charts[0].is_over_time)
     data = {
         "title": report.title,
         "changed": report.changed,
@@ -95,30 +95,30 @@ def page_of(report: Report) -> bytes:
         "members": member_data(report, arrays),
         "arrays": arrays.packed,
     }
-    is_solid = bool(scenes or surfaces)
-    first = None if is_solid else next((chart for chart in charts if not chart.detail), None)
-    body = _Body(charts, first)
-    main = "".join(
-        [
-            _head(report),
-            '<main id="main">',
-            _first(report, body, scenes, surfaces, first),
-            asset("bar.html") if has_time else "",
-            _settings(report),
-            _MARKED if data["members"] else "",
-            *(body.section(section) for section in report.sections),
-            _files(report),
-            "</main>",
-            _footer(charts, is_solid),
-        ]
+    body = TEMPLATES.get_template("report.html").render(
+        report=report,
+        charts=charts,
+        scenes=scenes,
+        surfaces=surfaces,
+        first=None if is_solid else next((chart for chart in charts if not chart.detail), None),
+        number_of={id(chart): k for k, chart in enumerate(charts)},
+        has_time=has_time,
+        has_members=bool(data["members"]),
+        differences=_differences(report),
+        themes=Markup(THEME_OPTIONS),
+        signs=_SIGNS,
+        outcomes=OUTCOMES,
+        most_numbers=_MOST_NUMBERS,
+        kept=_kept(charts),
+        inside=[*(["three.js"] if is_solid else []), *(["Bokeh"] if charts else [])],
+        licences=[*([three_licence()] if is_solid else []), *([bokeh_licence()] if charts else [])],
     )
     solid = _SCENE_SCRIPTS if scenes else _SURFACE_SCRIPTS if surfaces else ()
-    own = [asset(name) for name in (*_SCRIPTS, *solid, *_CHART_SCRIPTS)]
+    maps = _MAP_SCRIPTS if surfaces or any(chart.kind == "heat" for chart in charts) else ()
+    own = "\n".join(asset(name) for name in (*_SCRIPTS, *maps, *solid, *_CHART_SCRIPTS))
     # the scene first, so that it appears while the library of the charts is still loading
-    scripts = [*([three()] if is_solid else []), "\n".join(own)]
-    scripts += [bokeh(), "GoughStewart.charts();"] if charts else []
-    style = "".join(asset(name) for name in _STYLES)
-    return document(report.title, main, colours() + style, data, scripts)
+    scripts = [*([three()] if is_solid else []), own, *([bokeh(), "GoughStewart.charts();"] if charts else [])]
+    return document(report.title, body, colours() + "".join(map(asset, _STYLES)), data, scripts)
 
 
 def palette_of(theme: Theme) -> dict[str, Any]:
@@ -141,170 +141,103 @@ def colours() -> str:
     return f":root {{ {both}{six}}}\n:root[data-theme=contrast] {{ {strong}}}\n"
 
 
-# The HTML
+def to_html(report: Report) -> str:
+    """A report in a notebook: the verdict, the tables but those of details, and the notes; all texts escaped."""
+    macros: Any = TEMPLATES.get_template("notebook.html").module
+    return str(macros.whole(report, lambda part: type(part).__name__))
 
 
-def _head(report: Report) -> str:
-    study = f'<p class="study">{html.escape(report.study)}</p>' if report.study else ""
-    leads = [report.lead, f"set: {report.changed}" if report.changed else ""]
-    lead = "".join(f'<p class="lead">{with_terms(each)}</p>' for each in leads if each)
-    theme = f'<label class="theme">colours <select id="theme" autocomplete="off">{THEME_OPTIONS}</select></label>'
-    return f"<header>{theme}<div>{study}<h1>{html.escape(report.title)}</h1>{lead}</div></header>"
+def table_to_html(table: Table) -> str:
+    """A table in a notebook; a unit that all numbers of a row share stands beside its first cell."""
+    macros: Any = TEMPLATES.get_template("notebook.html").module
+    return str(macros.table(table))
 
 
-def _first(
-    report: Report, body: "_Body", scenes: Sequence[Scene], surfaces: Sequence[Surface], first: Chart | None
-) -> str:
-    verdict = report.verdict
-    said = f'<span class="sign" aria-hidden="true">{_SIGNS[verdict.status]}</span>'
-    said += f'<span class="unseen">{_SAID[verdict.status]}: </span>{with_terms(verdict.text)}'
-    numbers = "".join(map(_number, verdict.numbers[:_MOST_NUMBERS]))
-    parts = [
-        f'<p class="verdict {verdict.status}">{said}</p>',
-        f'<dl class="numbers">{numbers}</dl>' if numbers else "",
-        _requirements(report.requirements),
-        *(
-            _note(note)
-            for note in report.notes
-            if note.text.casefold() not in verdict.text.casefold() or note.kind == "note"
-        ),
-    ]
-    if scenes:
-        parts.append(
-            '<div id="now" class="sideways" role="region" aria-label="values at this time" tabindex="0"></div>'
-        )
-    if scenes or surfaces:
-        picture = asset("stage.html" if scenes else "surface.html")
-    else:
-        picture = body.chart(first) if first is not None else ""
-    alone = "" if picture else " alone"
-    return (
-        f'<section class="first{alone}" aria-label="verdict"><div class="answer">{"".join(parts)}</div>'
-        f'{picture and f"""<div class="picture">{picture}</div>"""}</section>'
-    )
-
-
-def _number(number: Number) -> str:
-    state = ' class="missed"' if number.margin is not None and number.margin < 0 else ""
-    small = f"<small>{html.escape(with_minus(number.remark))}</small>" if number.remark else ""
-    has_unit = number.quantity.unit and number.value is not None
-    value, _, own = number.text.rpartition(" ") if has_unit else (number.text, "", "")
-    unit = f' <span class="unit">{html.escape(own)}</span>' if has_unit else ""
-    value = html.escape(with_minus(value))
-    name = explained(number.name, number.explanation)
-    return f"<div{state}><dt>{name}</dt><dd><b>{value}</b>{unit}{small}</dd></div>"
-
-
-def _requirements(requirements: Sequence[Requirement]) -> str:
-    if not requirements:
-        return ""
-    items = []
-    for each in requirements:
-        sign = f'<span class="sign" aria-hidden="true">{_SIGNS[each.status]}</span>'
-        said = f"<b>{OUTCOMES[each.status]}</b>: {html.escape(each.text)}; {html.escape(each.found)}"
-        items.append(f'<li class="{each.status}">{sign}{said}</li>')
-    return f'<ul class="requirements" aria-label="requirements">{"".join(items)}</ul>'
-
-
-def _note(note: Note) -> str:
-    sign = '<span class="sign" aria-hidden="true">!</span>' if note.kind == "warning" else ""
-    return f'<p class="note {note.kind}">{sign}{with_terms(note.text)}</p>'
-
-
-def _settings(report: Report) -> str:
+def _differences(report: Report) -> Table | None:
     """What differs between several runs; of a single one, what was set is in the head."""
     if not report.settings or len(report.runs) < 2:
-        return ""
-    rows = tuple((each.key, *each.values) for each in report.settings)
-    table = Table("What differs between the runs", tuple(map(Column, ("setting", *report.runs))), rows)
-    return f'<section class="part">{table_html(table)}</section>'
+        return None
+    rows = tuple((setting.key, *setting.values) for setting in report.settings)
+    return Table("What differs between the runs", tuple(map(Column, ("setting", *report.runs))), rows)
 
 
-def _files(report: Report) -> str:
-    if not report.files:
-        return ""
-    items = "".join(f"<li>{link(each.name, each.name)} {html.escape(each.what)}</li>" for each in report.files)
-    return f'<section class="part"><details><summary>Files</summary><ul class="files">{items}</ul></details></section>'
-
-
-class _Body:
-    """Sections as HTML; charts by their number."""
-
-    def __init__(self, charts: Sequence[Chart], first: Chart | None) -> None:
-        self._number = {id(chart): k for k, chart in enumerate(charts)}
-        self._first = first
-
-    def section(self, section: Section) -> str:
-        """A section, with what is only opened if needed at its end."""
-        parts = [part for part in section.parts if part is not self._first and not isinstance(part, Scene | Surface)]
-        if not parts:
-            return ""
-        shown = self._parts(part for part in parts if section.detail or not getattr(part, "detail", False))
-        hidden = [part for part in parts if not section.detail and getattr(part, "detail", False)]
-        title = f"<h2>{html.escape(section.title)}</h2>"
-        if section.detail:
-            return (
-                f'<section class="part"><details><summary>{html.escape(section.title)}</summary>{shown}</details>'
-                "</section>"
-            )
-        more = ""
-        if hidden:
-            named = ", ".join(dict.fromkeys(part.title for part in hidden if isinstance(part, Chart | Table)))
-            named = named if len(named) <= 120 else f"{named[:117].rpartition(', ')[0]} …"
-            more = f"<details><summary>More: {html.escape(named)}</summary>{self._parts(hidden)}</details>"
-        return f'<section class="part">{title if shown else ""}{shown}{more}</section>'
-
-    def chart(self, chart: Chart) -> str:
-        """The frame of a chart, which a script fills."""
-        note = f'<p class="hint">{with_terms(chart.note)}</p>' if chart.note else ""
-        k, level = self._number[id(chart)], "h2" if chart is self._first else "h3"
-        # a map has no axis for its values
-        named = chart.series[0].quantity.headed(chart.title) if chart.map is not None else chart.title
-        title = f"<{level}>{with_terms(named)}</{level}>"
+def _kept(charts: Sequence[Chart]) -> str:
+    """Which rows the charts have."""
+    curves = [chart for chart in charts if chart.kind in ("line", "step")]
+    rows = max((len(chart.x_of(series)) for chart in curves for series in chart.series), default=0)
+    if rows > MOST_ROWS:
+        block = -(-2 * rows // MOST_ROWS)
         return (
-            f'<figure class="chart {chart.kind}" data-chart="{k}"><figcaption>{title}<ul class="key"></ul></figcaption>'
-            f'<div class="plot"></div>{note}</figure>'
+            f"Of more than {MOST_ROWS:,} rows, charts show the smallest and the largest value of each block of "
+            f"{block} rows. "
         )
-
-    def _parts(self, parts: Iterable[Part]) -> str:
-        """Parts in order; neighbours of a kind share a grid."""
-        found, kind = [], ""
-        for part in parts:
-            here = "charts" if isinstance(part, Chart) else "tables" if isinstance(part, Table) else "notes"
-            if here != kind:
-                found += ["</div>" if kind else "", f'<div class="{here}">']
-                kind = here
-            found.append(
-                self.chart(part)
-                if isinstance(part, Chart)
-                else table_html(part)
-                if isinstance(part, Table)
-                else _note(part)
-                if isinstance(part, Note)
-                else ""
-            )
-        return "".join(found) + ("</div>" if kind else "")
+    return "Charts have all rows, rounded finer than a pixel. " if rows else ""
 
 
-def _footer(charts: Sequence[Chart], scene: bool) -> str:
-    rows = max(
-        (len(chart.x_of(each)) for chart in charts if chart.kind in ("line", "step") for each in chart.series),
-        default=0,
-    )
-    kept = (
-        f"Of more than {MOST_ROWS:,} rows, charts show the smallest and the largest value of each block of "
-        f"{-(-2 * rows // MOST_ROWS)} rows. "
-        if rows > MOST_ROWS
-        else "Charts have all rows, rounded finer than a pixel. "
-        if rows
-        else ""
-    )
-    inside = [*(["three.js"] if scene else []), *(["Bokeh"] if charts else [])]
-    includes = f"; includes {' and '.join(inside)}" if inside else ""
-    licences = "\n\n".join([*([three_licence()] if scene else []), *([bokeh_licence()] if charts else [])])
-    details = (
-        f"<details><summary>Licences of what is inside</summary><pre>{html.escape(licences)}</pre></details>"
-        if inside
-        else ""
-    )
-    return f"<footer>{kept}Made by gough-stewart{includes}.{details}</footer>"
+# Filters of the templates
+
+
+class _Drawn(NamedTuple):
+    """A part of a section that its place on the page draws, and whether it is opened if needed."""
+
+    part: Part
+    detail: bool
+
+
+def _drawn(section: Section, first: Chart | None) -> list[_Drawn]:
+    """The parts of a section that are not in the picture of the page."""
+    parts = [part for part in section.parts if part is not first and not isinstance(part, Scene | Surface)]
+    return [_Drawn(part, not isinstance(part, Note) and part.detail) for part in parts]
+
+
+def _neighbours(parts: Iterable[Part]) -> list[tuple[str, list[Part]]]:
+    """Parts in order; neighbours of a kind share a grid."""
+    kinds: dict[type, str] = {Chart: "charts", Table: "tables"}
+    return [(kind, list(some)) for kind, some in groupby(parts, key=lambda part: kinds.get(type(part), "notes"))]
+
+
+def _titles(hidden: Sequence[_Drawn]) -> str:
+    text = ", ".join(dict.fromkeys(shown.part.title for shown in hidden if isinstance(shown.part, Chart | Table)))
+    return text if len(text) <= 120 else f"{text[:117].rpartition(', ')[0]} …"
+
+
+def _sides(table: Table) -> list[bool]:
+    """Which columns are at the right."""
+    texts = [table.texts(k) for k in range(len(table.rows))]
+    columns = range(len(table.columns))
+    return [k > 0 and is_at_right([row[k] for row in table.rows], [row[k] for row in texts]) for k in columns]
+
+
+def _sort_value(cell: Cell) -> str:
+    value = cell.value if isinstance(cell, Value) else cell
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return Markup(f' data-value="{float(value)!r}"') if is_number else ""  # type: ignore[arg-type]
+
+
+def _split_unit(number: Number) -> tuple[str, str]:
+    if not number.quantity.unit or number.value is None:
+        return number.text, ""
+    value, _, unit = number.text.rpartition(" ")
+    return value, unit
+
+
+def _link(file: str, text: str) -> Markup:
+    """A link to a file in the page's folder, whose name may have marks of URLs; only the text of a path out of it."""
+    is_inside = not file.startswith("/") and ".." not in file.split("/")
+    shown = html.escape(text)
+    return Markup(f'<a href="{quote(file)}">{shown}</a>' if is_inside else shown)
+
+
+TEMPLATES.filters |= {
+    "terms": with_terms,
+    "explained": explained,
+    "minus": with_minus,
+    "id": id,
+    "drawn": _drawn,
+    "neighbours": _neighbours,
+    "titles": _titles,
+    "sides": _sides,
+    "sort_value": _sort_value,
+    "split_unit": _split_unit,
+    "link": _link,
+}

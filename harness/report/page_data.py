@@ -1,15 +1,15 @@
 """Charts and scenes of a report as data for the scripts of its page."""
 
 import re
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from gough_stewart.harness.output.display_resolution import least_span
-from gough_stewart.harness.report.chart import Axis, Chart, Map, Samples, Series
+from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Report
-from gough_stewart.harness.report.packing import MOST_ROWS, Arrays, blocks
-from gough_stewart.harness.report.quantities import TIME, Quantity
+from gough_stewart.harness.report.packing import Arrays, blocks
+from gough_stewart.harness.report.quantities import Quantity, least_span
 from gough_stewart.harness.report.scene import Scene, Surface
 from gough_stewart.harness.report.words import percent
 from gough_stewart.model.vectors import FloatArray
@@ -20,59 +20,49 @@ _LONGEST = 28
 _SAMPLE_STEPS = 1000.0
 
 
-def is_over_time(chart: Chart) -> bool:
-    """Whether its curves are over time."""
-    return chart.kind in ("line", "step") and chart.x.quantity == TIME
-
-
 def chart_data(chart: Chart, arrays: Arrays, *, has_time: bool = True) -> dict[str, Any]:
     """A chart as data; it shares the time of the page if that `has_time`."""
     quantity = chart.series[0].quantity
-    found: dict[str, Any] = {
+    sizes = [np.abs(series.values[np.isfinite(series.values)]).max(initial=0.0) for series in chart.series]
+    # the least span of an axis for these values [shown unit]
+    least = least_span(quantity.unit or "1", quantity.factor * float(max(sizes)), quantity.least)
+    scale = chart.y.scale if chart.y else "linear"
+    labels = {"labels": chart.y.labels} if chart.y and chart.y.labels and chart.kind != "heat" else {}
+    data: dict[str, Any] = {
         "title": chart.title,
         "kind": chart.kind,
-        "isTime": has_time and is_over_time(chart),
+        "isTime": has_time and chart.is_over_time,
         "x": _axis(chart.x, arrays),
-        "y": {**_shown(quantity, chart), "title": _y_title(chart), "scale": chart.y.scale if chart.y else "linear"}
-        | ({"labels": chart.y.labels} if chart.y and chart.y.labels and chart.kind != "heat" else {}),
-        "series": [_series(each, chart, arrays) for each in chart.series],
+        "y": {**_written(quantity), "least": least, "title": _y_title(chart), "scale": scale, **labels},
+        "series": [_series(series, chart, arrays) for series in chart.series],
         "marks": [
             {"value": mark.value, "text": mark.text, "vertical": mark.direction == "vertical", "role": mark.role}
             | ({} if mark.tells else {"said": True})
             for mark in chart.marks
         ],
-        "spans": [{"at": e.at, "low": e.low, "high": e.high, "text": e.text, "role": e.role} for e in chart.spans],
-        "strips": [
-            {"name": e.name, "role": e.role, "share": percent(e.share), "intervals": e.intervals} for e in chart.strips
-        ],
+        "spans": [asdict(span) for span in chart.spans],
+        "strips": [{**asdict(strip), "share": percent(strip.share)} for strip in chart.strips],
     }
     if chart.samples is not None:
-        found["samples"] = _samples(chart, chart.samples, arrays)
+        data["samples"] = {
+            "members": arrays.add(chart.samples.members),
+            "x": arrays.add(chart.samples.x),
+            # a chart has some 200 pixels of height
+            "values": arrays.add(chart.samples.values, quantity, _SAMPLE_STEPS),
+        }
     if chart.kind == "heat" and chart.y is not None:
-        found["rows"] = _axis(chart.y, arrays)
-        found["map"] = None if chart.map is None else _map(chart.map, arrays)
-    return found
-
-
-def _samples(chart: Chart, samples: Samples, arrays: Arrays) -> dict[str, int]:
-    return {
-        "members": arrays.add(samples.members),
-        "x": arrays.add(samples.x),
-        # a chart has some 200 pixels of height
-        "values": arrays.add(samples.values, chart.series[0].quantity, _SAMPLE_STEPS),
-    }
-
-
-def _map(of: Map, arrays: Arrays) -> dict[str, Any]:
-    return {
-        "inside": None if of.inside is None else arrays.add(_single(of.inside)),
-        "scale": of.scale,
-        "classes": of.classes,
-        "slices": None if of.slices is None else _axis(of.slices, arrays),
-        "first": of.first,
-        "point": of.point,
-        "pointName": of.point_name,
-    }
+        over = chart.map
+        data["rows"] = _axis(chart.y, arrays)
+        data["map"] = over and {
+            "inside": None if over.inside is None else arrays.add(_single(over.inside)),
+            "scale": over.scale,
+            "classes": over.classes,
+            "slices": None if over.slices is None else _axis(over.slices, arrays),
+            "first": over.first,
+            "point": over.point,
+            "pointName": over.point_name,
+        }
+    return data
 
 
 def _single(values: FloatArray) -> FloatArray:
@@ -91,78 +81,57 @@ def _y_title(chart: Chart) -> str:
     return quantity.headed(re.split(", | of ", chart.title)[0][:_LONGEST] if is_long else chart.title)
 
 
-def _shown(quantity: Quantity, chart: Chart) -> dict[str, Any]:
-    """How numbers of a quantity are written, and the least span of an axis for those of a chart [shown unit]."""
-    sizes = [np.abs(each.values[np.isfinite(each.values)]).max(initial=0.0) for each in chart.series]
-    least = least_span(quantity.unit or "1", quantity.factor * float(max(sizes)), quantity.least)
-    return {**_written(quantity), "least": least}
-
-
 def _written(quantity: Quantity) -> dict[str, Any]:
     return {"unit": quantity.unit_text, "factor": quantity.factor, "digits": quantity.digits}
 
 
 def _axis(axis: Axis, arrays: Arrays) -> dict[str, Any]:
-    values = axis.values
-    if len(values) > MOST_ROWS:
-        values, _ = blocks(values, values)
-    return {
-        **_written(axis.quantity),
-        "title": axis.title,
-        "name": axis.name,
-        "scale": axis.scale,
-        "labels": axis.labels,
-        "values": arrays.add(values),
-    }
+    words = {"title": axis.title, "name": axis.name, "scale": axis.scale, "labels": axis.labels}
+    return {**_written(axis.quantity), **words, "values": arrays.add(blocks(axis.values, axis.values)[0])}
 
 
 def _series(series: Series, chart: Chart, arrays: Arrays) -> dict[str, Any]:
-    x = chart.x_of(series)
+    x, is_curve = chart.x_of(series), chart.kind in ("line", "step")
 
     def kept(values: FloatArray | None) -> int | None:
         if values is None:
             return None
         if chart.map is not None:
             return arrays.add(_single(values))
-        is_long = chart.kind in ("line", "step") and len(x) > MOST_ROWS
-        return arrays.add(blocks(x, values)[1] if is_long else values, series.quantity)
+        return arrays.add(blocks(x, values)[1] if is_curve else values, series.quantity)
 
-    found: dict[str, Any] = {"name": series.name, "role": series.role, "values": kept(series.values)}
-    found |= {"leg": series.leg, "run": series.run, "component": series.component}
-    found |= {"low": kept(series.low), "high": kept(series.high)}
-    if series.x is not None:
-        found["x"] = arrays.add(blocks(x, x)[0] if len(x) > MOST_ROWS else x)
-    if series.members is not None:
-        found["members"] = arrays.add(series.members)
-    return {name: value for name, value in found.items() if value not in (None, "")}
+    data = {"name": series.name, "role": series.role, "values": kept(series.values)}
+    data |= {"leg": series.leg, "run": series.run, "component": series.component}
+    data |= {"low": kept(series.low), "high": kept(series.high)}
+    data["x"] = None if series.x is None else arrays.add(blocks(x, x)[0])
+    data["members"] = None if series.members is None else arrays.add(series.members)
+    return {name: value for name, value in data.items() if value not in (None, "")}
 
 
 def member_data(report: Report, arrays: Arrays) -> dict[str, Any] | None:
     """The members of an ensemble, and their values of the metrics that have a chart; None without such."""
     titles = [chart.title for chart in report.charts]
-    shown = [each for each in report.numbers if each.members is not None and each.name in titles]
     # the first chart is of the metric that the ensemble is judged by
-    shown.sort(key=lambda each: titles.index(each.name))
-    points = [series for chart in report.charts for series in chart.series if series.members is not None]
-    if not shown or not points or points[0].members is None:
+    known = sorted((n for n in report.numbers if n.name in titles), key=lambda number: titles.index(number.name))
+    numbers = [(number, number.members) for number in known if number.members is not None]
+    ids = (series.members for chart in report.charts for series in chart.series if series.members is not None)
+    members = next(ids, None)
+    if not numbers or members is None:
         return None
-    return {
-        "ids": arrays.add(points[0].members),
-        "repeat": report.repeat,
-        "numbers": [
-            {
-                "name": each.name,
-                **_written(each.quantity),
-                "smallIsWorse": each.small_is_worse,
-                "values": arrays.add(each.members, each.quantity),
-            }
-            for each in shown
-            if each.members is not None
-        ],
-    }
+    listed = [
+        {
+            "name": number.name,
+            **_written(number.quantity),
+            "smallIsWorse": number.small_is_worse,
+            "values": arrays.add(values, number.quantity),
+        }
+        for number, values in numbers
+    ]
+    return {"ids": arrays.add(members), "repeat": report.repeat, "numbers": listed}
 
 
 def surface_data(surface: Surface, arrays: Arrays) -> dict[str, Any]:
+    """A surface as data."""
     ends = zip(surface.names, surface.quantities, surface.low, surface.high, strict=True)
     return {
         "title": surface.title,
@@ -178,8 +147,8 @@ def surface_data(surface: Surface, arrays: Arrays) -> dict[str, Any]:
 
 
 def scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
+    """A scene as data."""
     names = ("time", "pose", "reference", "orientation", "leg_length", "actuator_force", "external_force", "nearness")
-    values = {name: getattr(scene, name) for name in names}
     return {
         "name": scene.name,
         "run": scene.run,
@@ -192,5 +161,5 @@ def scene_data(scene: Scene, arrays: Arrays) -> dict[str, Any]:
         "digits": scene.decimals,
         "nearnessOf": scene.nearness_of,
         "flags": {flag.name: flag.values for flag in scene.flags},
-        "arrays": {name: arrays.add(each) for name, each in values.items() if each is not None},
+        "arrays": {name: arrays.add(getattr(scene, name)) for name in names if getattr(scene, name) is not None},
     }

@@ -5,11 +5,18 @@ shown. Angles are shown in degrees.
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, fields, is_dataclass, replace
+from typing import Annotated, Any, TypeVar, cast
 
-from gough_stewart.harness.output.display_resolution import LEAST_SPANS, factor_to
+from pydantic import ConfigDict, Field, SerializationInfo, ValidationInfo, model_serializer, model_validator
+from pydantic.dataclasses import dataclass
+
 from gough_stewart.harness.quantities import UNITS, unit_typed
 from gough_stewart.model.interface import unit_text
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.parameters import PlatformFields
+from gough_stewart.model.platform import Platform
 
 _DEGREES = 180 / math.pi
 # What a small machine has less of, and the units in which it is shown instead.
@@ -22,27 +29,69 @@ _FINER = {
 _OF_COORDINATES, _OF_ITSELF = 6, 1e-3
 # A value that is not defined.
 NOTHING = "–"
+# The smallest difference that numbers tell, by unit, such as a micrometre or a ten-thousandth of a degree: smaller ones
+# are rounding.
+LEAST_SPANS: dict[str, float] = {
+    **{"m": 1e-6, "mm": 1e-3, "rad": 1e-6, "mrad": 1e-3, "deg": 1e-4, "m/s": 1e-5, "mm/s": 1e-2},
+    **{"rad/s": 1e-5, "deg/s": 1e-3, "m/s2": 1e-3, "rad/s2": 1e-3, "N": 1e-3, "N/s": 1e-1, "N.m": 1e-3},
+    **{"W": 1e-3, "J": 1e-3, "kg": 1e-6, "kg.m2": 1e-6, "s": 1e-9, "Hz": 1e-6, "%": 1e-3, "1": 1e-3},
+}
+# The same for numbers without a unit, such as the states of a controller.
+_LEAST_OF_OTHERS = 1e-6
+# The same as a share of the values; single precision, in which curves are stored, has little more.
+_LEAST_SHARE = 1e-6
+# Axes show this share of it: an error of 1e-5 degrees has a shape, one of 1e-7 degrees is rounding.
+_OF_AXES = 0.1
+# From this stroke on, micrometres are told [m]; of a smaller one, a millionth.
+_SMALL = 0.01
+# The stroke of a machine that does not state one, as a share of its legs.
+_SHARE_OF_LEGS = 0.01
+_Part = TypeVar("_Part")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class Quantity:
     """A kind of number: its SI unit, as in `quantities.UNITS`, and how it is shown."""
 
     si: str  # "" for a plain number
     unit: str
-    factor: float = 1.0  # from the stored number to that in `unit`
+    factor: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0  # from the stored number to that in `unit`
     name: str = ""  # of an axis without words of its own
     symbol: str = ""
-    digits: int = 4  # significant
+    digits: Annotated[int, Field(ge=1)] = 4  # significant
     least: float | None = None  # the smallest size that is told [unit]; None for that of the unit
 
     def __post_init__(self) -> None:
         if self.si and self.si not in UNITS:
             raise ValueError(f"the SI unit '{self.si}'; expected one of {', '.join(UNITS)}, or '' for a plain number")
-        if not (math.isfinite(self.factor) and self.factor > 0):
-            raise ValueError(f"the factor {self.factor}; expected a finite number > 0")
-        if self.digits < 1:
-            raise ValueError(f"{self.digits} significant digits; expected at least 1")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _by_key(cls, given: Any, info: ValidationInfo) -> Any:
+        """In JSON, a report lists its quantities once and names them elsewhere."""
+        if not isinstance(given, str):
+            return given
+        known = info.context or {}
+        if given not in known:
+            raise ValueError(f"the quantity '{given}'; expected one of {', '.join(known)}")
+        return known[given]
+
+    @model_serializer(mode="plain")
+    def _key(self, info: SerializationInfo) -> Any:
+        keys: dict[Quantity, str] | None = info.context
+        if keys is None:
+            return self.changed
+        if self not in keys:
+            stem, taken = self.name or self.unit or "number", set(keys.values())
+            numbered = (f"{stem} {k}" for k in range(2, len(taken) + 3))
+            keys[self] = stem if stem not in taken else next(key for key in numbered if key not in taken)
+        return keys[self]
+
+    @property
+    def changed(self) -> dict[str, Any]:
+        """Its fields that have not their default."""
+        defaults = {field.name: field.default for field in fields(self)}
+        return {name: value for name, value in asdict(self).items() if value != defaults[name]}
 
     @property
     def unit_text(self) -> str:
@@ -110,17 +159,57 @@ class Quantity:
         """
         known, unit = UNITS.get(self.si, {self.unit: 1.0}), unit_typed(unit)
         if unit not in known:
-            expected = ", ".join(each for each in known if each) or "no unit"
+            expected = ", ".join(filter(None, known)) or "no unit"
             raise ValueError(f"the unit '{unit}'; expected {expected}")
         # so that 800 µm are 0.0008 m to the last bit
         return number / (known[self.unit] * self.factor / known[unit])
 
 
+def least_span(unit: str, largest: float = 0.0, least: float | None = None) -> float:
+    """The smallest span of an axis in a unit, for values up to a largest magnitude; `least` is that of numbers."""
+    told = LEAST_SPANS.get(unit, _LEAST_OF_OTHERS) if least is None else least
+    return max(_OF_AXES * told, _LEAST_SHARE * abs(largest))
+
+
+def factor_to(unit: str) -> float:
+    """The factor from SI units to a unit: 1e3 for mm, 1 for SI units."""
+    if unit in UNITS:  # rad/s is the SI unit of a rate, but is also listed with Hz
+        return 1.0
+    return next((1 / units[unit] for units in UNITS.values() if unit in units), 1.0)
+
+
+def fineness_of(platform: PlatformFields) -> float:
+    """The smallest numbers that are told of a machine, as a share of those of a machine with a stroke of 1 m."""
+    low, high = platform.leg_length_min, platform.leg_length_max
+    legs = leg_geometry(platform, platform.home_position, platform.home_orientation).length
+    stroke = _SHARE_OF_LEGS * float(legs.mean()) if low is None or high is None else high - low
+    return stroke if stroke < _SMALL else 1.0
+
+
+def fineness_of_record(metadata: Mapping[str, Any]) -> float:
+    """The same by the metadata of a record; 1 if they have no whole platform."""
+    machine = metadata.get("machine") or metadata.get("platform") or {}
+    return fineness_of(Platform(**machine)) if "base_points" in machine else 1.0
+
+
+def fine(part: _Part, fineness: float) -> _Part:
+    """A report, a part of it or a quantity with all quantities as `Quantity.fine`; 1 changes nothing."""
+    if fineness >= 1:
+        return part
+    changed: Any = part
+    if isinstance(part, Quantity):
+        changed = part.fine(fineness)
+    elif isinstance(part, tuple):
+        changed = tuple(fine(item, fineness) for item in part)
+    elif is_dataclass(part) and not isinstance(part, type):
+        changed = replace(part, **{field.name: fine(getattr(part, field.name), fineness) for field in fields(part)})
+    return cast("_Part", changed)
+
+
 def of_unit(unit: str) -> Quantity:
     """The quantity of a unit in `quantities.UNITS`, in which it is shown; angles in degrees."""
     shown = {"rad": "deg", "rad/s": "deg/s"}.get(unit, unit)
-    si = next((si for si, others in UNITS.items() if si == shown), None)
-    si = si or next((si for si, others in UNITS.items() if shown in others), "")
+    si = shown if shown in UNITS else next((si for si, others in UNITS.items() if shown in others), "")
     return Quantity(si, shown, factor_to(shown))
 
 

@@ -93,8 +93,8 @@ def required(text: str) -> Required:
         raise RequirementError(f"the requirement '{text}' has a confidence; expected also 'for … % of members'")
     if not math.isfinite(bound):
         raise RequirementError(f"the requirement '{text}' has the bound {bound}; expected a finite number")
-    given = CONFIDENCE if confidence is None else confidence
-    return Required(text.strip(), path, sign in ("<", "<=", "≤"), sign in ("<", ">"), bound, unit, share, given)
+    sure = CONFIDENCE if confidence is None else confidence
+    return Required(text.strip(), path, sign in ("<", "<=", "≤"), sign in ("<", ">"), bound, unit, share, sure)
 
 
 def _share(text: str | None, what: str) -> float | None:
@@ -112,17 +112,13 @@ def _share(text: str | None, what: str) -> float | None:
 
 
 class Known(Protocol):
-    """A number that a study will have."""
+    """A number that a study will have, by its path, and its unit."""
 
     @property
-    def path(self) -> str:
-        """Its name."""
-        ...
+    def path(self) -> str: ...
 
     @property
-    def quantity(self) -> Quantity:
-        """Its unit."""
-        ...
+    def quantity(self) -> Quantity: ...
 
 
 def check_known(requirements: Iterable[Required], known: Iterable[Known]) -> None:
@@ -133,12 +129,12 @@ def check_known(requirements: Iterable[Required], known: Iterable[Known]) -> Non
     RequirementError
         An unknown path, with the nearest; or such a unit.
     """
-    quantities = {each.path: each.quantity for each in known if each.path}
-    for each in requirements:
-        if each.path not in quantities:
-            hint = nearest(each.path, quantities) if quantities else "; this study has none"
-            raise RequirementError(f"the requirement '{each.text}': no number '{each.path}'{hint}")
-        each.bound_of(quantities[each.path])
+    quantities = {number.path: number.quantity for number in known if number.path}
+    for wanted in requirements:
+        if wanted.path not in quantities:
+            hint = nearest(wanted.path, quantities) if quantities else "; this study has none"
+            raise RequirementError(f"the requirement '{wanted.text}': no number '{wanted.path}'{hint}")
+        wanted.bound_of(quantities[wanted.path])
 
 
 def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report:
@@ -151,10 +147,10 @@ def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report
     RequirementError
         As `required`, an unknown number, a unit of another kind, or a share of members of a single run.
     """
-    wanted = [required(each) if isinstance(each, str) else each for each in texts]
+    wanted = [required(text) if isinstance(text, str) else text for text in texts]
     check_known(wanted, report.numbers)
-    judged = tuple(judge(each, report.number(each.path)) for each in wanted)
-    states = {each.status for each in judged}
+    judged = tuple(judge(requirement, report.number(requirement.path)) for requirement in wanted)
+    states = {outcome.status for outcome in judged}
     verdict = report.verdict
     if "missed" in states:  # whatever else is good
         verdict = replace(verdict, status="bad")
@@ -167,12 +163,12 @@ def with_requirements(report: Report, texts: Sequence[str | Required]) -> Report
 
 def _first(judged: Sequence[Requirement]) -> str:
     """Those that are not met with what was found, or that all are met; a single one always with what was found."""
-    if len(judged) > 1 and all(each.status == "met" for each in judged):
+    if len(judged) > 1 and all(outcome.status == "met" for outcome in judged):
         return f"All {len(judged)} requirements met"
     statuses: tuple[Verdicts, ...] = ("missed", "open", "met") if len(judged) == 1 else ("missed", "open")
     parts = []
     for status in statuses:
-        told = [f"{each.text} ({each.found})" for each in judged if each.status == status]
+        told = [f"{outcome.text} ({outcome.found})" for outcome in judged if outcome.status == status]
         if told:
             parts.append(f"{OUTCOMES[status]}: {', '.join(told)}")
     return sentence(parts)
@@ -210,8 +206,8 @@ def _judge_members(wanted: Required, number: Number, members: FloatArray, bound:
         value = _of_share(wanted, members, 1.0)
         note = f"{holding:,} of {total:,} members hold it{lost}"
         return _result(wanted, number, "met" if holding == total else "missed", value, bound, note)
-    found = share_interval(holding / number.block, total / number.block, wanted.confidence)
-    low, high = found.low or 0.0, 1.0 if found.high is None else found.high
+    interval = share_interval(holding / number.block, total / number.block, wanted.confidence)
+    low, high = interval.low or 0.0, 1.0 if interval.high is None else interval.high
     blocks = f", {total / number.block:g} independent blocks of {number.block}" if number.block > 1 else ""
     note = (
         f"{holding:,} of {total:,} members hold it{lost}; of all, {100 * low:.3g} to {100 * high:.3g} % with "
@@ -245,8 +241,8 @@ def members_to_tell(
     towards = math.floor if share > wanted else math.ceil
 
     def tells(blocks: int) -> bool:
-        found = share_interval(towards(round(share * blocks * block, 6)) / block, blocks, confidence)
-        low, high = found.low or 0.0, 1.0 if found.high is None else found.high
+        interval = share_interval(towards(round(share * blocks * block, 6)) / block, blocks, confidence)
+        low, high = interval.low or 0.0, 1.0 if interval.high is None else interval.high
         return low >= wanted or high < wanted
 
     low = high = math.ceil(total / block)
@@ -263,15 +259,6 @@ def members_to_tell(
 def _result(
     wanted: Required, number: Number, status: Verdicts, value: float | None, bound: float, note: str
 ) -> Requirement:
-    margin = wanted.margin(value, bound)
-    return Requirement(
-        wanted.text,
-        wanted.path,
-        number.name,
-        status,
-        value,
-        bound,
-        number.quantity.telling(bound),  # which says how finely to tell
-        margin,
-        note,
-    )
+    # the bound says how finely to tell
+    quantity, margin = number.quantity.telling(bound), wanted.margin(value, bound)
+    return Requirement(wanted.text, wanted.path, number.name, status, value, bound, quantity, margin, note)

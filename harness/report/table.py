@@ -1,21 +1,28 @@
 """Tables of a report: cells under columns, and how they are written."""
 
 import math
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from typing import Annotated, Any
 
-from gough_stewart.harness.report.fields import defined
+from pydantic import BeforeValidator
+from pydantic.dataclasses import dataclass
+from rich.cells import cell_len
+
+from gough_stewart.harness.report.data import CONFIG, Data, Defined
 from gough_stewart.harness.report.quantities import NUMBER, Quantity
 
+_NUMBER = re.compile(r"[-+±×<(\s]*\d")
+# Longer texts of several words wrap.
+PROSE = 18
 
-@dataclass(frozen=True)
-class Value:
+
+@dataclass(frozen=True, config=CONFIG)
+class Value(Data):
     """A number in a cell of a table whose quantity is not that of its column."""
 
-    value: float | None
+    value: Defined
     quantity: Quantity
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "value", defined(self.value))
 
     @property
     def text(self) -> str:
@@ -23,11 +30,18 @@ class Value:
         return self.quantity.text(self.value)
 
 
-Cell = str | bool | int | float | Value | None
+def _cell(value: Any) -> Any:
+    """NaN is not defined; JSON has infinite numbers as texts."""
+    if isinstance(value, str) and value in ("Infinity", "-Infinity"):
+        return float(value)
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
-@dataclass(frozen=True)
-class Column:
+Cell = Annotated[str | bool | int | float | Value | None, BeforeValidator(_cell)]
+
+
+@dataclass(frozen=True, config=CONFIG)
+class Column(Data):
     """A column of a table; `quantity` for numbers that are all of one kind."""
 
     name: str
@@ -40,8 +54,8 @@ class Column:
         return self.quantity.headed(self.name) if self.quantity else self.name
 
 
-@dataclass(frozen=True)
-class Table:
+@dataclass(frozen=True, config=CONFIG)
+class Table(Data):
     """Rows of cells under columns; the first cell of a row names it."""
 
     title: str
@@ -56,13 +70,9 @@ class Table:
 
     def __post_init__(self) -> None:
         if self.links and len(self.links) != len(self.rows):
-            raise ValueError(
-                f"{len(self.links)} links of '{self.title}'; expected one for each of {len(self.rows)} rows"
-            )
-        rows = tuple(tuple(None if isinstance(c, float) and math.isnan(c) else c for c in row) for row in self.rows)
-        object.__setattr__(self, "columns", tuple(self.columns))
-        object.__setattr__(self, "rows", rows)
-        for k, row in enumerate(rows):
+            rows = len(self.rows)
+            raise ValueError(f"{len(self.links)} links of '{self.title}'; expected one for each of {rows} rows")
+        for k, row in enumerate(self.rows):
             if len(row) != len(self.columns):
                 raise ValueError(f"row {k + 1} of '{self.title}' has {len(row)} cells; expected {len(self.columns)}")
 
@@ -71,8 +81,8 @@ class Table:
 
         Where columns state units too, this holds for all rows or none, so that they look alike.
         """
-        units = [{cell.quantity.unit_text for cell in each[1:] if isinstance(cell, Value)} for each in self.rows]
-        is_mixed = any(column.quantity for column in self.columns[1:]) and any(len(each) > 1 for each in units)
+        units = [{cell.quantity.unit_text for cell in cells[1:] if isinstance(cell, Value)} for cells in self.rows]
+        is_mixed = any(column.quantity for column in self.columns[1:]) and any(len(kinds) > 1 for kinds in units)
         return next(iter(units[row])) if len(units[row]) == 1 and not is_mixed else ""
 
     def texts(self, row: int, *, units: bool = True) -> tuple[str, ...]:
@@ -89,3 +99,17 @@ def _cell_text(cell: Cell, quantity: Quantity | None, *, units: bool) -> str:
     if isinstance(cell, str):
         return cell
     return (quantity or NUMBER).number(cell) if quantity or not isinstance(cell, int) else str(cell)
+
+
+def is_prose(cells: Sequence[str]) -> bool:
+    """Whether a column has texts that may wrap: several words, longer than any number."""
+    return any(cell_len(cell) > PROSE and " " in cell for cell in cells)
+
+
+def is_at_right(cells: Sequence[Cell], texts: Sequence[str]) -> bool:
+    """Whether a column is right-aligned: its cells are numbers or blank, or its texts numbers and no sentences."""
+    numbers = [isinstance(cell, int | float | Value) and not isinstance(cell, bool) for cell in cells]
+    if any(numbers) and all(is_one or cell in (None, "") for is_one, cell in zip(numbers, cells, strict=True)):
+        return True
+    numbers = [_NUMBER.match(text) is not None for text in texts]
+    return any(numbers) and (all(numbers) or not is_prose(texts))

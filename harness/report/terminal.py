@@ -4,25 +4,26 @@ Charts, scenes and details are for the page. Without a terminal there are no col
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from io import StringIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from rich.cells import cell_len
 from rich.console import Console, Group
 from rich.padding import Padding
 from rich.table import Table as Rows
 from rich.text import Text
 
-from gough_stewart.harness.report.columns import is_at_right, stacked_columns
 from gough_stewart.harness.report.document import Note, Number, Report, Requirement
 from gough_stewart.harness.report.requirements import OUTCOMES
-from gough_stewart.harness.report.table import Table
+from gough_stewart.harness.report.table import PROSE, Table, is_at_right, is_prose
 
 if TYPE_CHECKING:
     from rich.console import ConsoleOptions, RenderableType, RenderResult
 
 _STYLES = {"good": "bold green", "marginal": "bold yellow", "bad": "bold red", "told": "bold"}
 _OUTCOMES = {"met": "green", "missed": "bold red", "open": "bold yellow"}
+# Least width of long texts, which wrap; a longer word is broken.
+_LONGEST_WORD = 26
 
 
 def show(report: Report, console: Console) -> None:
@@ -35,26 +36,26 @@ def show(report: Report, console: Console) -> None:
 
 def text_of(report: Report, width: int = 100) -> str:
     """The same as text without colours."""
-    with _console(width) as (console, lines):
+    console = _plain(width)
+    with console.capture() as shown:
         show(report, console)
-    return "\n".join(lines)
+    return _lines(shown.get())
 
 
 def tables_text(tables: Sequence[Table], width: int = 100) -> str:
     """Tables as text without colours."""
-    with _console(width) as (console, lines):
-        console.print(Group(*map(TerminalTable, tables)))
-    return "\n".join(lines)
-
-
-@contextmanager
-def _console(width: int) -> Iterator[tuple[Console, list[str]]]:
-    """A console without colours, and the lines that were printed to it meanwhile."""
-    console = Console(width=width, color_system=None, file=StringIO(), markup=False, emoji=False, highlight=False)
-    lines: list[str] = []
+    console = _plain(width)
     with console.capture() as shown:
-        yield console, lines
-    lines += [line.rstrip() for line in shown.get().splitlines()]
+        console.print(Group(*map(TerminalTable, tables)))
+    return _lines(shown.get())
+
+
+def _plain(width: int) -> Console:
+    return Console(width=width, color_system=None, file=StringIO(), markup=False, emoji=False, highlight=False)
+
+
+def _lines(text: str) -> str:
+    return "\n".join(line.rstrip() for line in text.splitlines())
 
 
 def _parts(report: Report) -> Iterable["RenderableType"]:
@@ -68,9 +69,7 @@ def _parts(report: Report) -> Iterable["RenderableType"]:
         yield Text("")
         yield requirements_of(report.requirements)
     for section in report.sections:
-        if section.detail:
-            continue
-        for part in section.parts:
+        for part in () if section.detail else section.parts:
             if isinstance(part, Table) and not part.detail and part.rows:
                 yield Text("")
                 yield TerminalTable(part)
@@ -86,12 +85,13 @@ def _numbers(numbers: Sequence[Number]) -> Rows:
     rows = Rows.grid(padding=(0, 2, 0, 0))
     rows.add_column(overflow="fold")
     rows.add_column(justify="right", no_wrap=True)
-    remarks = [Text(each.remark, "dim") for each in numbers]
-    if any(remark.plain for remark in remarks):
-        # an empty column would take room from the words
+    # an empty column would take room from the words
+    has_remarks = any(number.remark for number in numbers)
+    if has_remarks:
         rows.add_column(overflow="fold")
-    for each, remark in zip(numbers, remarks, strict=True):
-        rows.add_row(Text(each.name), Text(each.text, "bold"), *([remark] if len(rows.columns) > 2 else []))
+    for number in numbers:
+        remark = [Text(number.remark, "dim")] if has_remarks else []
+        rows.add_row(Text(number.name), Text(number.text, "bold"), *remark)
     return rows
 
 
@@ -101,8 +101,9 @@ def requirements_of(requirements: Sequence[Requirement]) -> Rows:
     rows.add_column(no_wrap=True)
     rows.add_column(overflow="fold")
     rows.add_column(overflow="fold")
-    for each in requirements:
-        rows.add_row(Text(OUTCOMES[each.status], _OUTCOMES[each.status]), Text(each.text), Text(each.found))
+    for required in requirements:
+        outcome = Text(OUTCOMES[required.status], _OUTCOMES[required.status])
+        rows.add_row(outcome, Text(required.text), Text(required.found))
     return rows
 
 
@@ -119,7 +120,7 @@ class TerminalTable:
         """The title, the rows that are shown at first, and what is left out."""
         table = self.table
         shown = len(table.rows) if table.first_shown is None else min(table.first_shown, len(table.rows))
-        heads = [each.title for each in table.columns]
+        heads = [column.title for column in table.columns]
         texts = [row_texts(table, k) for k in range(shown)]
         columns = [(head, *(row[k].plain for row in texts)) for k, head in enumerate(heads)]
         if table.title:
@@ -142,5 +143,70 @@ class TerminalTable:
 def row_texts(table: Table, index: int) -> list[Text]:
     """The cells of a row; a unit that all its numbers share stands beside its first cell."""
     unit = table.shared_unit(index)
-    texts = [Text(each) for each in table.texts(index, units=not unit)]
+    texts = [Text(text) for text in table.texts(index, units=not unit)]
     return [Text.assemble(texts[0], " ", (unit, "dim")), *texts[1:]] if unit else texts
+
+
+class _Need(NamedTuple):
+    """The least width of a column, and the width at which nothing in it wraps."""
+
+    least: int
+    natural: int
+
+
+def stacked_columns(columns: Sequence[Sequence[str]], width: int) -> list[list[tuple[int, int]]]:
+    """Tables, one above the other, that show all columns within a width; each starts with the first column.
+
+    A column is its head and its cells; of each table, numbers and widths of its columns are returned. Heads and names
+    wrap first. If the numbers alone are too wide, the columns are divided among as few tables as possible: legs 1 to 3,
+    then legs 4 to 6 and all.
+    """
+    needs = [_need(column, k == 0) for k, column in enumerate(columns)]
+    most = max(len(needs) - 1, 1)
+    for number in range(1, most + 1):
+        tables = list(_shared_out(len(needs), number))
+        if all(_framed(needs[k].least for k in table) <= width for table in tables):
+            break
+    else:
+        # even one column beside the names is too wide: narrow the names
+        widest = max((need.least for need in needs[1:]), default=0)
+        needs[0] = _Need(max(1, min(needs[0].least, width - _framed([widest, 0]))), needs[0].natural)
+    widths = [_widened(table, needs, width) for table in tables]
+    # names are as wide in all tables
+    names = min(table[0] for table in widths)
+    return [[(0, names), *((k, table[k]) for k in list(table)[1:])] for table in widths]
+
+
+def _need(column: Sequence[str], is_first: bool) -> _Need:
+    head, *cells = column
+    natural = max(map(cell_len, column))
+    if is_first or is_prose(cells):
+        word = max((cell_len(word) for cell in column for word in cell.split()), default=0)
+        return _Need(min(natural, max(PROSE, min(word, _LONGEST_WORD))), natural)
+    return _Need(max(map(cell_len, (*head.split(), *cells)), default=0), natural)
+
+
+def _framed(widths: Iterable[int]) -> int:
+    """Total width, with a space on both sides of each column, and lines between and around them."""
+    return sum(width + 3 for width in widths) + 1
+
+
+def _shared_out(columns: int, tables: int) -> Iterator[list[int]]:
+    """The first column and a share of the others, for each table; the last tables take one more."""
+    share, more = divmod(columns - 1, tables)
+    start = 1
+    for k in range(tables):
+        end = start + share + (k >= tables - more)
+        yield [0, *range(start, end)]
+        start = end
+
+
+def _widened(table: Sequence[int], needs: Sequence[_Need], width: int) -> dict[int, int]:
+    """Give the remaining width to the columns that wrap, first to the one that lacks most."""
+    widths = {k: needs[k].least for k in table}
+    for _ in range(width - _framed(widths.values())):
+        k = max(table, key=lambda k: needs[k].natural - widths[k])
+        if widths[k] == needs[k].natural:
+            break
+        widths[k] += 1
+    return widths

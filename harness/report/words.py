@@ -96,8 +96,8 @@ def plain_text(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.6g}"
     if isinstance(value, list):
-        rows = [plain_text(each) for each in value]
+        rows = [plain_text(item) for item in value]
         return "; ".join(rows) if value and isinstance(value[0], list) else ", ".join(rows)
     if isinstance(value, dict):
-        return ", ".join(f"{key} {plain_text(each)}" for key, each in value.items())
+        return ", ".join(f"{key} {plain_text(item)}" for key, item in value.items())
     return str(value)

@@ -42,7 +42,7 @@ class Metrics(dict[str, Any]):
         return "\n".join([*self._remarks(), tables_text(metrics_tables(self))])
 
     def _repr_html_(self) -> str:
-        from gough_stewart.harness.report.notebook import table_to_html
+        from gough_stewart.harness.report.page import table_to_html
 
         remarks = (f"<p><strong>{escape(text)}</strong></p>" for text in self._remarks())
         return "".join([*remarks, *map(table_to_html, metrics_tables(self))])

@@ -15,8 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.polars_paths import read_parquet, readable, write_to
-from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME
-from gough_stewart.harness.report.small_machine import fine, fineness_of_record
+from gough_stewart.harness.report.quantities import ANGLE, LENGTH, TIME, fine, fineness_of_record
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.results.oscillation import outcome_of, outcome_text
 from gough_stewart.harness.results.record_data import RecordData
@@ -128,7 +127,7 @@ class Record(RecordData):
     def _repr_html_(self) -> str:
         """In a notebook: the same as a table; with metrics and the pose over time if it has the columns they need."""
         from gough_stewart.harness.report.figures import figures  # slow to import
-        from gough_stewart.harness.report.notebook import table_to_html
+        from gough_stewart.harness.report.page import table_to_html
         from gough_stewart.harness.results.metrics import metrics, metrics_tables
 
         parts = [table_to_html(_circumstances(self))]

@@ -8,8 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
-from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, LENGTH, NUMBER, SHARE, TIME, Quantity
-from gough_stewart.harness.report.small_machine import fine, fineness_of, fineness_of_record
+from gough_stewart.harness.report.quantities import (
+    ANGLE,
+    DECIBEL,
+    FORCE,
+    LENGTH,
+    NUMBER,
+    SHARE,
+    TIME,
+    Quantity,
+    fine,
+    fineness_of,
+    fineness_of_record,
+)
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, plain_text, sentence
 from gough_stewart.harness.results.limits import DRIVE_LIMITS, nearness_to_limits

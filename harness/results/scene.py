@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.report.quantities import fineness_of
 from gough_stewart.harness.report.scene import Flag, Scene
-from gough_stewart.harness.report.small_machine import fineness_of
 from gough_stewart.harness.results.limits import nearness_to_limits
 from gough_stewart.harness.results.record_data import RecordData
 from gough_stewart.model.platform import Platform

@@ -13,7 +13,7 @@ from gough_stewart.harness.paper.reproduce import record_of_case
 from gough_stewart.harness.results.metrics import finite_part
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.scene import FRAMES, frame_rows
-from gough_stewart.harness.view.page import view_page
+from gough_stewart.harness.view.view import view_page
 from gough_stewart.model.formulations.cases import case_of, paper_case
 from gough_stewart.model.platform import load_preset
 from gough_stewart.model.rotations import matrix_from_orientation

@@ -18,9 +18,9 @@ from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.live.behind import behind_of
 from gough_stewart.harness.export.machine import Block, fields, machine_of
 from gough_stewart.harness.export.turned import MOST_DELAY, POLES, WANTED, Turned, turned_of
-from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.results.record import plain
 from gough_stewart.harness.section import file_names
 from gough_stewart.model import interface

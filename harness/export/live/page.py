@@ -12,11 +12,10 @@ import numpy as np
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.live.machine import Live, live_machine
 from gough_stewart.harness.export.machine import shipped_wasm
-from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.report import page as report_page
-from gough_stewart.harness.report.libraries import three, three_licence
-from gough_stewart.harness.report.offline import asset, document
+from gough_stewart.harness.report.offline import asset, document, three, three_licence
 from gough_stewart.harness.report.palette import THEMES
+from gough_stewart.harness.report.versions import versions
 
 # Of the report's page: what all pages share, and the 3-D view.
 _SHARED = ("page.js", "state.js", "records.js", "colours.js", "shapes.js", "bodies.js", "motion.js", "orbit.js")

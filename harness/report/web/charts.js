@@ -30,32 +30,21 @@
       const ends = group.panels.filter((p) => p.figure).map((p) => p.figure.whole());
       return ends.length ? [Math.min(...ends.map((e) => e[0])), Math.max(...ends.map((e) => e[1]))] : null;
     };
-    const canZoom = (panel) => panel.chart.kind !== "bars";
     const group = {
       isTime: false, panels: [], region: () => own.region, cursor: () => own.cursor ?? own.fixed,
       range: () => own.zoom || whole(),
       zoom: (range) => {
-        if (!canZoom(group.panels[0])) return;
         const all = whole(), [low, high] = range ? [Math.max(range[0], all[0]), Math.min(range[1], all[1])] : all;
         own.zoom = range && (low > all[0] || high < all[1]) && high > low ? [low, high] : null;
         group.panels.forEach(fit);
       },
-      hover: (x, panel, event) => {
-        if (isFunction) { own.cursor = x; group.panels.forEach(follow); } else if (panel.chart.kind === "points") tell(panel, x === null ? null : GS.nearest(panel, event));
-      },
-      mark: (region, panel) => {
-        if (!canZoom(panel)) return;
+      hover: (x) => { if (isFunction) { own.cursor = x; group.panels.forEach(follow); } },
+      mark: (region) => {
+        if (!isFunction) return;
         own.region = region && [...region].sort((a, b) => a - b);
-        if (panel.chart.kind === "points") GS.set({ members: region ? GS.membersIn(panel, region) : null });
         group.panels.forEach(follow);
       },
-      click: (x, panel, event) => {
-        if (isFunction) { own.fixed = x; group.panels.forEach(follow); return; }
-        const found = panel.chart.kind === "points" && GS.nearest(panel, event);
-        own.region = null;
-        if (found && found.member !== undefined) GS.set({ members: new Set([found.member]) }); else if (state.members) GS.set({ members: null });
-        group.panels.forEach(follow);
-      },
+      click: (x) => { if (isFunction) { own.fixed = x; group.panels.forEach(follow); } },
       // arrows move the cursor; [ and ] mark; + and 0 zoom
       key: ({ key }, panel) => {
         const range = group.range();
@@ -78,31 +67,51 @@
     return group;
   };
 
-  // What the pointer is at, in a chart of points.
-  const tell = (panel, found) => {
-    panel.told.hidden = !found;
-    if (!found) return;
-    const { x, y, digits } = { ...panel.chart, digits: 4 };
-    const member = found.member === undefined ? "" : `member ${found.member}: `;
-    panel.told.textContent = `${member}${GS.short(found.x, digits)} ${x.unit}, ${GS.short(found.y, digits)} ${y.unit}`;
-    const left = Math.min(found.px + 8, panel.plot.clientWidth - panel.told.offsetWidth - 4);
-    panel.told.style.transform = `translate(${left}px, ${Math.max(found.py - 30, 0)}px)`;
-  };
-
   // Cursor, marked part and values.
   const follow = (panel) => {
-    const scale = GS.axisOf(panel);
-    if (!scale) return;
-    const { place } = scale, x = panel.group.cursor(), region = panel.group.region(), right = place.left + place.width;
-    const inside = (pixel) => pixel >= place.left - 0.5 && pixel <= right + 0.5;
-    const at = x === null || !panel.figure.isFunction ? NaN : scale.pixel(x);
-    panel.cursor.hidden = !inside(at);
-    if (inside(at)) panel.cursor.style.transform = `translateX(${at}px)`;
-    const ends = region && region.map((end) => Math.min(Math.max(scale.pixel(end), place.left), right));
+    const place = panel.figure?.place(), scale = panel.figure?.view?.frame.x_scale;
+    if (!place) return;
+    const x = panel.group.cursor(), region = panel.group.region(), right = place.left + place.width;
+    const at = x === null || !panel.figure.isFunction ? NaN : scale.compute(x), isInside = at >= place.left - 0.5 && at <= right + 0.5;
+    panel.cursor.hidden = !isInside;
+    if (isInside) panel.cursor.style.transform = `translateX(${at}px)`;
+    const ends = region && region.map((end) => Math.min(Math.max(scale.compute(end), place.left), right));
     panel.region.hidden = !ends || ends[1] - ends[0] < 0.5;
     if (ends) Object.assign(panel.region.style, { transform: `translateX(${ends[0]}px)`, width: `${ends[1] - ends[0]}px` });
     for (const each of [panel.cursor, panel.region]) Object.assign(each.style, { top: `${place.top}px`, height: `${place.height}px` });
     GS.legendValues(panel, x);
+  };
+  // Zooms about an abscissa by a factor; more than 1 shows more.
+  GS.zoomAbout = (group, x, factor, isLog = false) => {
+    const f = isLog ? Math.log10 : (v) => v, g = isLog ? (v) => 10 ** v : (v) => v;
+    group.zoom(group.range().map((end) => g(f(x) + factor * (f(end) - f(x)))));
+  };
+  // What the pointer and Bokeh's tools do in one chart is done in all of its group; keys do the same.
+  const listen = (panel) => {
+    const { plot, group, chart, figure: { figure, heat } } = panel, { x_range: X } = figure;
+    const inside = (x) => x >= X.start && x <= X.end, whole = () => { group.mark(null, panel); group.zoom(null); };
+    figure.on_event("mousemove", ({ x, y }) => group.hover(inside(x) ? x : null, panel, y));
+    figure.on_event("mouseleave", () => group.hover(null, panel));
+    figure.on_event("tap", ({ x, y }) => { if (inside(x)) group.click(x, panel, y); });
+    figure.on_event("selectiongeometry", ({ geometry, final }) => { if (final && geometry.type === "rect") group.mark([geometry.x0, geometry.x1], panel); });
+    figure.on_event("rangesupdate", ({ x0, x1, y0, y1 }) => group.zoom(heat ? [[x0, x1], [y0, y1]] : [x0, x1]));
+    figure.on_event("reset", whole);
+    figure.on_event("doubletap", whole);
+    plot.addEventListener("wheel", (event) => {
+      if (!(event.ctrlKey || event.metaKey) || panel.figure.bars) return;
+      event.preventDefault();
+      event.stopPropagation();
+      const box = plot.getBoundingClientRect(), { x_scale, y_scale } = panel.figure.view.frame, factor = 1.25 ** (event.deltaY / 60);
+      const x = x_scale.invert(event.clientX - box.left);
+      if (heat) group.about(panel, x, y_scale.invert(event.clientY - box.top), factor); else GS.zoomAbout(group, x, factor, chart.x.scale === "log");
+    }, { passive: false, capture: true });
+    plot.addEventListener("keydown", (event) => {
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.key === "s") { event.preventDefault(); panel.figure.save(); return; }
+      if (!group.isTime && group.key(event, panel)) { event.preventDefault(); event.stopPropagation(); }
+    });
+    GS.watchMembers(panel);
+    if (heat) group.load(panel);
   };
   const fit = (panel) => {
     if (!panel.figure) return;
@@ -143,32 +152,42 @@
     panel.plot.setAttribute("aria-label", summary(panel));
     panel.group.panels.push(panel);
     GS.legend(panel);
-    panel.key.before(element("button", {
-      type: "button", class: "save", title: "save this chart as PNG (s)", "aria-label": `save ${panel.chart.title} as PNG`, onclick: () => panel.figure.save(),
-    }, "PNG"));
     GS.showMembers(panel);
     if (state.members) { GS.markedBars(panel); GS.markedBand(panel); }
     // the figure finds its size in a frame of its own
     new ResizeObserver(() => requestAnimationFrame(() => { if (!GS.isPrinting()) fit(panel); })).observe(panel.plot);
-    if (panel.figure.heat) GS.pointHeat(panel); else GS.point(panel);
+    listen(panel);
     fit(panel);
     return panel;
   })());
 
+  // A panel that waits to be drawn in a figure element of the page.
+  const panelOf = (chart, host) => {
+    const plot = host.querySelector(".plot"), hidden = (name) => element("div", { class: name, hidden: "" });
+    plot.tabIndex = 0;
+    plot.setAttribute("role", "img");
+    plot.setAttribute("aria-label", `Chart of ${chart.title}`);
+    const panel = {
+      chart, host, plot, key: host.querySelector(".key"), group: groupOf(chart), figure: null, visible: false, stale: false,
+      cursor: hidden("cursor"), region: hidden("region"), told: hidden("pointed"),
+    };
+    panels.push(panel);
+    return panel;
+  };
+  const drop = (panel) => {
+    for (const list of [panels, panel.group.panels]) if (list.includes(panel)) list.splice(list.indexOf(panel), 1);
+  };
+  const addPanel = (chart, host, then) => {
+    const panel = panelOf(chart, host);
+    panel.visible = true;
+    draw(panel).then(then);
+    return panel;
+  };
   const seen = (panel) => panel.visible;
   GS.charts = async () => {
     await GS.timed;
-    await GS.sliceBar();
-    for (const host of document.querySelectorAll("figure.chart")) {
-      const chart = page.charts[Number(host.dataset.chart)], plot = host.querySelector(".plot");
-      Object.assign(plot, { tabIndex: 0 });
-      plot.setAttribute("role", "img");
-      plot.setAttribute("aria-label", `Chart of ${chart.title}`);
-      panels.push({
-        chart, host, plot, key: host.querySelector(".key"), group: groupOf(chart), figure: null, visible: false, stale: false,
-        cursor: element("div", { class: "cursor", hidden: "" }), region: element("div", { class: "region", hidden: "" }), told: element("div", { class: "pointed", hidden: "" }),
-      });
-    }
+    await GS.sliceBar?.();
+    for (const host of document.querySelectorAll("figure.chart")) panelOf(page.charts[Number(host.dataset.chart)], host);
     const of = new Map(panels.map((panel) => [panel.host, panel]));
     const near = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
       const panel = of.get(target);
@@ -191,6 +210,7 @@
     });
     GS.on("members", () => panels.forEach((panel) => { GS.showMembers(panel); GS.markedBars(panel); GS.markedBand(panel); }));
     GS.onTheme(() => panels.forEach(GS.dressChart));
+    GS.ownChart(addPanel, drop);
     GS.clearCharts = () => { for (const group of groups.values()) group.clear(); };
     // the charts in view first, or the one that comes next, then the others one by one, for paper and for a reader who scrolls
     const open = panels.filter(({ host }) => host.checkVisibility()), seenFirst = open.filter(({ host }) => host.getBoundingClientRect().top < innerHeight);
@@ -210,4 +230,29 @@
     await GS.drawRest();
     GS.ready.all = true;
   };
+
+  // Paper: light colours, charts as drawings that fit the page, the 3-D view as a picture of the present moment.
+  addEventListener("beforeprint", () => {
+    GS.setPrinting(true);
+    for (const panel of GS.panels || []) {
+      if (!panel.host.checkVisibility()) continue;
+      if (!panel.figure) {
+        panel.paper = GS.element("p", { class: "paper" }, "This chart was not yet drawn: print once more.");
+        panel.plot.after(panel.paper);
+        continue;
+      }
+      GS.dressChart(panel);
+      panel.paper = GS.element("div", { class: "paper", "aria-hidden": "true" }, panel.figure.drawing());
+      panel.plot.after(panel.paper);
+    }
+    GS.printStage?.();
+    GS.drawRest?.();
+  });
+  addEventListener("afterprint", () => {
+    GS.setPrinting(false);
+    for (const panel of GS.panels || []) {
+      panel.paper?.remove();
+      GS.dressChart(panel);
+    }
+  });
 })();

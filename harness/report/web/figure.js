@@ -10,7 +10,7 @@
     const x = times(await GS.array(chart.x.values), chart.x.factor), { factor } = chart.y;
     const one = async (number, by) => (number === undefined ? undefined : times(await GS.array(number), by));
     const all = await Promise.all(chart.series.map(async (each) => ({
-      x: each.x === undefined ? x : await one(each.x, chart.x.factor), y: await one(each.values, factor),
+      x: each.x === undefined ? x : await one(each.x, chart.x.factor), y: await one(each.values, each.y?.factor ?? factor),
       low: await one(each.low, factor), high: await one(each.high, factor), members: await one(each.members, 1),
     })));
     const { map, rows } = chart, of = async (axis) => axis && times(await GS.array(axis.values), axis.factor);
@@ -31,6 +31,18 @@
     return [middle - (0.5 + AIR) * span, middle + (0.5 + AIR) * span];
   };
 
+  const ROUND = [1, 2, 3, 5, 7].flatMap((v) => [-3, -2, -1, 0, 1, 2, 3, 4, 5].map((e) => v * 10 ** e)).sort((a, b) => a - b);
+  // Ticks of logarithmic axes and colours: round numbers, as many as there is room for.
+  GS.roundTicks = (low, high) => {
+    // within a factor of four evenly spaced ones are rounder
+    if (high < 4 * low) {
+      const rough = (high - low) / 5, power = 10 ** Math.floor(Math.log10(rough)), step = power * [1, 2, 5, 10].find((v) => v * power >= rough);
+      return Array.from({ length: 8 }, (_, k) => Number((step * (Math.ceil(low / step) + k)).toPrecision(6))).filter((v) => v <= high);
+    }
+    const inside = ROUND.filter((v) => v >= low * 0.999 && v <= high * 1.001), step = Math.ceil(inside.length / 7);
+    return inside.filter((_, k) => k % step === 0);
+  };
+
   // Powers of ten only where decimals would be long.
   const plain = (axis, start, end) => {
     const most = Math.max(Math.abs(start), Math.abs(end));
@@ -40,9 +52,11 @@
   // Within two decades round numbers, with room for each; else powers of ten.
   const logTicks = (axis, start, end) => { axis.ticker = end < 100 * start ? new Bokeh.FixedTicker({ ticks: GS.roundTicks(start, end) }) : new Bokeh.LogTicker(); };
 
+  const said = (value, { digits, unit }) => `${GS.short(value, digits)} ${unit}`.trim();
+
   class Figure {
     constructor(chart, host, data) {
-      Object.assign(this, { chart, host, data, parts: [], spans: [], isTime: chart.isTime });
+      Object.assign(this, { chart, host, data, parts: [], spans: [], isTime: chart.isTime, others: new Map() });
       this.isFunction = chart.kind === "line" || chart.kind === "step";
       this.groups = GS.coinciding(chart, data.all);
       this.bars = chart.kind === "bars";
@@ -52,16 +66,15 @@
       const titles = [chart.x.title, chart.y.title];
       if (this.lying) titles.reverse();
       this.figure = figure({
-        sizing_mode: "stretch_both", tools: "", toolbar_location: null, output_backend: "canvas", match_aspect: false,
+        sizing_mode: "stretch_both", tools: "", toolbar_location: "above", output_backend: "canvas", match_aspect: false,
         x_axis_type: logX ? "log" : "linear", y_axis_type: logY ? "log" : "linear",
         x_range: new Bokeh.Range1d({ start: 0, end: 1 }), y_range: new Bokeh.Range1d({ start: 0, end: 1 }),
         x_axis_label: titles[0], y_axis_label: titles[1], min_border_left: this.lying ? 10 : LEFT, min_border_right: RIGHT,
         min_border_top: 8, min_border_bottom: 44, background_fill_color: null, border_fill_color: null, outline_line_color: null,
       });
-      this.figure.toolbar.active_drag = null;
-      this.saveTool = new Bokeh.SaveTool({ filename: chart.title });
-      this.figure.add_tools(this.saveTool);
+      this.figure.toolbar_inner = true;
       this.build();
+      this.tools();
       for (const mark of chart.marks) {
         const span = new Bokeh.Span({ location: mark.value * (mark.vertical ? chart.x.factor : chart.y.factor), dimension: mark.vertical ? "height" : "width", line_width: 1.4 });
         this.figure.add_layout(span);
@@ -69,6 +82,22 @@
       }
       this.margins();
       this.strips();
+    }
+
+    // Bokeh's tools, those that this chart uses: a drag marks a range, picks members or zooms a map.
+    tools() {
+      const { chart, figure, parts } = this, { toolbar } = figure, isMap = chart.kind === "heat";
+      const picks = parts.some(({ numbers }) => numbers.members) && chart.kind === "points", dimensions = isMap || chart.kind === "points" ? "both" : "width";
+      this.saveTool = new Bokeh.SaveTool({ filename: chart.title });
+      const mark = (this.isFunction || picks) && new Bokeh.BoxSelectTool({ dimensions: "width", renderers: picks ? "auto" : [], description: picks ? "pick members" : "mark a range" });
+      const zoom = this.bars ? [] : [new Bokeh.PanTool({ dimensions }), new Bokeh.BoxZoomTool({ dimensions }), new Bokeh.WheelZoomTool({ dimensions }), new Bokeh.ResetTool()];
+      const told = parts.flatMap(({ glyphs }) => glyphs).filter(({ kind }) => kind === "point" || kind === "bar").map(({ made }) => made);
+      const inspect = this.isFunction ? [new Bokeh.CrosshairTool({ dimensions: "width", line_color: "#888888", line_alpha: 0.6 })] : told.length ? [new Bokeh.HoverTool({ renderers: told, tooltips: "@told" })] : [];
+      // over the curves, of which only its buttons hide a part
+      toolbar.setv({ autohide: true, stylesheets: [":host { pointer-events: none; } :host > * { pointer-events: auto; }"] });
+      figure.add_tools(...[mark, picks && new Bokeh.TapTool()].filter(Boolean), ...zoom, ...inspect, this.saveTool);
+      toolbar.active_drag = matchMedia("(pointer: coarse)").matches ? null : mark || (isMap ? zoom[1] : null);
+      toolbar.active_scroll = null;
     }
 
     // Margins as thick lines from end to end, with their text beside them.
@@ -103,6 +132,19 @@
       return this;
     }
 
+    // Signals of a second and further unit have an axis of their own at the right.
+    rangeOf({ y }) {
+      const { chart: { units }, figure } = this, name = y?.unit || "1";
+      if (!units || y.unit === units[0]) return {};
+      if (!this.others.has(name)) {
+        const range = new Bokeh.Range1d({ start: 0, end: 1 });
+        this.others.set(name, range);
+        figure.extra_y_ranges = new Map(this.others);
+        figure.add_layout(new Bokeh.LinearAxis({ y_range_name: name, axis_label: `[${name}]` }), "right");
+      }
+      return { y_range_name: name };
+    }
+
     // Glyphs by kind.
     build() {
       const { chart, figure, data } = this, F = (field) => ({ field });
@@ -112,20 +154,24 @@
         if (this.isFunction) {
           if (numbers.low) add(figure.varea({ x: F("x"), y1: F("low"), y2: F("high"), source }), "band");
           if (series.role !== "band") {
-            add(chart.kind === "step" ? figure.step({ x: F("x"), y: F("y"), source, mode: "after" }) : figure.line({ x: F("x"), y: F("y"), source }), "line");
+            const columns = { x: F("x"), y: F("y"), source, ...this.rangeOf(series) };
+            add(chart.kind === "step" || series.step ? figure.step({ ...columns, mode: "after" }) : figure.line(columns), "line");
             // a single row is a point
             if (numbers.y.length === 1) add(figure.scatter({ x: F("x"), y: F("y"), source, size: 6 }), "dot");
           }
         } else if (chart.kind === "points") {
-          source.data = { x: numbers.x, y: numbers.y, alpha: numbers.y.map(() => 0.75), size: numbers.y.map(() => 5) };
-          add(figure.scatter({ x: F("x"), y: F("y"), size: F("size"), fill_alpha: F("alpha"), line_alpha: 0, source }), "point");
+          const told = [...numbers.y].map((y, i) => `${numbers.members ? `member ${numbers.members[i]}: ` : ""}${said(numbers.x[i], chart.x)}, ${said(y, chart.y)}`);
+          source.data = { x: numbers.x, y: numbers.y, told };
+          add(figure.scatter({ x: F("x"), y: F("y"), size: 6, fill_alpha: 0.75, line_alpha: 0, source, nonselection_alpha: 0.1 }), "point");
         } else if (chart.kind === "histogram") {
           const earlier = data.all.slice(0, k), bottom = numbers.y.map((_, i) => earlier.reduce((sum, each) => sum + each.y[i], 0));
-          source.data = { left: data.x.slice(0, -1), right: data.x.slice(1), bottom, top: numbers.y.map((v, i) => v + bottom[i]) };
+          const told = [...numbers.y].map((v, i) => `${said(data.x[i], { ...chart.x, unit: "" })} to ${said(data.x[i + 1], chart.x)}: ${said(v, chart.y)} ${series.name}`);
+          source.data = { left: data.x.slice(0, -1), right: data.x.slice(1), bottom, top: numbers.y.map((v, i) => v + bottom[i]), told };
           add(figure.quad({ left: F("left"), right: F("right"), bottom: F("bottom"), top: F("top"), source }), "bar");
         } else if (this.bars) {
           const n = chart.series.length, width = 0.8 / n, at = Float64Array.from(numbers.y, (_, i) => i - 0.4 + (k + 0.5) * width);
-          source.data = { at, y: numbers.y, ...(numbers.low && { low: numbers.low, high: numbers.high }) };
+          const told = [...numbers.y].map((v, i) => `${chart.x.labels[i] ?? ""}: ${said(v, chart.y)}`);
+          source.data = { at, y: numbers.y, told, ...(numbers.low && { low: numbers.low, high: numbers.high }) };
           const made = this.lying
             ? figure.hbar({ y: F("at"), right: F("y"), left: 0, height: 0.9 * width, source })
             : figure.vbar({ x: F("at"), top: F("y"), bottom: 0, width: 0.9 * width, source });
@@ -189,10 +235,16 @@
         const columns = ["y", "low", "high"].filter((name) => numbers[name]);
         const [x, ...values] = GS.reduced(numbers.x, columns.map((name) => numbers[name]), from, to, Math.ceil(width));
         source.data = { x, ...Object.fromEntries(columns.map((name, k) => [name, values[k]])) };
-        if (!GS.isHidden(series)) seen.push(...values);
+        const other = series.y && this.others.get(series.y.unit || "1");
+        if (other) other.seen = [...other.seen ?? [], ...values]; else if (!GS.isHidden(series)) seen.push(...values);
       }
       this.setY(seen, least);
-      figure.x_range.setv({ start: from, end: to });
+      for (const range of this.others.values()) {
+        const [start, end] = airy(extent(range.seen ?? []), 1e-9, false);
+        range.seen = [];
+        range.setv({ start, end });
+      }
+      figure.x_range.setv({ start: from, end: to, reset_start: whole[0], reset_end: whole[1], bounds: whole });
       if (chart.x.scale === "log") logTicks(figure.xaxes[0], from, to);
       else {
         plain(figure.xaxes[0], from, to);
@@ -263,7 +315,7 @@
             made.level = stands > 0 || part.series.role === "reference" ? "annotation" : "glyph";
           } else if (kind === "band") made.glyph.setv({ fill_color: look.colour, fill_alpha: (part.series.role === "band" ? 0.22 : 0.18) * alpha });
           else if (kind === "bar") made.glyph.setv({ fill_color: look.colour, line_color: null, fill_alpha: 0.85 * alpha });
-          else made.glyph.setv({ fill_color: look.colour });
+          else for (const glyph of [made.glyph, made.nonselection_glyph, made.selection_glyph]) glyph?.setv?.({ fill_color: look.colour });
         }
         if (part.whisker) {
           part.whisker.setv({ line_color: ink });

@@ -3,8 +3,7 @@
 // of all maps of the same coordinates. A zoom of one is a zoom of all.
 (() => {
   const GS = GoughStewart, { element, page, state } = GS;
-  const STOPS = ["#00204d", "#31446b", "#666970", "#958f78", "#cbba69", "#ffe945"], FINE = 420, DECADES = 3, CLICK = 4;
-  const ROUND = [1, 2, 3, 5, 7].flatMap((v) => [-3, -2, -1, 0, 1, 2, 3, 4, 5].map((e) => v * 10 ** e)).sort((a, b) => a - b);
+  const STOPS = ["#00204d", "#31446b", "#666970", "#958f78", "#cbba69", "#ffe945"], FINE = 420, DECADES = 3;
 
   GS.heatColours = (number = 256) => {
     const stops = STOPS.map((hex) => [1, 3, 5].map((k) => parseInt(hex.slice(k, k + 2), 16)));
@@ -16,17 +15,6 @@
   const hex = (colour) => `#${colour.map((c) => c.toString(16).padStart(2, "0")).join("")}`;
   // Colours of kinds: the first is the ground.
   GS.kindColours = (chart) => chart.map.classes.map((_, k) => GS.theme().kinds[k % GS.theme().kinds.length]);
-
-  // Ticks of logarithmic colours: round numbers, as many as there is room for.
-  GS.roundTicks = (low, high) => {
-    // within a factor of four evenly spaced ones are rounder
-    if (high < 4 * low) {
-      const rough = (high - low) / 5, power = 10 ** Math.floor(Math.log10(rough)), step = power * [1, 2, 5, 10].find((v) => v * power >= rough);
-      return Array.from({ length: 8 }, (_, k) => Number((step * (Math.ceil(low / step) + k)).toPrecision(6))).filter((v) => v <= high);
-    }
-    const inside = ROUND.filter((v) => v >= low * 0.999 && v <= high * 1.001), step = Math.ceil(inside.length / 7);
-    return inside.filter((_, k) => k % step === 0);
-  };
 
   // The numbers of a map, slice by slice.
   class HeatMap {
@@ -163,13 +151,22 @@
 
   const keyOf = (chart) => (chart.map ? `map ${chart.x.values} ${chart.rows.values} ${chart.map.slices?.values}` : Symbol("own"));
   GS.heatKey = keyOf;
+  const cellAt = ({ figure: { data, heat } }, x, y) => {
+    const cell = [[data.x, x, heat.half[0]], [data.rows, y, heat.half[1]]].map(([values, v, half]) => Math.round((v - values[0]) / (2 * half)));
+    return cell[0] >= 0 && cell[0] < data.x.length && cell[1] >= 0 && cell[1] < data.rows.length ? cell : null;
+  };
   GS.heatGroup = (key, follow) => {
     const own = { box: null, cell: null, tables: null, loading: null };
     const group = {
       isTime: false, panels: [], region: () => null, cursor: () => null, range: () => null, box: () => own.box,
       // the numbers of all maps of these coordinates
       load: (panel) => (own.loading ??= Promise.all(page.charts.filter((c) => c === panel.chart || (c.kind === "heat" && keyOf(c) === key)).map(async (chart) => ({ chart, values: await GS.array(chart.series[0].values) }))).then((tables) => { own.tables = tables; })),
-      zoom: (box) => { own.box = box; group.panels.forEach(follow); },
+      zoom: (box) => {
+        const [panel] = group.panels, whole = panel && GS.heatRange({ ...panel.figure, host: null }, null);
+        const inside = box && box.map((ends, k) => { const [a, b] = [...ends].sort((p, q) => p - q), [low, high] = whole[k]; return [Math.max(a, low), Math.min(b, high)]; });
+        own.box = !inside || inside.every(([a, b], k) => a <= whole[k][0] && b >= whole[k][1]) ? null : inside;
+        group.panels.forEach(follow);
+      },
       clear: () => { own.cell = null; group.zoom(null); group.panels.forEach((panel) => { panel.told.hidden = true; }); },
       tell: (panel, cell) => {
         own.cell = cell;
@@ -184,10 +181,13 @@
           return c.map?.classes.length ? element("b", {}, c.map.classes[v]) : element("div", {}, `${c.title} ${GS.short(v * c.y.factor, c.y.digits)} ${c.y.unit}`.trim());
         });
         panel.told.replaceChildren(element("div", {}, place), ...lines);
-        const scale = GS.heatPixels(panel), px = scale.x(data.x[i]), py = scale.y(data.rows[j]), { clientWidth, clientHeight } = panel.plot;
+        const { x_scale: X, y_scale: Y } = figure.view.frame, px = X.compute(data.x[i]), py = Y.compute(data.rows[j]), { clientWidth, clientHeight } = panel.plot;
         const left = px + 12 + panel.told.offsetWidth > clientWidth ? Math.max(px - 12 - panel.told.offsetWidth, 0) : px + 12;
         panel.told.style.transform = `translate(${left}px, ${Math.max(Math.min(py - 10, clientHeight - panel.told.offsetHeight), 0)}px)`;
       },
+      mark: () => {},
+      hover: (x, panel, y) => group.tell(panel, x === null ? null : cellAt(panel, x, y)),
+      click: (x, panel, y) => group.tell(panel, cellAt(panel, x, y)),
       // arrows go from pose to pose; + and − zoom about it, 0 shows all
       key: ({ key: pressed }, panel) => {
         const { data } = panel.figure, [i, j] = own.cell ?? [data.x.length >> 1, data.rows.length >> 1];
@@ -200,60 +200,11 @@
         return true;
       },
       about: (panel, x, y, factor) => {
-        const { x_range: X, y_range: Y } = panel.figure.figure, sorted = (range) => [range.start, range.end].sort((a, b) => a - b), ends = ([a, b], at, [low, high]) => [Math.max(at + factor * (a - at), low), Math.min(at + factor * (b - at), high)];
-        const whole = GS.heatRange({ ...panel.figure, host: null }, null), box = [ends(sorted(X), x, whole[0]), ends(sorted(Y), y, whole[1])];
-        group.zoom(box.every(([a, b], k) => a <= whole[k][0] && b >= whole[k][1]) ? null : box);
+        const { x_range: X, y_range: Y } = panel.figure.figure, ends = ({ start, end }, at) => [at + factor * (Math.min(start, end) - at), at + factor * (Math.max(start, end) - at)];
+        group.zoom([ends(X, x), ends(Y, y)]);
       },
     };
     return group;
-  };
-
-  // Pixels of coordinates in the plot, and back.
-  GS.heatPixels = ({ figure }) => {
-    const place = figure.place(), { x_range: X, y_range: Y } = figure.figure;
-    return {
-      x: (v) => place.left + (v - X.start) / (X.end - X.start) * place.width, y: (v) => place.top + (1 - (v - Y.start) / (Y.end - Y.start)) * place.height,
-      inX: (p) => X.start + (p - place.left) / place.width * (X.end - X.start), inY: (p) => Y.start + (1 - (p - place.top) / place.height) * (Y.end - Y.start),
-    };
-  };
-  // Pointer and keys of a map: hover tells, drag zooms, double-click shows all, Ctrl and wheel zooms.
-  GS.pointHeat = (panel) => {
-    const { plot, group } = panel;
-    let from = null;
-    group.load(panel);
-    const at = (event) => { const box = plot.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
-    const cellAt = ([px, py]) => {
-      const { data, heat } = panel.figure, scale = GS.heatPixels(panel), found = [[data.x, scale.inX(px), heat.half[0]], [data.rows, scale.inY(py), heat.half[1]]].map(([values, v, half]) => Math.round((v - values[0]) / (2 * half)));
-      return found[0] >= 0 && found[0] < data.x.length && found[1] >= 0 && found[1] < data.rows.length ? found : null;
-    };
-    plot.addEventListener("pointerdown", (event) => { if (event.button === 0 && event.pointerType !== "touch") from = at(event); }, true);
-    plot.addEventListener("pointermove", (event) => {
-      const to = at(event);
-      if (!from || !event.buttons) { from = null; group.tell(panel, cellAt(to)); return; }
-      const [left, top] = [0, 1].map((k) => Math.min(from[k], to[k])), [width, height] = [0, 1].map((k) => Math.abs(from[k] - to[k]));
-      panel.region.hidden = Math.max(width, height) < CLICK;
-      Object.assign(panel.region.style, { transform: `translateX(${left}px)`, top: `${top}px`, width: `${width}px`, height: `${height}px` });
-    }, true);
-    plot.addEventListener("pointerup", (event) => {
-      const to = at(event), start = from;
-      from = null;
-      panel.region.hidden = true;
-      if (!start || [0, 1].some((k) => Math.abs(start[k] - to[k]) < CLICK)) { group.tell(panel, cellAt(to)); return; }
-      const scale = GS.heatPixels(panel), box = [[scale.inX(start[0]), scale.inX(to[0])], [scale.inY(start[1]), scale.inY(to[1])]];
-      group.zoom(box.map((ends) => ends.sort((a, b) => a - b)));
-    }, true);
-    plot.addEventListener("pointerleave", () => group.tell(panel, null));
-    plot.addEventListener("dblclick", () => group.zoom(null));
-    plot.addEventListener("wheel", (event) => {
-      if (!event.ctrlKey && !event.metaKey) return;
-      event.preventDefault();
-      const [px, py] = at(event), scale = GS.heatPixels(panel);
-      group.about(panel, scale.inX(px), scale.inY(py), 1.25 ** (event.deltaY / 60));
-    }, { passive: false });
-    plot.addEventListener("keydown", (event) => {
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      if (group.key(event, panel)) { event.preventDefault(); event.stopPropagation(); }
-    });
   };
 
   // The slice of a third coordinate that all maps show.

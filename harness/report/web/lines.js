@@ -10,19 +10,32 @@
   // Components of a chart in order, such as x, y, z.
   const componentsOf = (chart) => [...new Set(chart.series.map((each) => each.leg ?? each.component ?? each.name))];
 
-  // Colour, dashes and width of a series in the present theme.
-  GS.look = (chart, series) => {
+  const plainLook = (chart, series) => {
     const { roles, six } = GS.theme(), own = OWN.has(series.role), component = componentsOf(chart).indexOf(series.leg ?? series.component ?? series.name);
-    const alike = chart.series.filter((each) => each.role === series.role).length;
+    const alike = chart.series.filter((each) => each.role === series.role).length, ofRole = page.dashes[series.role] ?? [];
     if (several && series.run !== undefined) {
-      const dashes = own ? page.sixDashes[component % 6] : page.dashes[series.role];
       // earlier runs are wide and pale under later ones, so that both are seen where they coincide
       const over = page.runs.length - 1 - series.run, width = WIDTH + over * Math.min(3.2, 7 / (page.runs.length - 1));
-      return { colour: six[series.run % 6], dashes: scaled(dashes, WIDTH), width, alpha: over ? 0.6 : 1 };
+      return { colour: six[series.run % 6], dashes: own ? page.sixDashes[component % 6] : ofRole, width, alpha: over ? 0.6 : 1 };
     }
-    if (!own) return { colour: roles[series.role], dashes: scaled(page.dashes[series.role], WIDTH), width: WIDTH };
     const index = series.leg !== undefined ? series.leg - 1 : component;
-    return { colour: series.leg !== undefined || alike > 1 ? six[index % 6] : roles[series.role], dashes: [], width: WIDTH };
+    return { colour: own && (series.leg !== undefined || alike > 1) ? six[index % 6] : roles[series.role], dashes: own ? [] : ofRole, width: WIDTH };
+  };
+  // Colour, dashes and width of a series in the present theme; no two lines of a chart share colour and dashes.
+  const known = new WeakMap();
+  GS.look = (chart, series) => {
+    const { name } = GS.theme();
+    if (known.get(chart)?.name !== name) {
+      const taken = new Set(), looks = new Map();
+      for (const each of chart.series) {
+        const look = plainLook(chart, each), key = () => `${look.colour} ${look.dashes}`;
+        while (each.role !== "band" && taken.has(key())) look.dashes = look.dashes.length ? [...look.dashes, 1, 3] : [6, 3];
+        taken.add(key());
+        looks.set(each, { ...look, dashes: scaled(look.dashes, WIDTH) });
+      }
+      known.set(chart, { name, looks });
+    }
+    return known.get(chart).looks.get(series);
   };
 
   const xOf = (chart, k) => chart.series[k].x ?? chart.x.values;
@@ -54,4 +67,37 @@
   };
   GS.alpha = (series) => (GS.emphasis(series) < 0 ? PALE : 1);
   GS.isHidden = (series) => series.run !== undefined && state.hiddenRuns.has(series.run);
+})();
+
+// Rows of a curve that a screen can show: the smallest and the largest of each column of pixels, or all rows if few.
+(() => {
+  const { rowAt } = GoughStewart;
+  // [x, …values] of the rows between two ends, and one beyond each; every kept row has all its values.
+  GoughStewart.reduced = (xs, columns, from, to, buckets) => {
+    const first = Math.max(rowAt(xs, from), 0), last = Math.min(rowAt(xs, to) + 1, xs.length - 1), n = last - first + 1;
+    if (n <= 2 * buckets) return [xs, ...columns].map((each) => each.subarray(first, last + 1));
+    const kept = [first], width = n / buckets;
+    for (let b = 0; b < buckets; b++) {
+      const start = first + Math.floor(b * width), end = Math.min(first + Math.floor((b + 1) * width), last + 1), rows = new Set();
+      for (const values of columns) {
+        let least = -1, most = -1;
+        for (let k = start; k < end; k++) {
+          const value = values[k];
+          // a gap stays a gap
+          if (Number.isNaN(value)) { rows.add(k); k = nextNumber(values, k, end) - 1; continue; }
+          if (least < 0 || value < values[least]) least = k;
+          if (most < 0 || value > values[most]) most = k;
+        }
+        if (least >= 0) rows.add(least).add(most);
+      }
+      kept.push(...[...rows].sort((a, b) => a - b));
+    }
+    kept.push(last);
+    return [xs, ...columns].map((each) => Float64Array.from(kept, (k) => each[k]));
+  };
+  const nextNumber = (values, from, end) => {
+    let k = from + 1;
+    while (k < end && Number.isNaN(values[k])) k++;
+    return k;
+  };
 })();

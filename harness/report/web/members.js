@@ -3,32 +3,19 @@
 (() => {
   const GS = GoughStewart, { state } = GS;
 
-  // The members whose points lie between two abscissae.
-  GS.membersIn = (panel, [a, b]) => {
-    const [low, high] = a < b ? [a, b] : [b, a], found = new Set();
-    for (const { numbers } of panel.figure.parts) numbers.members?.forEach((member, k) => { if (numbers.x[k] >= low && numbers.x[k] <= high) found.add(member); });
-    return found;
-  };
-  // Points of the members stand out.
+  // Points of the picked members are selected in all charts of points; what the reader selects in one is picked.
+  const ofMembers = (panel) => (panel.chart.kind === "points" ? panel.figure?.parts.filter(({ numbers }) => numbers.members) ?? [] : []);
   GS.showMembers = (panel) => {
-    for (const { numbers, source } of panel.figure?.parts || []) {
-      if (!numbers.members || panel.chart.kind !== "points") continue;
-      const has = (k) => !state.members || state.members.has(numbers.members[k]);
-      source.data = { ...source.data, alpha: numbers.y.map((_, k) => (has(k) ? 0.8 : 0.1)), size: numbers.y.map((_, k) => (state.members && has(k) ? 7 : 5)) };
+    for (const { numbers, source } of ofMembers(panel)) {
+      source.selected.indices = state.members ? [...numbers.members.keys()].filter((k) => state.members.has(numbers.members[k])) : [];
     }
   };
-  // The member nearest to a pixel, with its place in the chart.
-  GS.nearest = (panel, event) => {
-    const place = panel.figure.place(), box = panel.plot.getBoundingClientRect(), { x_range: X, y_range: Y } = panel.figure.figure;
-    const logs = [panel.chart.x.scale, panel.chart.y.scale].map((each) => (each === "log" ? Math.log10 : (v) => v));
-    const share = (v, range, f) => (f(v) - f(range.start)) / (f(range.end) - f(range.start));
-    let best = null;
-    panel.figure.parts.forEach(({ numbers, series }) => numbers.x.forEach((x, k) => {
-      const px = place.left + share(x, X, logs[0]) * place.width, py = place.top + (1 - share(numbers.y[k], Y, logs[1])) * place.height;
-      const away = Math.hypot(px - event.clientX + box.left, py - event.clientY + box.top);
-      if (away < 14 && (!best || away < best.away)) best = { away, px, py, x, y: numbers.y[k], member: numbers.members?.[k], series };
-    }));
-    return best;
+  GS.watchMembers = (panel) => {
+    const parts = ofMembers(panel), pick = () => {
+      const picked = new Set(parts.flatMap(({ numbers, source }) => [...source.selected.indices].map((k) => numbers.members[k])));
+      GS.set({ members: picked.size ? picked : null });
+    };
+    for (const { source } of parts) source.selected.properties.indices.change.connect(pick);
   };
   // The rows of tables that are about these members.
   GS.on("members", () => {
@@ -64,10 +51,7 @@
       return [unit ? `${name} [${unit}]` : name, ...cells, most === null ? "–" : String(most)];
     }));
     const { element } = GS, heads = ["", "median", "of all", "95 %", "of all", "largest", "in member"];
-    const table = element("table", {},
-      element("caption", {}, `${state.members.size} of ${ids.length} members are marked`),
-      element("thead", {}, element("tr", {}, ...heads.map((head) => element(head ? "th" : "td", head ? { scope: "col", class: "n" } : {}, head)))),
-      element("tbody", {}, ...rows.map(([name, ...cells]) => element("tr", {}, element("th", { scope: "row" }, name), ...cells.map((cell) => element("td", { class: "n" }, cell))))));
+    const table = GS.table(heads, rows, `${state.members.size} of ${ids.length} members are marked`);
     box.replaceChildren(element("div", { class: "sideways", role: "group", "aria-label": "marked members" }, table), ...opened());
     GS.fitTables();
   };
@@ -89,5 +73,73 @@
       });
     }
     panel.figure.markBars(counts);
+  };
+})();
+
+// In charts over time of an ensemble: the band and the median of the marked members, and the worst of them as a line.
+(() => {
+  const GS = GoughStewart, { page, state } = GS;
+
+  // The marked member with the largest value of the metric that the ensemble is judged by.
+  const worstOf = async (ids) => {
+    const { members } = page, [by] = members?.numbers || [];
+    if (!by) return null;
+    const [all, values] = await Promise.all([GS.array(members.ids), GS.array(by.values)]);
+    let best = null;
+    all.forEach((id, k) => {
+      const badness = by.smallIsWorse ? -values[k] : values[k];
+      if (ids.has(id) && Number.isFinite(badness) && (!best || badness > best.badness)) best = { id, badness };
+    });
+    return best && { id: best.id, text: `member ${best.id}: ${by.smallIsWorse ? "smallest" : "largest"} ${by.name}` };
+  };
+  const middle = (sorted) => (sorted.length ? (sorted[(sorted.length - 1) >> 1] + sorted[sorted.length >> 1]) / 2 : NaN);
+
+  const curves = async (panel) => {
+    const { samples, x: axis, y } = panel.chart, marked = state.members;
+    if (!marked) return null;
+    const [ids, x, values] = await Promise.all([samples.members, samples.x, samples.values].map(GS.array)), n = x.length;
+    const rows = [...ids.keys()].filter((k) => marked.has(ids[k])), worst = await worstOf(new Set(rows.map((k) => ids[k])));
+    const found = { x: x.map((v) => v * axis.factor), low: new Float64Array(n), high: new Float64Array(n), mid: new Float64Array(n), rows: rows.length, worst };
+    for (let t = 0; t < n; t++) {
+      const here = rows.map((k) => values[k * n + t] * y.factor).filter(Number.isFinite).sort((a, b) => a - b);
+      found.low[t] = here[0] ?? NaN;
+      found.high[t] = here.at(-1) ?? NaN;
+      found.mid[t] = middle(here);
+    }
+    const at = worst ? ids.indexOf(worst.id) : -1;
+    found.line = at < 0 ? x.map(() => NaN) : x.map((_, t) => values[at * n + t] * y.factor);
+    return found;
+  };
+
+  // Draws them in a chart, or takes them away, and says what they are in its key.
+  GS.markedBand = async (panel) => {
+    if (!panel.chart.samples || !panel.figure) return;
+    const found = await curves(panel), { figure } = panel.figure, F = (field) => ({ field });
+    if (!panel.marked) {
+      if (!found) return;
+      const source = new Bokeh.ColumnDataSource({ data: { x: [], low: [], high: [], mid: [], line: [] } });
+      panel.marked = {
+        source, band: figure.varea({ x: F("x"), y1: F("low"), y2: F("high"), source }), mid: figure.line({ x: F("x"), y: F("mid"), source, line_width: 2 }),
+        line: figure.line({ x: F("x"), y: F("line"), source, line_width: 1.6, line_dash: [5, 3] }),
+      };
+    }
+    const { source, band, mid, line } = panel.marked, { roles } = GS.theme();
+    band.glyph.setv({ fill_color: roles.nominal, fill_alpha: 0.35 });
+    mid.glyph.line_color = roles.nominal;
+    line.glyph.line_color = roles.bad;
+    source.data = found ? { x: found.x, low: found.low, high: found.high, mid: found.mid, line: found.line } : { x: [], low: [], high: [], mid: [], line: [] };
+    panel.markedCurves = found;
+    GS.markedKey(panel);
+  };
+
+  // What they are, in the key of the chart.
+  GS.markedKey = (panel) => {
+    const found = panel.markedCurves, { roles } = GS.theme();
+    for (const each of panel.key.querySelectorAll(".of-marked")) each.remove();
+    if (!found) return;
+    const count = found.rows === state.members.size ? `${found.rows} marked` : `${found.rows} of ${state.members.size} marked, whose signals the page keeps`;
+    const items = [[`${count}: lowest to highest, and their median`, roles.nominal]];
+    if (found.worst) items.push([found.worst.text, roles.bad]);
+    panel.key.append(...items.map(([text, colour]) => GS.element("li", { class: "of-marked" }, GS.element("i", { style: `background:${colour}` }), text)));
   };
 })();

@@ -85,18 +85,18 @@
     return group;
   };
 
-  // A letter that faces the camera; `paint` changes its colour.
-  const label = (text, colour, size) => {
-    const canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
-    canvas.width = canvas.height = 64;
-    Object.assign(pen, { font: "600 44px system-ui, sans-serif", textAlign: "center", textBaseline: "middle" });
-    const map = new THREE.CanvasTexture(canvas);
-    const sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthTest: false }));
-    sprite.scale.setScalar(size);
+  // A text of this height that faces the camera; `paint` changes its colour.
+  const label = (text, colour, height) => {
+    const canvas = document.createElement("canvas"), pen = canvas.getContext("2d"), font = "600 44px system-ui, sans-serif";
+    pen.font = font;
+    canvas.width = Math.max(64, Math.ceil(pen.measureText(text).width) + 12);
+    canvas.height = 64;
+    const map = new THREE.CanvasTexture(canvas), sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthTest: false }));
+    sprite.scale.set(height * canvas.width / 64, height, 1);
     sprite.paint = (paint) => {
-      pen.clearRect(0, 0, 64, 64);
-      pen.fillStyle = paint;
-      pen.fillText(text, 32, 34);
+      pen.clearRect(0, 0, canvas.width, 64);
+      Object.assign(pen, { font, textAlign: "center", textBaseline: "middle", fillStyle: paint });
+      pen.fillText(text, canvas.width / 2, 34);
       map.needsUpdate = true;
     };
     sprite.paint(colour);

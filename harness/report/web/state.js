@@ -7,7 +7,8 @@
     start: 0, end: 0, time: 0, hover: null, playing: false, speed: 1,
     region: null, zoom: null, leg: null, picked: null, members: null, slice: null, hiddenRuns: new Set(),
   };
-  const same = (a, b) => a === b || (Array.isArray(a) && Array.isArray(b) && a.every((x, k) => x === b[k]));
+  const same = (a, b) => a === b || (Array.isArray(a) && Array.isArray(b) && a.every((x, k) => x === b[k]))
+    || (a instanceof Set && b instanceof Set && a.size === b.size && [...a].every((x) => b.has(x)));
   GS.state = state;
   // the scenes, once they are unpacked
   GS.records = [];

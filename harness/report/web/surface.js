@@ -2,24 +2,7 @@
 // A closed surface over three coordinates in a box with its ends, coloured by a value, and the slice that the maps show.
 (() => {
   const GS = GoughStewart, { page } = GS, [surface] = page.surfaces, $ = (id) => document.getElementById(id);
-  const SIZE = 1.9, FONT = "600 40px system-ui, sans-serif";
-
-  // A text that faces the camera; `paint` changes its colour.
-  const words = (text, height) => {
-    const canvas = document.createElement("canvas"), pen = canvas.getContext("2d");
-    pen.font = FONT;
-    canvas.width = Math.ceil(pen.measureText(text).width) + 12;
-    canvas.height = 56;
-    const map = new THREE.CanvasTexture(canvas), sprite = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthTest: false }));
-    sprite.scale.set(height * canvas.width / canvas.height, height, 1);
-    sprite.paint = (colour) => {
-      pen.clearRect(0, 0, canvas.width, canvas.height);
-      Object.assign(pen, { font: FONT, textAlign: "center", textBaseline: "middle", fillStyle: colour });
-      pen.fillText(text, canvas.width / 2, canvas.height / 2);
-      map.needsUpdate = true;
-    };
-    return sprite;
-  };
+  const SIZE = 1.9;
 
   const build = async () => {
     const [vertices, triangles, values] = await Promise.all(["vertices", "triangles", "values"].map((name) => GS.array(surface[name])));
@@ -55,7 +38,7 @@
     const number = (axis, v) => GS.short(v * axis.factor), air = 0.14;
     const edges = [(t) => [t, -half[1] - air, -half[2] - air], (t) => [half[0] + air, t, -half[2] - air], (t) => [-half[0] - air, -half[1] - air, t]];
     const texts = axes.flatMap((axis, k) => [[number(axis, axis.low), -0.9 * half[k]], [axis.unit ? `${axis.name} [${axis.unit}]` : axis.name, 0], [number(axis, axis.high), 0.9 * half[k]]].map(([text, t]) => {
-      const made = words(text, 0.13);
+      const made = GS.shapes.label(text, "#000", 0.14);
       made.position.set(...edges[k](t));
       return made;
     }));

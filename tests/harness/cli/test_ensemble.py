@@ -9,7 +9,7 @@ import polars
 import pytest
 from typer.testing import Result
 
-from gough_stewart.harness.output import plotting
+from gough_stewart.harness.report import plotting
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.table import Table

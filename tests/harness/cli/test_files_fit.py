@@ -23,7 +23,7 @@ from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.experiment.schema import PlantChoice, PlatformChoice
 from gough_stewart.harness.identify import retuned
 from gough_stewart.harness.motion.references import ReferenceChoice
-from gough_stewart.harness.output import plotting
+from gough_stewart.harness.report import plotting
 from gough_stewart.harness.section import Section, kinds, names_file
 
 EXPERIMENT, PLATFORM, RECORD, LOG, POSES = "experiment", "platform", "record", "log", "poses"

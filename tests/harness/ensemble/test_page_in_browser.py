@@ -61,6 +61,7 @@ def test_members_in_a_marked_range_stand_out_everywhere(page: Page, ensemble: En
     mass, peak = numbers(ensemble.members, "varied.platform_mass"), ensemble.values(PEAK)
     ends = [box["start"] + share * (box["end"] - box["start"]) for share in (0.5, 0.8)]
     step = (box["end"] - box["start"]) / box["width"]
+    until(page, "GoughStewart.state.members !== null")
     marked = set(page.evaluate("[...GoughStewart.state.members]"))
     inside = (mass >= ends[0]) & (mass <= ends[1])
     doubtful = np.min(np.abs(mass[:, None] - ends), axis=1) < 1.5 * step
@@ -80,8 +81,10 @@ def test_members_in_a_marked_range_stand_out_everywhere(page: Page, ensemble: En
     bars = "GoughStewart.panels.find(p => p.chart.title === 'position error, peak').figure.marked.source.data.top"
     assert page.evaluate(f"{bars}.reduce((sum, n) => sum + n, 0)") == len(own)
     other = "GoughStewart.panels.find(p => p.chart.title.endsWith('by controller.bandwidth'))"
-    alpha = page.evaluate(f"{other}.figure.parts[0].source.data.alpha")
-    assert [value > 0.5 for value in alpha] == chosen.tolist()
+    selected = page.evaluate(
+        f"(({{ numbers, source }}) => source.selected.indices.map(k => numbers.members[k]))({other}.figure.parts[0])"
+    )
+    assert set(selected) == marked & set(page.evaluate(f"[...{other}.figure.parts[0].numbers.members]"))
     assert f"members={','.join(map(str, page.evaluate('[...GoughStewart.state.members]')))}" in page.evaluate(
         "GoughStewart.link()"
     )

@@ -21,6 +21,10 @@ from gough_stewart.harness.output.plotting import COLOURS, DASHES
 from gough_stewart.harness.paper import agreement, figures, readings, reproduce
 from gough_stewart.harness.paper.case_report import case_report
 from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.paper import agreement, figures, readings, report, reproduce
+from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
+from gough_stewart.harness.paper.reproduce import record_of_case
+from gough_stewart.harness.report.plotting import COLOURS, DASHES
 from gough_stewart.harness.report.table import Table
 from gough_stewart.model import interface
 from gough_stewart.model.formulations.cases import OpenLoopCase, paper_case

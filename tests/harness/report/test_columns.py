@@ -2,17 +2,14 @@
 
 from dataclasses import replace
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gough_stewart.harness.report import columns as layout
-from gough_stewart.harness.report.columns import is_at_right, is_prose, stacked_columns
-from gough_stewart.harness.report.notebook import table_to_html
+from gough_stewart.harness.report.document import Report, Section, Verdict
+from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.quantities import Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.report.terminal import tables_text
-from gough_stewart.harness.report.words import number_text
+from gough_stewart.harness.report.terminal import stacked_columns, tables_text
 from tests.support.whole_tables import check_is_whole, printed
 
 
@@ -76,46 +73,6 @@ def test_sentences_fold_and_stand_at_the_left() -> None:
     made = table("", ("outcome", "members", "cause"), ("diverged", 3, cause))
     check_is_whole(made, 60)
     assert "│ the platform" in printed(made, 60)
-
-
-@pytest.mark.parametrize(
-    ("value", "unit", "text"),
-    [
-        (1.9e-11, "mm", "< 0.001"),
-        (-1.9e-11, "mrad", "< 0.001"),
-        (0.0, "mm", "0"),
-        (None, "mm", "–"),
-        (0.00123456, "mm", "0.001235"),
-        (1e-5, "a unit that is not listed", "1e-05"),
-        (0.00099999, "mm", "< 0.001"),
-        (-0.001, "mm", "-0.001"),
-        (-7.5, "mm", "-7.5"),
-        (0.02, "N/s", "< 0.1"),
-    ],
-)
-def test_what_is_too_small_to_be_looked_at_is_only_less(value: float | None, unit: str, text: str) -> None:
-    """Expected: a thousandth of a millimetre or milliradian as the least."""
-    assert Quantity("", unit).number(value) == text
-
-
-@pytest.mark.parametrize(
-    ("value", "digits", "text"),
-    [
-        (None, 4, "–"),
-        (18610.4, 4, "18610"),
-        (-18610.4, 4, "-18610"),
-        (9_999_999.0, 4, "9999999"),
-        (-9_999_999.0, 4, "-9999999"),
-        (1e7, 4, "1e+07"),
-        (-12_345_678.0, 4, "-1.235e+07"),
-        (0.0001234567, 5, "0.00012346"),
-        (3.14159265, 6, "3.14159"),
-        (0.0, 4, "0"),
-    ],
-)
-def test_numbers_have_so_many_digits_and_large_ones_are_whole(value: float | None, digits: int, text: str) -> None:
-    """Expected: rounded by hand; in full up to ten million, of both signs."""
-    assert number_text(value, digits) == text
 
 
 def uneven() -> Table:
@@ -183,33 +140,15 @@ def test_heads_do_not_decide_on_which_side_a_column_stands() -> None:
 
 def test_a_table_of_a_page_tag_by_tag() -> None:
     """Expected: written by hand; heads of columns and rows have their scope, empty ones are no heads."""
-    assert table_to_html(uneven()) == (
-        "<table><caption>Legs [of] &lt;a&gt; machine</caption>"
+    page = to_html(Report("t", Verdict("v <w>", "told"), (Section("s", (uneven(),)),)))
+    assert page == (
+        "<div><p><strong>v &lt;w&gt;</strong></p><table><caption>Legs [of] &lt;a&gt; machine</caption>"
         '<thead><tr><td></td><th scope="col">leg 1</th><th scope="col">leg 2</th><th scope="col">note</th><td></td>'
         '</tr></thead><tbody><tr><th scope="row">peak &lt;force&gt; <span class="unit">N &amp; m</span></th>'
         "<td>12.5</td><td>-7</td><td>of the longest leg in the second half of the run</td><td>7</td></tr>"
         '<tr class="group-end"><th scope="row">flags</th><td>–</td><td>3</td><td></td><td>x</td></tr>'
-        "<tr><td></td><td>1</td><td>22222</td><td>&lt;b&gt;x</td><td>11</td></tr></tbody></table>"
+        "<tr><td></td><td>1</td><td>22222</td><td>&lt;b&gt;x</td><td>11</td></tr></tbody></table></div>"
     )
-
-
-@pytest.mark.parametrize(
-    ("cells", "number", "prose"),
-    [
-        (["1", "-2.5", "×3", "< 0.001", "+7", "±2", "(4, 5)", "−6"], True, False),
-        (["1", "–", "never"], True, False),
-        (["never", "–"], False, False),
-        ([], False, False),
-        (["1 of the eighteen lett"], True, True),
-        (["1", "exactly eighteen c"], True, False),
-        (["1", "exactly nineteen ch"], False, True),
-        (["1", "nineteenletterslong"], True, False),
-        (["stands 1 at the end"], False, True),
-    ],
-)
-def test_columns_of_numbers_and_of_sentences(cells: list[str], number: bool, prose: bool) -> None:
-    """Expected: a number may follow a sign, a relation or a bracket; a sentence has words and over 18 letters."""
-    assert (is_at_right(cells, cells), is_prose(cells)) == (number, prose)
 
 
 def test_widths_of_columns_and_shares_of_tables() -> None:
@@ -232,7 +171,7 @@ def test_widths_of_columns_and_shares_of_tables() -> None:
     assert stacked_columns(columns, 30) == [[(0, 15), *each] for each in single]
     assert stacked_columns(columns, 3) == [[(0, 1), *each] for each in single]
     assert stacked_columns(columns[:1], 12) == [[(0, 8)]]
-    assert stacked_columns(columns[:1], 40) == [[layout.Column(0, 20)]]
+    assert stacked_columns(columns[:1], 40) == [[(0, 20)]]
 
 
 def test_room_goes_first_to_what_lacks_most() -> None:

@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, time_axis
 from gough_stewart.harness.report.document import Report, Section, Verdict
 from gough_stewart.harness.report.figures import figures
-from gough_stewart.harness.report.palette import colour_of
+from gough_stewart.harness.report.palette import Role, colour_of
 from gough_stewart.harness.report.quantities import (
     ANGLE,
     COUNT,
@@ -220,6 +220,20 @@ def test_more_than_six_lines_differ_in_colour_or_dashes() -> None:
     series = tuple(_series(f"limit {k}", _TIME + k) for k in range(11))
     (axes,) = _drawn(Chart("shares", time_axis(_TIME), series))
     assert len({(line.get_color(), str(line._unscaled_dash_pattern)) for line in axes.lines}) == 11
+
+
+def test_no_two_lines_of_runs_and_references_look_the_same() -> None:
+    """Expected: of two runs, three axes and their references, twelve lines with a colour or dashes of their own."""
+    roles: tuple[Role, ...] = ("actual", "reference")
+    cases = [(run, axis, role) for run in (0, 1) for axis in "xyz" for role in roles]
+    series = tuple(
+        Series(f"{case}", LENGTH, _TIME * (k + 1.3), role, run=run, component=axis)
+        for k, case in enumerate(cases)
+        for run, axis, role in [case]
+    )
+    (axes,) = _drawn(Chart("pose", time_axis(_TIME), series))
+    looks = {(line.get_color(), str(line._unscaled_dash_pattern)) for line in axes.lines}
+    assert len(looks) == len(axes.lines) == 12
 
 
 def test_labels_of_a_heat_map_stand_on_both_axes_the_first_row_on_top() -> None:

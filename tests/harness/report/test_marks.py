@@ -53,7 +53,7 @@ def test_they_are_kept_as_data() -> None:
                   marks=(Mark(1.0, "limit", tells=False),))  # fmt: skip
     (again,) = from_json(to_json(_report(chart))).charts
     assert (again.spans, again.strips, again.marks[0].tells) == ((span,), (strip,), False)
-    with pytest.raises(ValueError, match="the span 'gain' at nan, 0 to 1; expected finite numbers"):
+    with pytest.raises(ValueError, match="finite number"):
         Span(math.nan, 0, 1, "gain")
     found = chart_data(chart, Arrays())
     assert found["spans"] == [{"at": 2.0, "low": -math.pi, "high": -2.5, "text": "phase margin", "role": "marginal"}]

@@ -3,7 +3,8 @@
 import base64
 import hashlib
 import json
-from importlib.metadata import version
+import platform
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 from zipfile import ZipFile
@@ -11,9 +12,10 @@ from zipfile import ZipFile
 import lxml.html
 import pytest
 
-from gough_stewart.harness.report import libraries
-from gough_stewart.harness.report.libraries import bokeh, bokeh_licence, three, three_licence
-from gough_stewart.harness.report.offline import document
+from gough_stewart.harness.report import offline
+from gough_stewart.harness.report import versions as module
+from gough_stewart.harness.report.offline import bokeh, bokeh_licence, document, three, three_licence
+from gough_stewart.harness.report.versions import versions
 from gough_stewart.model.errors import GoughStewartError
 
 SCRIPTS = ("let a = 1;\r\nlet b = 2;\rlet c = 'ü <b>';", "a + b;")
@@ -73,7 +75,7 @@ def test_data_must_be_finite_and_names_need_not_be_utf_8() -> None:
 
 def test_the_scripts_of_a_page_are_small() -> None:
     """Expected: the bound that was set, with everything a page of a run has; neither library is on it twice."""
-    own = sum(path.stat().st_size for path in Path(libraries.__file__).with_name("web").glob("*.js"))
+    own = sum(path.stat().st_size for path in Path(offline.__file__).with_name("web").glob("*.js"))
     assert len(three().encode()) + len(bokeh().encode()) + own <= 2.3e6
 
 
@@ -101,8 +103,8 @@ def test_a_wheel_that_has_its_script_elsewhere_is_refused_by_name(
     """Expected: the package, its version, and one that would do; also if the page in the archive has another script."""
     for name in ("no_such_package_here", "this"):  # the second is a module without a folder
         with pytest.raises(GoughStewartError, match=f"the package '{name}' is missing; install gough-stewart with"):
-            libraries._folder(name)
-    monkeypatch.setattr(libraries, "_folder", lambda _package: tmp_path)
+            offline._folder(name)
+    monkeypatch.setattr(offline, "_folder", lambda _package: tmp_path)
     with pytest.raises(GoughStewartError, match=rf"bokeh {version('bokeh')} has no bokeh\.min\.js or .* in server"):
         bokeh.__wrapped__()
     (tmp_path / "resources/templates").mkdir(parents=True)
@@ -111,3 +113,26 @@ def test_a_wheel_that_has_its_script_elsewhere_is_refused_by_name(
             three.__wrapped__()
         with ZipFile(tmp_path / "resources/templates/viewer.zip", "w") as archive:
             archive.writestr("viewer.html.template", "<script>\nlet x = 0;\n</script>")
+
+
+def test_versions_are_those_of_the_installed_packages_and_the_machine() -> None:
+    """Expected: by `importlib.metadata` and `platform`, Python first, the machine last; nobody's copy is shared."""
+    names = ["gough-stewart", "numpy", "scipy", "casadi", "control", "fmpy", "ziglang", "polars", "matplotlib"]
+    found = versions()
+    assert list(found) == ["python", *names, "machine"]
+    assert found["python"] == platform.python_version()
+    assert found["machine"] == f"{platform.system()} {platform.machine()}"
+    assert {name: found[name] for name in names} == {name: version(name) for name in names}
+    found["numpy"] = "another"
+    assert versions()["numpy"] == version("numpy")
+
+
+def test_what_is_not_installed_has_no_version(monkeypatch: pytest.MonkeyPatch) -> None:
+    def without_compiler(name: str) -> str:
+        if name == "ziglang":
+            raise PackageNotFoundError(name)
+        return version(name)
+
+    monkeypatch.setattr(module, "version", without_compiler)
+    found = module._versions.__wrapped__()
+    assert found.keys() == versions().keys() - {"ziglang"}

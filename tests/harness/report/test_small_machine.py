@@ -6,8 +6,18 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.report.quantities import ANGLE, ENERGY, FORCE, LENGTH, POSITION, POWER, TIME, Quantity
-from gough_stewart.harness.report.small_machine import fine, fineness_of
+from gough_stewart.harness.report.quantities import (
+    ANGLE,
+    ENERGY,
+    FORCE,
+    LENGTH,
+    POSITION,
+    POWER,
+    TIME,
+    Quantity,
+    fine,
+    fineness_of,
+)
 from gough_stewart.harness.report.table import Table
 from tests.support.commands import invoke
 from tests.support.nano import HEAVY, NANO, nano_experiment

@@ -6,12 +6,12 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gough_stewart.harness.output.display_resolution import decimated
 from gough_stewart.harness.report.chart import Axis, Chart, Samples, Series, time_axis
+from gough_stewart.harness.report.codec import FRAMES, thinned
 from gough_stewart.harness.report.document import Report, Section, Verdict
+from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.quantities import COUNT, LENGTH
 from gough_stewart.harness.report.scene import Flag, Scene
-from gough_stewart.harness.report.thinning import FRAMES, thinned
 from gough_stewart.model.vectors import FloatArray
 
 

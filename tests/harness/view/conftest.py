@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.page import view_page
+from gough_stewart.harness.view.view import view_page
 from gough_stewart.model.platform import Platform, load_preset
 from tests.support.browser import Watched, open_report
 from tests.support.records import waving_record

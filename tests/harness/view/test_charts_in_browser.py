@@ -10,13 +10,13 @@ import pytest
 from matplotlib.image import imread
 from playwright.sync_api import Browser, Page
 
-from gough_stewart.harness.report.chart import Axis, Chart, Series
+from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
 from gough_stewart.harness.report.document import Report, Section, Verdict
 from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.report.palette import THEMES, colour_of_six
+from gough_stewart.harness.report.palette import THEMES, Role, colour_of_six
 from gough_stewart.harness.report.quantities import FREQUENCY, NUMBER
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.page import view_page
+from gough_stewart.harness.view.view import view_page
 from gough_stewart.model.platform import Platform
 from tests.support.browser import Watched, open_report, until
 from tests.support.records import waving_record
@@ -438,25 +438,104 @@ def test_axes_have_powers_of_ten_only_where_decimals_would_be_long(fresh: Page) 
 
 
 def test_a_chart_is_saved_as_a_picture(fresh: Page, tmp_path: Path) -> None:
-    """Expected: by button and by key the same file, the pixels of the chart, with the colours of all legs in it."""
-    box_of(fresh, FORCE)
+    """Expected: by Bokeh's button and by key the pixels of the chart, with the colours of all legs in it."""
+    box = box_of(fresh, FORCE)
     host = fresh.locator("figure.chart", has=fresh.get_by_role("heading", name="actuator force", exact=True))
-    size = host.locator(".plot").bounding_box()
-    assert size is not None
+    fresh.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
     with fresh.expect_download() as by_button:
-        host.get_by_role("button", name="save actuator force as PNG").click()
+        host.get_by_title("Save").click()
     host.locator(".plot").focus()
     with fresh.expect_download() as by_key:
         fresh.keyboard.press("s")
-    assert by_button.value.suggested_filename == "actuator force.png"
-    by_button.value.save_as(tmp_path / "button.png")
-    by_key.value.save_as(tmp_path / "key.png")
-    assert (tmp_path / "button.png").read_bytes() == (tmp_path / "key.png").read_bytes()
-    picture = imread(tmp_path / "button.png")[..., :3]
-    assert picture.shape[:2] == pytest.approx((size["height"], size["width"]), abs=1)
-    for leg in range(6):
-        colour = np.array([int(colour_of_six(leg)[k : k + 2], 16) for k in (1, 3, 5)]) / 255
-        assert (np.abs(picture - colour).max(axis=2) < 0.02).sum() > 20, f"leg {leg + 1}"
+    size = host.locator(".plot").bounding_box()
+    assert size is not None
+    for download in (by_button.value, by_key.value):
+        assert download.suggested_filename == "actuator force.png"
+        download.save_as(tmp_path / "saved.png")
+        picture = imread(tmp_path / "saved.png")[..., :3]
+        assert picture.shape[:2] == pytest.approx((size["height"], size["width"]), abs=1)
+        for leg in range(6):
+            colour = np.array([int(colour_of_six(leg)[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+            assert (np.abs(picture - colour).max(axis=2) < 0.02).sum() > 20, f"leg {leg + 1}"
+
+
+def test_a_chart_has_only_the_tools_that_it_uses(fresh: Page) -> None:
+    """Expected: of curves over time a drag that marks, pan, zoom, a line at the pointer, reset and save."""
+    box_of(fresh, FORCE)
+    tools = fresh.evaluate(
+        f"GoughStewart.panels.find(p => p.chart.title === '{FORCE}').figure.figure.toolbar.tools.map(t => t.type)"
+    )
+    zooms = ["PanTool", "BoxZoomTool", "WheelZoomTool", "ResetTool"]
+    assert tools == ["BoxSelectTool", *zooms, "CrosshairTool", "SaveTool"]
+
+
+def test_bokehs_zoom_is_that_of_all_charts_over_time(fresh: Page) -> None:
+    """Expected: its box over a fifth to three fifths of 0.5 s; its reset shows the whole again."""
+    box = box_of(fresh, HOME)
+    toolbar = f"GoughStewart.panels.find(p => p.chart.title === '{HOME}').figure.figure.toolbar"
+    fresh.evaluate(f"{toolbar}.active_drag = {toolbar}.tools.find(t => t.type === 'BoxZoomTool')")
+    drag(fresh, box, 0.2, 0.6)
+    until(fresh, "GoughStewart.state.zoom !== null")
+    for title in (HOME, ERROR):
+        box_of(fresh, title)
+        assert fresh.evaluate(RANGE, title) == pytest.approx([0.1, 0.3], abs=0.003)
+    fresh.evaluate(f"{toolbar}.active_drag = {toolbar}.tools.find(t => t.type === 'BoxSelectTool')")
+    box = box_of(fresh, HOME)
+    fresh.mouse.dblclick(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    until(fresh, "GoughStewart.state.zoom === null")
+    box_of(fresh, ERROR)
+    assert fresh.evaluate(RANGE, ERROR) == [0, 0.5]
+
+
+def test_no_two_lines_of_a_chart_look_the_same(browser: Browser, three_path: Path, tmp_path: Path) -> None:
+    """Expected: of three runs, and of fourteen signals and three references, every pair of colour and dashes once."""
+    time = np.linspace(0, 1, 5)
+    counts: dict[Role, int] = {"actual": 14, "reference": 3, "neutral": 2, "good": 2}
+    roles = [role for role, count in counts.items() for _ in range(count)]
+    series = tuple(Series(f"s{k}", NUMBER, time * (k + 1.3), role) for k, role in enumerate(roles))
+    path = tmp_path / "many.html"
+    path.write_bytes(
+        page_of(Report("m", Verdict("v", "told"), (Section("a", (Chart("m", time_axis(time), series),)),)))
+    )
+    for file in (path, three_path):
+        page = open_report(browser, file).page
+        until(page, "GoughStewart.ready.all === true")
+        for title in page.evaluate("GoughStewart.panels.filter(p => p.figure?.isFunction).map(p => p.chart.title)"):
+            looks = [
+                (line["colour"], tuple(line["dash"]), line["offset"]) for line in lines(page, title) if line["visible"]
+            ]
+            assert len(set(looks)) == len(looks), title
+        page.close()
+
+
+def test_any_signals_are_read_at_two_cursors_and_saved_as_rows(fresh: Page, record: Record, tmp_path: Path) -> None:
+    """Expected: of the record's rows from 0.1 s to 0.3 s, a length and a force, whose units have an axis each."""
+    fresh.evaluate("document.querySelector('#own details').open = true")
+    for name in ("length of legs: leg 3", "actuator force: leg 2"):
+        fresh.select_option("#signals", label=name)
+    until(fresh, "GoughStewart.panels.at(-1).figure?.figure.yaxes.length === 2")
+    fresh.evaluate("GoughStewart.mark([0.1, 0.3])")
+    rows = slice(100, 301)
+    columns = {"length of legs: leg 3 [m]": record["leg_length"][:, 2]}
+    columns["actuator force: leg 2 [N]"] = record["actuator_force"][:, 1]
+    for k, (name, values) in enumerate(columns.items()):
+        texts = fresh.locator("#own tbody tr").nth(k).locator("th, td").all_inner_texts()
+        assert texts[0] == name
+        marked = values[rows]
+        expected = [marked[0], marked[-1], marked[-1] - marked[0], marked.min(), marked.max(), marked.mean()]
+        shown = [float(text.replace("−", "-")) for text in texts[1:]]
+        assert shown == pytest.approx(expected, rel=1e-3, abs=2e-3 if k else 1e-5)
+    with fresh.expect_download() as saved:
+        fresh.get_by_role("button", name="save rows as CSV").click()
+    saved.value.save_as(tmp_path / "rows.csv")
+    head, *lines_of_file = (tmp_path / "rows.csv").read_text(encoding="utf-8").splitlines()
+    assert head == ",".join(f'"{name}"' for name in ("time [s]", *columns))
+    table = np.array([line.split(",") for line in lines_of_file], dtype=float)
+    assert table[:, 0] == pytest.approx(record["time"][rows], abs=1e-9)
+    for k, values in enumerate(columns.values()):
+        assert table[:, k + 1] == pytest.approx(values[rows], rel=1e-6, abs=1e-3 if k else 1e-6)
+    fresh.get_by_role("button", name="empty").click()
+    assert fresh.locator("#own figure").count() == 0
 
 
 def test_words_are_explained_where_a_reader_points(fresh: Page) -> None:

@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+import gough_stewart as gs
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.report.quantities import ENERGY, LENGTH
 from gough_stewart.harness.report.table import Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record, plain
-from gough_stewart.harness.view.comparison import best, difference, differing_settings, side_by_side
-from gough_stewart.harness.view.page import view_report
+from gough_stewart.harness.view.view import best, difference, differing_settings, side_by_side, view_report
 from gough_stewart.model.platform import Platform, load_preset
 from tests.support.records import oscillating, says_it_oscillates, waving_record
 from tests.support.uneven_records import record_of
@@ -63,6 +63,18 @@ def test_the_verdict_names_the_run_that_follows_best() -> None:
         assert 1e3 * peak <= shown <= 1.1e3 * peak
     later = Record(records[1].table, {**records[1].metadata, "duration": 7.0})
     assert "none is best" in view_report([records[0], later], ["a", "b"]).verdict.text
+
+
+def test_steps_are_not_compared_by_the_size_of_the_step() -> None:
+    """Expected: both peaks are the step of 50 mm; the faster loop is named, with rise times that differ two-fold."""
+    overrides: list[dict[str, Any]] = [{"controller.bandwidth": hertz, "loop.duration": 1.0} for hertz in (2, 4)]
+    records = [gs.run("heave_step", changed) for changed in overrides]
+    text = view_report(records, ["slow", "fast"]).verdict.text
+    assert text.startswith("fast ")
+    assert "equally" not in text
+    rises = [metrics(record)["step_response"][0]["rise_time"] for record in records]
+    assert rises[0] > 1.8 * rises[1]
+    assert text.endswith(f"rise time {rises[0]:.4g} s (slow) and {rises[1]:.4g} s (fast)")
 
 
 @pytest.mark.parametrize(

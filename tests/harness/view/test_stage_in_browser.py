@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from gough_stewart.harness.report.palette import colour_of_six
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.view.page import view_page
+from gough_stewart.harness.view.view import view_page
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.browser import Watched, open_report, until

@@ -81,7 +81,8 @@ def test_a_pose_under_the_pointer_tells_all_its_values_in_every_map(volume: tupl
     assert box is not None
     at = page.evaluate(
         "(() => { const p = GoughStewart.panels.find((each) => each.chart === GoughStewart.page.charts[2]);"
-        "const s = GoughStewart.heatPixels(p), { data } = p.figure; return [s.x(data.x[5]), s.y(data.rows[1])]; })()"
+        "const { data, view: { frame } } = p.figure;"
+        "return [frame.x_scale.compute(data.x[5]), frame.y_scale.compute(data.rows[1])]; })()"
     )
     page.mouse.move(box["x"] + at[0], box["y"] + at[1])
     assert _told(found, 2) == _expected(space, (5, 1, level))

@@ -1,19 +1,17 @@
 """How figures look, and that the same data give the same bytes."""
 
-import re
 import signal
 import warnings
 from io import BytesIO
 from typing import Any
 
-import matplotlib as mpl
 import pytest
 from lxml import etree
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from gough_stewart.harness.output.plotting import COLOURS, DASHES, entitle, label, panel, pictures, png, two_panels
+from gough_stewart.harness.report.plotting import COLOURS, DASHES, entitle, label, panel, pictures, png, two_panels
 
 # blue, vermillion, bluish green, reddish purple, sky blue, orange: RGB of Okabe & Ito (2008), fig. 16
 OKABE_ITO = [(0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233), (230, 159, 0)]
@@ -54,52 +52,6 @@ def test_sizes_formats_and_bytes() -> None:
     assert png(draw, 6.0, 2.0) == files["name.png"]
     with Image.open(BytesIO(png(lambda figure: label(panel(figure, "a"), "b", "m"), 4.0))) as picture:
         assert picture.size == (600, 540)
-
-
-def test_what_a_reader_sees_of_the_style() -> None:
-    """Expected: titles at the left, larger than the text; a frame of two sides; a grid behind lines, thinner than they.
-
-    Curves reach both ends of the axis, titles of figures are no TeX, and two panels stand side by side.
-    """
-    before = dict(mpl.rcParams)
-    pictures("name", draw, 6.0, 2.0)
-    assert dict(mpl.rcParams) == before
-    figure = drawn[-1]
-    left, right = figure.axes
-    assert left.get_position().x1 < right.get_position().x0
-    assert (left.get_title(loc="left"), right.get_title(loc="left")) == ("left one", "right one")
-    assert left.get_title(loc="center") == ""
-    assert [(a.get_xlabel(), a.get_ylabel()) for a in (left, right)] == [
-        ("time [s]", "[mm]"),
-        ("frequency [Hz]", "[1]"),
-    ]
-    assert left.get_xlim() == (1.0, 4.0)
-    assert [name for name, spine in left.spines.items() if spine.get_visible()] == ["left", "bottom"]
-    grid, (line,) = left.get_xgridlines()[0], left.lines
-    assert grid.get_visible()
-    assert grid.get_color() == "#DDDDDD"
-    assert 0.3 < grid.get_linewidth() < 1 < line.get_linewidth() < 2.5
-    assert left.get_axisbelow() is True
-    sizes = [text.get_fontsize() for text in (left.xaxis.label, left._left_title)]  # type: ignore[attr-defined]
-    assert (sizes, figure._suptitle.get_fontsize()) == ([9, 10], 10.5)  # type: ignore[attr-defined]
-    legend = left.get_legend()
-    assert legend is not None
-    assert not legend.get_frame_on()
-    assert all(tick.get_tickdir() == "out" for axis in (left.xaxis, left.yaxis) for tick in axis.get_major_ticks())
-    assert left.xaxis.label.get_fontfamily() == ["DejaVu Sans"]
-
-
-def test_titles_of_figures() -> None:
-    """Expected: the text as it is, in bold, at the left edge."""
-    figure = Figure()
-    entitle(figure, "$x$ of legs")
-    text: Any = figure._suptitle  # type: ignore[attr-defined]
-    assert text.get_text() == "$x$ of legs"
-    assert (text.get_ha(), text.get_weight(), text.get_parse_math()) == ("left", "bold", False)
-    assert text.get_position()[0] == pytest.approx(0.01)
-    axes = panel(figure, "another")
-    assert figure.axes == [axes]
-    assert re.fullmatch("another", figure._suptitle.get_text())  # type: ignore[attr-defined]
 
 
 def test_a_long_title_is_on_the_paper_as_a_whole() -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gough_stewart.harness.output.display_resolution import decimated
+from gough_stewart.harness.report.packing import decimated
 from gough_stewart.model.vectors import FloatArray
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gough_stewart.harness.output.display_resolution import LEAST_SPANS, factor_to, least_span
+from gough_stewart.harness.report.quantities import LEAST_SPANS, factor_to, least_span
 
 
 @pytest.mark.parametrize(

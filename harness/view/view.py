@@ -1,0 +1,405 @@
+"""The page of a run, or of several over each other: what differs between their files, metrics and charts."""
+
+import webbrowser
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.experiment.overrides import value_text
+from gough_stewart.harness.report.chart import Axis, Chart, Series
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Setting, Verdict
+from gough_stewart.harness.report.page import PAGE, page_of
+from gough_stewart.harness.report.quantities import Quantity, fine, fineness_of
+from gough_stewart.harness.report.scene import Scene
+from gough_stewart.harness.report.table import Cell, Column, Table
+from gough_stewart.harness.report.words import at_most, listed
+from gough_stewart.harness.results.metric_folds import METRICS, metric_of
+from gough_stewart.harness.results.metrics import flattened, metrics, metrics_tables
+from gough_stewart.harness.results.oscillation import is_sound, outcome_text
+from gough_stewart.harness.results.record import Record, machine_of, platform_of, read_record
+from gough_stewart.harness.results.run_charts import DrawnRun, run_charts, scenes, shown
+from gough_stewart.harness.results.run_report import parameters_table, run_table, versions_table
+from gough_stewart.model.errors import GoughStewartError, OutputError
+from gough_stewart.model.process.files import check_output_folder, write_files
+from gough_stewart.model.process.progress import StepProgress
+from gough_stewart.model.vectors import FloatArray
+
+# As many as there are colours that differ enough.
+MOST_RECORDS = 6
+_BEST = "★ "
+_PEAK, _LEFT = "tracking.position.norm_peak", ("tracking.position.norm_final", "tracking.orientation.norm_final")
+# Times of two clocks closer than this are the same, computed differently [s].
+_SAME_TIME = 1e-9
+# Letters of values that stand beside a key in a sentence.
+_SHORT = 40
+Shown = Record | Path | str
+
+
+def view(
+    records: Shown | Iterable[Shown],
+    out: Path | str = PAGE,
+    *,
+    names: Sequence[str] | None = None,
+    show: bool = False,
+    progress: StepProgress | None = None,
+) -> Path:
+    """Write one page for the browser: the platform in 3-D motion, with charts, metrics and parameters.
+
+    The page is self-contained: it needs no network, server or other file. Several records are overlaid.
+
+    Parameters
+    ----------
+    records
+        A `Record`, or the folder or file of one; or a sequence of up to six.
+    out
+        The page to write, ending in .html; its folder is created if needed.
+    names
+        Name of each record; by default its folder, or the title of a record without a file.
+    show
+        Open the page in the browser.
+    progress
+        Called with the name of each step.
+
+    Returns
+    -------
+    Path
+        The page written.
+
+    Raises
+    ------
+    RecordError
+        There is no record, more than six, or one that cannot be read or drawn; or the number of names differs.
+    OutputError
+        The page cannot be written there.
+
+    Examples
+    --------
+    >>> records = [gs.run("pitch_sine", {"controller.bandwidth": hertz, "loop.duration": 0.1}) for hertz in (2, 4)]
+    >>> page = gs.view(records, "bandwidths.html", names=["2 Hz", "4 Hz"])
+    """
+    out, say = Path(out), progress or (lambda _step: None)
+    if out.suffix not in (".html", ".htm"):
+        raise OutputError(f"{out}: expected the name of a page, such as {out}.html")
+    items = [records] if isinstance(records, Shown) else list(records)
+    check_output_folder(out.parent, [out.name])
+    say("reading")
+    read = [item if isinstance(item, Record) else read_record(item) for item in items]
+    labels = _labels(items) if names is None else list(names)
+    if len(labels) != len(read):
+        raise RecordError(f"{len(labels)} names for {len(read)} records; expected one per record")
+    say("writing the page")
+    write_files(out.parent, {out.name: view_page(read, labels)})
+    if show:
+        webbrowser.open(out.absolute().as_uri())
+    return out
+
+
+def _labels(records: Sequence[Shown]) -> list[str]:
+    """Names of files as on the command line; for other records their titles, numbered if they are equal."""
+    of_files = iter(names_of([Path(item) for item in records if not isinstance(item, Record)]))
+    names = [
+        str(item.metadata.get("title", "record")) if isinstance(item, Record) else next(of_files) for item in records
+    ]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{name} ({k + 1})" if names.count(name) > 1 else name for k, name in enumerate(names)]
+
+
+def names_of(paths: Sequence[Path]) -> list[str]:
+    """Names for the records of these files: the names of their folders if those differ, otherwise their paths."""
+    folders = [path.absolute() if path.is_dir() else path.absolute().parent for path in paths]
+    names = [folder.name for folder in folders]
+    return names if len(set(names)) == len(names) else [str(path) for path in paths]
+
+
+def view_page(records: Sequence[Record], names: Sequence[str], more: Sequence[Table] = ()) -> bytes:
+    """Create the page of one record, or of several over each other; the same records give the same bytes."""
+    return page_of(view_report(records, names, more))
+
+
+def view_report(records: Sequence[Record], names: Sequence[str], more: Sequence[Table] = ()) -> Report:
+    """The report of one run, or of several over each other.
+
+    Rows from the first one that is not finite are left out of charts and animation; tables use all rows.
+
+    Parameters
+    ----------
+    records
+        Records of runs, or read from files.
+    names
+        Name of each record.
+    more
+        Further tables, shown before the others.
+
+    Raises
+    ------
+    RecordError
+        There is no record, more than `MOST_RECORDS`, or one without a finite row, its platform, or a column that is
+        drawn.
+    """
+    if not 1 <= len(records) <= MOST_RECORDS:
+        raise RecordError(f"{len(records)} records; expected 1 to {MOST_RECORDS} of them on a page")
+    drawn = [_drawable(record, name) for record, name in zip(records, names, strict=True)]
+    if len(records) > 1:
+        report = comparison_report(records, drawn, " · ".join(names))
+    else:
+        report = records[0].report()
+        sections = tuple(
+            replace(
+                section,
+                parts=tuple(
+                    replace(part, name=names[0]) if isinstance(part, Scene) else part for part in section.parts
+                ),
+            )
+            for section in report.sections
+        )
+        report = replace(report, title=str(records[0].metadata.get("title", names[0])), sections=sections)
+    return replace(report, sections=(Section("Results", tuple(more)), *report.sections)) if more else report
+
+
+def _drawable(record: Record, name: str) -> DrawnRun:
+    if not record.metadata.get("outcome"):
+        raise RecordError(f"{name}: the metadata have no outcome; expected what `gough-stewart run` writes")
+    try:
+        drawn = shown(record, machine_of(record), name)
+    except GoughStewartError as error:
+        raise RecordError(f"{name}: {error}") from error
+    if drawn is None:
+        raise RecordError(f"{name}: no row with finite values; there is nothing to show")
+    return drawn
+
+
+def comparison_report(records: Sequence[Record], drawn: Sequence[DrawnRun], title: str) -> Report:
+    """The report of several runs; charts show the runs over each other, and each run minus the first."""
+    names, measured = tuple(run.name for run in drawn), [metrics(record) for record in records]
+    first, others = run_charts(drawn)
+    fineness = min(fineness_of(run.machine) for run in drawn)
+    settings = differing_settings(records)
+    sections = [
+        Section("Motion", tuple(scenes(drawn))),
+        Section("Metrics side by side", (side_by_side(records, measured, names, fineness),)),
+        first,
+        Section(f"Differences from {names[0]}", tuple(differences(first, names))),
+        others,
+    ]
+    for record, run, metrics_of_run in zip(records, drawn, measured, strict=True):
+        believed = platform_of(record)
+        tables = (*metrics_tables(metrics_of_run), run_table(record, believed), parameters_table(run.machine, believed))
+        sections.append(Section(f"{run.name}: all metrics, run, parameters", (*tables, versions_table(record)), True))
+    report = Report(
+        title,
+        _verdict(records, measured, names, fineness),
+        tuple(section for section in sections if section.parts),
+        study="compare",
+        lead=differ_in(settings),
+        settings=settings,
+        runs=names,
+        notes=tuple(
+            Note(f"{name}: {outcome_text(run['outcome'])}", "warning")
+            for name, run in zip(names, measured, strict=True)
+            if not is_sound(run["outcome"])
+        ),
+    )
+    return fine(report, fineness)
+
+
+def differ_in(settings: Sequence[Setting], most: int = 4) -> str:
+    """The keys in which the runs differ, with their values, but for names; "" if there is none."""
+    keys = [setting for setting in settings if setting.key not in ("title", "description")]
+    values = [", ".join(setting.values) for setting in keys[:most]]
+    told = [key.key + (f" ({text})" if len(text) <= _SHORT else "") for key, text in zip(keys, values, strict=False)]
+    more = [f"{len(keys) - most} more"] if len(keys) > most else []
+    return f"They differ in {listed([*told, *more])}" if told else ""
+
+
+def _verdict(
+    records: Sequence[Record], measured: Sequence[Mapping[str, Any]], names: Sequence[str], fineness: float
+) -> Verdict:
+    """Which run follows best, if all had the same task and completed it.
+
+    The largest error of a step is the step itself; steps are compared by what is left after settling, then by the time
+    that settling takes, and their rise times are told.
+    """
+    flat = [flattened(metrics_of_run) for metrics_of_run in measured]
+    steps = sorted({path.rpartition(".")[0] for run in flat for path in run if path.endswith(".rise_time")})
+    times = [f"{step}.{kind}" for step in steps for kind in ("settling_time", "rise_time")]
+    paths = [path for path in (*_LEFT, *times[::2], _PEAK) if steps] or [_PEAK, *_LEFT]
+    known = [path for path in paths if all(run.get(path) is not None for run in flat)]
+
+    def values(path: str) -> list[float | None]:
+        return [run.get(path) for run in flat]
+
+    def quantity(path: str) -> Quantity:
+        return fine(metric_of(path).quantity, fineness)
+
+    told = dict.fromkeys([_PEAK, *(path for path in (*_LEFT, *times[1::2]) if steps and path in known + times)])
+    numbers = tuple(
+        Number("", f"{metric_of(path).text}: {name}", value, metric_of(path).quantity)
+        for path in told
+        for name, value in zip(names, values(path), strict=True)
+        if value is not None
+    )
+    ended = [name for name, run in zip(names, measured, strict=True) if not is_sound(run["outcome"])]
+    if ended:
+        return Verdict(f"{listed(ended)} did not end well; the others are side by side below", "marginal", numbers)
+    if not has_same_task(records):
+        return Verdict("The runs have different references or durations, so that none is best", "told", numbers)
+    beside = ""
+    for path in times[1::2]:
+        shown_times = [quantity(path).text(value) for value in values(path)]
+        if len(set(shown_times)) > 1:
+            told_times = [f"{text} ({name})" for name, text in zip(names, shown_times, strict=True)]
+            beside += f"; {metric_of(path).text} {listed(told_times)}"
+    for path in known:
+        top = best(path, values(path), quantity(path))
+        if not top:
+            continue
+        sizes = [abs(value or 0.0) for value in values(path)]
+        leaders, last = listed([names[k] for k in sorted(top)]), max(range(len(names)), key=sizes.__getitem__)
+        verb = ("follows" if len(top) == 1 else "follow") + " best"
+        bounds = [at_most(quantity(path), sizes[k]) for k in (min(top), last)]
+        if path in times:
+            verb, place = ("settles" if len(top) == 1 else "settle") + " first", "in "
+        else:
+            place = "within "
+        after = (" after settling" if steps else " at the end") if path in _LEFT else ""
+        text = f"{leaders} {verb}, {place}{bounds[0]}{after}; {names[last]} {place}{bounds[1]}{beside}"
+        return Verdict(text, "told", numbers)
+    same = f"{listed(names)} end equally near" if beside else f"{listed(names)} follow equally well"
+    return Verdict(same + beside, "told", numbers)
+
+
+def side_by_side(
+    records: Sequence[Record], measured: Sequence[Mapping[str, Any]], names: Sequence[str], fineness: float = 1.0
+) -> Table:
+    """The metrics of the runs, one column each.
+
+    The best values of a row are marked if all runs have the same reference and duration, all completed, and no loop
+    oscillates or grows by itself.
+    """
+    flat = [flattened(run) for run in measured]
+    paths = dict.fromkeys(path for run in flat for path in run)
+    marks = has_same_task(records) and all(is_sound(run["outcome"]) for run in measured)
+    rows: list[tuple[Cell, ...]] = [("outcome", *(outcome_text(run["outcome"]) for run in measured))]
+    for path in (metric.path for metric in METRICS if metric.is_compared and metric.path in paths):
+        quantity = replace(fine(metric_of(path).quantity, fineness), digits=4)
+        rows.append(_row(path, [run.get(path) for run in flat], quantity, marks=marks))
+    note = f"{_BEST.strip()} is the best of its row." if marks else ""
+    return Table("", (Column(""), *map(Column, names)), tuple(rows), note=note)
+
+
+def _row(path: str, values: Sequence[float | None], quantity: Quantity, *, marks: bool) -> tuple[Cell, ...]:
+    tops = best(path, values, quantity) if marks else set()
+    return (
+        quantity.headed(metric_of(path).text),
+        *(f"{_BEST if k in tops else ''}{quantity.number(value)}" for k, value in enumerate(values)),
+    )
+
+
+def best(path: str, values: Sequence[float | None], quantity: Quantity) -> set[int]:
+    """Indices of the best values of a metric, as displayed; none if all are equal or the metric is not ranked."""
+    better = metric_of(path).better
+    sign = 1.0 if better == "larger" else -1.0
+    known = {k: abs(value) if sign < 0 else value for k, value in enumerate(values) if value is not None}
+    if better is None or len(known) < 2:
+        return set()
+    most = max(sign * value for value in known.values())
+    texts = {k: quantity.number(value) for k, value in known.items()}
+    top = {texts[k] for k, value in known.items() if sign * value == most}
+    leaders = {k for k, text in texts.items() if text in top}
+    return leaders if len(leaders) < len(known) else set()
+
+
+def has_same_task(records: Sequence[Record]) -> bool:
+    """Whether all runs had the same reference for the same time."""
+    first = records[0].metadata
+    return all(
+        record.metadata.get("duration") == first.get("duration")
+        and (record.metadata.get("experiment") or {}).get("reference")
+        == (first.get("experiment") or {}).get("reference")
+        for record in records
+    )
+
+
+def differing_settings(records: Sequence[Record]) -> tuple[Setting, ...]:
+    """The keys of the runs' files, and the parameters of their machines, that are not the same in all runs."""
+    names = ("plant", "experiment")
+    return differing(
+        {**{name: record.metadata.get(name) for name in names}, "machine": record.metadata["platform"]}
+        for record in records
+    )
+
+
+def differing(values: Iterable[Mapping[str, Any]]) -> tuple[Setting, ...]:
+    """The keys, down to single values, that are not the same in all, with units; an experiment's as in its file."""
+    files = [dict(_flat(file)) for file in values]
+    keys = dict.fromkeys(key for file in files for key in file)
+    rows = [
+        (
+            name := key.removeprefix("experiment."),
+            [value_text(name, file[key]) if key in file else "–" for file in files],
+        )
+        for key in keys
+    ]
+    return tuple(Setting(key, tuple(texts)) for key, texts in rows if len(set(texts)) > 1)
+
+
+def _flat(value: Any, path: str = "") -> list[tuple[str, Any]]:
+    if isinstance(value, Mapping):
+        return [pair for key, part in value.items() for pair in _flat(part, f"{path}.{key}" if path else str(key))]
+    if isinstance(value, list) and value and isinstance(value[0], Mapping):
+        return [pair for k, part in enumerate(value) for pair in _flat(part, f"{path}[{k + 1}]")]
+    return [] if value is None else [(path, value)]
+
+
+def differences(section: Section, names: Sequence[str]) -> list[Chart]:
+    """The charts of a section with every other run minus the first, component by component."""
+    charts = []
+    for chart in section.parts:
+        if not isinstance(chart, Chart):
+            continue
+        firsts = {(series.role, series.component): series for series in chart.series if series.run == 0}
+        minus_first: list[Series] = []
+        for series in chart.series:
+            first = firsts.get((series.role, series.component))
+            if not series.run or first is None or series.role == "reference":
+                continue
+            times = (chart.x_of(first), chart.x_of(series))
+            common, values = difference(times, (first.values, series.values), chart.kind == "step")
+            if len(common):
+                name = f"{names[series.run]}: {series.component}"
+                minus_first.append(replace(series, name=name, values=values, x=common, role="error"))
+        if minus_first:
+            longest = max((series.x for series in minus_first if series.x is not None), key=len)
+            x, y = replace(chart.x, values=longest), Axis("difference", minus_first[0].quantity)
+            charts.append(Chart(f"{chart.title}, difference", x, tuple(minus_first), chart.kind, y))
+    return charts
+
+
+def difference(
+    time: tuple[FloatArray, FloatArray], values: tuple[FloatArray, FloatArray], holds: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """The second of two arrays (n,) and (m,) minus the first, at the times of both in their common span.
+
+    Between rows, values are interpolated linearly, or held if `holds`. Without a common span there are no times.
+    """
+    if np.array_equal(*time):
+        return time[0], values[1] - values[0]
+    common = np.union1d(*time)
+    # the last of those that are the same, at which both records have that row
+    common = common[np.append(np.diff(common) > _SAME_TIME, True)]
+    start, end = max(clock[0] for clock in time), min(clock[-1] for clock in time)
+    common = common[(common >= start) & (common <= end + _SAME_TIME)]
+    first, second = (_at(common, clock, column, holds) for clock, column in zip(time, values, strict=True))
+    return common, second - first
+
+
+def _at(common: FloatArray, time: FloatArray, values: FloatArray, holds: bool) -> FloatArray:
+    if holds:
+        held: FloatArray = values[np.searchsorted(time, common, side="right") - 1]
+        return held
+    return np.interp(common, time, values)
