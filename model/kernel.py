@@ -12,9 +12,10 @@ import ctypes
 import warnings
 from collections.abc import Callable, Mapping
 from functools import cache, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.model import interface
 from gough_stewart.model.interface import IDEAL, N_INPUTS, Variant
@@ -84,7 +85,7 @@ def processor_level() -> int | None:
     return None if library is None else int(library.processor_level())
 
 
-def address_of(block: FloatArray) -> ctypes.c_void_p:
+def address_of(block: NDArray[Any]) -> ctypes.c_void_p:
     """The argument of the functions; the block must live as long as it is used."""
     return ctypes.c_void_p(block.ctypes.data)
 

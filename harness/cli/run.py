@@ -201,7 +201,7 @@ def view_command(
         with progress_bar() as progress:
             task = progress.add_task("reading", total=None)
             if len(records) > 1 or is_run or not is_report:
-                from gough_stewart.harness.view.file import view
+                from gough_stewart.harness.view.view import view
 
                 view(records, out, progress=lambda stage: progress.update(task, description=stage))
             elif place.name != DATA and not (place / DATA).is_file():

@@ -207,8 +207,7 @@ class Running:
 
         From report.json `gough-stewart view` shows the folder.
         """
-        from gough_stewart.harness.report.codec import to_json
-        from gough_stewart.harness.report.thinning import thinned
+        from gough_stewart.harness.report.codec import thinned, to_json
         from gough_stewart.model.process.files import file_set
 
         expected = [*files, *([DATA] if self.keeps_data else []), *([PAGE] if self.page else [])]
@@ -238,8 +237,7 @@ class Running:
         if self.folder not in self.command.written:
             self.command.written.append(self.folder)
         if self.options.as_json:
-            from gough_stewart.harness.report.codec import to_json
-            from gough_stewart.harness.report.thinning import thinned
+            from gough_stewart.harness.report.codec import thinned, to_json
 
             sys.stdout.write(to_json(thinned(report)) + "\n")
         else:

@@ -14,16 +14,15 @@ from gough_stewart.harness.experiment.file import text_with_settings
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.quantities import PLAIN
 from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
-from gough_stewart.harness.report.notebook import to_html
+from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
-from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
-from gough_stewart.harness.report.small_machine import fine, fineness_of
+from gough_stewart.harness.report.quantities import NUMBER, Quantity, fine, fineness_of, of_unit
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.terminal import text_of
+from gough_stewart.harness.report.versions import versions
 from gough_stewart.harness.report.words import counted, exactly, listed, percent, sentence
 from gough_stewart.harness.results.metric_folds import metric_of
 from gough_stewart.harness.tuning.goal import Evaluation

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,12 +21,12 @@ SLIDING = {
 STEPS = 300
 
 
-def loaded(platform: gs.Platform, folder: Path) -> "mujoco.MjModel":
+def loaded(platform: gs.Platform, folder: Path) -> Any:
     (file,) = gs.build(folder, forms=["mjcf"], platform=platform)
     return mujoco.MjModel.from_xml_path(str(file))
 
 
-def end_of(model: "mujoco.MjModel", forces: np.ndarray, substeps: int) -> np.ndarray:
+def end_of(model: Any, forces: np.ndarray, substeps: int) -> np.ndarray:
     """Position [m] and rotation matrix, flat, after forces that hold for 1 ms each."""
     model.opt.timestep = 1e-3 / substeps
     data = mujoco.MjData(model)

@@ -9,10 +9,8 @@ from gough_stewart.harness.ensemble.sensitivity import sensitivity
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.report import estimate_report
 from gough_stewart.harness.report.page import page_of
-from gough_stewart.harness.view.page import view_page
-from gough_stewart.harness.workspace.workspace_report import workspace_report
 from gough_stewart.harness.view.view import view_page
-from gough_stewart.harness.workspace.report import workspace_report
+from gough_stewart.harness.workspace.workspace_report import workspace_report
 from gough_stewart.model.platform import load_preset
 from gough_stewart.model.workspace import sweep
 from tests.harness.identify.machine import NOMINAL, machine_log

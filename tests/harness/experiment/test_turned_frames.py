@@ -21,10 +21,8 @@ import gough_stewart as gs
 from gough_stewart.harness.export.designed import designed
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Report
-from gough_stewart.harness.view.page import view_report
-from gough_stewart.harness.workspace.workspace_report import workspace_report
 from gough_stewart.harness.view.view import view_report
-from gough_stewart.harness.workspace.report import workspace_report
+from gough_stewart.harness.workspace.workspace_report import workspace_report
 from tests.support.exported import Exported
 from tests.support.laws import law_of
 

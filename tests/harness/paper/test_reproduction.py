@@ -17,13 +17,9 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 import gough_stewart as gs
-from gough_stewart.harness.output.plotting import COLOURS, DASHES
 from gough_stewart.harness.paper import agreement, figures, readings, reproduce
 from gough_stewart.harness.paper.case_report import case_report
 from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
-from gough_stewart.harness.paper import agreement, figures, readings, report, reproduce
-from gough_stewart.harness.paper.open_loop import Trajectory, run_kane, run_kernel, run_stepping
-from gough_stewart.harness.paper.reproduce import record_of_case
 from gough_stewart.harness.report.plotting import COLOURS, DASHES
 from gough_stewart.harness.report.table import Table
 from gough_stewart.model import interface
