@@ -111,11 +111,11 @@ class Tuning:
         """All candidates: `generation`, a column for each key, `value`, the conditions, `failed`, `kept`."""
         goal, tried = self.search.goal, self.search.tried
         columns: dict[str, object] = {"generation": self.search.generation}
-        columns |= {axis.key: [done.point[k] for done in tried] for k, axis in enumerate(self.search.axes)}
-        columns["value"] = [done.value for done in tried]
-        columns |= {c.metric: [done.conditions[k] for done in tried] for k, c in enumerate(goal.conditions)}
-        columns["failed"] = [done.failed for done in tried]
-        columns["kept"] = [goal.violation(done) == 0 for done in tried]
+        columns |= {axis.key: [evaluation.point[k] for evaluation in tried] for k, axis in enumerate(self.search.axes)}
+        columns["value"] = [evaluation.value for evaluation in tried]
+        columns |= {c.metric: [evaluation.conditions[k] for evaluation in tried] for k, c in enumerate(goal.conditions)}
+        columns["failed"] = [evaluation.failed for evaluation in tried]
+        columns["kept"] = [goal.violation(evaluation) == 0 for evaluation in tried]
         return polars.DataFrame(columns, strict=False)
 
 
@@ -211,9 +211,11 @@ def _judged(tuning: Tuning) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for k, name in enumerate([goal.metric, *(condition.metric for condition in goal.conditions)]):
         metric = metric_of(name)
-        values = (None if done is None else (done.value, *done.conditions)[k] for done in evaluations)
+        values = (
+            None if evaluation is None else (evaluation.value, *evaluation.conditions)[k] for evaluation in evaluations
+        )
         rows.append((metric.text, *(Value(value, metric.quantity) for value in values)))
-    failed = (None if done is None else done.failed for done in evaluations)
+    failed = (None if evaluation is None else evaluation.failed for evaluation in evaluations)
     rows.append((f"{'members' if over else 'runs'} that failed", *failed))
     share = f", {percent(goal.quantile)} of {tuning.members} members" if over else ""
     return Table(f"Metric and conditions{share}", tuple(map(Column, ("", *heads))), tuple(rows))
@@ -222,8 +224,10 @@ def _judged(tuning: Tuning) -> Table:
 def _history(search: Search) -> Chart:
     """The value of every candidate, and the best so far that meets all conditions."""
     metric, tried = metric_of(search.goal.metric), search.tried
-    values = np.array([done.value if np.isfinite(done.value) else np.nan for done in tried])
-    best = np.minimum.accumulate([done.value if search.goal.violation(done) == 0 else np.inf for done in tried])
+    values = np.array([evaluation.value if np.isfinite(evaluation.value) else np.nan for evaluation in tried])
+    best = np.minimum.accumulate(
+        [evaluation.value if search.goal.violation(evaluation) == 0 else np.inf for evaluation in tried]
+    )
     series = (
         Series("candidates", metric.quantity, values, "neutral"),
         Series("best so far", metric.quantity, np.where(np.isfinite(best), best, np.nan), "actual"),
@@ -235,8 +239,8 @@ def _history(search: Search) -> Chart:
 def _landscape(search: Search) -> list[Chart]:
     """The metric of all candidates over each key: of those that meet all conditions, and of the others."""
     metric, tried = metric_of(search.goal.metric), search.tried
-    values = np.array([done.value for done in tried])
-    kept = np.isfinite(values) & np.array([search.goal.violation(done) == 0 for done in tried])
+    values = np.array([evaluation.value for evaluation in tried])
+    kept = np.isfinite(values) & np.array([search.goal.violation(evaluation) == 0 for evaluation in tried])
     shown = np.isfinite(values) & (values <= _most(values[kept]))
     above = int(np.count_nonzero(~shown))
     kinds: tuple[tuple[str, Any, Role], ...] = (
@@ -254,7 +258,7 @@ def _landscape(search: Search) -> list[Chart]:
             Axis(
                 axis.key,
                 _quantity(axis),
-                np.array([done.point[k] for done in tried], dtype=float),
+                np.array([evaluation.point[k] for evaluation in tried], dtype=float),
                 scale="log" if axis.is_log else "linear",
             ),
             series,

@@ -350,8 +350,8 @@ def _swept(workspace: Workspace) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for axis, (name, values) in enumerate(workspace.swept.items()):
         quantity = _coordinate(workspace, name).quantity()
-        there = rows_reached(workspace.qualities.reachable, axis)
-        ends = [_without_rounding(values[k]) for k in (there[0], there[-1])] if there.size else [None, None]
+        reached = rows_reached(workspace.qualities.reachable, axis)
+        ends = [_without_rounding(values[k]) for k in (reached[0], reached[-1])] if reached.size else [None, None]
         origin = "computed" if name in workspace.found else "assumed" if name in workspace.assumed else "given"
         low, high, *reaches = (Value(end, quantity) for end in (*map(_without_rounding, values[[0, -1]]), *ends))
         rows.append((name, low, high, len(values), *reaches, origin))

@@ -57,8 +57,8 @@ def test_a_search_judges_what_it_has_chosen() -> None:
     search = ("--vary", "controller.damping_ratio=0.7..0.9", "--minimise", "tracking.position.norm_rms")
     few = ("--generations", "1", "--population", "5", "--set", "loop.duration=0.3", "--out", "tuned", "--json")
     done = _invoke("tune", "mine.toml", *search, *few, "--require", "values.controller.damping_ratio <= 0.1")
+    assert done.exit_code == 3, done.output
     states = _states(done)
-    assert done.exit_code == 3
     assert states.pop("margins.disk") == "missed"
     assert states == {"tracking.position.norm_peak": "met", "values.controller.damping_ratio": "missed"}
     found = {each["path"]: each["value"] for each in json.loads(done.stdout)["numbers"]}
