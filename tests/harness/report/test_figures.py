@@ -72,18 +72,6 @@ def test_values_are_in_the_unit_that_the_title_names() -> None:
     assert to_hex(line.get_color()) == colour_of("error")
 
 
-def test_an_error_of_a_hundred_thousandth_of_a_degree_has_a_shape() -> None:
-    """Expected: the curve fills most of its axis; one of 1e-7 degrees is rounding, and is flat."""
-    shares = []
-    for size in (1e-5, 1e-7):
-        error = _series("yaw", np.radians(size) * np.sin(_TIME), "error", quantity=ANGLE)
-        (axes,) = _drawn(Chart("error", time_axis(_TIME), (error,)))
-        low, high = axes.get_ylim()
-        shares.append(np.ptp(size * np.sin(_TIME)) / (high - low))
-    assert shares[0] > 0.8
-    assert shares[1] < 0.03
-
-
 def test_values_with_names_have_them_on_the_axis() -> None:
     """Expected: 0 is no and 1 is yes, and no title says number."""
     values = np.asarray(_TIME > 8, dtype=float)

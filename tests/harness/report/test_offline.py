@@ -73,12 +73,6 @@ def test_data_must_be_finite_and_names_need_not_be_utf_8() -> None:
     assert b"<title>caf?</title>" in document("caf\udce9", "", "", [], [])
 
 
-def test_the_scripts_of_a_page_are_small() -> None:
-    """Expected: the bound that was set, with everything a page of a run has; neither library is on it twice."""
-    own = sum(path.stat().st_size for path in Path(offline.__file__).with_name("web").glob("*.js"))
-    assert len(three().encode()) + len(bokeh().encode()) + own <= 2.3e6
-
-
 def test_three_js_is_cut_out_of_its_page_whole() -> None:
     """Expected: the notice and one line, a module that closes as it opens, without what trimesh's page adds."""
     notice, script = three().split("*/\n")

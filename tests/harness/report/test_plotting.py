@@ -11,10 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from gough_stewart.harness.report.plotting import COLOURS, DASHES, entitle, label, panel, pictures, png, two_panels
+from gough_stewart.harness.report.plotting import entitle, label, panel, pictures, png, two_panels
 
-# blue, vermillion, bluish green, reddish purple, sky blue, orange: RGB of Okabe & Ito (2008), fig. 16
-OKABE_ITO = [(0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167), (86, 180, 233), (230, 159, 0)]
 drawn: list[Figure] = []
 
 
@@ -26,12 +24,6 @@ def draw(figure: Figure) -> None:
     left.legend()
     label(left, "left one", "mm")
     label(right, "right one", "1", "frequency [Hz]")
-
-
-def test_colours_are_those_of_the_publication_and_dashes_help_them() -> None:
-    """Expected: their RGB, in this order; full, dashed and dash-dotted lines, again from the fourth curve on."""
-    assert [tuple(int(c[k : k + 2], 16) for k in (1, 3, 5)) for c in COLOURS] == OKABE_ITO
-    assert DASHES == ("-", "--", "-.") * 2
 
 
 def test_sizes_formats_and_bytes() -> None:

@@ -25,20 +25,6 @@ def test_units_of_one_quantity_agree_on_what_is_worth_looking_at() -> None:
         assert max(sizes) < 2 * min(sizes)
 
 
-def test_the_least_of_every_unit() -> None:
-    """Expected: by quantity in SI units, times the units' factors by definition; a ten-thousandth of a degree."""
-    of_quantities = {
-        1e-6: ("m", "rad", "kg", "kg.m2", "Hz"),
-        1e-5: ("m/s", "rad/s"),
-        1e-3: ("m/s2", "rad/s2", "N", "N.m", "W", "J", "1"),
-        1e-1: ("N/s",),
-        1e-9: ("s",),
-    }
-    expected = {unit: least for least, units in of_quantities.items() for unit in units}
-    expected |= {"mm": 1e3 * 1e-6, "mrad": 1e3 * 1e-6, "mm/s": 1e3 * 1e-5, "deg": 1e-4, "deg/s": 1e-3, "%": 1e-3}
-    assert pytest.approx(expected) == LEAST_SPANS
-
-
 @pytest.mark.parametrize(
     ("unit", "largest", "least"),
     [

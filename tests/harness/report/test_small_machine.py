@@ -19,7 +19,6 @@ from gough_stewart.harness.report.quantities import (
     fineness_of,
 )
 from gough_stewart.harness.report.table import Table
-from tests.support.commands import invoke
 from tests.support.nano import HEAVY, NANO, nano_experiment
 
 
@@ -80,29 +79,3 @@ def test_a_run_of_a_nano_hexapod_tells_nanometres(tmp_path: Path) -> None:
     assert error.y_title.endswith("[µm]")
     (line,) = (line for line in repr(record).splitlines() if "peak error of position" in line)
     assert line.endswith(f"{1e9 * np.abs(record['error.position']).max():.4g} nm")
-
-
-def test_a_requirement_in_nanometres_is_told_in_them(tmp_path: Path) -> None:
-    """Expected: value and margin by arithmetic, also where the bound is far below what is told of a large machine."""
-    experiment = nano_experiment(tmp_path)
-    wanted = ["--require", "tracking.position.norm_peak <= 900 nm"]
-    outcome = invoke("run", str(experiment), "--out", str(tmp_path / "out"), *wanted)
-    assert outcome.exit_code == 0, outcome.output
-    peak = 1e9 * np.linalg.norm(gs.read_record(tmp_path / "out")["error.position"], axis=1).max()
-    assert f"({peak:.4g} nm, {900 - peak:.4g} nm left)" in " ".join(outcome.output.split())
-    large = ["heave_step", "--set", "loop.duration=0.05", "--out", str(tmp_path / "large")]
-    said = " ".join(invoke("run", *large, "--require", "tracking.position.norm_rms <= 2e-8").output.split())
-    rms = gs.metrics(gs.read_record(tmp_path / "large"))["tracking"]["position"]["norm_rms"]
-    assert rms < 1e-6
-    value = f"{1e9 * rms:.4g} nm"
-    assert f"({value}, " in said
-    assert "< 0.001 mm" in said  # elsewhere as ever
-
-
-def test_a_workspace_tells_home_to_a_thousandth_of_the_stroke(tmp_path: Path) -> None:
-    """Expected: the height of the home pose in steps of 0.1 µm at a stroke of 100 µm, not of 10 µm."""
-    gs.save_platform(NANO, tmp_path / "nano.toml")
-    said = " ".join(
-        invoke("workspace", "--platform", str(tmp_path / "nano.toml"), "--out", str(tmp_path)).output.split()
-    )
-    assert f"z {1e3 * NANO.home_position[2]:.4f} mm" in said

@@ -3,13 +3,10 @@
 from typing import Any
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
 
 from gough_stewart.harness.report.chart import Axis, Chart, Samples, Series, time_axis
 from gough_stewart.harness.report.codec import FRAMES, thinned
 from gough_stewart.harness.report.document import Report, Section, Verdict
-from gough_stewart.harness.report.packing import decimated
 from gough_stewart.harness.report.quantities import COUNT, LENGTH
 from gough_stewart.harness.report.scene import Flag, Scene
 from gough_stewart.model.vectors import FloatArray
@@ -62,34 +59,6 @@ def test_a_flag_between_frames_stays_on_if_it_was_on_in_any_part() -> None:
     on = [k for k, each in enumerate(found.flags[0].values) if each == "1"]
     assert on == [77, 199]
     assert found.rows == n
-
-
-@given(st.integers(1, 3000), st.integers(0, 900), st.integers(0, 2**31))
-def test_decimation_keeps_ends_and_extremes_and_order(n: int, points: int, seed: int) -> None:
-    """Expected: the definition, by brute force."""
-    rng = np.random.default_rng(seed)
-    time, values = 0.1 * np.arange(n, dtype=np.float64), rng.normal(size=n)
-    values[rng.random(n) < 0.05] = np.nan
-    t, v = decimated(time, values, points)
-    assert len(t) == len(v) <= max(points, 4)
-    assert (t[0], t[-1]) == (time[0], time[-1])
-    assert np.all(np.diff(t) > 0)
-    assert np.array_equal(v, values[np.searchsorted(time, t)], equal_nan=True)
-    if np.isfinite(values).any():
-        assert (np.nanmin(v), np.nanmax(v)) == (np.nanmin(values), np.nanmax(values))
-
-
-def test_few_points_stay_as_they_are() -> None:
-    time, values = np.arange(5.0), np.arange(5.0) ** 2
-    t, v = decimated(time, values, 5)
-    assert np.array_equal(t, time)
-    assert np.array_equal(v, values)
-
-
-def test_gap_of_a_whole_bucket_stays_a_gap() -> None:
-    values = np.ones(1000)
-    values[400:600] = np.nan
-    assert np.isnan(decimated(np.arange(1000.0), values, 100)[1]).any()
 
 
 def test_signals_of_single_members_are_for_the_page_only() -> None:

@@ -169,24 +169,6 @@ def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
         ), name
         assert [text.startswith("★") for text in texts] == [k == top for k in range(3)], name
     assert list(rows)[:5] == ["outcome", *list(words)[:4]]
-    step = {"axis": "z", "from": 1.0, "to": 1.05, "at": 7.4, "overshoot_percent": 12.5, "rise_time": 0.1}
-    stepped = {**found[0], "step_response": [{**step, "settling_time": 0.3, "final_error": 1.5e-3}]}
-    cells = {name: row[0] for name, row in cells_of(side_by_side([records[0]], [stepped], ["a"])).items()}
-    of_axes = [
-        f"{what} error, {kind} [{unit}]"
-        for what, unit in (("position", "mm"), ("orientation", "deg"))
-        for kind in ("RMS", "peak")
-    ]
-    assert list(cells) == [
-        "outcome", *of_axes, "leg error, RMS [mm]", "leg error, peak [mm]",
-        "z: overshoot [%]", "z: rise time [s]", "z: settling time [s]", "z: final error [mm]",
-        "peak force [N]", "RMS force [N]", "peak power [W]", "mean power [W]", "work, absolute [J]", "work, net [J]",
-        "force limited [%]", "rate limited [%]", "stroke margin [mm]", "beyond stroke [%]",
-        "leg velocity, of its limit [%]", "actuator force, of its limit [%]", "actuator power, of its limit [%]",
-    ]  # fmt: skip
-    names = ("overshoot [%]", "rise time [s]", "settling time [s]", "final error [mm]")
-    assert [cells[f"z: {name}"] for name in names] == ["12.5", "0.1", "0.3", "1.5"]
-    assert cells["rate limited [%]"] == f"{100 * found[0]['saturation']['rate_limited']['any']:.4g}"
 
 
 def test_charts_show_the_runs_over_each_other_and_each_minus_the_first() -> None:
@@ -213,16 +195,6 @@ def test_charts_show_the_runs_over_each_other_and_each_minus_the_first() -> None
     assert not [each for each in change.series if each.role == "reference"]
     (first, second) = (part for part in report.parts() if type(part).__name__ == "Scene")
     assert (first.run, second.run) == (0, 1)  # type: ignore[union-attr]
-
-
-def test_limits_are_drawn_where_all_runs_have_the_same() -> None:
-    """Expected: the common stroke; no limit of force, of which one run has 90 N, the other 100 N or none."""
-    made = waving_record(load_preset("motion_base"))
-    for other in (100.0, None):
-        records = [Record(made.table, {**made.metadata, "force_limit": limit}) for limit in (90.0, other)]
-        charts = charts_of(view_report(records, ["a", "b"]), "Over time")
-        assert charts["actuator force"].marks == ()
-        assert len(charts["length of legs"].marks) == 2
 
 
 def test_a_difference_is_of_the_times_that_both_records_span() -> None:

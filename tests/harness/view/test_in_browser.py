@@ -122,11 +122,6 @@ def test_legs_change_colour_with_force_and_with_nearness(one: Watched, record: R
     assert len({tuple(leg["colour"]) for leg in drawn(page)["legs"]}) == 1
 
 
-def test_flags_have_a_key(one: Watched) -> None:
-    """Expected: the one flag that the record raises, and not the others."""
-    assert one.page.inner_text("#flag-key") == "force limited"
-
-
 @pytest.mark.parametrize("by", ["left", "right", "wheel"])
 def test_dragging_and_the_wheel_change_the_view(one: Watched, by: Literal["left", "right", "wheel"]) -> None:
     """Expected: another picture of the same scene, turned, moved, and nearer."""

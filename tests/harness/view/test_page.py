@@ -11,10 +11,8 @@ import pytest
 
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import NEARNESS
-from gough_stewart.harness.report.table import Column, Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.results.scene import FRAMES
 from gough_stewart.harness.view import view as view_file
 from gough_stewart.harness.view.view import MOST_RECORDS, names_of, view, view_page
 from gough_stewart.model.errors import OutputError
@@ -149,20 +147,6 @@ def test_rows_beyond_what_can_be_drawn_are_left_out(name: str) -> None:
     values[:] = 1e9
     with pytest.raises(RecordError, match="x: no row with finite values; there is nothing to show"):
         view_page([Record(RUN.table.with_columns(**{name: values}), RUN.metadata)], ["x"])
-
-
-def test_frames_are_thinned(record: Record, page: bytes) -> None:
-    time = scene_time(page)
-    assert len(time) == FRAMES
-    assert (time[0], time[-1]) == (record["time"][0], record["time"][-1])
-
-
-def test_tables_that_are_given_come_first(platform: Platform) -> None:
-    table = Table("More", (Column(""), Column("a")), (("b", "c <d>"),))
-    page = view_page([waving_record(platform)], ["x"], [table])
-    captions = [each.text_content() for each in elements(page, "//caption")]
-    assert captions[:2] == ["More", "Tracking error"]
-    assert elements(page, "//table")[0].text_content().split() == ["More", "a", "bc", "<d>"]
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3])

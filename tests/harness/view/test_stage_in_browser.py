@@ -76,11 +76,6 @@ def test_colour_tells_the_run(two: Watched) -> None:
         assert to_white == pytest.approx(np.full(3, to_white.mean()))
 
 
-def test_one_run_has_no_colour_by_run(one: Watched) -> None:
-    assert one.page.input_value("#colour") == "force"
-    assert one.page.eval_on_selector("#colour option[value=run]", "option => option.hidden")
-
-
 def test_the_platform_and_the_base_throw_shadows(two: Watched, record: Record, platform: Platform) -> None:
     """Expected: darker than without machines where the sun's ray through the plate's middle meets the base.
 
@@ -116,35 +111,6 @@ def test_the_platform_and_the_base_throw_shadows(two: Watched, record: Record, p
     for box in ("ghost", "frames", "trail"):
         page.check(f"#{box}")
     page.select_option("#from", "corner")
-
-
-def test_a_reference_that_coincides_with_the_plate_does_not_mix_with_it(
-    browser: Browser, record: Record, tmp_path: Path
-) -> None:
-    """Expected: within its outline, the plate looks the same with and without the reference, at every angle."""
-    names = [f"{name}[{k}]" for name in ("position", "orientation") for k in (1, 2, 3)]
-    exact = record.table.with_columns(**{f"reference.{name}": record.table[name] for name in names})
-    path = tmp_path / "report.html"
-    path.write_bytes(view_page([Record(exact, record.metadata)], ["exact"]))
-    page = open_report(browser, path, float(record["time"][QUIET_ROW])).page
-    page.uncheck("#trail")
-    page.uncheck("#frames")
-    shown = drawn(page)
-    ring = np.array([[0.5 * np.cos(a), 0.5 * np.sin(a), 0] for a in np.linspace(0, 2 * np.pi, 40)])
-    joints = np.array([leg["head"] for leg in shown["legs"]])
-    size = np.linalg.norm(joints[:, :2] - shown["position"][:2], axis=1).min()
-    inside = np.array(shown["position"]) + size * ring @ np.array(shown["rotation"]).T
-    page.focus("#view canvas")
-    for presses in (1, 3):
-        for _ in range(presses):
-            page.keyboard.press("ArrowUp")
-        places = seen(page, inside)
-        both = at(pixels(page), places)
-        page.uncheck("#ghost")
-        alone = at(pixels(page), places)
-        page.check("#ghost")
-        assert np.abs(both - alone).max() <= 2
-    page.close()
 
 
 def test_the_path_is_seen_where_the_plate_would_hide_it(one: Watched, record: Record) -> None:
