@@ -369,6 +369,45 @@ static void turn_law(const turning *t, const loop *l, const double used[])
     }
 }
 
+/* A state of the law: what u brings to it, its pole, and its part of the output. */
+typedef struct {
+    double input, pole, part;
+} law_state;
+
+static law_state state_of(const loop *l, int64_t state)
+{
+    law_state s = {0, 0, 0};
+    for (int64_t k = 0; k < l->entries; k++) {
+        int64_t row = l->entry_row[k], column = l->entry_column[k];
+        double value = l->values.at[k * l->values.element];
+        if (row == N_LEGS + state && column >= l->n_states)
+            s.input += value * l->memory[column];
+        else if (row == N_LEGS + state && column == state)
+            s.pole += value;
+        else if (row < N_LEGS && column == state)
+            s.part += value;
+    }
+    return s;
+}
+
+/* Other gains. Before the first sample the law begins at rest. Later each filter of a derivative gives the force that it
+   gave, since what it holds of a length is far more than what it holds of a velocity: x = r' + c/c' (x - r) about its
+   rest r = b u / (1 - a). */
+static void turn_law_on(machine *m, const double used[])
+{
+    loop *l = &m->loop;
+    int64_t controllers = STATES[m->turned.variant][0];
+    law_state before[N_LEGS];
+    for (int i = 0; i < N_LEGS; i++)
+        before[i] = state_of(l, i * controllers);
+    turn_law(&m->turned, l, used);
+    for (int i = 0; l->at_row[0] && i < N_LEGS; i++) {
+        law_state b = before[i], after = state_of(l, i * controllers);
+        double *x = l->memory + i * controllers;
+        *x = after.input / (1 - after.pole) + b.part / after.part * (*x - b.input / (1 - b.pole));
+    }
+}
+
 int64_t machine_turn(int64_t *block)
 {
     machine *m = machine_of(block);
@@ -386,7 +425,7 @@ int64_t machine_turn(int64_t *block)
         int64_t fault = refused(t, used);
         if (fault)
             return fault;
-        turn_law(t, l, used);
+        turn_law_on(m, used);
         memcpy(t->used, used, sizeof used);
     }
     *(double *)l->delay.at = wanted[DELAY];
@@ -406,6 +445,13 @@ int64_t machine_turn(int64_t *block)
         for (int i = 0; i < OF_ENCODERS * SENSOR_COEFFICIENTS; i++)
             ((double *)l->sensors.at)[(FIRST_OF_LENGTHS * SENSOR_COEFFICIENTS + i) * l->sensors.element] =
                 c[i % SENSOR_COEFFICIENTS];
+    }
+    if (!l->at_row[0] && l->kinds) {
+        if (m->plan.kind >= 0)
+            plan_rows(m, 0, 1);
+        loop_begin(&m->members, l);
+        if (t->variant >= 0)
+            law_at_rest(l);
     }
     return 0;
 }

@@ -171,6 +171,31 @@ static void solve(int64_t n, int64_t m, double complex *M, double complex *R)
         }
 }
 
+void law_at_rest(const loop *l)
+{
+    enum { MOST = N_LEGS * 4 };
+    double complex M[MOST * MOST] = {0}, x[MOST] = {0};
+    int64_t n = l->n_states;
+    for (int64_t i = 0; i < n; i++)
+        M[i * n + i] = 1;
+    for (int64_t k = 0; k < l->entries; k++) {
+        int64_t state = l->entry_row[k] - N_LEGS, column = l->entry_column[k];
+        double value = l->values.at[k * l->values.element];
+        if (state >= 0 && column < n)
+            M[state * n + column] -= value;
+        else if (state >= 0)
+            x[state] += value * l->memory[column];
+    }
+    for (int64_t i = 0; i < n; i++) /* an integrator: 1 - a is rounding */
+        if (cabs(M[i * n + i]) < 1e-6) {
+            M[i * n + i] = 1;
+            x[i] = 0;
+        }
+    solve(n, 1, M, x);
+    for (int64_t i = 0; i < n; i++)
+        l->memory[i] = creal(x[i]);
+}
+
 /* ---- the loop -------------------------------------------------------------------------------------------------- */
 
 /* The loop broken at the forces, from those that act to those of the law, F = -C x: states of the plant, then of the law;

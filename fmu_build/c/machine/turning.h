@@ -58,4 +58,7 @@ enum {
    states, or no controller. */
 int64_t turn_margins(turning *t, const loop *l);
 
+/* Sets the states of a law of channels, x = A x + B u, 0 where they integrate. */
+void law_at_rest(const loop *l);
+
 #endif
