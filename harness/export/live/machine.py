@@ -16,8 +16,9 @@ from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.run import FORMAT
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.live.behind import behind_of
-from gough_stewart.harness.export.machine import Block, fields, machine_of
-from gough_stewart.harness.export.turned import MOST_DELAY, POLES, WANTED, Turned, turned_of
+from gough_stewart.harness.export.machine import Block, machine_of
+from gough_stewart.harness.export.machine import fields as field_numbers
+from gough_stewart.harness.export.machine import MOST_DELAY, POLES, WANTED, turning
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
@@ -92,18 +93,18 @@ def live_machine(experiment: Experiment) -> Live:
         )
     prepared = prepare(experiment)
     try:
-        turned = turned_of(experiment, prepared)
+        turned = turning(experiment, prepared)
         block = machine_of(experiment, prepared, KEPT, forever=True, turned=turned)
     except ControllerError as error:
         raise ExportError(f"{name}: controller '{kind}': {error}") from error
     if block.law is not None:
         raise ExportError(f"{name}: a page has the laws of shipped components; expected one of them")
-    return Live(block, experiment, prepared, {**_data(experiment, prepared), "turn": _turned(turned)})
+    return Live(block, experiment, prepared, {**_data(experiment, prepared), "turn": _turned(turned, prepared)})
 
 
-def _turned(turned: Turned) -> dict[str, Any]:
+def _turned(fields: dict[str, Any], prepared: Prepared) -> dict[str, Any]:
     """What the page may turn, and where it finds poles and margins."""
-    fields = turned.fields
+
     return {
         "wanted": [float(value) if np.isfinite(value) else None for value in fields["wanted"]],
         "names": WANTED,
@@ -112,7 +113,7 @@ def _turned(turned: Turned) -> dict[str, Any]:
         "margins": "results" in fields,
         "poles": POLES,
         "most": fields.get("most_states", 0),
-        "mostDelay": max(MOST_DELAY, int(turned.loop.actuators.delay)),
+        "mostDelay": max(MOST_DELAY, int(prepared.loop.actuators.delay)),
         "sampleTime": fields["sample_time"],
     }
 
@@ -125,7 +126,7 @@ def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
     stroke = [machine.leg_length_min, machine.leg_length_max]
     is_open = isinstance(experiment.controller, OpenLoop)
     return {
-        "fields": {name: fields()[name] for name in _FIELDS},
+        "fields": {name: field_numbers()[name] for name in _FIELDS},
         "plantStep": loop.timing.plant_step,
         "every": loop.timing.steps_a_sample,
         "kept": KEPT,

@@ -7,7 +7,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.export.live.machine import live_machine
-from gough_stewart.harness.export.turned import POLES, WANTED
+from gough_stewart.harness.export.machine import POLES, WANTED
 from tests.harness.export.test_machine import Machine, rows_of
 
 PID = {"type": "pid", "bandwidth": 2.0, "integral_time": 1.0, "feedforward": "gravity"}
