@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 import gough_stewart as gs
-from gough_stewart.harness.export.live.machine import live_machine
+from gough_stewart.harness.export.live.page import live_machine
 from gough_stewart.harness.export.live.page import live_page
 from gough_stewart.model.platform import save_platform
 from tests.harness.export.test_machine import Machine

@@ -7,7 +7,7 @@ import pytest
 
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.export.live.machine import live_machine, reach_of
+from gough_stewart.harness.export.live.page import live_machine, reach_of
 from gough_stewart.model.kinematics import leg_geometry
 from tests.harness.export.test_machine import Machine, rows_of
 from tests.support.random_platforms import random_platform

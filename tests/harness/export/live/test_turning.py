@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.export.live.machine import live_machine
+from gough_stewart.harness.export.live.page import live_machine
 from gough_stewart.harness.export.machine import POLES, WANTED
 from tests.harness.export.test_machine import Machine, rows_of
 
