@@ -131,7 +131,7 @@ const advance = (to, points, every) => {
       if (planned) for (let i = 0; i < 24; i++) ring[place + 31 + i] = planned[30 * (skipped + k) + i];
       ring[place + 55] = mask;
     }
-    if (index % every !== 0 && !(next >= to && k === n - 1)) continue;
+    if (index % every !== 0 && !((ended || next >= to) && k === n - 1)) continue;
     points.push(time);
     for (let i = 0; i < 6; i++) points.push(signals[24 * k + i]);
     for (let i = 0; i < 6; i++) points.push(signals[24 * k + 12 + i]);
