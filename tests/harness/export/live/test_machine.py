@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export.live.page import live_machine, reach_of
 from gough_stewart.model.kinematics import leg_geometry
 from tests.harness.export.test_machine import Machine, rows_of
@@ -121,17 +120,3 @@ def test_another_case_is_not_called_the_papers(settings: dict[str, Any], publish
     """Expected: other forces, start or machine are told apart; what changes on the way has nothing behind it."""
     behind = live_machine(gs.load_experiment("paper_open_loop", settings)).data["behind"]
     assert behind is None if published is None else behind["isPublished"] is published
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"controller": {"type": "python", "file": "law.py"}}, "expected a controller of the types pd, pid"),
-        ({"plant.kind": "fmu3"}, "expected 'model': set plant.kind=model"),
-        ({"plant.fixed_step_size": 1e-3}, "has plant.fixed_step_size 0.001; a page steps by error control"),
-    ],
-)
-def test_what_needs_python_or_an_fmu_is_refused(settings: dict[str, Any], said: str) -> None:
-    """Expected: what was found, and what would work."""
-    with pytest.raises(ExportError, match=said):
-        live_machine(gs.load_experiment("heave_step", settings))
