@@ -440,7 +440,9 @@ class Preparation:
         """
         experiment, where, errors = self.experiment, self._where, dict[int, GoughStewartError]()
         if seeds is not None and any(change.has_settings for change in experiment.change):
-            text = "settings of the loop change during the run, which members of an ensemble cannot; expected parameters"
+            text = (
+                "settings of the loop change during the run, which members of an ensemble cannot; expected parameters"
+            )
             raise ExperimentError(where, "change", text)
         candidates, believed = list[int](), list[_Believed]()
         of_machines, sensors = list[dict[str, Any]](), list[Sensors]()
@@ -623,7 +625,9 @@ class Preparation:
                     Actuators(limit, drives.rate_limit, drives.lag, delay),
                 )
                 turned.append(Change(sample * timing.sample_time, settings=settings))
-                forces[sample:] = choice.planned(self._feedforward(choice.feedforward, delay, platform, planned))[sample:]
+                forces[sample:] = choice.planned(self._feedforward(choice.feedforward, delay, platform, planned))[
+                    sample:
+                ]
         return tuple(change for change in turned if change.time < timing.duration), forces
 
     @cached_property

@@ -59,7 +59,9 @@ class ByHand(ReferenceChoice):
             samples = np.rint(time / self.sample_time).astype(int)
             apart = np.abs(time - samples * self.sample_time)
             if not len(time) or (np.diff(samples) < 0).any() or (samples < 0).any() or apart.max() > ROUNDING:
-                raise MotionError(f"expected rows in order of time, at multiples of sample_time, {self.sample_time:g} s")
+                raise MotionError(
+                    f"expected rows in order of time, at multiples of sample_time, {self.sample_time:g} s"
+                )
         except (MotionError, TableError) as error:
             raise MotionError(f"{path}: {error}") from error
         return HandMotion(

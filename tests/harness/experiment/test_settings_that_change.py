@@ -33,7 +33,13 @@ def test_a_delay_and_a_limit_that_change() -> None:
     ramp = {"type": "open_loop", "force": [4000.0] * 6}
     changes = [{"at": 0.001 * k, "controller": {**ramp, "force": [4000.0 + k] * 6}} for k in range(1, 40)]
     more = [{"at": 0.020, "delay": 3}, {"at": 0.030, "force_limit": 4020.0}]
-    settings = {**AT_REST, "controller": ramp, "loop.duration": 0.04, "loop.plant_step": 1e-3, "change": [*changes, *more]}
+    settings = {
+        **AT_REST,
+        "controller": ramp,
+        "loop.duration": 0.04,
+        "loop.plant_step": 1e-3,
+        "change": [*changes, *more],
+    }
     force = gs.run("heave_step", settings)["actuator_force"][:40, 0]
     expected = [*range(20), *range(17, 27), *[20] * 10]
     # the command of 20 ms has its place in the line; what was limited later comes later

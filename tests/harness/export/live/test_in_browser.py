@@ -99,7 +99,11 @@ def test_a_loop_is_played_with(browser: Browser, tmp_path: Path) -> None:  # noq
         assert clock(page) == stands
         page.evaluate(HIDE, False)
         until(page, f"GoughStewart.live.last[0] > {stands}")
-        seen = set(page.evaluate(f'[...document.querySelectorAll("{CONTROLS}")].filter((c) => c.checkVisibility()).map({NAME})'))
+        seen = set(
+            page.evaluate(
+                f'[...document.querySelectorAll("{CONTROLS}")].filter((c) => c.checkVisibility()).map({NAME})'
+            )
+        )
         page.evaluate("() => { document.activeElement.blur(); scrollTo(0, 0); }")
         reached = set()
         for _ in range(len(seen) + 10):

@@ -173,7 +173,9 @@ def test_a_step_is_measured(tmp_path: Path) -> None:
     """Expected: rise time and overshoot of `gs.metrics` for a run with this step, to a row."""
     by = 0.02
     jump = {"type": "jump", "axis": 2, "by": by}
-    (said,) = played([("step", lambda _: [{"type": "some", "rows": 1}, jump, {"type": "some", "rows": 3100}])], tmp_path)
+    (said,) = played(
+        [("step", lambda _: [{"type": "some", "rows": 1}, jump, {"type": "some", "rows": 3100}])], tmp_path
+    )
     (ours,) = said["response"]
     step = {"reference.position_change": [0, 0, by], "reference.at": 0.1, "loop.duration": 3.2}
     (theirs,) = gs.metrics(gs.run("heave_step", {**PAGES["step"][1], **step}))["step_response"]
@@ -186,7 +188,9 @@ def test_a_crash_can_be_saved_after_a_restart(tmp_path: Path) -> None:
     no_forces = {"type": "forces", "values": [0.0] * 6}
     some = {"type": "some", "rows": 300}
     files = {"type": "files", "ofCrash": True}
-    (said,) = played([("open", lambda _: [no_forces, some, some, {"type": "again"}, {"type": "some", "rows": 3}, files])], tmp_path)
+    (said,) = played(
+        [("open", lambda _: [no_forces, some, some, {"type": "again"}, {"type": "some", "rows": 3}, files])], tmp_path
+    )
     crash, _ = written(said, tmp_path / "crash", 0)
     assert crash.metadata["outcome"]["status"] == "diverged"
     again = gs.run(tmp_path / "crash" / "experiment.toml")

@@ -95,7 +95,10 @@ def test_margins_and_modes_follow_what_is_turned(case: str) -> None:
         assert np.abs(poles - np.exp(each * theirs.sample_time)).min() < 1e-6
 
 
-@pytest.mark.parametrize("case", ["an integral with a delay", "a task-space loop with a notch", "held inputs", "a derivative of measurements"])
+@pytest.mark.parametrize(
+    "case",
+    ["an integral with a delay", "a task-space loop with a notch", "held inputs", "a derivative of measurements"],
+)
 def test_rows_follow_what_is_turned(case: str) -> None:
     """Expected: `run` with these settings to 1e-9 of SI units, and a force limit that is reached."""
     name, begin, values, settings = TURNED[case]
