@@ -300,7 +300,7 @@ class CompiledHost:
             if at:
                 self.arrays[at].reshape(table.shape)[...] = table
 
-    def run(  # noqa: PLR0915 - from the first row to the last
+    def run(  # noqa: PLR0912, PLR0915 - from the first row to the last
         self, monitor: RowMonitor, changes: ScheduledChanges, progress: TimeProgress | None = None, threads: int = 1
     ) -> None:
         """Run the loop to its end or until no member is left; the changes of the first row have been applied.

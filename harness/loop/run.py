@@ -113,8 +113,8 @@ def _run(
             return
     if any(change.settings is not None for change in loop.changes):
         raise ControllerError(
-            "settings of the loop change during the run, which only machine code can; expected a linear controller, and "
-            "the plant 'model'"
+            "settings of the loop change during the run, which only machine code can; expected a linear controller, "
+            "and the plant 'model'"
         )
     PythonHost(plant, law, loop, readings).run(monitor, changes, progress)
 

@@ -5,7 +5,7 @@ A live page writes what was dragged in it as such a motion; its C has the same f
 
 from bisect import bisect_left, bisect_right
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,9 @@ from gough_stewart.harness.section import ByType, FileName
 from gough_stewart.harness.table_file import numbers_of, read_table
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    import polars
 
 # What a hand's filter follows, of positions [m] and angles [rad].
 HAND_FILTERS = (
@@ -51,22 +54,22 @@ class ByHand(ReferenceChoice):
         """The motion, then the targets of the file."""
         path = folder / self.file
         try:
-            table = read_table(path, "reference")
-            missing = [name for name in TARGET_COLUMNS if name not in table.columns]
-            if missing:
-                raise MotionError(f"has no column {missing[0]}; expected {', '.join(TARGET_COLUMNS)}")
-            time, *targets, jumps = (numbers_of(table, name) for name in TARGET_COLUMNS)
-            samples = np.rint(time / self.sample_time).astype(int)
-            apart = np.abs(time - samples * self.sample_time)
-            if not len(time) or (np.diff(samples) < 0).any() or (samples < 0).any() or apart.max() > ROUNDING:
-                raise MotionError(
-                    f"expected rows in order of time, at multiples of sample_time, {self.sample_time:g} s"
-                )
+            samples, targets, jumps = self._rows_of(read_table(path, "reference"))
         except (MotionError, TableError) as error:
             raise MotionError(f"{path}: {error}") from error
-        return HandMotion(
-            self.motion.about(platform, folder), self.sample_time, samples.tolist(), np.stack(targets, axis=1), jumps
-        )
+        return HandMotion(self.motion.about(platform, folder), self.sample_time, samples, targets, jumps)
+
+    def _rows_of(self, table: "polars.DataFrame") -> tuple[list[int], FloatArray, FloatArray]:
+        """Samples, targets (n, 6), and which of them jump (n,)."""
+        missing = [name for name in TARGET_COLUMNS if name not in table.columns]
+        if missing:
+            raise MotionError(f"has no column {missing[0]}; expected {', '.join(TARGET_COLUMNS)}")
+        time, *targets, jumps = (numbers_of(table, name) for name in TARGET_COLUMNS)
+        samples = np.rint(time / self.sample_time).astype(int)
+        apart = np.abs(time - samples * self.sample_time)
+        if not len(time) or (np.diff(samples) < 0).any() or (samples < 0).any() or apart.max() > ROUNDING:
+            raise MotionError(f"expected rows in order of time, at multiples of sample_time, {self.sample_time:g} s")
+        return samples.tolist(), np.stack(targets, axis=1), jumps
 
     @property
     def highest_frequency(self) -> float:

@@ -178,8 +178,8 @@ def live_machine(experiment: Experiment) -> Live:
         )
     if any(change.has_settings for change in experiment.change):
         raise ExportError(
-            f"{name} changes settings of its loop during the run, which are tuned by hand in a page; expected [[change]] "
-            "of parameters alone"
+            f"{name} changes settings of its loop during the run, which are tuned by hand in a page; expected "
+            "[[change]] of parameters alone"
         )
     prepared = prepare(experiment)
     try:

@@ -23,7 +23,6 @@ from gough_stewart.harness.experiment.preparation import Batch, prepare
 from gough_stewart.harness.experiment.schema import ChangeChoice
 from gough_stewart.harness.export import machine
 from gough_stewart.harness.export.machine import Block, kinds, machine_block, machine_c, machine_of
-
 from gough_stewart.harness.loop.python_host import streams_of
 from gough_stewart.harness.loop.run import Run, simulate
 from tests.harness.loop import test_compiled_laws as laws

@@ -202,7 +202,7 @@ def test_a_loop_is_played_with(browser: Browser, tmp_path: Path) -> None:  # noq
 
 
 def test_an_open_loop_on_a_phone_has_its_forces_by_hand(browser: Browser, tmp_path: Path) -> None:
-    """Expected: it stands until it is told; the published forces at first, then what a field says; nothing overflows."""
+    """Expected: it stands until it is told; the published forces at first, then a field's; nothing overflows."""
     with opened(browser, tmp_path / "open.html", "paper_open_loop", (390, 844)) as found:
         page = found.page
         assert page.inner_text("#play") == "▶ play"
