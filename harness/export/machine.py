@@ -94,7 +94,10 @@ _PLAN_FIELDS = {
 _TURN_FIELDS = {
     "WHOLE": ("variant", "n_plant", "n_work", "most_states"),
     "NUMBER": ("sample_time", "filter_time", "tracking_time"),
-    "PLACE": ("masses", "gains", "notch", "wanted", "used", "A", "B", "C", "to_space", "to_force", "work", "results"),
+    "PLACE": (
+        *("channels", "masses", "gains", "notch", "wanted", "used"),
+        *("A", "B", "C", "to_space", "to_force", "work", "results"),
+    ),
 }
 
 
@@ -286,6 +289,8 @@ def machine_block(
         "plan_kind": -1,
         **{f"turn_{name}": value for name, value in (turned or {}).items()},
     }
+    if turned is not None and turned["variant"] >= 0:
+        values["turn_channels"] = _channels_of(host, VARIANTS[turned["variant"]])
     if endless:
         # constant forces are those of each sample
         values |= {"last": _NEVER, "feedforward.row": 0, **_beyond(loop, kept)}
@@ -479,6 +484,27 @@ class TurnableLaw(NamedTuple):
 
 _DERIVATIVES: tuple[DerivativeOn, ...] = ("error", "measurement")
 VARIANTS = tuple(TurnableLaw(*fixed) for fixed in product(_DERIVATIVES, (False, True), METHODS, (False, True)))
+
+
+def _channels_of(host: CompiledHost, law: TurnableLaw) -> NDArray[np.int64]:
+    """Of each entry of a law (n, 2) its channel, and its place in that one's [C D; A B].
+
+    The states of all channels' controllers come first, then those of their notches.
+    """
+    rows, columns, of_controllers, of_notches = *host.entries, 1 + law.integrates, 2 * law.has_notch
+
+    def channel_of(states: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        beyond = states - N_LEGS * of_controllers
+        notch, its_state = np.divmod(beyond, of_notches or 1)
+        channel, state = np.divmod(states, of_controllers)
+        return np.where(beyond < 0, channel, notch), np.where(beyond < 0, state, of_controllers + its_state)
+
+    of_channel, n = of_controllers + of_notches, host.structure.n_states
+    channel, state = channel_of(rows - N_LEGS)
+    row = np.where(rows < N_LEGS, 0, 1 + state)
+    column = np.where(columns < n, channel_of(columns)[1], of_channel + (columns - n) // N_LEGS)
+    place = row * (of_channel + host.structure.kinds) + column
+    return np.stack([np.where(rows < N_LEGS, rows, channel), place], axis=1)
 
 
 def turning(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:

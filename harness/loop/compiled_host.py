@@ -113,6 +113,8 @@ class CompiledHost:
         What machine code gets.
     arrays
         The arrays that the structure points to, by address.
+    entries
+        Rows and columns of a linear law's elements of [C D; A B] (2, n).
     """
 
     def __init__(  # noqa: PLR0915 - `loop` of c/loop/loop.h, part by part
@@ -144,7 +146,7 @@ class CompiledHost:
             memory[:n_states, :n] = law.state.T
             positions = law.positions
             laws = [*law.matrices, *(matrix_of(s.system) for s in turned if s.system is not None)]
-            entry_row, entry_column = self._entries = np.argwhere(np.any([M != 0 for M in laws], axis=0)).T
+            entry_row, entry_column = self.entries = np.argwhere(np.any([M != 0 for M in laws], axis=0)).T
             parts |= {
                 "kinds": law.kinds,
                 "entries": len(entry_row),
@@ -288,8 +290,8 @@ class CompiledHost:
         if isinstance(self._law, LinearLaw) and settings.system is not None:
             new, memory = matrix_of(settings.system), self._memory["memory"][:, 0]
             old = np.zeros_like(new)
-            old[*self._entries] = self.arrays[c.values.at][0, :, 0]
-            tables["values"] = new[*self._entries][:, None]
+            old[*self.entries] = self.arrays[c.values.at][0, :, 0]
+            tables["values"] = new[*self.entries][:, None]
             n = c.n_states
             for state in filters_of(old, n):
                 rests = [float(M[N_LEGS + state, n:] @ memory[n:] / (1 - M[N_LEGS + state, state])) for M in (old, new)]

@@ -338,35 +338,16 @@ static int64_t refused(const turning *t, const double used[])
     return 0;
 }
 
-/* The channel of a state, and which of its own it is: those of all controllers come first, then those of notches. */
-static int64_t channel_of(int64_t state, int controllers, int notches, int64_t *own)
-{
-    int64_t first = (int64_t)N_LEGS * controllers, beyond = state - first;
-    *own = beyond < 0 ? state % controllers : controllers + beyond % notches;
-    return beyond < 0 ? state / controllers : beyond / notches;
-}
-
 /* The law's entries, from the matrices [C D; A B] of each channel. */
 static void turn_law(const turning *t, const loop *l, const double used[])
 {
-    int controllers = STATES[t->variant][0], notches = STATES[t->variant][1], states = controllers + notches;
     double channels[N_LEGS][MOST_ELEMENTS_OF_CHANNEL];
     for (int i = 0; i < N_LEGS; i++) {
         const double values[] = {used[i], used[N_LEGS + i], used[2 * N_LEGS + i], used[USED_FILTER], used[USED_TRACKING + i]};
         LAWS[t->variant](values, t->notch, &t->sample_time, channels[i]);
     }
-    for (int64_t k = 0; k < l->entries; k++) {
-        int64_t row = l->entry_row[k], column = l->entry_column[k], own_row = 0, own_column = 0, channel = row;
-        if (row >= N_LEGS) {
-            channel = channel_of(row - N_LEGS, controllers, notches, &own_row);
-            own_row++;
-        }
-        if (column < l->n_states)
-            channel_of(column, controllers, notches, &own_column);
-        else
-            own_column = states + (column - l->n_states) / N_LEGS;
-        ((double *)l->values.at)[k * l->values.element] = channels[channel][own_row * (states + l->kinds) + own_column];
-    }
+    for (int64_t k = 0; k < l->entries; k++)
+        ((double *)l->values.at)[k * l->values.element] = channels[t->channels[2 * k]][t->channels[2 * k + 1]];
 }
 
 /* A state of the law: what u brings to it, its pole, and its part of the output. */
