@@ -121,7 +121,9 @@ const filesOf = (given, session) => {
     const lines = targets.map(({ row, values, jumps }) => [time(row), ...values, jumps].join(","));
     files["targets.csv"] = `time,x,y,z,roll,pitch,yaw,jumps\n${lines.join("\n")}\n`;
   }
-  file.loop.duration = duration;
+  // it runs as it did: nobody asked whether the machine can follow, and a command has to act before the end
+  if (events.length) file.limits = { ...file.limits, reference: "warn" };
+  file.loop.duration = Math.max(duration, time(every * (Math.max(file.loop.delay ?? 0, 0) + 2)));
 
   // the rows of the last minute, the oldest first
   const size = 56, { ring } = session, kept = Math.min(session.ringed, ring.length / size), first = session.ringed - kept;

@@ -148,10 +148,3 @@ def test_an_unstable_loop_has_poles_and_no_margins() -> None:
         gs.margins("heave_step", {"controller.bandwidth": 15.0, "loop.delay": 12})
     assert found[0] == pytest.approx(abs(error.value.eigenvalue), rel=1e-9)
     assert np.isnan(found[2:34]).all()
-
-
-def test_an_open_loop_has_no_margins() -> None:
-    ours = machine_of("paper_open_loop", {})
-    assert ours("margins") == 1
-    assert turn(ours, {"force_limit": 50.0}) == 0
-    assert np.abs(ours.run(20)["row_forces"][5:]).max() == 50.0
