@@ -124,6 +124,7 @@
     const { time, failure, lost } = message, now = performance.now();
     for (let k = 0; k < message.points.length; k += message.size) points.push(message.points.subarray(k, k + message.size));
     points.splice(0, points.length - MOST);
+    if (!built) setTimeout(build, 50);
     last = points[points.length - 1] || null;
     fresh = true;
     if (playing && rate && now - rate.at > 500) {
@@ -153,8 +154,11 @@
     run();
   });
 
-  // The 3-D view comes once the loop runs, since software takes a second for its first picture.
+  // The 3-D view comes once the loop runs, or soon, since software takes a second for its first picture.
+  let built = false;
   const build = () => {
+    if (built) return;
+    built = true;
     try {
       stage = GS.liveStage($("view"));
       stage.colourBy($("colour").value);
@@ -193,6 +197,6 @@
   GS.onTheme(() => { fresh = true; });
   engine.listen();
   requestAnimationFrame(frame);
-  setTimeout(build, playing ? 150 : 0);
+  setTimeout(build, playing ? 1000 : 0);
   GS.live = { some, get frames() { return frames; }, get last() { return last && [...last]; }, get over() { return over; }, get playing() { return playing; } };
 })();
