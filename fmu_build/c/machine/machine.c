@@ -350,43 +350,33 @@ static void turn_law(const turning *t, const loop *l, const double used[])
         ((double *)l->values.at)[k * l->values.element] = channels[t->channels[2 * k]][t->channels[2 * k + 1]];
 }
 
-/* A state of the law: what u brings to it, its pole, and its part of the output. */
-typedef struct {
-    double input, pole, part;
-} law_state;
-
-static law_state state_of(const loop *l, int64_t state)
+/* What a state of the law is of its force. */
+static double part_of(const loop *l, int64_t state)
 {
-    law_state s = {0, 0, 0};
-    for (int64_t k = 0; k < l->entries; k++) {
-        int64_t row = l->entry_row[k], column = l->entry_column[k];
-        double value = l->values.at[k * l->values.element];
-        if (row == N_LEGS + state && column >= l->n_states)
-            s.input += value * l->memory[column];
-        else if (row == N_LEGS + state && column == state)
-            s.pole += value;
-        else if (row < N_LEGS && column == state)
-            s.part += value;
-    }
-    return s;
+    double part = 0;
+    for (int64_t k = 0; k < l->entries; k++)
+        if (l->entry_row[k] < N_LEGS && l->entry_column[k] == state)
+            part += l->values.at[k * l->values.element];
+    return part;
 }
 
 /* Other gains. Before the first sample the law begins at rest. Later each filter of a derivative gives the force that it
-   gave, since what it holds of a length is far more than what it holds of a velocity: x = r' + c/c' (x - r) about its
-   rest r = b u / (1 - a). */
+   gave, since what it holds of a length is far more than what it holds of a velocity: about its rest r, c x is kept, as
+   x = r' + c/c' (x - r). */
 static void turn_law_on(machine *m, const double used[])
 {
     loop *l = &m->loop;
     int64_t controllers = STATES[m->turned.variant][0];
-    law_state before[N_LEGS];
+    double before[MOST_LAW_STATES], after[MOST_LAW_STATES], part[N_LEGS];
+    rest_of_law(l, before);
     for (int i = 0; i < N_LEGS; i++)
-        before[i] = state_of(l, i * controllers);
+        part[i] = part_of(l, i * controllers);
     turn_law(&m->turned, l, used);
-    for (int i = 0; l->at_row[0] && i < N_LEGS; i++) {
-        law_state b = before[i], after = state_of(l, i * controllers);
-        double *x = l->memory + i * controllers;
-        *x = after.input / (1 - after.pole) + b.part / after.part * (*x - b.input / (1 - b.pole));
-    }
+    rest_of_law(l, after);
+    if (!l->at_row[0])
+        memcpy(l->memory, after, (size_t)l->n_states * sizeof *after);
+    for (int64_t i = 0, k = 0; l->at_row[0] && i < N_LEGS; i++, k += controllers)
+        l->memory[k] = after[k] + part[i] / part_of(l, k) * (l->memory[k] - before[k]);
 }
 
 int64_t machine_turn(int64_t *block)
@@ -406,8 +396,6 @@ int64_t machine_turn(int64_t *block)
         int64_t fault = refused(t, used);
         if (fault)
             return fault;
-        turn_law_on(m, used);
-        memcpy(t->used, used, sizeof used);
     }
     *(double *)l->delay.at = wanted[DELAY];
     m->plan.ahead = (wanted[DELAY] + 0.5) * t->sample_time;
@@ -431,8 +419,10 @@ int64_t machine_turn(int64_t *block)
         if (m->plan.kind >= 0)
             plan_rows(m, 0, 1);
         loop_begin(&m->members, l);
-        if (t->variant >= 0)
-            law_at_rest(l);
+    }
+    if (t->variant >= 0) {
+        turn_law_on(m, used);
+        memcpy(t->used, used, sizeof used);
     }
     return 0;
 }

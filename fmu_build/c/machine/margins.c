@@ -175,10 +175,9 @@ static void solve(int64_t n, int64_t m, double complex *M, double complex *R)
         }
 }
 
-void law_at_rest(const loop *l)
+void rest_of_law(const loop *l, double rest[])
 {
-    enum { MOST = N_LEGS * 4 };
-    double complex M[MOST * MOST] = {0}, x[MOST] = {0};
+    double complex M[MOST_LAW_STATES * MOST_LAW_STATES] = {0}, x[MOST_LAW_STATES] = {0};
     int64_t n = l->n_states;
     for (int64_t i = 0; i < n; i++)
         M[i * n + i] = 1;
@@ -197,7 +196,7 @@ void law_at_rest(const loop *l)
         }
     solve(n, 1, M, x);
     for (int64_t i = 0; i < n; i++)
-        l->memory[i] = creal(x[i]);
+        rest[i] = creal(x[i]);
 }
 
 /* ---- the loop -------------------------------------------------------------------------------------------------- */

@@ -50,7 +50,8 @@ typedef struct {
 /* Poles, modes and margins of the linear loop with the present gains and delay. Returns 0, or 1 if there are too many
    states, or no controller. */
 int64_t turn_margins(turning *t, const loop *l);
-/* Sets the states of a law of channels, x = A x + B u, 0 where they integrate. */
-void law_at_rest(const loop *l);
+/* The states of a law of channels at rest, x = A x + B u, 0 where they integrate. */
+enum { MOST_LAW_STATES = 4 * N_LEGS };
+void rest_of_law(const loop *l, double rest[]);
 
 #endif

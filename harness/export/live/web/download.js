@@ -75,8 +75,6 @@
       said.textContent = "the link's settings cannot be read; the experiment's own are used";
     }
   };
-  tune.onChange(keep);
-  reference.onChange(keep);
-  for (const id of [...SLIDERS, "speed"]) $(id).addEventListener("input", keep);
+  for (const name of ["input", "change", "click", "pointerup", "keydown"]) $("main").addEventListener(name, keep);
   GS.download = { restore, link };
 })();

@@ -1,11 +1,7 @@
 "use strict";
-// A slider with its number, and who hears of a change.
+// A slider with its number.
 (() => {
   const GS = GoughStewart;
-  GS.listeners = () => {
-    const all = [];
-    return { add: (listener) => { all.push(listener); }, call: () => { for (const listener of all) listener(); } };
-  };
   // `to` and `from` are the slider's place, 0 to 1, of a value, and back; a special value has a text of its own.
   GS.field = (host, { id, label, unit, step, to, from, text, set, valid = () => true, expected, special, said }) => {
     const slider = GS.element("input", { type: "range", id, min: 0, max: 1, step, "aria-label": `${label} ${unit}`.trim(), autocomplete: "off" });

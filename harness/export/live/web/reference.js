@@ -7,7 +7,7 @@
     const [unit, factor] = k < 3 ? ["mm", 1000] : ["°", 180 / Math.PI];
     return { name, unit, factor, most: given.reach[k] * factor, start: 0 };
   });
-  const axes = open ? forces : poses, changed = GS.listeners();
+  const axes = open ? forces : poses;
   // from home, in the unit that is shown
   const wanted = axes.map((axis) => axis.start);
   let taken = false, held = null, stepped = 2, out = false;
@@ -33,7 +33,6 @@
     if (open) engine.say("forces", { values: [...wanted] });
     else engine.say("target", { values: wanted.map((value, k) => given.home[k] + value / axes[k].factor) });
     show();
-    changed.call();
   };
   // A pad moves two axes: by mouse or finger, while it is held.
   const pads = (open ? [] : [[0, 1], [5, 2], [3, 4]]).map(([i, j], number) => {
@@ -106,7 +105,6 @@
     poll,
     wanted: () => (taken || open ? [...wanted] : null),
     to: (values) => set(Object.fromEntries(values.map((value, k) => [k, value ?? 0]))),
-    onChange: changed.add,
     begun: () => {
       taken = false;
       out = false;

@@ -25,7 +25,7 @@
     noise: ["noise", "µm", um, 0, 200, "square", !isOpen],
     quantisation: ["quantisation", "µm", um, 0, 500, "square", !isOpen],
   };
-  const now = [...wanted], changed = GS.listeners();
+  const now = [...wanted];
   const text = (key, value) => GS.short(Number((value * kinds[key][2]).toPrecision(4)));
   const fields = names.map((key, k) => {
     const [label, unit, factor, low, high, scale, has, special] = kinds[key], [to, from] = SCALES[scale];
@@ -48,7 +48,6 @@
   const to = (values) => {
     now.splice(0, now.length, ...values);
     send();
-    changed.call();
   };
   const set = (k, value) => to(now.map((old, j) => (j === k ? value : old)));
   engine.on("tuned", ({ status }) => {
@@ -106,5 +105,5 @@
   };
   engine.on("margins", ({ values }) => { last = values; show(values); });
   GS.onTheme(() => { if (last) show(last); });
-  GS.tune = { now, names, to, onChange: changed.add, get margins() { return last && [...last]; } };
+  GS.tune = { now, names, to, get margins() { return last && [...last]; } };
 })();
