@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gough_stewart.harness.control.by_hand import HandMotion
 from gough_stewart.harness.control.controllers import ControllerChoice, Feedforward, feedforward
 from gough_stewart.harness.control.faults import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.frequency_response import InjectionChoice
@@ -36,7 +37,6 @@ from gough_stewart.harness.loop.loop import (
     stroke_of,
 )
 from gough_stewart.harness.loop.timing import Seed, Seeds, Timing, as_numbers
-from gough_stewart.harness.motion.by_hand import HandMotion
 from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, jacobians_of, legs_of
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of
 from gough_stewart.harness.motion.references import ReferenceChoice

@@ -16,11 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.cache import COMPILER, check_installed, digest_of
-from gough_stewart.fmu_build.component import Sources
-from gough_stewart.fmu_build.libraries import machine_library, machine_sources
-from gough_stewart.fmu_build.sources import defines
-from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY
+from gough_stewart.fmu_build.cache import digest_of
+from gough_stewart.harness.control.by_hand import HAND_FILTERS
 from gough_stewart.harness.control.controllers import Feedforward, OpenLoop, SixChannels
 from gough_stewart.harness.control.faults import N_FAULTS
 from gough_stewart.harness.control.laws import linear_of
@@ -33,11 +30,10 @@ from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopBlock
-from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of, compiled_form, components_header
+from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of, compiled_form
 from gough_stewart.harness.loop.loop import Actuators, Change, Loop, LoopSettings, ScheduledChanges, Sensors
 from gough_stewart.harness.loop.python_host import SensorReadings
-from gough_stewart.harness.motion.by_hand import HAND_FILTERS
-from gough_stewart.harness.motion.motion import ROUNDING, Piecewise, Reference, end_of
+from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of
 from gough_stewart.harness.motion.references import AboutPose, Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant
@@ -46,15 +42,10 @@ from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError
 from gough_stewart.model.interface import IDEAL, Variant
-from gough_stewart.model.process.installed import TRACER, prebuilt_content, state_of_package, state_of_texts
 from gough_stewart.model.vectors import FloatArray
 
-# In the manifest of prebuilt files.
-MACHINE = "machine.wasm"
-# Packages besides the model and its units from which the C is made.
-_TRACED = tuple(f"gough_stewart.harness.{name}" for name in ("control", "export", "loop", "motion", "plants"))
 # Of a block: its version, number of words, and whether it is open; then room for what C makes of its fields.
-_HEAD, _ROOM, _VERSION = 4, 352, 4
+HEAD, ROOM, _VERSION = 4, 352, 4
 # The last row of a machine without an end.
 _NEVER = 2**53
 N_MOTION = 18
@@ -109,79 +100,41 @@ class Block(NamedTuple):
     variant: Variant = IDEAL
 
 
-class _Field(NamedTuple):
+class BlockField(NamedTuple):
     name: str  # `reference`, `reference.row`, `plan_kind`
     kind: str
     member: str  # of `machine` in C
 
 
-# ---- the C ----
-
-
-def machine_c(law: Any = None, variant: Variant = IDEAL) -> Sources:
-    """Units and headers of c/machine for plants of a variant, with a user's law if there is one."""
-    return _shipped_c(variant) if law is None else machine_sources(*_headers(variant), law, variant)
-
-
-def shipped_wasm(variant: Variant = IDEAL) -> bytes:
-    """The C of shipped components as WebAssembly: what came with the package, else from the cache, else compiled.
-
-    The package has that of ideal plants.
-
-    Raises
-    ------
-    BuildError, OSError
-        It is not in the cache and cannot be compiled, or the cache cannot be written.
-    """
-    content = None if variant.parts else prebuilt_content(MACHINE, machine_texts())
-    if content is None:
-        check_installed(TRACER, COMPILER)
-        module = machine_library(machine_c(variant=variant), WEB_ASSEMBLY)
-        content = module.kept(WEB_ASSEMBLY).read_bytes()
-    return content
-
-
-@cache
-def machine_texts() -> str:
-    """The state of all sources that the C depends on, for `prebuilt`."""
-    return digest_of("".join([state_of_texts(), *map(state_of_package, _TRACED)]).encode())
-
-
-@cache
-def _shipped_c(variant: Variant) -> Sources:
-    return machine_sources(*_headers(variant), variant=variant)
-
-
-@cache
-def _headers(variant: Variant) -> tuple[str, str, str, str]:
-    from gough_stewart.harness.export.design_c import design_header  # these import CasADi
-    from gough_stewart.harness.export.plan_c import plan_header
-
-    return components_header(), _fields_header(variant), plan_header(), design_header()
+# ---- fields ----
 
 
 @cache
 def fields() -> dict[str, int]:
     """The number of each field, by name: `reference`, `reference.row`, `signals`."""
-    return {field.name: k for k, field in enumerate(_fields())}
+    return {field.name: k for k, field in enumerate(all_fields())}
 
 
 @cache
-def _fields() -> tuple[_Field, ...]:
-    found = [_Field(name, "WHOLE" if k < 2 else "PLACE", f"members.{name}") for k, name in enumerate(BATCH_FIELDS)]
+def all_fields() -> tuple[BlockField, ...]:
+    found = [BlockField(name, "WHOLE" if k < 2 else "PLACE", f"members.{name}") for k, name in enumerate(BATCH_FIELDS)]
     kinds = {ctypes.c_double: "NUMBER", ctypes.c_void_p: "PLACE"}
     for name, kind, *_ in LoopBlock._fields_:
         parts = [part for part, *_ in kind._fields_] if issubclass(kind, ctypes.Structure) else []
         for part in parts:
             at = part == "at"
-            found.append(_Field(name if at else f"{name}.{part}", "PLACE" if at else "WHOLE", f"loop.{name}.{part}"))
+            found.append(
+                BlockField(name if at else f"{name}.{part}", "PLACE" if at else "WHOLE", f"loop.{name}.{part}")
+            )
         if not parts:
-            found.append(_Field(name, "LAW" if name == "law" else kinds.get(kind, "WHOLE"), f"loop.{name}"))
+            found.append(BlockField(name, "LAW" if name == "law" else kinds.get(kind, "WHOLE"), f"loop.{name}"))
     for prefix, structure, by_kind in (
         *(("", "", _MACHINE_FIELDS), ("plan_", "plan.", _PLAN_FIELDS), ("turn_", "turned.", _TURN_FIELDS)),
     ):
         found += [
-            _Field(f"{prefix}{name}", kind, f"{structure}{name}") for kind, names in by_kind.items() for name in names
+            BlockField(f"{prefix}{name}", kind, f"{structure}{name}")
+            for kind, names in by_kind.items()
+            for name in names
         ]
     return tuple(found)
 
@@ -189,26 +142,7 @@ def _fields() -> tuple[_Field, ...]:
 @cache
 def version(variant: Variant = IDEAL) -> int:
     """Of the layout of blocks: a digest of all fields, and of the parts of the plant, which give sizes."""
-    return int(digest_of(" ".join([f"{_VERSION} {_fields()}", *variant.parts]).encode())[:12], 16)
-
-
-def _fields_header(variant: Variant) -> str:
-    """`machine_fields.h`: the number of each field, and how C reads them."""
-    sizes = {
-        "MACHINE_HEAD": _HEAD,
-        "MACHINE_ROOM": _ROOM,
-        "MACHINE_FIELDS": _HEAD + _ROOM,
-        "MACHINE_N_FIELDS": len(_fields()),
-        "MACHINE_LAW_FIELD": fields()["law"],
-        "MACHINE_VERSION": version(variant),
-        "N_MOTION": N_MOTION,
-        "MOTION_ROUNDING": ROUNDING,
-    }
-    numbers = {f"MACHINE_{name.upper().replace('.', '_')}": k for name, k in fields().items()}
-    reads = " \\\n    ".join(
-        f"m->{field.member} = {field.kind}({k});" for k, field in enumerate(_fields()) if field.kind != "LAW"
-    )
-    return f"{defines(sizes)}\n\n{defines(numbers)}\n\n#define MACHINE_READ \\\n    {reads}\n"
+    return int(digest_of(" ".join([f"{_VERSION} {all_fields()}", *variant.parts]).encode())[:12], 16)
 
 
 # ---- a run as a block ----
@@ -337,8 +271,8 @@ def _of_loop(host: CompiledHost) -> dict[str, Any]:
 def _words(values: Mapping[str, Any], variant: Variant) -> NDArray[np.int64]:
     """The words of a block: its head, its fields, then the arrays that these point to."""
     words, data = list[int](), list[NDArray[np.int64]]()
-    end = _HEAD + _ROOM + len(_fields())
-    for field in _fields():
+    end = HEAD + ROOM + len(all_fields())
+    for field in all_fields():
         value = values.get(field.name)
         if field.kind == "PLACE":
             raw = b"" if value is None else np.ascontiguousarray(value).tobytes()
@@ -349,7 +283,7 @@ def _words(values: Mapping[str, Any], variant: Variant) -> NDArray[np.int64]:
         else:
             number = value or 0
             words.append(int(np.float64(number).view(np.int64)) if field.kind == "NUMBER" else int(number))
-    head = np.zeros(_HEAD + _ROOM, np.int64)
+    head = np.zeros(HEAD + ROOM, np.int64)
     head[:2] = version(variant), end
     return np.concatenate([head, np.array(words, np.int64), *data])
 

@@ -28,9 +28,9 @@ from gough_stewart.harness.export.machine import (
     fields,
     machine_of,
     planned_motion,
-    shipped_wasm,
     turning,
 )
+from gough_stewart.harness.export.machine_c import shipped_wasm
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.harness.plants import signals

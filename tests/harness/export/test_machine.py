@@ -22,7 +22,8 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import Batch, prepare
 from gough_stewart.harness.experiment.schema import ChangeChoice
 from gough_stewart.harness.export import machine
-from gough_stewart.harness.export.machine import Block, kinds, machine_block, machine_c, machine_of
+from gough_stewart.harness.export.machine import Block, kinds, machine_block, machine_of
+from gough_stewart.harness.export.machine_c import machine_c
 from gough_stewart.harness.loop.python_host import streams_of
 from gough_stewart.harness.loop.run import Run, simulate
 from tests.harness.loop import test_compiled_laws as laws
@@ -143,7 +144,7 @@ def test_webassembly_has_the_bits_of_native_code(name: str, tmp_path: Path) -> N
     law = case.block.law
     native = Machine(case.block, law)
     native.run(ROWS)
-    theirs, start = in_webassembly(case.block, tmp_path), machine._HEAD + machine._ROOM
+    theirs, start = in_webassembly(case.block, tmp_path), machine.HEAD + machine.ROOM
     assert len(theirs) == len(native.words)
     if law is None:
         assert np.array_equal(theirs[start:], native.words[start:])
@@ -200,7 +201,7 @@ def test_a_machine_computes_its_motion_and_forces(kind: str) -> None:
     """Expected: the rows of `run`, whose references and feedforward NumPy computes in advance, to 1e-10 of scale."""
     name, feedforward = ("task", "computed_torque") if "faded" in kind else ("pd", "gravity")
     block, record = planned(kind, name, feedforward)
-    assert kinds()[block.words[machine._HEAD + machine._ROOM + machine.fields()["plan_kind"]]] == kind
+    assert kinds()[block.words[machine.HEAD + machine.ROOM + machine.fields()["plan_kind"]]] == kind
     found, theirs = Machine(block).run(ROWS), rows_of(record)
     scale = np.abs(theirs).max(axis=0)
     assert (np.abs(found["row_signals"] - theirs) <= 1e-10 * scale).all()
@@ -222,7 +223,7 @@ def test_a_machine_that_sticks_and_gives(tmp_path: Path) -> None:
     experiment = experiment.model_copy(update={"change": [ChangeChoice(at=0.03, factors={"platform_mass": 1.5})]})
     block, record = machine_of(experiment, prepare(experiment), kept=ROWS), gs.run(experiment)
     words = in_webassembly(block, tmp_path)
-    at = words[machine._HEAD + machine._ROOM + machine.fields()["row_signals"]]
+    at = words[machine.HEAD + machine.ROOM + machine.fields()["row_signals"]]
     found, theirs = words[at : at + 24 * ROWS].view(float).reshape(ROWS, 24), rows_of(record)
     assert np.abs(found - theirs).max() <= 1e-9
     assert np.abs(record["leg_bristle"]).max() > 1e-6
@@ -235,7 +236,7 @@ def test_webassembly_plans_with_native_bits(kind: str, tmp_path: Path) -> None:
     block, _ = planned(kind, "task", "computed_torque") if "faded" in kind else planned(kind, "pd", "gravity")
     native = Machine(block)
     native.run(ROWS)
-    start = machine._HEAD + machine._ROOM
+    start = machine.HEAD + machine.ROOM
     assert np.array_equal(in_webassembly(block, tmp_path)[start:], native.words[start:])
 
 
