@@ -65,8 +65,8 @@ def _headers(variant: Variant) -> tuple[str, str, str, str]:
 def _fields_header(variant: Variant) -> str:
     """`machine_fields.h`: the number of each field, and how C reads them."""
     sizes = {
-        "MACHINEHEAD": HEAD,
-        "MACHINEROOM": ROOM,
+        "MACHINE_HEAD": HEAD,
+        "MACHINE_ROOM": ROOM,
         "MACHINE_FIELDS": HEAD + ROOM,
         "MACHINE_N_FIELDS": len(all_fields()),
         "MACHINE_LAW_FIELD": fields()["law"],

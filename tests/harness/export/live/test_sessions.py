@@ -3,6 +3,7 @@
 import json
 import subprocess
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -70,20 +71,22 @@ def session_of(rng: np.random.Generator, data: dict[str, Any]) -> list[dict[str,
         place, on = int(rng.choice([0, 3, 18 + 4])), int(rng.integers(2))
         messages.append({"type": "add", "name": "faults", "from": place, "values": [on]})
 
-    closed = [
+    closed: list[Callable[[], None]] = [
         target, target, jump, fault,
         lambda: tuned(bandwidth=float(rng.uniform(1.5, 3.5)), damping_ratio=float(rng.uniform(0.6, 1.2))),
         lambda: tuned(proportional=float(rng.uniform(0.8, 1.3)), derivative=float(rng.uniform(0.9, 1.4))),
         lambda: tuned(filter_time=float(rng.choice([0.0, 0.006]))),
         lambda: tuned(noise=float(rng.choice([0.0, 2e-6]))),
     ]  # fmt: skip
-    shared = [
+    shared: list[Callable[[], None]] = [
         payload, tilt, push, push,
         lambda: tuned(delay=int(rng.integers(4))),
         lambda: tuned(force_limit=[None, 1.2 * data["largestForce"], 5 * data["largestForce"]][rng.integers(3)]),
         lambda: messages.append({"type": "again"}),
     ]  # fmt: skip
-    forces = [lambda: messages.append({"type": "forces", "values": rng.uniform(45, 60, 6).tolist()})] * 4
+    forces: list[Callable[[], None]] = [
+        lambda: messages.append({"type": "forces", "values": rng.uniform(45, 60, 6).tolist()})
+    ] * 4
     acts = shared + (forces if data["isOpen"] else closed)
     for _ in range(int(rng.integers(6, 16))):
         acts[rng.integers(len(acts))]()
