@@ -35,7 +35,7 @@ from gough_stewart.fmu_build.libraries import (
 )
 from gough_stewart.fmu_build.plant.component import DEPENDENCIES, KERNEL_SOURCE, plant_component, traced_dependencies
 from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY, Target, chosen_targets
-from gough_stewart.harness.export.machine import MACHINE, machine_c, machine_texts
+from gough_stewart.harness.export.machine_c import MACHINE, machine_c, machine_texts
 from gough_stewart.harness.loop.libraries import loop_code
 from gough_stewart.harness.results.metric_folds import folds_code
 from gough_stewart.model.kernel import FUNCTIONS, new_block, parameter_vector, traced_call

@@ -17,15 +17,15 @@ def _force_limit(value: Any) -> float | str:
     return positive_or_word(value, "N", "platform", "none")
 
 
+ForceLimit = Annotated[
+    float | str, BeforeValidator(_force_limit), Unit("N"), Field(description="largest force of an actuator")
+]
+
+
 class ActuatorChoice(Section):
     """`[actuators]`: limits, and the time constant of a lag; the platform's force limit by default."""
 
-    force_limit: Annotated[
-        float | str,
-        BeforeValidator(_force_limit),
-        Unit("N"),
-        Field(description="largest force of an actuator"),
-    ] = "platform"
+    force_limit: ForceLimit = "platform"
     rate_limit: Annotated[PositiveForceRate | None, Field(description="rate limit of the drives")] = None
     lag: Annotated[Time, Field(description="time constant of the drives")] = 0.0
 

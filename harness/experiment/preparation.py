@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gough_stewart.harness.control.by_hand import HandMotion
 from gough_stewart.harness.control.controllers import ControllerChoice, Feedforward, feedforward
 from gough_stewart.harness.control.faults import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.frequency_response import InjectionChoice
@@ -25,7 +26,16 @@ from gough_stewart.harness.experiment import schema
 from gough_stewart.harness.experiment.overrides import Values, by_table, table_with
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.libraries import are_traced, loop_kernel
-from gough_stewart.harness.loop.loop import Actuators, Change, Limits, Loop, Sensors, changes_of_members, stroke_of
+from gough_stewart.harness.loop.loop import (
+    Actuators,
+    Change,
+    Limits,
+    Loop,
+    LoopSettings,
+    Sensors,
+    changes_of_members,
+    stroke_of,
+)
 from gough_stewart.harness.loop.timing import Seed, Seeds, Timing, as_numbers
 from gough_stewart.harness.motion.limits.reach import LegMotion, WhenBeyond, check_reach, jacobians_of, legs_of
 from gough_stewart.harness.motion.motion import Motion, Reference, centre_of, end_of
@@ -90,6 +100,7 @@ class Setup:
     injection: FloatArray | None
     actuators: Actuators
     limits: Limits
+    turned: tuple[Change, ...] = ()  # of the loop's settings
 
     @property
     def known(self) -> KnownAhead:
@@ -269,6 +280,13 @@ class Batch:
         return InParallel(plant, law_from, filled.loop, len(filled))
 
 
+def _structure(controller: Any) -> tuple[Any, ...]:
+    """What stays of a linear controller while its gains change."""
+    if controller is None:
+        return ()
+    return controller.space, controller.signals, controller.kinds, controller.system.nstates
+
+
 def _runs_in_c(controllers: Sequence[Controller | None]) -> bool:
     is_linear = all(controller is None or isinstance(controller, LinearController) for controller in controllers)
     return is_linear or are_traced(controllers)
@@ -421,6 +439,11 @@ class Preparation:
             As in `prepare`.
         """
         experiment, where, errors = self.experiment, self._where, dict[int, GoughStewartError]()
+        if seeds is not None and any(change.has_settings for change in experiment.change):
+            text = (
+                "settings of the loop change during the run, which members of an ensemble cannot; expected parameters"
+            )
+            raise ExperimentError(where, "change", text)
         candidates, believed = list[int](), list[_Believed]()
         of_machines, sensors = list[dict[str, Any]](), list[Sensors]()
 
@@ -461,7 +484,8 @@ class Preparation:
                 setup = self._once(self._setup, believed[at], injection)
                 changing = [believed[at].tables[name] for name in ("change", "disturbance", "fault")]
                 machine = machines[at] if changing[0] else None
-                changes.append(self._once(self._changes, *changing, machine) if has_changes else ())
+                of_machine_and_load = self._once(self._changes, *changing, machine) if has_changes else ()
+                changes.append(of_machine_and_load + setup.turned)
             except GoughStewartError as error:
                 errors[k] = error
                 continue
@@ -545,6 +569,8 @@ class Preparation:
         elif isinstance(controller, UnitController):
             forces = np.zeros_like(forces)
 
+        turned, forces = self._turned(tables, platform, planned, controller, forces)
+
         # what ends a run: an open loop only leaves its stroke; at a distance of a leg length, control is lost
         bound = limits.position_error
         if bound is None:
@@ -560,7 +586,49 @@ class Preparation:
             injection=once(self._injection, tables["injection"], platform, planned, injection),
             actuators=Actuators(limited.actuator_force_max, drives.rate_limit, drives.lag, loop.delay),
             limits=Limits(stroke, self.experiment.limits.stroke, bound),
+            turned=turned,
         )
+
+    def _turned(
+        self,
+        tables: Mapping[str, Any],
+        platform: Platform,
+        planned: Planned | None,
+        controller: Controller | None,
+        forces: FloatArray,
+    ) -> tuple[tuple[Change, ...], FloatArray]:
+        """Changes of the loop's settings at their samples, and the feedforward (m, 6) [N] with them."""
+        choice, drives, loop, sensors = (tables[name] for name in ("controller", "actuators", "loop", "sensors"))
+        choices = sorted((c for c in tables["change"] if c.has_settings), key=lambda change: change.at)
+        turned, forces, timing = list[Change](), forces.copy() if choices else forces, self._timing
+        with part_of(self._where, "change"):
+            if choices and (self.controller is not None or not isinstance(controller, LinearController | None)):
+                raise ControllerError("settings of the loop change, which only those of linear controllers can")
+            for change in choices:
+                sample = -(-timing.row(change.at, "a change") // timing.steps_a_sample)
+                new = {name: getattr(change, name) for name in ("noise", "quantisation")}
+                sensors = sensors.model_copy(update={name: size for name, size in new.items() if size is not None})
+                choice = change.controller or choice
+                delay = loop.delay if change.delay is None else change.delay
+                loop = loop.model_copy(update={"delay": delay})
+                drives = drives.model_copy(update={"force_limit": change.force_limit or drives.force_limit})
+                law = self._controller(choice, platform)
+                if _structure(law) != _structure(controller):
+                    raise ControllerError(
+                        f"controller at {change.at:g} s has the structure {_structure(law)}; expected that of the "
+                        f"experiment's, {_structure(controller)}"
+                    )
+                limit = limited_platform(platform, drives.force_limit).actuator_force_max
+                settings = LoopSettings(
+                    getattr(law, "system", None),
+                    Sensors(**dict(sensors)),
+                    Actuators(limit, drives.rate_limit, drives.lag, delay),
+                )
+                turned.append(Change(sample * timing.sample_time, settings=settings))
+                forces[sample:] = choice.planned(self._feedforward(choice.feedforward, delay, platform, planned))[
+                    sample:
+                ]
+        return tuple(change for change in turned if change.time < timing.duration), forces
 
     @cached_property
     def _timing(self) -> Timing:
@@ -577,7 +645,10 @@ class Preparation:
         reference, motion = reference_motion(self.experiment, choice, limited, timing)
         with part_of(self._where, "reference"):
             centre = centre_of(reference)
-            exceeded = check_reach(limited, timing.times, motion, condition_number, centre=centre, dynamic=when_beyond)
+            is_by_hand = isinstance(reference, HandMotion)  # nobody has planned it
+            beyond: dict[str, WhenBeyond] = {"dynamic": "warn" if is_by_hand else when_beyond}
+            beyond["geometric"] = "warn" if is_by_hand else "refuse"
+            exceeded = check_reach(limited, timing.times, motion, condition_number, centre=centre, **beyond)
             legs = legs_of(limited, motion)
             signals = np.concatenate([*motion[:4], *legs, *motion[4:]], axis=-1)
             at = slice(0, timing.steps, timing.steps_a_sample)
@@ -602,8 +673,12 @@ class Preparation:
         if planned is None:
             return np.zeros((len(samples), 6))
         # forces are held, so evaluate them in the middle of that interval
-        ahead = samples + (delay + 0.5) * self._timing.sample_time
-        return feedforward(kind, platform, planned.reference(np.minimum(ahead, end_of(planned.reference))))
+        ahead, reference = (delay + 0.5) * self._timing.sample_time, planned.reference
+        if isinstance(reference, HandMotion):
+            motion = reference.foreseen(samples, ahead)
+        else:
+            motion = reference(np.minimum(samples + ahead, end_of(reference)))
+        return feedforward(kind, platform, motion)
 
     def _controller(self, choice: ControllerChoice, platform: Platform) -> Controller | None:
         """The controller that replaces the experiment's, or the experiment's."""

@@ -7,11 +7,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
+from gough_stewart.harness.control import by_hand  # noqa: F401 - by being there its motion is known
 from gough_stewart.harness.control.controllers import ControllerChoice
-from gough_stewart.harness.control.drive import ActuatorChoice
+from gough_stewart.harness.control.drive import ActuatorChoice, ForceLimit
 from gough_stewart.harness.control.faults import FaultChoice
 from gough_stewart.harness.control.frequency_response import InjectionChoice
-from gough_stewart.harness.control.sensor import SensorChoice
+from gough_stewart.harness.control.sensor import PerSignal, SensorChoice
 from gough_stewart.harness.motion import excitation  # noqa: F401 - by being there its motion is known
 from gough_stewart.harness.motion.limits.reach import WhenBeyond
 from gough_stewart.harness.motion.limits.shares import WORST_CONDITION_NUMBER
@@ -121,13 +122,16 @@ class Start(Section):
     angular_velocity: AngularVelocity | None = None
 
 
+Delay = Annotated[int, Field(ge=0, le=1000)]
+
+
 class LoopChoice(Section):
     """`[loop]`: sample times, and the delay of the forces in samples."""
 
     duration: PositiveTime
     sample_time: PositiveTime = 1e-3
     plant_step: PositiveTime | None = None
-    delay: Annotated[int, Field(ge=0, le=1000)] = 0
+    delay: Delay = 0
     jitter: Time = 0.0
 
 
@@ -142,16 +146,33 @@ class LimitChoice(Section):
 
 
 class ChangeChoice(Section):
-    """`[[change]]`: new values of tunable parameters from a time on, or factors on the present ones."""
+    """`[[change]]`: from a time on other parameters of the machine, or factors on them, or other settings of the loop.
+
+    `controller` is a whole table of the same type and structure as `[controller]`; the others are keys of `[loop]`,
+    `[actuators]` and `[sensors]`. Settings hold from the next sample on.
+    """
 
     at: Time
     parameters: PlatformParameters = Field(default_factory=dict)
     factors: dict[str, Number] = Field(default_factory=dict)
+    controller: Annotated[ControllerChoice, ByType()] | None = None
+    delay: Delay | None = None
+    force_limit: ForceLimit | None = None
+    noise: PerSignal | None = None
+    quantisation: PerSignal | None = None
+
+    @property
+    def has_settings(self) -> bool:
+        """Whether it changes settings of the loop."""
+        settings = (self.controller, self.delay, self.force_limit, self.noise, self.quantisation)
+        return any(setting is not None for setting in settings)
 
     @model_validator(mode="after")
     def _something(self) -> "ChangeChoice":
-        if not self.parameters and not self.factors:
-            raise ValueError("has no effect; expected parameters or factors")
+        if not self.parameters and not self.factors and not self.has_settings:
+            raise ValueError("has no effect; expected parameters, factors, or settings of the loop")
+        if self.has_settings and not self.at:
+            raise ValueError("at is 0 s, where settings are those of the tables; expected a later time")
         return self
 
 

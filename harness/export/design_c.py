@@ -24,7 +24,7 @@ from gough_stewart.harness.control.pid import (
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.control.state_space import matrices_at
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.variants import VARIANTS, TurnableLaw
+from gough_stewart.harness.export.machine import VARIANTS, TurnableLaw
 from gough_stewart.harness.plants.signals import N_LEGS
 
 

@@ -1,35 +1,40 @@
 """A machine with its loop as one block of words, for the plain C of c/machine: exports, units, pages.
 
-The block has everything that a run needs: coefficients, motion, noise, changes, start values and memory. The C is the
-same for all loops of shipped components; see c/machine/machine.h.
+The block has everything that a run needs: coefficients, motion, noise, changes, start values and memory, and what may
+be turned while it runs. The C is the same for all loops of shipped components; see c/machine/machine.h. A motion's kind
+is a number of C's functions, see `plan_c`; a table or path is its pieces.
 """
 
 import ctypes
 import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cache
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.fmu_build.cache import COMPILER, check_installed, digest_of
-from gough_stewart.fmu_build.component import Sources
-from gough_stewart.fmu_build.libraries import machine_library, machine_sources
-from gough_stewart.fmu_build.toolchain import WEB_ASSEMBLY
-from gough_stewart.harness.control.controllers import Feedforward, OpenLoop
+from gough_stewart.fmu_build.cache import digest_of
+from gough_stewart.harness.control.by_hand import HAND_FILTERS
+from gough_stewart.harness.control.controllers import Feedforward, OpenLoop, SixChannels
 from gough_stewart.harness.control.faults import N_FAULTS
+from gough_stewart.harness.control.laws import linear_of
 from gough_stewart.harness.control.laws_of_members import LawFrom, LinearLaw
+from gough_stewart.harness.control.loop_transfer import held_plant, space_of
+from gough_stewart.harness.control.pid import DAMPING_RATIO, DerivativeOn, Gains, channels_of, modal_masses
+from gough_stewart.harness.control.smoothing import Smoothing
+from gough_stewart.harness.control.state_space import METHODS, Method
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.preparation import Prepared
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.plan import BY_HAND, FEEDFORWARD, N_MOTION, Plan, planned_motion, smoothing
-from gough_stewart.harness.export.turned import FIELDS as TURNING
-from gough_stewart.harness.export.turned import Turned
 from gough_stewart.harness.loop.compiled_host import MEMORY, CompiledHost, LoopBlock
-from gough_stewart.harness.loop.libraries import CompiledLaw, compiled_form, components_header
-from gough_stewart.harness.loop.loop import Loop, ScheduledChanges
+from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of, compiled_form
+from gough_stewart.harness.loop.loop import Actuators, Change, Loop, LoopSettings, ScheduledChanges, Sensors
 from gough_stewart.harness.loop.python_host import SensorReadings
-from gough_stewart.harness.motion.motion import ROUNDING
+from gough_stewart.harness.motion.motion import Piecewise, Reference, end_of
+from gough_stewart.harness.motion.references import AboutPose, Chirp, Circle, Hold, PointToPoint, Sine, Step
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.lanes import BATCH_FIELDS, LanesPlant
 from gough_stewart.harness.plants.plant import seen
@@ -37,53 +42,54 @@ from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model import interface
 from gough_stewart.model.errors import MembersError
 from gough_stewart.model.interface import IDEAL, Variant
-from gough_stewart.model.process.installed import TRACER, prebuilt_content, state_of_package, state_of_texts
 from gough_stewart.model.vectors import FloatArray
 
-# In the manifest of prebuilt files.
-MACHINE = "machine.wasm"
-# Packages besides the model and its units from which the C is made.
-_TRACED = tuple(f"gough_stewart.harness.{name}" for name in ("control", "export", "loop", "motion", "plants"))
 # Of a block: its version, number of words, and whether it is open; then room for what C makes of its fields.
-_HEAD, _ROOM, _VERSION = 4, 352, 3
+HEAD, ROOM, _VERSION = 4, 352, 4
 # The last row of a machine without an end.
 _NEVER = 2**53
-_CHANGES = (
-    ("n_changes", "WHOLE"),
-    ("kept", "WHOLE"),
-    ("change_rows", "PLACE"),
-    ("change_parameters", "PLACE"),
-    ("change_inputs", "PLACE"),
-    ("change_faults", "PLACE"),
-    ("forever", "WHOLE"),
-    ("n_samples", "WHOLE"),
-    ("sample_rows", "PLACE"),
-    ("injected", "PLACE"),
-    ("clock", "PLACE"),
-    ("injections", "PLACE"),
+N_MOTION = 18
+# Places in the results of `machine_margins`, see machine.h, and the points of its grid of frequencies.
+POLES = 4 + 5 * N_LEGS + 1
+_POINTS = 900
+# Samples of delay for which there is room.
+MOST_DELAY = 12
+# What may be turned, in the order of C.
+WANTED = (
+    *("bandwidth", "damping_ratio", "integral_time", "filter_time", "proportional", "derivative", "integral"),
+    *("delay", "force_limit", "noise", "quantisation"),
 )
-# `planned` of c/machine/machine.c.
-_PLAN = (
-    ("kind", "WHOLE"),
-    ("coefficients", "PLACE"),
-    ("n_pieces", "WHOLE"),
-    ("begins", "PLACE"),
-    ("pieces", "PLACE"),
-    ("end", "NUMBER"),
-    ("platform", "PLACE"),
-    ("feedforward", "WHOLE"),
-    ("ahead", "NUMBER"),
-    ("given", "PLACE"),
-    ("given_at", "PLACE"),
-    ("target", "PLACE"),
-    ("smoothing", "PLACE"),
-    ("smoothed", "PLACE"),
-    ("samples", "PLACE"),
-    ("reference", "PLACE"),
-    ("forces", "PLACE"),
-    ("jacobians", "PLACE"),
-    ("inverses", "PLACE"),
-)
+_ENCODERS = "leg_length"
+# There has to be room in the loop for what is turned.
+_TURNED = LoopSettings(None, Sensors({_ENCODERS: 1.0}, {_ENCODERS: 1.0}), Actuators(1.0, delay=MOST_DELAY))
+_FEEDFORWARD: tuple[Feedforward, ...] = ("none", "gravity", "computed_torque")
+# What the first two numbers of a motion's kinds mean; with a faded one C has a function of its own.
+_GIVEN, _PIECES, _FADED = "given", "pieces", "faded"
+
+# Fields of structures of C by their kinds: WHOLE numbers, NUMBERs, PLACEs of arrays.
+_MACHINE_FIELDS = {
+    "WHOLE": ("n_changes", "kept", "forever", "n_samples"),
+    "PLACE": (
+        *("change_rows", "change_parameters", "change_inputs", "change_faults"),
+        *("sample_rows", "injected", "clock", "injections"),
+    ),
+}
+_PLAN_FIELDS = {
+    "WHOLE": ("kind", "n_pieces", "feedforward"),
+    "NUMBER": ("end", "ahead"),
+    "PLACE": (
+        *("coefficients", "begins", "pieces", "platform", "given", "given_at", "target", "smoothing", "smoothed"),
+        *("samples", "reference", "forces", "jacobians", "inverses"),
+    ),
+}
+_TURN_FIELDS = {
+    "WHOLE": ("variant", "n_plant", "n_work", "most_states"),
+    "NUMBER": ("sample_time", "filter_time", "tracking_time"),
+    "PLACE": (
+        *("channels", "masses", "gains", "notch", "wanted", "used"),
+        *("A", "B", "C", "to_space", "to_force", "work", "results"),
+    ),
+}
 
 
 class Block(NamedTuple):
@@ -94,67 +100,77 @@ class Block(NamedTuple):
     variant: Variant = IDEAL
 
 
-class _Field(NamedTuple):
-    name: str  # of C: `with.reference.at`
-    kind: str  # WHOLE, NUMBER, PLACE, or LAW
+class BlockField(NamedTuple):
+    name: str  # `reference`, `reference.row`, `plan_kind`
+    kind: str
+    member: str  # of `machine` in C
+
+
+# ---- fields ----
 
 
 @cache
 def fields() -> dict[str, int]:
     """The number of each field, by name: `reference`, `reference.row`, `signals`."""
-    return {each.name.partition(".")[2].removesuffix(".at"): k for k, each in enumerate(_all_fields())}
-
-
-def machine_c(law: Any = None, variant: Variant = IDEAL) -> Sources:
-    """Units and headers of c/machine for plants of a variant, with a user's law if there is one."""
-    return _shipped_c(variant) if law is None else machine_sources(*_headers(variant), law, variant)
-
-
-def shipped_wasm(variant: Variant = IDEAL) -> bytes:
-    """The C of shipped components as WebAssembly: what came with the package, else from the cache, else compiled.
-
-    The package has that of ideal plants.
-
-    Raises
-    ------
-    BuildError, OSError
-        It is not in the cache and cannot be compiled, or the cache cannot be written.
-    """
-    content = None if variant.parts else prebuilt_content(MACHINE, machine_texts())
-    if content is None:
-        check_installed(TRACER, COMPILER)
-        module = machine_library(machine_c(variant=variant), WEB_ASSEMBLY)
-        content = module.kept(WEB_ASSEMBLY).read_bytes()
-    return content
+    return {field.name: k for k, field in enumerate(all_fields())}
 
 
 @cache
-def machine_texts() -> str:
-    """The state of all sources that the C depends on, for `prebuilt`."""
-    return digest_of("".join([state_of_texts(), *map(state_of_package, _TRACED)]).encode())
+def all_fields() -> tuple[BlockField, ...]:
+    found = [BlockField(name, "WHOLE" if k < 2 else "PLACE", f"members.{name}") for k, name in enumerate(BATCH_FIELDS)]
+    kinds = {ctypes.c_double: "NUMBER", ctypes.c_void_p: "PLACE"}
+    for name, kind, *_ in LoopBlock._fields_:
+        parts = [part for part, *_ in kind._fields_] if issubclass(kind, ctypes.Structure) else []
+        for part in parts:
+            at = part == "at"
+            found.append(
+                BlockField(name if at else f"{name}.{part}", "PLACE" if at else "WHOLE", f"loop.{name}.{part}")
+            )
+        if not parts:
+            found.append(BlockField(name, "LAW" if name == "law" else kinds.get(kind, "WHOLE"), f"loop.{name}"))
+    for prefix, structure, by_kind in (
+        *(("", "", _MACHINE_FIELDS), ("plan_", "plan.", _PLAN_FIELDS), ("turn_", "turned.", _TURN_FIELDS)),
+    ):
+        found += [
+            BlockField(f"{prefix}{name}", kind, f"{structure}{name}")
+            for kind, names in by_kind.items()
+            for name in names
+        ]
+    return tuple(found)
 
 
 @cache
-def _shipped_c(variant: Variant) -> Sources:
-    return machine_sources(*_headers(variant), variant=variant)
+def version(variant: Variant = IDEAL) -> int:
+    """Of the layout of blocks: a digest of all fields, and of the parts of the plant, which give sizes."""
+    return int(digest_of(" ".join([f"{_VERSION} {all_fields()}", *variant.parts]).encode())[:12], 16)
 
 
-@cache
-def _headers(variant: Variant) -> tuple[str, str, str, str]:
-    from gough_stewart.harness.export.design_c import design_header  # these import CasADi
-    from gough_stewart.harness.export.plan_c import plan_header
+# ---- a run as a block ----
 
-    return components_header(), _fields_header(variant), plan_header(), design_header()
+
+def machine_of(
+    experiment: Experiment,
+    prepared: Prepared,
+    kept: int = 64,
+    forever: bool = False,
+    turned: Mapping[str, Any] | None = None,
+) -> Block:
+    """A run of an experiment as a block, with its plan; see `machine_block`."""
+    planned = _planned(experiment, prepared, kept)
+    tolerance = experiment.plant.tolerance
+    plant = LanesPlant([prepared.machine], [prepared.start], tolerance=tolerance, kernel=prepared.kernel)
+    with plant, prepared.law_in_a_run() as law_from:
+        return machine_block(plant, law_from, prepared.loop, planned, kept, forever, turned)
 
 
 def machine_block(
     plant: LanesPlant,
     law_from: LawFrom | None,
     loop: Loop,
-    plan: Plan | None = None,
+    planned: Mapping[str, Any] | None = None,
     kept: int = 64,
     forever: bool = False,
-    turned: Turned | None = None,
+    turned: Mapping[str, Any] | None = None,
 ) -> Block:
     """A run of one member as a block.
 
@@ -162,14 +178,14 @@ def machine_block(
     ----------
     plant
         At its start, of one member.
-    plan
-        What it follows, which C computes row by row if it has this kind of motion; otherwise tables.
+    planned
+        The fields of what it follows, which C computes row by row; otherwise there are tables of all rows.
     kept
         Rows that a call of `machine_run` keeps, at most.
     forever
         It does not end with the run, if it has a plan or needs none; jitter and injection do.
     turned
-        What may be turned while it runs, and the linear loop.
+        The fields of what may be turned while it runs, see `turning`.
 
     Raises
     ------
@@ -187,81 +203,89 @@ def machine_block(
         raise ControllerError(
             "the controller has no plain operations; expected a linear one, or a CasADi function, which C can have"
         )
-    plant.set_inputs(changes.inputs[:1])
-    own = CompiledHost(plant, form, loop if turned is None else turned.with_room(loop), reading)
-    own.fail(changes.faults[:1])
+    plant.set_inputs(changes["inputs"][:1])
+    room = () if turned is None else (Change(0.0, faults=np.zeros(N_FAULTS), settings=_TURNED),)
+    host = CompiledHost(plant, form, replace(loop, changes=(*room, *loop.changes)), reading)
+    host.fail(changes["faults"][:1])
     if failures := plant.begin():
         raise MembersError(failures)
-    arrays = own.arrays
-    if turned is not None:
-        turned.begin(own.structure, arrays)
-    outputs: dict[str, NDArray[Any]] = {
-        "row_signals": np.zeros((kept, signals.SIZE)),
-        "row_forces": np.zeros((kept, N_LEGS)),
-        "row_force_limited": np.zeros((kept, N_LEGS), np.uint8),
-        "row_rate_limited": np.zeros((kept, N_LEGS), np.uint8),
+    endless = forever and (planned is not None or loop.reference is None)
+    values = {
+        **{name: getattr(plant.batch, name)[..., 0] for name in BATCH_FIELDS[2:]},
+        **{"blocks": 1, "stride": 1, "parameters": plant.batch.parameters[0, :, 0]},
+        **_of_loop(host),
+        **_table("row_signals", np.zeros((kept, signals.SIZE))),
+        **_table("row_forces", np.zeros((kept, N_LEGS))),
+        **_table("row_force_limited", np.zeros((kept, N_LEGS), np.uint8)),
+        **_table("row_rate_limited", np.zeros((kept, N_LEGS), np.uint8)),
+        **{"kept": kept, "n_changes": len(changes["rows"]) - 1},
+        **{f"change_{name}": array[1:] for name, array in changes.items()},
+        "plan_kind": -1,
+        **{f"turn_{name}": value for name, value in (turned or {}).items()},
     }
-    planned = _planned(plan, loop, own.structure, kept)
-    made = _Words()
-    c = own.structure
-    endless = forever and (bool(planned) or loop.reference is None)
+    if turned is not None and turned["variant"] >= 0:
+        values["turn_channels"] = _channels_of(host, VARIANTS[turned["variant"]])
     if endless:
-        c.last = _NEVER
-    beyond = _beyond(loop, kept) if endless else {}
-    own_parts: dict[str, dict[str, Any]] = {
-        "own": {**beyond, **changes.words, "kept": kept},
-        "plan": {f"plan_{key}": value for key, value in (planned or {"kind": -1}).items()},
-        "turn": {} if turned is None else {f"turn_{key}": value for key, value in turned.fields.items()},
-    }
-    for name, kind in _all_fields():
-        part, _, rest = name.partition(".")
-        if part in own_parts:
-            made.value(kind, own_parts[part].get(rest, 0))
-        elif planned and rest.partition(".")[0] in _TABLES:
-            made.planned_table(rest, planned)
-        elif endless and rest == "feedforward.row":
-            made.add(0)  # of constant forces
-        elif part == "of":
-            made.batch(rest, plant)
-        elif rest.partition(".")[0] in outputs:
-            made.output(rest, outputs[rest.partition(".")[0]])
-        elif kind == "LAW":
-            made.add(int(bool(c.law)))
-        else:
-            made.loop(rest, kind, c, arrays)
+        # constant forces are those of each sample
+        values |= {"last": _NEVER, "feedforward.row": 0, **_beyond(loop, kept)}
+    if planned is not None:
+        values |= {f"plan_{name}": value for name, value in planned.items()}
+        # C sets the places of these tables in each call
+        for name, of_plan in _TABLES.items():
+            values |= {**_table(name, planned.get(of_plan)), name: None}
     law_function = form.law.function if isinstance(form, CompiledLaw) else None
-    return Block(made.block(plant.batch.variant), law_function, plant.batch.variant)
+    variant = plant.batch.variant
+    return Block(_words(values, variant), law_function, variant)
 
 
 # Tables of the loop that a plan replaces, and where C computes them.
 _TABLES = {"reference": "reference", "feedforward": "forces", "jacobian": "jacobians", "inverse": "inverses"}
 
 
-def _planned(plan: Plan | None, loop: Loop, c: Any, kept: int) -> dict[str, Any]:
-    """The fields of `planned`; none without a plan, or if C lacks its motion."""
-    motion = None if plan is None else planned_motion(plan.reference)
-    if plan is None or motion is None:
-        return {}
-    every = loop.timing.steps_a_sample
-    samples = kept // every + 2
-    parameters = [np.ravel(getattr(plan.platform, v.name)) for v in interface.PLATFORM_PARAMETERS]
-    maps = {name: np.zeros((samples, 36)) for name in ("jacobians", "inverses") if c.inverse.at}
-    return {
-        **motion._asdict(),
-        "n_pieces": len(motion.begins),
-        "platform": np.concatenate(parameters).astype(float),
-        "feedforward": FEEDFORWARD.index(plan.feedforward),
-        "ahead": plan.ahead,
-        "given": np.zeros(N_MOTION),
-        "given_at": np.zeros(1),
-        "target": np.zeros(6),
-        "smoothing": np.concatenate([smoothing(each, loop.timing.sample_time) for each in (plan.by_hand or BY_HAND)]),
-        "smoothed": np.zeros(18),
-        "samples": -np.ones(1, np.int64),
-        "reference": np.zeros((kept + every, 30)),
-        "forces": np.zeros((samples, N_LEGS)),
-        **maps,
-    }
+def _table(name: str, values: NDArray[Any] | None) -> dict[str, Any]:
+    """The fields of a table (rows, elements) of one member, or of none."""
+    row = 0 if values is None else values.shape[1]
+    return {name: values, f"{name}.row": row, f"{name}.element": 0 if values is None else 1}
+
+
+def _of_loop(host: CompiledHost) -> dict[str, Any]:
+    """The fields of the loop: members are left out, and tables begin at their first row."""
+    c, values = host.structure, dict[str, Any]()
+    for name, kind, *_ in LoopBlock._fields_:
+        value = getattr(c, name)
+        if name == "law":
+            values[name] = bool(value)
+        elif issubclass(kind, ctypes.Structure):
+            array = host.arrays.get(value.at or 0)
+            if array is not None:
+                values[name] = array[..., 0] if array.ndim > 1 else array
+                values[f"{name}.row"], values[f"{name}.element"] = math.prod(array.shape[1:-1]), 1
+        elif kind is not ctypes.c_void_p:
+            values[name] = value
+        elif value:
+            array = host.arrays[value]
+            values[name] = array if name not in MEMORY else array[:1] if array.ndim == 1 else array[:, 0]
+    return values
+
+
+def _words(values: Mapping[str, Any], variant: Variant) -> NDArray[np.int64]:
+    """The words of a block: its head, its fields, then the arrays that these point to."""
+    words, data = list[int](), list[NDArray[np.int64]]()
+    end = HEAD + ROOM + len(all_fields())
+    for field in all_fields():
+        value = values.get(field.name)
+        if field.kind == "PLACE":
+            raw = b"" if value is None else np.ascontiguousarray(value).tobytes()
+            array = np.frombuffer(raw + bytes(-len(raw) % 8), np.int64)
+            words.append(end if array.size else 0)
+            data.append(array)
+            end += len(array)
+        else:
+            number = value or 0
+            words.append(int(np.float64(number).view(np.int64)) if field.kind == "NUMBER" else int(number))
+    head = np.zeros(HEAD + ROOM, np.int64)
+    head[:2] = version(variant), end
+    return np.concatenate([head, np.array(words, np.int64), *data])
 
 
 def _beyond(loop: Loop, kept: int) -> dict[str, Any]:
@@ -279,190 +303,206 @@ def _beyond(loop: Loop, kept: int) -> dict[str, Any]:
     }
 
 
-class _Changes(NamedTuple):
-    """What changes at rows, at the begin (row 0) first."""
+def _changes(plant: LanesPlant, loop: Loop) -> dict[str, NDArray[Any]]:
+    """Rows of the start and of each change, and parameters, inputs (n, 12) and faults from there on.
 
-    rows: NDArray[np.int64]
-    parameters: FloatArray  # (n, N_PARAMETERS)
-    inputs: FloatArray  # (n, 12)
-    faults: FloatArray  # (n, N_FAULTS), or (n, 0) if the loop has none, so that those of a hand stay
-
-    @property
-    def words(self) -> dict[str, Any]:
-        """What is after the begin, by field."""
-        names = ("change_rows", "change_parameters", "change_inputs", "change_faults")
-        return {"n_changes": len(self.rows) - 1, **{name: each[1:] for name, each in zip(names, self, strict=True)}}
-
-
-def _changes(plant: LanesPlant, loop: Loop) -> _Changes:
-    """Parameters, inputs and faults from the start and from each change on; the plant has those of the start again."""
-    scheduled = ScheduledChanges(loop, plant)
-    batch, found = plant.batch, []
+    The plant has those of the start again. Without faults in the loop there are none (n, 0), and those of a hand stay.
+    """
+    scheduled, batch = ScheduledChanges(loop, plant), plant.batch
+    rows = sorted({0, *scheduled.by_row})
+    parameters, inputs, faults = list[FloatArray](), list[FloatArray](), list[FloatArray]()
     first: tuple[FloatArray, FloatArray] = batch.parameters, batch.states
-    for row in sorted({0, *scheduled.by_row}):
+    for row in rows:
         scheduled.apply(row)
-        faults = scheduled.faults[0, : N_FAULTS * loop.has_faults]
-        found.append((row, batch.parameters[0, :, 0].copy(), scheduled.inputs[0].copy(), faults.copy()))
+        parameters.append(batch.parameters[0, :, 0].copy())
+        inputs.append(scheduled.inputs[0].copy())
+        faults.append(scheduled.faults[0, : N_FAULTS * loop.has_faults].copy())
         if row == 0:
             first = batch.parameters.copy(), batch.states.copy()
     # a plant that has not begun moves its motors with its parameters
     batch.parameters[...], batch.states[...] = first
-    return _Changes(np.array([row for row, *_ in found], np.int64), *(np.array(each) for each in list(zip(*found))[1:]))  # noqa: B905
-
-
-class _Words:
-    """The words of a block while it is made: its fields, then what they point to."""
-
-    def __init__(self) -> None:
-        self._fields: list[int] = []
-        self._data: list[NDArray[np.int64]] = []
-        self._end = _HEAD + _ROOM + len(_all_fields())
-
-    def add(self, value: int) -> None:
-        self._fields.append(value)
-
-    def number(self, value: float) -> None:
-        self.add(int(np.float64(value).view(np.int64)))
-
-    def array(self, values: NDArray[Any]) -> None:
-        """A place, and the values there; none of an empty array."""
-        raw = np.ascontiguousarray(values).tobytes()
-        raw += bytes(-len(raw) % 8)
-        words = np.frombuffer(raw, np.int64)
-        self.add(self._end if words.size else 0)
-        self._data.append(words)
-        self._end += len(words)
-
-    def value(self, kind: str, value: Any) -> None:
-        """A field by its kind; a place without an array is none."""
-        if kind == "NUMBER":
-            self.number(value)
-        elif kind == "PLACE":
-            self.array(np.asarray(value) if np.ndim(value) else np.zeros(0))
-        else:
-            self.add(int(value))
-
-    def planned_table(self, name: str, planned: dict[str, Any]) -> None:
-        """A table that C fills: its place is set in a call."""
-        head, _, part = name.partition(".")
-        values = planned.get(_TABLES[head])
-        self.add(0 if values is None or part in ("at", "member") else values.shape[1] if part == "row" else 1)
-
-    def batch(self, name: str, plant: LanesPlant) -> None:
-        if name in ("blocks", "stride"):
-            self.add(1)
-        elif name == "parameters":
-            self.array(plant.batch.parameters[0, :, 0])
-        else:
-            self.array(getattr(plant.batch, name)[..., 0])
-
-    def output(self, name: str, values: NDArray[Any]) -> None:
-        _, _, part = name.partition(".")
-        if part == "at":
-            self.array(values)
-        else:
-            self.add(values.shape[1] if part == "row" else 1)
-
-    def loop(self, name: str, kind: str, c: Any, arrays: dict[int, NDArray[Any]]) -> None:
-        """A field of the loop: members are left out, and tables begin at their first row."""
-        head, _, part = name.partition(".")
-        value = getattr(c, head)
-        if part:
-            values = arrays.get(value.at or 0)
-            if values is None:
-                self.add(0)
-            elif part == "at":
-                self.array(values[..., 0] if values.ndim > 1 else values)
-            elif part == "row":
-                self.add(math.prod(values.shape[1:-1]))
-            else:
-                self.add(int(part == "element"))
-        elif kind == "NUMBER":
-            self.number(value)
-        elif kind == "WHOLE":
-            self.add(int(value))
-        elif value:
-            values = arrays[value]
-            is_memory = head in MEMORY
-            self.array(values if not is_memory else values[:1] if values.ndim == 1 else values[:, 0])
-        else:
-            self.add(0)
-
-    def block(self, variant: Variant) -> NDArray[np.int64]:
-        head = np.zeros(_HEAD + _ROOM, np.int64)
-        head[:2] = version(variant), self._end
-        return np.concatenate([head, np.array(self._fields, np.int64), *self._data])
-
-
-@cache
-def version(variant: Variant = IDEAL) -> int:
-    """Of the layout of blocks: a digest of the names of all fields, and of the parts of the plant, which give sizes."""
-    return int(digest_of(" ".join([f"{_VERSION} {_all_fields()}", *variant.parts]).encode())[:12], 16)
-
-
-@cache
-def _all_fields() -> tuple[_Field, ...]:
-    found = [_Field(f"of.{name}", "WHOLE" if k < 2 else "PLACE") for k, name in enumerate(BATCH_FIELDS)]
-    for name, kind, *_ in LoopBlock._fields_:
-        if name == "law":
-            found.append(_Field("with.law", "LAW"))
-        elif isinstance(kind, type) and issubclass(kind, ctypes.Structure):
-            for part in (each[0] for each in kind._fields_):
-                found.append(_Field(f"with.{name}.{part}", "PLACE" if part == "at" else "WHOLE"))
-        else:
-            kinds = {ctypes.c_double: "NUMBER", ctypes.c_void_p: "PLACE"}
-            found.append(_Field(f"with.{name}", kinds.get(kind, "WHOLE")))
-    found += [_Field(f"own.{name}", kind) for name, kind in _CHANGES]
-    found += [_Field(f"plan.plan_{name}", kind) for name, kind in _PLAN]
-    found += [_Field(f"turn.turn_{name}", kind) for name, kind in TURNING]
-    return tuple(found)
-
-
-def _fields_header(variant: Variant) -> str:
-    """`machine_fields.h`: the number of each field, and how C reads them."""
-    from gough_stewart.fmu_build.sources import defines
-
-    known = {f"MACHINE_{name.upper().replace('.', '_')}": k for name, k in fields().items()}
-    sizes = {
-        "MACHINE_HEAD": _HEAD,
-        "MACHINE_ROOM": _ROOM,
-        "MACHINE_FIELDS": _HEAD + _ROOM,
-        "MACHINE_N_FIELDS": len(_all_fields()),
-        "MACHINE_LAW_FIELD": fields()["law"],
-        "MACHINE_VERSION": version(variant),
-        "N_MOTION": N_MOTION,
-        "MOTION_ROUNDING": ROUNDING,
+    return {
+        **{"rows": np.array(rows, np.int64), "parameters": np.array(parameters)},
+        **{"inputs": np.array(inputs), "faults": np.array(faults)},
     }
-    parts = {"of.": "members.", "with.": "loop.", "own.": "", "plan.plan_": "plan.", "turn.turn_": "turned."}
-    reads = " \\\n    ".join(
-        f"m->{next(parts[part] + name.removeprefix(part) for part in parts if name.startswith(part))} = {kind}({k});"
-        for k, (name, kind) in enumerate(_all_fields())
-        if kind != "LAW"
-    )
-    return f"{defines(sizes)}\n\n{defines(known)}\n\n#define MACHINE_READ \\\n    {reads}\n"
 
 
-def machine_of(
-    experiment: Experiment,
-    prepared: Prepared,
-    kept: int = 64,
-    forever: bool = False,
-    turned: Turned | None = None,
-) -> Block:
-    """A run of an experiment as a block, with its plan.
+# ---- motions ----
 
-    Raises
-    ------
-    ControllerError, MembersError
-        As `machine_block`.
+
+def _planned(experiment: Experiment, prepared: Prepared, kept: int) -> dict[str, Any] | None:
+    """The fields of `planned` of C: what a run follows; None if C lacks its motion, or forces are constant."""
+    reference, loop = prepared.reference, prepared.loop
+    motion = None if reference is None or isinstance(experiment.controller, OpenLoop) else planned_motion(reference)
+    if motion is None:
+        return None
+    every, T = loop.timing.steps_a_sample, loop.timing.sample_time
+    samples = kept // every + 2
+    parameters = [np.ravel(getattr(prepared.platform, v.name)) for v in interface.PLATFORM_PARAMETERS]
+    maps = ("jacobians", "inverses") if getattr(prepared.controller, "space", "leg") == "task" else ()
+    filters = [{key: np.array([getattr(choice, key)]) for key in Smoothing.keys} for choice in HAND_FILTERS]
+    return {
+        **motion,
+        "n_pieces": len(motion["begins"]),
+        "platform": np.concatenate(parameters).astype(float),
+        "feedforward": _FEEDFORWARD.index(experiment.controller.feedforward),
+        "ahead": (experiment.loop.delay + 0.5) * T,
+        "given": np.zeros(N_MOTION),
+        "given_at": np.zeros(1),
+        "target": np.zeros(6),
+        "smoothing": np.concatenate([coefficients_of(Smoothing, values, T)[:, 0] for values in filters]),
+        "smoothed": np.zeros(18),
+        "samples": -np.ones(1, np.int64),
+        "reference": np.zeros((kept + every, 30)),
+        "forces": np.zeros((samples, N_LEGS)),
+        **{name: np.zeros((samples, 36)) for name in maps},
+    }
+
+
+def planned_motion(reference: Reference) -> dict[str, Any] | None:
+    """A motion by its kind, coefficients, pieces (when each begins, and (n, 6, 6), highest power first) and end [s].
+
+    None for a motion that C lacks.
     """
-    choice, loop = experiment.plant, prepared.loop
-    kind: Feedforward = getattr(experiment.controller, "feedforward", "none")
-    ahead = (experiment.loop.delay + 0.5) * loop.timing.sample_time
-    plan = None
-    # constant forces are not planned from a motion
-    if prepared.reference is not None and not isinstance(experiment.controller, OpenLoop):
-        plan = Plan(prepared.reference, prepared.platform, kind, ahead)
-    plant = LanesPlant([prepared.machine], [prepared.start], tolerance=choice.tolerance, kernel=prepared.kernel)
-    with plant, prepared.law_in_a_run() as law_from:
-        return machine_block(plant, law_from, loop, plan, kept, forever, turned)
+    coefficients = begins = pieces = np.zeros(0)
+    if isinstance(reference, Piecewise):
+        name = _PIECES
+        begins, pieces = reference.pieces
+    elif isinstance(reference, AboutPose):
+        parts = [str(getattr(reference, "type", "")), str(getattr(reference, "plane", ""))]
+        name = "_".join(filter(None, [*parts, _FADED if getattr(reference, "fade_in", 0.0) > 0 else ""]))
+        if name not in kinds():
+            return None
+        values = [np.ravel(getattr(reference, key)) for key in keys_of(type(reference), name)]
+        coefficients = np.concatenate(values).astype(float)
+    else:
+        return None
+    arrays = {"coefficients": coefficients, "begins": begins, "pieces": pieces}
+    return {"kind": kinds().index(name), **arrays, "end": end_of(reference)}
+
+
+def kinds() -> tuple[str, ...]:
+    """The kinds of motions by number."""
+    return (_GIVEN, _PIECES, *(name for name, _ in motion_variants()))
+
+
+def motion_variants() -> Iterator[tuple[str, AboutPose]]:
+    """Each kind by name, with structure in the place of its keys."""
+    for kind in (Hold, Step, PointToPoint):
+        yield kind.model_fields["type"].default, kind.model_construct()
+    for swing in (Sine, Chirp):
+        for faded in ("", f"_{_FADED}"):
+            yield f"{swing.model_fields['type'].default}{faded}", swing.model_construct()
+    for plane in ("xy", "xz", "yz"):
+        for faded in ("", f"_{_FADED}"):
+            yield f"circle_{plane}{faded}", Circle.model_construct(plane=plane)
+
+
+def keys_of(kind: type[AboutPose], name: str) -> list[str]:
+    """The keys that are coefficients, in order."""
+    structure = {"type", "plane"} | ({"fade_in"} if _FADED not in name else set())
+    return [key for key in kind.model_fields if key not in structure]
+
+
+# ---- what is turned ----
+
+
+class TurnableLaw(NamedTuple):
+    """What of a law is fixed while its gains are turned; C has the laws by number."""
+
+    derivative_on: DerivativeOn
+    integrates: bool
+    discretisation: Method
+    has_notch: bool
+
+
+_DERIVATIVES: tuple[DerivativeOn, ...] = ("error", "measurement")
+VARIANTS = tuple(TurnableLaw(*fixed) for fixed in product(_DERIVATIVES, (False, True), METHODS, (False, True)))
+
+
+def _channels_of(host: CompiledHost, law: TurnableLaw) -> NDArray[np.int64]:
+    """Of each entry of a law (n, 2) its channel, and its place in that one's [C D; A B].
+
+    The states of all channels' controllers come first, then those of their notches.
+    """
+    rows, columns, of_controllers, of_notches = *host.entries, 1 + law.integrates, 2 * law.has_notch
+
+    def channel_of(states: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        beyond = states - N_LEGS * of_controllers
+        notch, its_state = np.divmod(beyond, of_notches or 1)
+        channel, state = np.divmod(states, of_controllers)
+        return np.where(beyond < 0, channel, notch), np.where(beyond < 0, state, of_controllers + its_state)
+
+    of_channel, n = of_controllers + of_notches, host.structure.n_states
+    channel, state = channel_of(rows - N_LEGS)
+    row = np.where(rows < N_LEGS, 0, 1 + state)
+    column = np.where(columns < n, channel_of(columns)[1], of_channel + (columns - n) // N_LEGS)
+    place = row * (of_channel + host.structure.kinds) + column
+    return np.stack([np.where(rows < N_LEGS, rows, channel), place], axis=1)
+
+
+def turning(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
+    """The fields of what may be turned while an experiment's loop runs, and of its linear loop: see machine.h."""
+    linear, loop, choice = linear_of(prepared.controller), prepared.loop, experiment.controller
+    gains = choice.gains(prepared.platform)
+    values = {"variant": -1, "sample_time": loop.timing.sample_time, "wanted": _wanted(choice, loop)}
+    if isinstance(choice, SixChannels) and gains is not None:
+        values |= _of_gains(choice, gains, prepared)
+    # the linear loop in C knows neither the sensors' own clock nor jitter
+    if linear is not None and prepared.motion is not None and not loop.worst_delay:
+        values |= _linear_loop(prepared, linear)
+    return values
+
+
+def _of_gains(choice: SixChannels, gains: Gains, prepared: Prepared) -> dict[str, Any]:
+    """Nothing if not all channels have the same actions."""
+    differentiates, integrates = np.asarray(gains.derivative) > 0, np.asarray(gains.integral) > 0
+    if not differentiates.all() or integrates.any() != integrates.all():
+        return {}
+    notch = choice.notch
+    law = TurnableLaw(choice.derivative_on, bool(integrates.all()), choice.discretisation, notch is not None)
+    used = np.concatenate([*channels_of(gains)[:3], [gains.filter_time], gains.tracking_time])
+    return {
+        "variant": VARIANTS.index(law),
+        "masses": modal_masses(prepared.platform, choice.space),
+        "gains": used,
+        "used": used,
+        "filter_time": choice.derivative_filter or 0.0,
+        "tracking_time": getattr(choice, "anti_windup_time", None) or 0.0,
+        "notch": np.zeros(3) if notch is None else np.array([notch.frequency, notch.damping, notch.depth]),
+    }
+
+
+def _wanted(choice: Any, loop: Loop) -> FloatArray:
+    limit = loop.actuators.force_limit
+    values: dict[str, Any] = {
+        "bandwidth": getattr(choice, "bandwidth", None) or 0.0,
+        "damping_ratio": getattr(choice, "damping_ratio", None) or DAMPING_RATIO,
+        "integral_time": getattr(choice, "integral_time", None) or 1.0,
+        "filter_time": 0.0,
+        **dict.fromkeys(("proportional", "derivative", "integral"), 1.0),
+        "delay": loop.actuators.delay,
+        "force_limit": math.inf if limit is None else limit,
+        "noise": loop.sensors.noise.get(_ENCODERS, 0.0),
+        "quantisation": loop.sensors.quantisation.get(_ENCODERS, 0.0),
+    }
+    return np.array([float(values[name]) for name in WANTED])
+
+
+def _linear_loop(prepared: Prepared, linear: Any) -> dict[str, Any]:
+    """The plant in the first pose of the reference, as `margins` has it, and room for its analysis."""
+    loop, motion = prepared.loop, prepared.motion
+    timing, actuators = loop.timing, loop.actuators
+    assert motion is not None  # a controller has a reference
+    pose = motion.position[0], motion.orientation[0]
+    plant = held_plant(
+        prepared.machine, linear, timing.sample_time, float(actuators.lag), *pose, side=loop.sensors.side
+    )
+    (_, readings), to_force = space_of(prepared.platform, linear, *pose)
+    n, states = plant.nstates, linear.system.nstates
+    most = n + N_LEGS * max(int(actuators.delay), MOST_DELAY) + states
+    both = n + states
+    work = both * (both + 4 * N_LEGS) + 2 * (most**2 + most + N_LEGS * _POINTS) + 2 * _POINTS
+    matrices = {"A": plant.A, "B": plant.B, "C": plant.C, "to_space": readings, "to_force": to_force}
+    room = {"work": np.zeros(work), "n_work": work, "results": np.zeros(POLES + 4 * most)}
+    return {"n_plant": n, **matrices, **room, "most_states": most}

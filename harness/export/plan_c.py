@@ -9,7 +9,7 @@ import numpy as np
 from gough_stewart.fmu_build.codegen import in_lanes
 from gough_stewart.harness.control.smoothing import Smoothing
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.plan import N_MOTION, keys_of, variants
+from gough_stewart.harness.export.machine import N_MOTION, keys_of, motion_variants
 from gough_stewart.harness.export.trace import solve_by_orthogonal
 from gough_stewart.harness.loop.libraries import traced
 from gough_stewart.harness.motion.motion import Motion, coordinates_of, extrapolated, motion_of
@@ -22,7 +22,7 @@ from gough_stewart.model.state import State
 
 def plan_header() -> str:
     """`plan.h`: the motions by kind, and what follows from a motion."""
-    functions = [_motion(name, choice) for name, choice in variants()]
+    functions = [_motion(name, choice) for name, choice in motion_variants()]
     texts = [in_lanes(each, "static void plan_", exact=True) for each in (*functions, *_along())]
     names = ", ".join(["0", "0", *(f"plan_{each.name()}" for each in functions)])
     by_hand, size, _ = traced(Smoothing, "smoothing", 3)

@@ -21,7 +21,7 @@ from gough_stewart.harness.control.laws_of_members import LinearLaw
 from gough_stewart.harness.control.sensor import Sensor
 from gough_stewart.harness.loop.folds import AT
 from gough_stewart.harness.loop.libraries import CompiledLaw, coefficients_of
-from gough_stewart.harness.loop.loop import Loop, ScheduledChanges, members_last
+from gough_stewart.harness.loop.loop import Loop, LoopSettings, ScheduledChanges, Sensors, members_last
 from gough_stewart.harness.loop.python_host import by_element, streams_of
 from gough_stewart.harness.loop.rows import AllRows, RowMonitor
 from gough_stewart.harness.plants import signals
@@ -36,6 +36,8 @@ _WORK = 30_000
 _ROWS = 1024
 # Parts of the members per thread, since some take longer.
 _PARTS = 4
+# Nearer to 1 a pole integrates.
+_INTEGRATES = 1e-6
 # Of `senses`: whether a sensor does anything, and whether it reads at the motor's side of an elastic leg.
 _SENSES, _AT_MOTOR = 1, 2
 
@@ -111,6 +113,8 @@ class CompiledHost:
         What machine code gets.
     arrays
         The arrays that the structure points to, by address.
+    entries
+        Rows and columns of a linear law's elements of [C D; A B] (2, n).
     """
 
     def __init__(  # noqa: PLR0915 - `loop` of c/loop/loop.h, part by part
@@ -118,6 +122,8 @@ class CompiledHost:
     ) -> None:
         self._plant, self._loop = plant, loop
         (n,), blocks, timing, sensors = plant.shape, plant.batch.blocks, loop.timing, loop.sensors
+        # there is room for all settings of the loop
+        turned = [change.settings for change in loop.changes if change.settings is not None]
         self.arrays: dict[int, NDArray[Any]] = {}
         parts: dict[str, Any] = {}
 
@@ -139,7 +145,8 @@ class CompiledHost:
             n_states, memory = law.state.shape[1], rows(law.matrices.shape[2])
             memory[:n_states, :n] = law.state.T
             positions = law.positions
-            entry_row, entry_column = np.argwhere((law.matrices != 0).any(axis=0)).T
+            laws = [*law.matrices, *(matrix_of(s.system) for s in turned if s.system is not None)]
+            entry_row, entry_column = self.entries = np.argwhere(np.any([M != 0 for M in laws], axis=0)).T
             parts |= {
                 "kinds": law.kinds,
                 "entries": len(entry_row),
@@ -157,29 +164,34 @@ class CompiledHost:
         parts |= {"size": len(positions), "n_states": n_states, "used": self._indices(positions)}
 
         # sensors
-        deviations, steps = (by_element(sizes, used, n) for sizes in (sensors.noise, sensors.quantisation))
-        noisy = {name: at for name in used if (deviations[at := AT[name]] > 0).any()}
+        every = [sensors, *(settings.sensors for settings in turned)]
+        deviations = np.max([by_element(sensors.noise, used, n) for sensors in every], axis=0)
+        steps = np.max([by_element(sensors.quantisation, used, n) for sensors in every], axis=0)
+        noisy = self._noisy = {name: at for name in used if (deviations[at := AT[name]] > 0).any()}
         senses = np.where((deviations > 0).any(axis=1) | (steps != 0).any(axis=1), _SENSES, 0)
+        self._used = used
+        now = self._sensor_tables(sensors)
         if senses.any():
-            coefficients = coefficients_of(Sensor, {"quantisation": steps}, np.nan)  # (n, 24, N)
-            parts["sensors"] = self._table(coefficients.swapaxes(0, 1).reshape(-1, n))
+            parts["sensors"] = self._table(now["sensors"])
         if sensors.side == "motor" and plant.batch.variant.springs:
             senses[signals.LEGS] |= _AT_MOTOR
         streams = rows(4).view(np.int64)
         if noisy:
             streams[:, :n] = streams_of(sensors.seed)
             parts["noisy"] = self._indices(np.array([(at.start, at.stop - at.start) for at in noisy.values()]))
-            parts["deviations"] = self._table(np.array([deviations[at.start] for at in noisy.values()]))
+            parts["deviations"] = self._table(now["deviations"])
         parts |= {"senses": self._indices(senses), "n_noisy": len(noisy)}
 
         # actuators
         values = {name: np.full(n, value, float) for name, value in loop.actuators.values.items()}
         delay = np.full(n, loop.actuators.delay, float)
-        if np.isfinite(values["force_limit"]).any() or np.isfinite(values["rate_limit"]).any():
+        limits = [actuators.values["force_limit"] for actuators in (loop.actuators, *(s.actuators for s in turned))]
+        if np.isfinite(np.hstack([*limits, values["rate_limit"]])).any():
             parts["limits"] = self._table(coefficients_of(ForceLimits, values, timing.sample_time))
         if np.isfinite(values["rate_limit"]).any() or (values["lag"] > 0).any():
             parts["drives"] = self._table(coefficients_of(Drive, values, timing.plant_step))
-        parts |= {"delay": self._table(delay[None]), "most_delay": int(delay.max())}
+        most_delay = int(max(delay.max(), *(settings.actuators.delay for settings in turned), 0))
+        parts |= {"delay": self._table(delay[None]), "most_delay": most_delay}
         forces = np.broadcast_to(loop.start_force, (n, N_LEGS)).T
 
         # ends of runs; without a limit, what is not a number is too far from the reference
@@ -202,7 +214,7 @@ class CompiledHost:
             "excess": rows(N_LEGS),
             "limited": rows(N_LEGS),
             "planned": rows(N_LEGS, forces),
-            "delayed": rows((int(delay.max()) + 1) * N_LEGS, np.tile(forces, (int(delay.max()) + 1, 1))),
+            "delayed": rows((most_delay + 1) * N_LEGS, np.tile(forces, (most_delay + 1, 1))),
             "target": rows(N_LEGS, forces),
             "driven": rows(2 * N_LEGS, np.tile(forces, (2, 1))),
             "acting": rows(N_LEGS, forces),
@@ -213,6 +225,7 @@ class CompiledHost:
             faults = {"cut": rows(N_LEGS), "frozen": rows(signals.SIZE), "held": rows(signals.SIZE, reading.T)}
             self._memory |= faults
         sampled = np.ascontiguousarray(timing.rows_of_samples, np.int64)
+        self._law = law
         self.structure = LoopBlock(
             members=n,
             last=timing.steps,
@@ -253,7 +266,43 @@ class CompiledHost:
             n = len(faults)
             self._memory["cut"][:, :n], self._memory["frozen"][:, :n] = faults[:, CUT].T, faults[:, FROZEN].T
 
-    def run(  # noqa: PLR0915 - from the first row to the last
+    def _sensor_tables(self, sensors: Sensors) -> dict[str, FloatArray]:
+        (n,) = self._plant.shape
+        steps, deviations = (by_element(sizes, self._used, n) for sizes in (sensors.quantisation, sensors.noise))
+        coefficients = coefficients_of(Sensor, {"quantisation": steps}, np.nan)  # (n, 24, N)
+        return {
+            "sensors": coefficients.swapaxes(0, 1).reshape(-1, n),
+            "deviations": np.array([deviations[at.start] for at in self._noisy.values()]),
+        }
+
+    def turn(self, settings: LoopSettings) -> None:
+        """Other settings of the loop of one member from the next sample on.
+
+        Each filter of a derivative goes on with the force that it gave: x = r' + c/c' (x − r) about its rest r.
+        """
+        c, timing = self.structure, self._loop.timing
+        values = {name: np.full(1, value, float) for name, value in settings.actuators.values.items()}
+        tables = {
+            **self._sensor_tables(settings.sensors),
+            "limits": coefficients_of(ForceLimits, values, timing.sample_time),
+            "delay": np.array([[float(settings.actuators.delay)]]),
+        }
+        if isinstance(self._law, LinearLaw) and settings.system is not None:
+            new, memory = matrix_of(settings.system), self._memory["memory"][:, 0]
+            old = np.zeros_like(new)
+            old[*self.entries] = self.arrays[c.values.at][0, :, 0]
+            tables["values"] = new[*self.entries][:, None]
+            n = c.n_states
+            for state in filters_of(old, n):
+                rests = [float(M[N_LEGS + state, n:] @ memory[n:] / (1 - M[N_LEGS + state, state])) for M in (old, new)]
+                output = int(np.abs(old[:N_LEGS, state]).argmax())
+                memory[state] = rests[1] + old[output, state] / new[output, state] * (memory[state] - rests[0])
+        for name, table in tables.items():
+            at = getattr(c, name).at
+            if at:
+                self.arrays[at].reshape(table.shape)[...] = table
+
+    def run(  # noqa: PLR0912, PLR0915 - from the first row to the last
         self, monitor: RowMonitor, changes: ScheduledChanges, progress: TimeProgress | None = None, threads: int = 1
     ) -> None:
         """Run the loop to its end or until no member is left; the changes of the first row have been applied.
@@ -289,6 +338,8 @@ class CompiledHost:
                     changes.apply(row)
                     plant.set_inputs(changes.inputs)
                     self.fail(changes.faults)
+                    for settings in changes.settings(row):
+                        self.turn(settings)
                 room = _ROWS if isinstance(rows, AllRows) else rows.most - rows.count
                 room = room if sink is None else len(times)
                 to = min(row + room, next(stop for stop in stops if stop > row))
@@ -360,6 +411,18 @@ class CompiledHost:
                     cause = str(plant.failure(k, float(self._loop.timing.times[row])))
                 monitor.end_one(k, row + 1, "diverged", cause)
             batch.failure[k] = Failure.GOES_ON
+
+
+def matrix_of(system: Any) -> FloatArray:
+    """[C D; A B] of a linear system (6 + n, n + size of u)."""
+    return np.block([[system.C, system.D], [system.A, system.B]])
+
+
+def filters_of(matrix: FloatArray, n_states: int) -> list[int]:
+    """The states of [C D; A B] that are filters of the first order: fed by inputs alone, and not integrators."""
+    A = matrix[N_LEGS:, :n_states]
+    alone = [k for k in range(n_states) if not np.delete(A[k], k).any()]
+    return [k for k in alone if abs(1 - A[k, k]) > _INTEGRATES and matrix[:N_LEGS, k].any()]
 
 
 def _out(values: NDArray[Any]) -> _Out:

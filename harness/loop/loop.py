@@ -6,7 +6,7 @@ The same serves a run of one member and of many in parallel: where members diffe
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -61,12 +61,21 @@ class Actuators:
         return {key: np.inf if limit is None else limit for key, limit in limits.items()} | {"lag": self.lag}
 
 
+class LoopSettings(NamedTuple):
+    """Settings of a loop that may change while it runs: the law, noise and quantisation, force limit and delay."""
+
+    system: Any  # of the linear controller, of the structure of that before; None for feedforward alone
+    sensors: Sensors
+    actuators: Actuators
+
+
 @dataclass(frozen=True)
 class Change:
     """From `time` [s] on, new values of tunable parameters, a new external wrench (6,) [N, N m], or what has failed.
 
     Faults are flags (N_FAULTS,), see `control/faults.py`. With many members, all of these may have a leading axis (N,),
-    and `members` (N,) selects those that change.
+    and `members` (N,) selects those that change. Settings are those of one member, in machine code; `time` is then that
+    of a sample, and the feedforward knows them.
     """
 
     time: float
@@ -74,6 +83,7 @@ class Change:
     external_wrench: FloatArray | None = None
     members: BoolArray | None = None
     faults: FloatArray | None = None
+    settings: LoopSettings | None = None
 
 
 @dataclass(frozen=True)
@@ -209,6 +219,10 @@ class ScheduledChanges:
         self.by_row: dict[int, list[Change]] = {}
         for change in loop.changes:
             self.by_row.setdefault(loop.timing.row(change.time, "a change"), []).append(change)
+
+    def settings(self, row: int) -> list[LoopSettings]:
+        """The loop's settings that change at a row."""
+        return [change.settings for change in self.by_row.get(row, ()) if change.settings is not None]
 
     def apply(self, row: int) -> None:
         """Pass the changes of a row to the plant, the inputs, and the faults."""

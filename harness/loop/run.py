@@ -111,6 +111,11 @@ def _run(
                 monitor.end_one(member, 0, "stopped", str(error))
             CompiledHost(plant, form, loop, reading).run(monitor, changes, progress, threads)
             return
+    if any(change.settings is not None for change in loop.changes):
+        raise ControllerError(
+            "settings of the loop change during the run, which only machine code can; expected a linear controller, "
+            "and the plant 'model'"
+        )
     PythonHost(plant, law, loop, readings).run(monitor, changes, progress)
 
 

@@ -133,11 +133,11 @@ def test_twenty_settings_at_random_for_a_minute(heave: Watched) -> None:
         page.wait_for_timeout(3000)
         if page.evaluate("GoughStewart.live.over !== null"):
             assert page.inner_text("#over-text").startswith("At ")
-            page.click("#over-again")
+            page.click("#over-restart")
             ends += 1
         else:
             assert page.evaluate("GoughStewart.live.last.every(Number.isFinite)")
     print(f"\nbegun again {ends} times of 20")
-    page.click("#turn-back")
-    page.click("#again")
+    page.click("#tune-back")
+    page.click("#restart")
     until(page, "GoughStewart.live.over === null && GoughStewart.live.last && GoughStewart.live.last[0] > 0.1")

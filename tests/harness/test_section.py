@@ -64,7 +64,8 @@ MESSAGES: dict[str, tuple[dict[str, Any], str]] = {
         {"loop": {"duration": 0, "dely": 1}, "sensors": {"seed": "x"}, "change": [{"at": 1, "values": {}}]},
         "loop.duration: is 0; expected > 0 s; loop.dely: unknown key (= 1); did you mean 'delay'?; "
         "sensors.seed: is 'x'; expected a valid integer; "
-        "change.1.values: unknown key (= {}); expected one of at, parameters, factors",
+        "change.1.values: unknown key (= {}); expected one of at, parameters, factors, controller, delay, force_limit, "
+        "noise, quantisation",
     ),
     "two faults of one table": (
         {"disturbance": [{"at": 0, "duraton": 1}]},

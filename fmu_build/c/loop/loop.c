@@ -516,6 +516,27 @@ int64_t loop_run(const batch *members, const loop *l, int64_t first, int64_t end
     return 1;
 }
 
+#if WIDTH == 1
+void loop_begin(const batch *members, const loop *l)
+{
+    vector v = {.loop = l, .stride = members->stride, .live = 1};
+    double frozen[N_SIGNALS];
+    read_group(&v.plant, members, 0, N_PARAMETERS);
+    if (l->frozen) { /* a sensor that is frozen from the begin has its first reading */
+        memcpy(frozen, l->frozen, sizeof frozen);
+        memset(l->frozen, 0, sizeof frozen);
+    }
+    read_sensors(&v, 0, l->size, l->used, everyone_of(&v));
+    if (l->frozen)
+        memcpy(l->frozen, frozen, sizeof frozen);
+    for (int i = 0; i < N_LEGS && i < l->size; i++) {
+        remember(&v, l->lengths, i, remembered(&v, l->measured, l->used[i]));
+        remember(&v, l->pose, i, (lanes)0.0);
+    }
+    feed(&v, 0, everyone_of(&v));
+}
+#endif
+
 void loop_noise(const int64_t *streams, int64_t n, int64_t reading, int64_t readings, int64_t element,
                 int64_t elements, double *noise)
 {

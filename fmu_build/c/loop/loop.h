@@ -129,6 +129,11 @@ typedef struct {
 OFFERED int64_t loop_run(const batch *members, const loop *l, int64_t first, int64_t end, int64_t to,
                          int64_t most_work);
 
+#if WIDTH == 1
+/* Reads the sensors before the first sample, and feeds the controller with that: `measured` and u. */
+void loop_begin(const batch *members, const loop *l);
+#endif
+
 /* Standard normal numbers (readings, elements, n) of `n` streams (4, n), words of 32 bits: those of `elements` from
    `element` on, of `readings` from `reading` on; see noise.h. */
 OFFERED void loop_noise(const int64_t *streams, int64_t n, int64_t reading, int64_t readings, int64_t element,

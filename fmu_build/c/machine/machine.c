@@ -338,35 +338,45 @@ static int64_t refused(const turning *t, const double used[])
     return 0;
 }
 
-/* The channel of a state, and which of its own it is: those of all controllers come first, then those of notches. */
-static int64_t channel_of(int64_t state, int controllers, int notches, int64_t *own)
-{
-    int64_t first = (int64_t)N_LEGS * controllers, beyond = state - first;
-    *own = beyond < 0 ? state % controllers : controllers + beyond % notches;
-    return beyond < 0 ? state / controllers : beyond / notches;
-}
-
 /* The law's entries, from the matrices [C D; A B] of each channel. */
 static void turn_law(const turning *t, const loop *l, const double used[])
 {
-    int controllers = STATES[t->variant][0], notches = STATES[t->variant][1], states = controllers + notches;
     double channels[N_LEGS][MOST_ELEMENTS_OF_CHANNEL];
     for (int i = 0; i < N_LEGS; i++) {
         const double values[] = {used[i], used[N_LEGS + i], used[2 * N_LEGS + i], used[USED_FILTER], used[USED_TRACKING + i]};
         LAWS[t->variant](values, t->notch, &t->sample_time, channels[i]);
     }
-    for (int64_t k = 0; k < l->entries; k++) {
-        int64_t row = l->entry_row[k], column = l->entry_column[k], own_row = 0, own_column = 0, channel = row;
-        if (row >= N_LEGS) {
-            channel = channel_of(row - N_LEGS, controllers, notches, &own_row);
-            own_row++;
-        }
-        if (column < l->n_states)
-            channel_of(column, controllers, notches, &own_column);
-        else
-            own_column = states + (column - l->n_states) / N_LEGS;
-        ((double *)l->values.at)[k * l->values.element] = channels[channel][own_row * (states + l->kinds) + own_column];
-    }
+    for (int64_t k = 0; k < l->entries; k++)
+        ((double *)l->values.at)[k * l->values.element] = channels[t->channels[2 * k]][t->channels[2 * k + 1]];
+}
+
+/* What a state of the law is of its force. */
+static double part_of(const loop *l, int64_t state)
+{
+    double part = 0;
+    for (int64_t k = 0; k < l->entries; k++)
+        if (l->entry_row[k] < N_LEGS && l->entry_column[k] == state)
+            part += l->values.at[k * l->values.element];
+    return part;
+}
+
+/* Other gains. Before the first sample the law begins at rest. Later each filter of a derivative gives the force that it
+   gave, since what it holds of a length is far more than what it holds of a velocity: about its rest r, c x is kept, as
+   x = r' + c/c' (x - r). */
+static void turn_law_on(machine *m, const double used[])
+{
+    loop *l = &m->loop;
+    int64_t controllers = STATES[m->turned.variant][0];
+    double before[MOST_LAW_STATES], after[MOST_LAW_STATES], part[N_LEGS];
+    rest_of_law(l, before);
+    for (int i = 0; i < N_LEGS; i++)
+        part[i] = part_of(l, i * controllers);
+    turn_law(&m->turned, l, used);
+    rest_of_law(l, after);
+    if (!l->at_row[0])
+        memcpy(l->memory, after, (size_t)l->n_states * sizeof *after);
+    for (int64_t i = 0, k = 0; l->at_row[0] && i < N_LEGS; i++, k += controllers)
+        l->memory[k] = after[k] + part[i] / part_of(l, k) * (l->memory[k] - before[k]);
 }
 
 int64_t machine_turn(int64_t *block)
@@ -386,8 +396,6 @@ int64_t machine_turn(int64_t *block)
         int64_t fault = refused(t, used);
         if (fault)
             return fault;
-        turn_law(t, l, used);
-        memcpy(t->used, used, sizeof used);
     }
     *(double *)l->delay.at = wanted[DELAY];
     m->plan.ahead = (wanted[DELAY] + 0.5) * t->sample_time;
@@ -406,6 +414,15 @@ int64_t machine_turn(int64_t *block)
         for (int i = 0; i < OF_ENCODERS * SENSOR_COEFFICIENTS; i++)
             ((double *)l->sensors.at)[(FIRST_OF_LENGTHS * SENSOR_COEFFICIENTS + i) * l->sensors.element] =
                 c[i % SENSOR_COEFFICIENTS];
+    }
+    if (!l->at_row[0] && l->kinds) {
+        if (m->plan.kind >= 0)
+            plan_rows(m, 0, 1);
+        loop_begin(&m->members, l);
+    }
+    if (t->variant >= 0) {
+        turn_law_on(m, used);
+        memcpy(t->used, used, sizeof used);
     }
     return 0;
 }

@@ -20,6 +20,16 @@ enum { POINTS = 300, MOST_POINTS = 900, MOST_SIGNALS = N_LEGS * 4, ABOUT = 13 };
 /* |re| + |im|, for the choice of pivots and a balance */
 static double rough_size(double complex z) { return fabs(creal(z)) + fabs(cimag(z)); }
 
+/* The row with the largest element of a column, from a row on. */
+static int64_t pivot_of(int64_t n, const double complex *a, int64_t from, int64_t column)
+{
+    int64_t pivot = from;
+    for (int64_t i = from + 1; i < n; i++)
+        if (rough_size(a[i * n + column]) > rough_size(a[pivot * n + column]))
+            pivot = i;
+    return pivot;
+}
+
 static void swap(double complex *one, double complex *other)
 {
     double complex kept = *one;
@@ -55,10 +65,7 @@ static void balance(int64_t n, double complex *a)
 static void reduce(int64_t n, double complex *a)
 {
     for (int64_t k = 1; k < n - 1; k++) {
-        int64_t pivot = k;
-        for (int64_t i = k; i < n; i++)
-            if (rough_size(a[i * n + k - 1]) > rough_size(a[pivot * n + k - 1]))
-                pivot = i;
+        int64_t pivot = pivot_of(n, a, k, k - 1);
         for (int64_t j = 0; pivot != k && j < n; j++)
             swap(&a[pivot * n + j], &a[k * n + j]);
         for (int64_t i = 0; pivot != k && i < n; i++)
@@ -145,10 +152,7 @@ static int eigenvalues(int64_t n, double complex *h, double complex *values)
 static void solve(int64_t n, int64_t m, double complex *M, double complex *R)
 {
     for (int64_t k = 0; k < n; k++) {
-        int64_t pivot = k;
-        for (int64_t i = k + 1; i < n; i++)
-            if (rough_size(M[i * n + k]) > rough_size(M[pivot * n + k]))
-                pivot = i;
+        int64_t pivot = pivot_of(n, M, k, k);
         for (int64_t j = k; pivot != k && j < n; j++)
             swap(&M[k * n + j], &M[pivot * n + j]);
         for (int64_t j = 0; pivot != k && j < m; j++)
@@ -169,6 +173,30 @@ static void solve(int64_t n, int64_t m, double complex *M, double complex *R)
                 R[k * m + j] -= M[k * n + i] * R[i * m + j];
             R[k * m + j] /= M[k * n + k];
         }
+}
+
+void rest_of_law(const loop *l, double rest[])
+{
+    double complex M[MOST_LAW_STATES * MOST_LAW_STATES] = {0}, x[MOST_LAW_STATES] = {0};
+    int64_t n = l->n_states;
+    for (int64_t i = 0; i < n; i++)
+        M[i * n + i] = 1;
+    for (int64_t k = 0; k < l->entries; k++) {
+        int64_t state = l->entry_row[k] - N_LEGS, column = l->entry_column[k];
+        double value = l->values.at[k * l->values.element];
+        if (state >= 0 && column < n)
+            M[state * n + column] -= value;
+        else if (state >= 0)
+            x[state] += value * l->memory[column];
+    }
+    for (int64_t i = 0; i < n; i++) /* an integrator: 1 - a is rounding */
+        if (cabs(M[i * n + i]) < 1e-6) {
+            M[i * n + i] = 1;
+            x[i] = 0;
+        }
+    solve(n, 1, M, x);
+    for (int64_t i = 0; i < n; i++)
+        rest[i] = creal(x[i]);
 }
 
 /* ---- the loop -------------------------------------------------------------------------------------------------- */

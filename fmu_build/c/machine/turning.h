@@ -1,15 +1,12 @@
-/* What is turned while a machine runs: gains, delay, the force limit, noise and quantisation of the encoders; and what the
+/* What is turned while a machine runs, gains, delay, the force limit, noise and quantisation of the encoders, and what the
    linear loop says of it. Equations are generated from those of Python (design.h). */
 #ifndef TURNING_H
 #define TURNING_H
 
-#include <stdint.h>
-
 #include "lanes_table.h"
 #include "loop.h"
 
-/* positions in `wanted` */
-enum {
+enum { /* positions in `wanted` */
     BANDWIDTH,     /* [Hz] gives all gains, with the modal masses; 0: the experiment's gains */
     DAMPING_RATIO, /* with a bandwidth */
     INTEGRAL_TIME, /* [s], with a bandwidth, of a PID */
@@ -21,30 +18,9 @@ enum {
     QUANTISATION,        /* [m] of leg lengths; 0: none */
     N_WANTED
 };
-
 /* positions in `used`: kp, kd and ki (6 each), the filter's time, and the times of back-calculation (6) */
 enum { USED_FILTER = 18, USED_TRACKING = 19, N_USED = 25 };
-
-typedef struct {
-    int64_t variant;     /* of the laws of design.h; -1: a law without gains */
-    double sample_time;  /* [s] */
-    const double *masses; /* (6) modal masses [kg, kg m2] of kp = m w^2, kd = 2 zeta m w */
-    const double *gains; /* (25) those of the experiment, as `used` */
-    double filter_time;  /* [s] that the experiment states, or 0 */
-    double tracking_time;
-    const double *notch; /* values of its keys */
-    double *wanted, *used;
-    /* the plant from forces to the law's signals, small signals at the sample time: x+ = A x + B u, y = C x (n_plant
-       states); from its measurements to those of the law's space, and from the law's output to forces */
-    int64_t n_plant;
-    const double *A, *B, *C, *to_space, *to_force;
-    double *work; /* WORK(most states of the closed loop) numbers */
-    int64_t n_work, most_states;
-    double *results; /* see `turn_margins`; N_RESULTS_OF(most_states) */
-} turning;
-
-/* positions in `results` */
-enum {
+enum { /* positions in `results` */
     RADIUS,      /* largest |z| of the closed loop */
     N_POLES,
     PEAK_S,      /* max sigma(S), NaN of an unstable loop, as all margins */
@@ -54,8 +30,28 @@ enum {
     POLES /* real and imaginary parts (most_states, 2), then frequencies [Hz] and damping ratios (most_states, 2) */
 };
 
+typedef struct {
+    int64_t variant;         /* of the laws of design.h; -1: a law without gains */
+    const int64_t *channels; /* by entry of the law: its channel, and its place in that one's [C D; A B] */
+    double sample_time;      /* [s] */
+    const double *masses;    /* (6) modal masses [kg, kg m2] of kp = m w^2, kd = 2 zeta m w */
+    const double *gains;     /* (25) those of the experiment, as `used` */
+    double filter_time, tracking_time; /* [s] that the experiment states, or 0 */
+    const double *notch;               /* values of its keys */
+    double *wanted, *used;
+    /* the plant from forces to the law's signals, small signals at the sample time: x+ = A x + B u, y = C x (n_plant
+       states); from its measurements to those of the law's space, and from the law's output to forces */
+    int64_t n_plant;
+    const double *A, *B, *C, *to_space, *to_force;
+    double *work, *results; /* room for the analysis of at most `most_states` of the closed loop */
+    int64_t n_work, most_states;
+} turning;
+
 /* Poles, modes and margins of the linear loop with the present gains and delay. Returns 0, or 1 if there are too many
    states, or no controller. */
 int64_t turn_margins(turning *t, const loop *l);
+/* The states of a law of channels at rest, x = A x + B u, 0 where they integrate. */
+enum { MOST_LAW_STATES = 4 * N_LEGS };
+void rest_of_law(const loop *l, double rest[]);
 
 #endif

@@ -3,27 +3,95 @@
 import base64
 import html
 import zlib
+from dataclasses import replace
 from importlib.resources import files
+from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from gough_stewart.fmu_build.plant.layout import MemberFailure as Failure
+from gough_stewart.harness.control.controllers import OpenLoop
+from gough_stewart.harness.control.faults import N_FAULTS
+from gough_stewart.harness.errors import ControllerError, ExportError
+from gough_stewart.harness.experiment.file import without_none
+from gough_stewart.harness.experiment.overrides import with_settings
+from gough_stewart.harness.experiment.preparation import Prepared, prepare
+from gough_stewart.harness.experiment.run import FORMAT
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.live.machine import Live, live_machine
-from gough_stewart.harness.export.machine import shipped_wasm
+from gough_stewart.harness.export.live.page import Live, live_machine
+from gough_stewart.harness.export.machine import (
+    MOST_DELAY,
+    POLES,
+    WANTED,
+    Block,
+    fields,
+    machine_of,
+    planned_motion,
+    turning,
+)
+from gough_stewart.harness.export.machine_c import shipped_wasm
+from gough_stewart.harness.paper.open_loop import run_kernel
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.harness.report import page as report_page
 from gough_stewart.harness.report.offline import asset, document, three, three_licence
 from gough_stewart.harness.report.palette import THEMES
 from gough_stewart.harness.report.versions import versions
+from gough_stewart.harness.results.record import plain
+from gough_stewart.harness.section import file_names
+from gough_stewart.model import interface
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.errors import StepError
+from gough_stewart.model.formulations.cases import OpenLoopCase, paper_case
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.platform import Platform
 
-# Of the report's page: what all pages share, and the 3-D view.
-_SHARED = ("page.js", "state.js", "records.js", "colours.js", "shapes.js", "bodies.js", "motion.js", "orbit.js")
-_VIEW = ("viewer.js", "scene.js", "drawn.js")
-_OWN = ("engine.js", "plots.js", "stage.js", "hand.js", "turning.js", "home.js", "live.js")
+# Scripts of the report's page that all pages share, and of its 3-D view; the machine starts before both are read.
+_FIRST, _SHARED = ("page.js",), ("state.js", "records.js", "colours.js", "shapes.js", "bodies.js", "motion.js")
+_VIEW = ("orbit.js", "viewer.js", "scene.js", "drawn.js")
+_LIVE = ("charts.js", "stage.js", "fields.js", "reference.js", "tune.js", "download.js", "live.js")
+_PACKAGES = ("gough-stewart", "numpy", "casadi", "ziglang")
+# Rows that a call computes at most.
+KEPT = 512
+# The machine's fields that a page reads and writes.
+_FIELDS = (
+    *("signals", "inputs", "parameters", "feedforward", "plan_reference", "plan_target", "plan_smoothed"),
+    *("turn_wanted", "turn_used", "turn_results", "cut", "frozen"),
+    *("planned", "target", "driven", "acting", "delayed"),
+    *("row_signals", "row_forces", "row_force_limited", "row_rate_limited"),
+    *("change_parameters", "change_inputs", "change_faults"),
+)
+# What a page says of a run that ended early.
+_FAILURES = {
+    Failure.NOT_FINITE: "a number is not finite",
+    Failure.PITCHED: "the pitch is near 90°",
+    Failure.SINGULAR: "the platform is in a singular pose",
+    Failure.PASSED_SINGULAR: "the platform passed a singular pose",
+    Failure.TOO_MANY_STEPS: "the motion is too fast to follow",
+    Failure.COMMAND: "the loop diverged: the controller's forces grew beyond all limits",
+    Failure.STROKE: "a leg is beyond its stroke, which ends the run",
+    Failure.AWAY: "the loop diverged: the platform is too far from its reference",
+    Failure.NOT_STARTED: "the platform cannot start from there",
+}
+# Files of a download, whose names no file of an experiment may have there.
+_DOWNLOADED = ("record.csv", "metadata.json", "experiment.toml", "targets.csv")
+# A hand's reach: from home at most a sixth of the mean leg length, and half a radian; so many shares of it are tried.
+_FARTHEST = (1 / 6, 0.5)
+_TRIED = 24
+# What is left free of the stroke at the ends of what a hand may ask for along one axis alone.
+_FREE = 0.12
+# Of what a chart shows [m, rad].
+_DIGITS = 7
 
 
-_NAMED = ("gough-stewart", "numpy", "casadi", "ziglang")
+class Live(NamedTuple):
+    """A machine for a page."""
+
+    block: Block
+    prepared: Prepared
+    data: dict[str, Any]  # for its scripts, in plain types
 
 
 def live_page(experiment: Experiment) -> bytes:
@@ -32,38 +100,45 @@ def live_page(experiment: Experiment) -> bytes:
     Raises
     ------
     ExportError
-        As `live_machine`.
+        A controller that needs Python or an FMU, another plant than the model, steps of a fixed size, or settings of
+        the loop that change.
     BuildError
         The compiler is missing or fails.
     """
-    live = live_machine(experiment)
     data = {
         "title": experiment.title,
         "runs": [],
         "scenes": [],
         "palette": {theme: report_page.palette_of(theme) for theme in THEMES},
         "nearness": report_page.NEARNESS,
-        "live": {
-            **live.data,
-            "wasm": _packed(shipped_wasm(live.block.variant)),
-            "block": _packed(live.block.words.astype("<i8").tobytes()),
-            "worker": _own("worker.js"),
-        },
-        "scene": _scene(live),
+        "live": page_data(experiment),
     }
-    body = Template(_own("live.html")).substitute(
+    body = Template(_script("live.html")).substitute(
         title=html.escape(experiment.title),
         about=html.escape(experiment.description),
         licences=html.escape(three_licence()),
-        versions=html.escape(", ".join(f"{name} {number}" for name, number in versions().items() if name in _NAMED)),
+        versions=html.escape(", ".join(f"{name} {number}" for name, number in versions().items() if name in _PACKAGES)),
         themes=report_page.THEME_OPTIONS,
     )
-    style = report_page.colours() + asset("page.css") + asset("stage.css") + _own("live.css")
-    scripts = [three(), "\n".join([*map(asset, (*_SHARED, *_VIEW)), *map(_own, _OWN)])]
-    return document(experiment.title, body, style, data, scripts, computes=True)
+    style = report_page.colours() + asset("page.css") + asset("stage.css") + _script("live.css")
+    first = "\n".join([*map(asset, _FIRST), _script("engine.js")])
+    rest = "\n".join([*map(asset, (*_SHARED, *_VIEW)), *map(_script, _LIVE)])
+    return document(experiment.title, body, style, data, [first, three(), rest], computes=True)
 
 
-def _own(name: str) -> str:
+def page_data(experiment: Experiment) -> dict[str, Any]:
+    """All that the scripts of a page get, in plain types; see `live_page` for errors."""
+    live = live_machine(experiment)
+    return {
+        **live.data,
+        "scene": _scene(live.prepared.machine),
+        "wasm": _packed(shipped_wasm(live.block.variant)),
+        "block": _packed(live.block.words.astype("<i8").tobytes()),
+        "worker": _script("session.js") + _script("worker.js"),
+    }
+
+
+def _script(name: str) -> str:
     return (files("gough_stewart.harness.export.live") / "web" / name).read_text(encoding="utf-8")
 
 
@@ -71,9 +146,8 @@ def _packed(raw: bytes) -> str:
     return base64.b64encode(zlib.compress(raw, 9)).decode()
 
 
-def _scene(live: Live) -> dict[str, Any]:
+def _scene(machine: Platform) -> dict[str, Any]:
     """The bodies of the view; their motion comes from the machine."""
-    machine = live.prepared.machine
     lengths = np.linalg.norm(machine.platform_points + machine.home_position - machine.base_points, axis=1)
     low = machine.leg_length_min or 0.9 * float(lengths.min())
     high = machine.leg_length_max or 1.1 * float(lengths.max())
@@ -84,4 +158,178 @@ def _scene(live: Live) -> dict[str, Any]:
         "platform": machine.platform_points.tolist(),
         "lower": lower,
         "upper": min(longest, 1.06 * high - lower),
+    }
+
+
+def live_machine(experiment: Experiment) -> Live:
+    """The machine of an experiment, and what a hand may do to it; see `live_page` for errors."""
+    name, kind = experiment.where, getattr(experiment.controller, "type", "")
+    if experiment.code:
+        raise ExportError(
+            f"{name} executes {', '.join(map(str, experiment.code))}, which a page cannot; expected a controller of "
+            "the types pd, pid, state_space or open_loop, and the plant 'model'"
+        )
+    if experiment.plant.kind != "model":
+        raise ExportError(f"{name} has the plant '{experiment.plant.kind}'; expected 'model': set plant.kind=model")
+    if experiment.plant.fixed_step_size:
+        raise ExportError(
+            f"{name} has plant.fixed_step_size {experiment.plant.fixed_step_size:g}; a page steps by error control: "
+            "set plant.fixed_step_size=0"
+        )
+    if any(change.has_settings for change in experiment.change):
+        raise ExportError(
+            f"{name} changes settings of its loop during the run, which are tuned by hand in a page; expected "
+            "[[change]] of parameters alone"
+        )
+    prepared = prepare(experiment)
+    try:
+        turned = turning(experiment, prepared)
+        block = machine_of(experiment, prepared, KEPT, forever=True, turned=turned)
+    except ControllerError as error:
+        raise ExportError(f"{name}: controller '{kind}': {error}") from error
+    if block.law is not None:
+        raise ExportError(f"{name}: a page has the laws of shipped components; expected one of them")
+    return Live(block, prepared, {**_data(experiment, prepared), "turn": _turned(turned, prepared)})
+
+
+def _turned(turned: dict[str, Any], prepared: Prepared) -> dict[str, Any]:
+    """What may be tuned, and where poles and margins are among the results."""
+    has_gains = turned["variant"] >= 0
+    return {
+        "wanted": [float(value) if np.isfinite(value) else None for value in turned["wanted"]],
+        "names": WANTED,
+        "gains": has_gains,
+        "integral": has_gains and bool(turned["gains"][12] > 0),
+        "margins": "results" in turned,
+        "poles": POLES,
+        "most": turned.get("most_states", 0),
+        "mostDelay": max(MOST_DELAY, int(prepared.loop.actuators.delay)),
+        "sampleTime": turned["sample_time"],
+    }
+
+
+def _data(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
+    platform, machine, loop = prepared.platform, prepared.machine, prepared.loop
+    home = platform.home_position, platform.home_orientation
+    limit = float(np.min(loop.actuators.values["force_limit"]))
+    ends = np.cumsum([0, *(v.size for v in interface.PLATFORM_PARAMETERS)]).tolist()
+    begins = {v.name: ends[k] for k, v in enumerate(interface.PLATFORM_PARAMETERS)}
+    stroke = [machine.leg_length_min, machine.leg_length_max]
+    is_open = isinstance(experiment.controller, OpenLoop)
+    start_force = loop.feedforward[0]
+    if prepared.controller is not None:
+        start_force = static_leg_forces(machine, prepared.start.position, prepared.start.orientation)
+    return {
+        "fields": {name: fields()[name] for name in _FIELDS},
+        "plantStep": loop.timing.plant_step,
+        "every": loop.timing.steps_a_sample,
+        "kept": KEPT,
+        "duration": loop.timing.duration,
+        # of these a page has no more than the experiment
+        "endsWithRun": bool(experiment.loop.jitter or loop.injection is not None),
+        "forceLimit": limit if np.isfinite(limit) else None,
+        "largestForce": float(np.abs(static_leg_forces(platform, *home)).max()),
+        "stroke": stroke if None not in stroke else None,
+        # rows of the experiment's changes, and sizes of what they and a hand change
+        "changes": sorted({loop.timing.row(change.time, "a change") for change in loop.changes} - {0}),
+        "sizes": {
+            **{"parameters": ends[-1], "inputs": N_LEGS + 6},
+            **{"cut": N_LEGS, "frozen": signals.SIZE, "cut,frozen": N_FAULTS},
+        },
+        "mass": begins["platform_mass"],
+        "gravity": begins["gravity"],
+        "platformMass": machine.platform_mass,
+        "g": np.asarray(machine.gravity).tolist(),
+        "download": _download(experiment, prepared),
+        "isOpen": is_open,
+        "canTake": prepared.reference is not None and planned_motion(prepared.reference) is not None,
+        "reads": list(getattr(prepared.controller, "signals", ())),
+        "behind": behind_of(experiment, prepared) if is_open else None,
+        "startForce": start_force.tolist(),
+        "forces": np.ravel(loop.feedforward[0])[:6].tolist() if is_open else [],
+        "failures": _FAILURES,
+        "reach": reach_of(platform).tolist(),
+        "home": np.concatenate(home).tolist(),
+    }
+
+
+def _download(experiment: Experiment, prepared: Prepared) -> dict[str, Any]:
+    """What goes with a record and an experiment: its own keys, and the files that it names, in base64 by their names.
+
+    They lie beside the experiment, wherever they were; shipped recordings are found by their names.
+    """
+    names, contents = dict[str, str](), dict[str, str]()
+    for key, file in file_names(experiment).items():
+        path = experiment.folder / file
+        if not path.is_file():
+            continue
+        name, content, k = Path(file).name, base64.b64encode(path.read_bytes()).decode(), 2
+        while contents.get(name, content) != content or name in _DOWNLOADED:
+            name, k = f"{Path(file).stem}_{k}{Path(file).suffix}", k + 1
+        contents[name] = content
+        names[".".join(key)] = name
+    keys = without_none(experiment.model_dump(mode="json", exclude_unset=True))
+    return {
+        "name": Path(experiment.where).stem,
+        "experiment": with_settings(keys, names),
+        "files": contents,
+        "metadata": {
+            "format": FORMAT,
+            "title": f"{experiment.title}, live",
+            "plant": experiment.plant.kind,
+            "experiment": experiment.model_dump(mode="json"),
+            "sample_time": prepared.loop.timing.sample_time,
+            "force_limit": prepared.loop.actuators.force_limit,
+            "platform": plain(prepared.platform),
+            "machine": plain(prepared.machine),
+            "versions": versions(),
+        },
+    }
+
+
+def reach_of(platform: Platform) -> Any:
+    """How far a hand may ask for along and about each axis, from home (6,) [m, rad].
+
+    As far, to both sides, as all legs keep clear of the ends of their stroke; without a stroke, of lengths a tenth off.
+    """
+    home = np.concatenate([platform.home_position, platform.home_orientation])
+    at_home = leg_geometry(platform, home[:3], home[3:]).length
+    low = 0.9 * float(at_home.min()) if platform.leg_length_min is None else platform.leg_length_min
+    high = 1.1 * float(at_home.max()) if platform.leg_length_max is None else platform.leg_length_max
+    free = _FREE * (high - low)
+    reach = np.zeros(6)
+    for axis in range(6):
+        most = _FARTHEST[0] * float(at_home.mean()) if axis < 3 else _FARTHEST[1]
+        for share in np.linspace(1, 0, _TRIED, endpoint=False):
+            poses = home + share * most * np.eye(6)[axis] * np.array([[1.0], [-1.0]])
+            lengths = leg_geometry(platform, poses[:, :3], poses[:, 3:]).length
+            if (lengths > low + free).all() and (lengths < high - free).all():
+                reach[axis] = share * most
+                break
+    return reach
+
+
+def behind_of(experiment: Experiment, prepared: Prepared) -> dict[str, Any] | None:
+    """Pose and lengths over time under constant forces, by DOP853, which shares no code with the page's C.
+
+    None if they are not constant, something changes them, or they drive the platform into a pose that it cannot pass.
+    """
+    forces, duration = np.reshape(prepared.loop.feedforward, (-1, 6)), experiment.loop.duration
+    if prepared.loop.changes or np.ptp(forces, axis=0).any():
+        return None
+    case, paper = OpenLoopCase(experiment.title, prepared.machine, prepared.start, forces[0], duration), paper_case()
+    try:
+        run = run_kernel(case)
+    except StepError:
+        return None
+    is_published = (
+        repr(replace(case.platform, name="", source="")) == repr(replace(paper.platform, name="", source=""))
+        and np.array_equal(case.start.to_vector(), paper.start.to_vector())
+        and np.array_equal(case.actuator_force, paper.actuator_force)
+    )
+    return {
+        "time": run.time.tolist(),
+        "pose": np.round(np.concatenate([run["position"], run["orientation"]], axis=1), _DIGITS).tolist(),
+        "length": np.round(run["leg_length"], _DIGITS).tolist(),
+        "isPublished": is_published,
     }

@@ -48,6 +48,7 @@ def check_reach(
     *,
     centre: FloatArray | None = None,
     dynamic: WhenBeyond = "refuse",
+    geometric: WhenBeyond = "refuse",
 ) -> list[str]:
     """Refuse a motion that exceeds a limit of the platform or comes near a singular pose; see `shares_along`.
 
@@ -61,6 +62,8 @@ def check_reach(
         The pose (6,) about which a smaller motion is scaled; by default that of the first row.
     dynamic
         "warn" accepts motions that exceed limits of velocity, acceleration, force or power.
+    geometric
+        "warn" accepts motions that exceed the stroke, or come near a singular pose.
 
     Returns
     -------
@@ -75,7 +78,7 @@ def check_reach(
     """
     shares = shares_along(platform, time, motion, largest_condition_number)
     exceeded = [limited for limited in shares.limited if not limited.within.all()]
-    refused = [limited for limited in exceeded if dynamic == "refuse" or limited.limit in GEOMETRIC]
+    refused = [limited for limited in exceeded if (geometric if limited.limit in GEOMETRIC else dynamic) == "refuse"]
     if not refused:
         return [f"the reference exceeds a limit: {_at(time, limited.first_beyond)}" for limited in exceeded]
     first = min(refused, key=lambda limited: limited.first_beyond.row)

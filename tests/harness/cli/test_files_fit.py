@@ -184,7 +184,7 @@ CONSUMERS = (
 # Takes seconds, and its option is that of the others: once among the producers, with the file of another command.
 TAKEN_ABOVE = {("reproduce", "platform")}
 # A key of code that no command writes.
-WRITTEN_BY_HAND = {"python.file"}
+WRITTEN_BY_HAND = {"python.file", "by_hand.file"}
 
 
 def declared() -> set[tuple[str, str]]:

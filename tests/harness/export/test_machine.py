@@ -22,8 +22,8 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.preparation import Batch, prepare
 from gough_stewart.harness.experiment.schema import ChangeChoice
 from gough_stewart.harness.export import machine
-from gough_stewart.harness.export.machine import Block, machine_block, machine_c, machine_of
-from gough_stewart.harness.export.plan import kinds
+from gough_stewart.harness.export.machine import Block, kinds, machine_block, machine_of
+from gough_stewart.harness.export.machine_c import machine_c
 from gough_stewart.harness.loop.python_host import streams_of
 from gough_stewart.harness.loop.run import Run, simulate
 from tests.harness.loop import test_compiled_laws as laws
@@ -144,7 +144,7 @@ def test_webassembly_has_the_bits_of_native_code(name: str, tmp_path: Path) -> N
     law = case.block.law
     native = Machine(case.block, law)
     native.run(ROWS)
-    theirs, start = in_webassembly(case.block, tmp_path), machine._HEAD + machine._ROOM
+    theirs, start = in_webassembly(case.block, tmp_path), machine.HEAD + machine.ROOM
     assert len(theirs) == len(native.words)
     if law is None:
         assert np.array_equal(theirs[start:], native.words[start:])
@@ -201,26 +201,13 @@ def test_a_machine_computes_its_motion_and_forces(kind: str) -> None:
     """Expected: the rows of `run`, whose references and feedforward NumPy computes in advance, to 1e-10 of scale."""
     name, feedforward = ("task", "computed_torque") if "faded" in kind else ("pd", "gravity")
     block, record = planned(kind, name, feedforward)
-    assert kinds()[block.words[machine._HEAD + machine._ROOM + machine.fields()["plan_kind"]]] == kind
+    assert kinds()[block.words[machine.HEAD + machine.ROOM + machine.fields()["plan_kind"]]] == kind
     found, theirs = Machine(block).run(ROWS), rows_of(record)
     scale = np.abs(theirs).max(axis=0)
     assert (np.abs(found["row_signals"] - theirs) <= 1e-10 * scale).all()
     forces = record["actuator_force"]
     assert np.abs(found["row_forces"] - forces).max() <= 1e-10 * np.abs(forces).max()
     assert len(block.words) < 8000
-
-
-@pytest.mark.parametrize(
-    ("name", "duration"), [("fastest_path", 0.15), ("recorded_ride", 0.15), ("impulse", 0.6), ("saturation", 0.6)]
-)
-def test_shipped_experiments_as_machines(name: str, duration: float) -> None:
-    """Expected: the rows of `run`, of pieces of paths and tables, with disturbances and limits, to 1e-9 of SI units."""
-    experiment = gs.load_experiment(name, {"loop.duration": duration})
-    found = Machine(machine_of(experiment, prepare(experiment)))
-    theirs = rows_of(gs.run(experiment))
-    ours = found.run(len(theirs))["row_signals"]
-    assert np.abs(ours - theirs).max() <= 1e-9
-    assert np.ptp(theirs, axis=0)[12:18].max() > 1e-5
 
 
 def test_a_machine_that_sticks_and_gives(tmp_path: Path) -> None:
@@ -236,32 +223,11 @@ def test_a_machine_that_sticks_and_gives(tmp_path: Path) -> None:
     experiment = experiment.model_copy(update={"change": [ChangeChoice(at=0.03, factors={"platform_mass": 1.5})]})
     block, record = machine_of(experiment, prepare(experiment), kept=ROWS), gs.run(experiment)
     words = in_webassembly(block, tmp_path)
-    at = words[machine._HEAD + machine._ROOM + machine.fields()["row_signals"]]
+    at = words[machine.HEAD + machine.ROOM + machine.fields()["row_signals"]]
     found, theirs = words[at : at + 24 * ROWS].view(float).reshape(ROWS, 24), rows_of(record)
     assert np.abs(found - theirs).max() <= 1e-9
     assert np.abs(record["leg_bristle"]).max() > 1e-6
     assert Machine(Block(block.words)).status == 1
-
-
-def test_a_motion_may_be_given_from_outside() -> None:
-    """Expected: with constant accelerations of the pose, x + v h + a h²/2 at each row; angles alike, by their rates."""
-    block, _ = planned("hold", "pd", "gravity")
-    one = Machine(block)
-    fields = machine.fields()
-    motion = np.array([0.01, -0.02, 3.1, 0.0, 0.0, 0.02, 0.1, -0.2, 0.3, 0.0, 0.0, 0.4, 1.0, 2.0, -3.0, 0.0, 0.0, 5.0])
-    given = Block(one.words.copy())
-    given.words[:] = block.words
-    given.words[machine._HEAD + machine._ROOM + fields["plan_kind"]] = kinds().index("given")
-    two = Machine(given)
-    two.field("plan_given", 18)[:] = motion
-    two.field("plan_given_at", 1)[:] = 0.002
-    two("run", 9)
-    reference = two.field("plan_reference", 9 * 30).reshape(9, 30)
-    h = np.arange(9) * 1e-3 - 0.002
-    for k, at in ((0, 0), (1, 1), (2, 2), (5, 5)):
-        expected = motion[at] + motion[6 + at] * h + motion[12 + at] * h * h / 2
-        assert reference[:, k] == pytest.approx(expected, abs=1e-14)
-    assert reference[:, 11] == pytest.approx(0.4 + 5 * h, abs=1e-14)
 
 
 @pytest.mark.parametrize("kind", ["sine_faded", "circle_yz"])
@@ -270,7 +236,7 @@ def test_webassembly_plans_with_native_bits(kind: str, tmp_path: Path) -> None:
     block, _ = planned(kind, "task", "computed_torque") if "faded" in kind else planned(kind, "pd", "gravity")
     native = Machine(block)
     native.run(ROWS)
-    start = machine._HEAD + machine._ROOM
+    start = machine.HEAD + machine.ROOM
     assert np.array_equal(in_webassembly(block, tmp_path)[start:], native.words[start:])
 
 
@@ -334,20 +300,6 @@ def test_a_machine_ends_at_its_row_and_for_its_cause() -> None:
     assert "from its reference" in str(outcome.cause)
     assert ours("ended") == round(outcome.time / 1e-3)
     assert ours("failure") == Failure.AWAY
-
-
-def test_what_acts_from_outside_may_be_written_between_calls() -> None:
-    """Expected: a force of 40 N more on the platform accelerates it by F/m of the whole to first order."""
-    block = shipped("PD").block
-    speeds = []
-    for force in (0.0, 40.0):
-        one = Machine(block)
-        one("run", 1)
-        one.field("inputs", 12)[6:9] += [0.0, 0.0, force]
-        one("run", 3)
-        speeds.append(one.field("signals", 24)[6:12].copy())
-    gained = speeds[1] - speeds[0]
-    assert 0.3 * 40 / 40 * 2e-3 < gained[2] < 40 / 14.5 * 2e-3
 
 
 def test_another_seed_gives_other_noise() -> None:

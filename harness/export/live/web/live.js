@@ -1,49 +1,33 @@
 "use strict";
 // The page: play, what acts from outside, what the machine says, and frames.
 (() => {
-  const GS = GoughStewart, { engine } = GS, { given } = engine, $ = (id) => document.getElementById(id);
-  const history = GS.history();
-  let playing = !given.isOpen && !matchMedia("(prefers-reduced-motion: reduce)").matches, last = null, fresh = false, over = null;
-  let push = [0, 0, 0], frames = 0, rate = null;
-  // seconds of the charts: an open loop soon falls
-  const span = given.isOpen ? Math.min(8, 2 * given.duration) : 8;
-  const FAILURES = given.failures;
-  let stage = null;
-  try {
-    stage = GS.liveStage($("view"));
-  } catch (problem) {
-    $("no-view").hidden = false;
-    $("no-view").textContent = `This browser shows no 3-D graphics (WebGL): ${problem.message || problem}. The charts work without.`;
-  }
+  const GS = GoughStewart, { engine } = GS, { given } = engine, $ = (id) => document.getElementById(id), MOST = 4000;
+  const still = matchMedia("(prefers-reduced-motion: reduce)").matches, points = [];
+  let playing = !given.isOpen && !still, last = null, fresh = false, over = null, push = [0, 0, 0], frames = 0, rate = null, stage = null;
 
-  const { behind } = given, times = behind?.time;
-  const six = (from, of) => Array.from({ length: 6 }, (_, k) => ({
-    name: String(k + 1), value: (p) => p[from + k], behind: of?.map((values) => values[k]), colour: (theme) => theme.six[k], dashes: [[], [6, 2], [8, 2, 2, 2], [2, 2], [10, 2, 2, 2, 2, 2], [4, 2]][k],
+  // Charts; an open loop soon falls, so that it has fewer seconds.
+  const span = given.isOpen ? Math.min(8, 2 * given.duration) : 8, { behind } = given, times = behind?.time;
+  const DASHES = [[], [6, 2], [8, 2, 2, 2], [2, 2], [10, 2, 2, 2, 2, 2], [4, 2]];
+  const legs = (from, values) => DASHES.map((dashes, k) => ({
+    name: String(k + 1), value: (p) => p[from + k], behind: values?.map((row) => row[k]), colour: (theme) => theme.six[k], dashes,
   }));
-  // an element of the pose from home, and what is wanted of it
-  const axis = (name, k, factor) => {
-    const from = (value) => factor * (value - given.home[k]), colour = (theme) => theme.six[k % 3];
-    const own = { name, value: (p) => from(p[1 + k]), behind: behind?.pose.map((pose) => from(pose[k])), colour };
-    return given.isOpen ? [own] : [own, { name: `${name} wanted`, value: (p) => from(p[19 + k]), colour, dashes: [5, 4] }];
-  };
-  const plots = [
-    GS.plot($("plots"), { title: "position from home", unit: "mm", least: 2, times, curves: [...axis("x", 0, 1000), ...axis("y", 1, 1000), ...axis("z", 2, 1000)] }),
-    ...(given.isOpen ? [GS.plot($("plots"), {
-      title: "orientation from home", unit: "°", least: 0.2, times, curves: ["roll", "pitch", "yaw"].flatMap((name, k) => axis(name, 3 + k, 180 / Math.PI)),
-    })] : []),
-    GS.plot($("plots"), {
-      title: "forces of the legs", unit: "N", least: 10, curves: six(13),
-      marks: () => (given.forceLimit ? [{ value: given.forceLimit, role: "limit" }, { value: -given.forceLimit, role: "limit" }] : []),
-    }),
-    GS.plot($("plots"), {
-      title: "lengths of the legs", unit: "m", least: 0.004, times, curves: six(7, behind?.length),
-      marks: () => (given.stroke || []).map((value) => ({ value, role: "limit" })),
-    }),
-  ];
-
+  // elements of the pose from home, and of the reference
+  const axes = (names, first, factor) => names.flatMap((name, j) => {
+    const k = first + j, from = (value) => factor * (value - given.home[k]), colour = (theme) => theme.six[j];
+    const actual = { name, value: (p) => from(p[1 + k]), behind: behind?.pose.map((pose) => from(pose[k])), colour };
+    return given.isOpen ? [actual] : [actual, { name: `${name} reference`, value: (p) => from(p[19 + k]), colour, dashes: [5, 4] }];
+  });
+  const charts = [
+    { title: "position from home", unit: "mm", least: 2, times, curves: axes(["x", "y", "z"], 0, 1000) },
+    { title: "orientation from home", unit: "°", least: 0.2, times, curves: axes(["roll", "pitch", "yaw"], 3, 180 / Math.PI) },
+    { title: "forces of the legs", unit: "N", least: 10, curves: legs(13), marks: given.forceLimit ? [given.forceLimit, -given.forceLimit] : [] },
+    { title: "lengths of the legs", unit: "m", least: 0.004, times, curves: legs(7, behind?.length), marks: given.stroke || [] },
+  ].filter(({ unit }) => given.isOpen || unit !== "°").map((chart) => GS.chart($("plots"), chart));
   $("behind").hidden = !behind;
-  if (behind) $("behind").textContent = `Pale and thick behind the curves: the file's forces from the start, computed by the code of gough-stewart reproduce (DOP853 to 1e-12).${behind.isPublished ? " They are ours, not the paper's: it prints its curves as pictures, which nobody has measured; its text has the forces, the start and the platform, which this experiment has." : ""}`;
+  const ours = behind?.isPublished ? " They are ours, not the paper's: it prints its curves as pictures, which nobody has measured; its text has the forces, the start and the platform, which this experiment has." : "";
+  $("behind").textContent = `Pale and thick behind the curves: the file's forces from the start, computed by the code of gough-stewart reproduce (DOP853 to 1e-12).${ours}`;
 
+  // Play and restart.
   const speed = () => ($("speed").value === "fast" ? null : Number($("speed").value));
   const run = () => {
     engine.say("run", { playing: playing && !document.hidden, speed: speed() });
@@ -52,27 +36,25 @@
     if (!playing) $("rate").textContent = "";
     fresh = true;
   };
-  const restart = (plays = true) => {
+  GS.restart = (plays = true) => {
+    $("download-crash").hidden &&= !over;
     over = null;
     last = null;
-    history.clear();
+    points.length = 0;
     engine.say("again");
-    hand.begun();
+    GS.reference.begun();
     $("over").hidden = true;
     playing = plays;
     run();
   };
-  const hand = GS.hand({ engine, restart });
-  hand.begun();
-  const turning = GS.turning({ engine });
+  GS.reference.begun();
   const toggle = () => {
-    if (over) { restart(); return; }
+    if (over) { GS.restart(); return; }
     playing = !playing;
     run();
   };
   $("play").addEventListener("click", toggle);
-  $("again").addEventListener("click", () => restart());
-  $("over-again").addEventListener("click", () => restart());
+  for (const id of ["restart", "over-restart"]) $(id).addEventListener("click", () => GS.restart());
   $("speed").addEventListener("change", run);
   $("colour").addEventListener("change", () => { stage?.colourBy($("colour").value); fresh = true; });
   document.addEventListener("visibilitychange", run);
@@ -85,111 +67,107 @@
     event.preventDefault();
   });
 
-  // What acts from outside: a payload at the platform's centre of mass, a push at Op, gravity that is tilted about Y.
+  // Loads: a payload at the platform's centre of mass, gravity that is tilted about Y, a push at Op.
   const amount = (id, unit, act) => {
-    const tell = () => {
-      const value = Number($(id).value);
-      $(`${id}-said`).textContent = `${GS.short(value)} ${unit}`;
-      act(value);
-    };
-    $(id).addEventListener("input", tell);
-    $(`${id}-said`).textContent = `${GS.short(Number($(id).value))} ${unit}`;
+    const say = () => { $(`${id}-said`).textContent = `${GS.short(Number($(id).value))} ${unit}`; };
+    $(id).addEventListener("input", () => { say(); act(Number($(id).value)); });
+    say();
   };
-  const most = given.platformMass;
+  const most = given.platformMass, weight = most * Math.hypot(...given.g);
   Object.assign($("payload"), { min: 0, max: Number(most.toPrecision(2)), step: most / 100, value: 0 });
-  amount("payload", "kg", (value) => engine.add("parameters", given.mass, [value]));
-  // what acts of it now: the mass and gravity as they were written, and the sliders
-  const outside = () => {
-    const angle = Number($("tilt").value) * Math.PI / 180, [x, y, z] = given.g, [c, s] = [Math.cos(angle), Math.sin(angle)];
-    return { mass: given.platformMass + Number($("payload").value), gravity: angle ? [c * x + s * z, y, c * z - s * x] : given.g, sliders: { payload: Number($("payload").value), tilt: Number($("tilt").value) } };
-  };
-  amount("tilt", "°", () => engine.add("parameters", given.gravity, outside().gravity.map((g, k) => g - given.g[k])));
-  const home = GS.home({ engine, outside, hand, turning });
-  const weight = given.platformMass * Math.hypot(...given.g);
-  const shove = (force) => {
-    push = force;
-    engine.add("inputs", 6, force);
-  };
+  amount("payload", "kg", (value) => engine.say("add", { name: "parameters", from: given.mass, values: [value] }));
+  amount("tilt", "°", (value) => {
+    const [x, , z] = given.g, [c, s] = [Math.cos(value * Math.PI / 180), Math.sin(value * Math.PI / 180)];
+    engine.say("add", { name: "parameters", from: given.gravity, values: value ? [c * x + s * z - x, 0, c * z - s * x - z] : [0, 0, 0] });
+  });
   for (const [id, direction] of [["push-x", [1, 0, 0]], ["push-y", [0, 1, 0]], ["push-z", [0, 0, -1]]]) {
-    const force = direction.map((d) => 0.5 * weight * d), button = $(id);
+    const button = $(id), force = direction.map((d) => 0.5 * weight * d);
     button.title = `${GS.short(0.5 * weight, 2)} N while it is held`;
-    const start = () => { shove(force); button.setAttribute("aria-pressed", "true"); };
-    const end = () => { shove([0, 0, 0]); button.setAttribute("aria-pressed", "false"); };
-    button.addEventListener("pointerdown", start);
-    for (const name of ["pointerup", "pointerleave", "pointercancel", "blur"]) button.addEventListener(name, end);
-    button.addEventListener("keydown", (event) => { if ((event.key === " " || event.key === "Enter") && !event.repeat) start(); });
-    button.addEventListener("keyup", end);
+    const shove = (on) => {
+      if (on === (button.getAttribute("aria-pressed") === "true")) return;
+      push = on ? force : [0, 0, 0];
+      engine.say("add", { name: "inputs", from: 6, values: push });
+      button.setAttribute("aria-pressed", String(on));
+    };
+    button.addEventListener("pointerdown", () => shove(true));
+    for (const name of ["pointerup", "pointerleave", "pointercancel", "blur", "keyup"]) button.addEventListener(name, () => shove(false));
+    button.addEventListener("keydown", (event) => { if (event.key === " " || event.key === "Enter") shove(true); });
   }
-
-  // Legs whose force is cut, and encoders that stay: length and its rate are of one encoder.
-  const broken = { cut: new Set(), freeze: new Set() };
-  const faults = (id, places, label) => {
+  // Faults: legs whose force is cut, and encoders that stay: length and its rate are of one encoder.
+  const frozen = new Set();
+  const faults = (id, places, label, chosen) => {
     for (let leg = 1; leg <= 6; leg++) {
       const button = GS.element("button", { type: "button", "aria-pressed": "false", "aria-label": `${label} ${leg}` }, String(leg));
       button.addEventListener("click", () => {
-        const on = !broken[id].has(leg);
-        if (on) broken[id].add(leg);
-        else broken[id].delete(leg);
+        const on = !chosen.delete(leg);
+        if (on) chosen.add(leg);
         button.setAttribute("aria-pressed", String(on));
-        engine.say("fail", { places: places(leg - 1), on });
+        for (const place of places) engine.say("add", { name: "faults", from: place + leg - 1, values: [Number(on)] });
       });
       $(id).append(button);
     }
   };
-  faults("cut", (k) => [k], "no force in leg");
-  faults("freeze", (k) => [18 + k, 24 + k], "the encoder stays, leg");
+  faults("cut", [0], "no force in leg", new Set());
+  faults("freeze", [18, 24], "the encoder stays, leg", frozen);
   $("freezing").hidden = !given.reads.some((name) => name.startsWith("leg_"));
 
   // What limits it, in words.
   const limits = (message) => {
-    const said = [];
-    message.limited.forEach((time, leg) => { if (time > 0 && !message.cut[leg]) said.push(`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`); });
+    const said = message.limited.flatMap((time, leg) => (time > 0 && !message.cut[leg] ? [`leg ${leg + 1} at 100 % of its force for ${GS.fixed(time, 1)} s`] : []));
     message.cut.forEach((is, leg) => { if (is) said.push(`leg ${leg + 1} has no force`); });
-    for (const leg of [...broken.freeze].sort()) said.push(`encoder ${leg} stays`);
-    if (last && given.stroke) {
-      for (let leg = 0; leg < 6; leg++) {
-        const length = last[7 + leg], [low, high] = given.stroke;
-        if (length < low || length > high) said.push(`leg ${leg + 1} ${length < low ? "below" : "beyond"} its stroke`);
-      }
-    }
-    return said.length ? said.slice(0, 4).join("; ") : "no limit is reached";
-  };
-  const ends = (message) => {
-    const { failure, time } = message, leg = failure >= 5 && failure < 11 ? failure - 4 : 0;
-    over = leg ? `leg ${leg} has collapsed` : FAILURES[failure] || "the experiment's run is at its end";
-    $("over-text").textContent = `At ${GS.fixed(time, 2)} s: ${over}.`;
-    $("over").hidden = false;
-    $("play").textContent = "▶ play";
+    for (const leg of [...frozen].sort()) said.push(`encoder ${leg} stays`);
+    const [low, high] = given.stroke || [-Infinity, Infinity];
+    last?.subarray(7, 13).forEach((length, leg) => { if (length < low || length > high) said.push(`leg ${leg + 1} ${length < low ? "below" : "beyond"} its stroke`); });
+    return said.slice(0, 4).join("; ") || "no limit is reached";
   };
   engine.on("rows", (message) => {
-    history.add(message.points, message.size);
-    last = history.points[history.points.length - 1] || null;
+    const { time, failure, lost } = message, now = performance.now();
+    for (let k = 0; k < message.points.length; k += message.size) points.push(message.points.subarray(k, k + message.size));
+    points.splice(0, points.length - MOST);
+    if (!built) setTimeout(build, 50);
+    last = points[points.length - 1] || null;
     fresh = true;
-    const now = performance.now();
     if (playing && rate && now - rate.at > 500) {
-      const times = (message.time - rate.time) / (now - rate.at) * 1000;
+      const times = (time - rate.time) / (now - rate.at) * 1000;
       $("rate").textContent = `× ${GS.short(times, times < 10 ? 2 : 3)} of real time`;
-      rate = { at: now, time: message.time };
+      rate = null;
     }
-    rate ??= { at: now, time: message.time };
-    $("clock").textContent = `${GS.fixed(message.time, message.time < 1000 ? 2 : 0)} s`;
-    $("lost").textContent = message.lost > 0 ? `${GS.short(message.lost, 2)} s of real time could not be kept` : "";
+    rate ??= { at: now, time };
+    $("clock").textContent = `${GS.fixed(time, time < 1000 ? 2 : 0)} s`;
+    $("lost").textContent = lost > 0 ? `${GS.short(lost, 2)} s of real time could not be kept` : "";
     const text = limits(message);
     if ($("limits").textContent !== text) $("limits").textContent = text;
-    if (message.ended && !over) ends(message);
+    if (!message.ended || over) return;
+    over = failure >= 5 && failure < 11 ? `leg ${failure - 4} has collapsed` : given.failures[failure] || "the experiment's run is at its end";
+    $("over-text").textContent = `At ${GS.fixed(time, 2)} s: ${over}.`;
+    $("over").hidden = false;
+    $("play").textContent = "▶ restart";
   });
   engine.on("failed", ({ text }) => {
     $("over-text").textContent = `This browser cannot run the loop: ${text}`;
     $("over").hidden = false;
-    $("over-again").hidden = true;
+    $("over-restart").hidden = true;
   });
   engine.on("ready", () => {
-    GS.ready.picture = GS.ready.curves = true;
-    home.restore();
+    GS.ready.curves = true;
+    GS.download.restore();
     run();
   });
 
-  const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  // The 3-D view comes once the loop runs, or soon, since software takes a second for its first picture.
+  let built = false;
+  const build = () => {
+    if (built) return;
+    built = true;
+    try {
+      stage = GS.liveStage($("view"));
+      stage.colourBy($("colour").value);
+    } catch (problem) {
+      $("no-view").hidden = false;
+      $("no-view").textContent = `This browser shows no 3-D graphics (WebGL): ${problem.message || problem}. The charts work without.`;
+    }
+    GS.ready.picture = fresh = true;
+  };
   // Pictures in software take the loop's processor: fewer where it is to be fast, and coarser ones where they are late.
   const ENOUGH = 1000 / 30, gaps = [];
   let turn = 0, before = 0;
@@ -202,7 +180,7 @@
   };
   const frame = (now) => {
     requestAnimationFrame(frame);
-    hand.poll();
+    GS.reference.poll();
     if (stage?.view.soft && speed() === null && now - before < 0.8 * ENOUGH) return;
     if (fresh && last) {
       if (playing && frames > 30) keepUp(now - before);
@@ -211,12 +189,14 @@
       stage?.show(last, push);
       // charts by turns: each is drawn at a third of the frames
       const rests = Boolean(still || !playing || over);
-      for (const plot of rests ? plots : [plots[turn++ % plots.length]]) plot.draw(history.points, span, rests);
+      for (const draw of rests ? charts : [charts[turn++ % charts.length]]) draw(points, span, rests);
     }
     before = now;
     stage?.view.render();
   };
   GS.onTheme(() => { fresh = true; });
+  engine.listen();
   requestAnimationFrame(frame);
-  GS.live = { turning, some, home, restart, get frames() { return frames; }, get last() { return last && [...last]; }, get over() { return over; }, get playing() { return playing; }, history: history.points };
+  setTimeout(build, playing ? 1000 : 0);
+  GS.live = { some, get frames() { return frames; }, get last() { return last && [...last]; }, get over() { return over; }, get playing() { return playing; } };
 })();

@@ -1,26 +1,25 @@
 "use strict";
-// Runs the machine's C in a worker: it only moves time and values.
+// Runs the machine's C in a worker: it only moves time and values. What a hand does acts from the next sample on.
 // `timer` is null if no tick is to come, and 0 if its message is under way.
-let c, at, given, start, timer = null;
-let turned = false, analysis = null;
+let c, at, given, start, timer = null, analysis = null;
 let playing = false, speed = 1, row = 0, ended = false, origin = 0, from = 0, lost = 0;
-const writes = new Map(), limited = new Float64Array(6);
-// What a hand adds to the experiment's own loads and faults, and what these are by themselves: from the begin, then from
-// each of the experiment's changes on.
+const limited = new Float64Array(6);
+// What a hand has set, which stays when the loop begins again: tuned settings, forces of an open loop, and what it adds
+// to the experiment's own loads and faults, by place.
+const hand = { wanted: null, forces: null, parameters: new Map(), inputs: new Map(), faults: new Map() };
 const LOADS = {
   parameters: { table: "change_parameters", parts: ["parameters"], sum: (own, by) => own + by },
   inputs: { table: "change_inputs", parts: ["inputs"], sum: (own, by) => own + by },
   faults: { table: "change_faults", parts: ["cut", "frozen"], sum: Math.max },
 };
-for (const load of Object.values(LOADS)) load.added = new Map();
-// What a hand has cut and frozen, and given back: places in `cut` and `frozen`, and the row.
-let faults = [];
-// the step that is watched: axis, pose before, size, row, and what its response has been so far
-let step = null;
-// the last rows: time, signals (24), forces (6), the reference (24), and which legs are limited
-const KEPT = 56, MINUTE = 60;
-let ring = null, ringRows = 0, ringed = 0, thin = 1;
-const BUDGET = 12, BEHIND = 250, POINTS = 64, SIZE = 26;
+// the session since the begin, and the last one that ended early; the step that is watched
+let session = null, crashed = null, step = null;
+// what is kept of rows: time, signals (24), forces (6), the reference (24), and which legs are limited; a point of a curve
+const KEPT = 56, MINUTE = 60, SIZE = 26;
+// a tick computes for so long [ms], time that is more late than this is lost [ms]; points of a message
+const BUDGET = 12, BEHIND = 250, POINTS = 64;
+// a step's response is watched for so long [s]
+const WATCHED = 3;
 const clock = () => performance.now();
 
 const unpacked = async (text) => {
@@ -29,110 +28,139 @@ const unpacked = async (text) => {
 };
 const place = (name) => c.machine_field(at, BigInt(given.fields[name])) >>> 0;
 const numbers = (name, n) => new Float64Array(c.memory.buffer, place(name), n);
+const used = () => (place("turn_used") ? [...numbers("turn_used", 25)] : []);
+const limitOf = (wanted) => (wanted ?? given.turn.wanted)[given.turn.names.indexOf("force_limit")] ?? Infinity;
+const log = (event) => session.events.push({ row, ...event });
 
 const begin = () => {
   new Uint8Array(c.memory.buffer, at, start.byteLength).set(new Uint8Array(start));
   const status = c.machine_open(at, BigInt(start.byteLength / 8));
   if (status !== 0n) throw new Error(`the machine cannot be opened: ${status}`);
+  const isCrash = session && ended;
+  if (isCrash) crashed = { ...session, row };
+  const ring = session && !isCrash ? session.ring : new Float64Array(KEPT * ringRows());
   row = 0;
-  ringed = 0;
   ended = false;
-  limited.fill(0);
-  for (const [name, values] of writes) for (const [k, value] of values) if (place(name)) numbers(name, k + 1)[k] = value;
-  for (const load of Object.values(LOADS)) {
-    load.size = given.sizes[load.parts.join()];
-    load.own = [...load.parts.flatMap((part) => (place(part) ? [...numbers(part, given.sizes[part])] : []))];
-    load.later = place(load.table) ? numbers(load.table, load.size * given.changes.length).slice() : null;
-    for (const [k, by] of load.added) put(load, k, by);
-  }
-  if (turned) c.machine_turn(at);
-  faults = [...LOADS.faults.added].filter(([, on]) => on).map(([place]) => ({ place, on: true, row: 0 }));
   step = null;
+  limited.fill(0);
+  session = { events: [], ring, ringed: 0, failure: 0 };
+  for (const [name, load] of Object.entries(LOADS)) {
+    load.size = given.sizes[load.parts.join()];
+    load.own = load.parts.flatMap((part) => (place(part) ? [...numbers(part, given.sizes[part])] : []));
+    load.later = place(load.table) ? numbers(load.table, load.size * given.changes.length).slice() : null;
+    for (const [k, by] of hand[name]) put(name, k, by);
+  }
+  session.own = { first: LOADS.parameters.own, later: LOADS.parameters.later };
+  if (hand.wanted || hand.forces) beginAs();
   hold();
 };
+// Tuned settings and forces from the begin on: the forces before the first command are those that these allow.
+const beginAs = () => {
+  const forces = (hand.forces ?? given.startForce).map((force) => Math.max(-limitOf(hand.wanted), Math.min(force, limitOf(hand.wanted))));
+  for (const [name, size] of Object.entries({ planned: 6, target: 6, driven: 12, acting: 6, delayed: 6 * (given.turn.mostDelay + 1) })) {
+    if (place(name)) for (let k = 0; k < size; k += 6) numbers(name, size).set(forces, k);
+  }
+  if (hand.forces) setForces(hand.forces);
+  if (hand.wanted) tune(hand.wanted);
+};
+const setForces = (values) => {
+  numbers("feedforward", 6).set(values);
+  log({ kind: "forces", values });
+};
+const tune = (wanted) => {
+  const field = numbers("turn_wanted", wanted.length), before = field.slice();
+  field.set(wanted.map((value) => value ?? Infinity));
+  const status = Number(c.machine_turn(at));
+  if (status) field.set(before);
+  else log({ kind: "tuned", wanted, used: used() });
+  return status;
+};
 // An element of a load, now and at all changes.
-const put = (load, k, by) => {
-  const { own, later, size, parts, sum } = load, past = later ? given.changes.filter((change) => change < row).length : 0;
+const put = (name, k, by) => {
+  const { own, later, size, parts, sum, table } = LOADS[name], changes = given.changes;
+  const past = later ? changes.filter((change) => change < row).length : 0;
   if (!own.length) return;
   const first = given.sizes[parts[0]], [part, i] = k < first ? [parts[0], k] : [parts[1], k - first];
   numbers(part, i + 1)[i] = sum(past ? later[(past - 1) * size + k] : own[k], by);
-  const table = later && numbers(load.table, later.length);
-  for (let j = 0; j < given.changes.length && table; j++) table[j * size + k] = sum(later[j * size + k], by);
+  for (let j = 0; later && j < changes.length; j++) numbers(table, later.length)[j * size + k] = sum(later[j * size + k], by);
+  log({ kind: name, place: k, by });
 };
 // real time counts from here
 const hold = () => { origin = clock(); from = row; };
+const thin = () => Math.max(1, Math.round(0.001 / given.plantStep));
+const ringRows = () => Math.min(60001, Math.ceil(MINUTE / given.plantStep / thin()) + 1);
+const wholeSamples = (rows) => Math.ceil(rows / given.every) * given.every;
 
 // Of a step's response (y - from) / by: rise from 10 to 90 %, the largest, and what is left at the end of the watch.
-const WATCHED = 3;
 const follow = (index, pose) => {
   const y = (pose - step.from) / step.by, time = (index - step.row) * given.plantStep;
   if (step.low === null && y >= 0.1) step.low = time;
   if (step.high === null && y >= 0.9) step.high = time;
   step.highest = Math.max(step.highest, y);
   if (time < WATCHED) return;
-  postMessage({ type: "response", axis: step.axis, by: step.by, rise: step.high === null ? null : step.high - step.low, overshoot: Math.max(0, step.highest - 1), last: y });
+  const rise = step.high === null ? null : step.high - step.low;
+  postMessage({ type: "response", axis: step.axis, by: step.by, rise, overshoot: Math.max(0, step.highest - 1), last: y });
   step = null;
 };
 
 // Rows to before `to`, at most what a call keeps; points of them for curves, and the last row. Plain loops over numbers:
 // at a hundred times real time, views and callbacks for each row take as long as the row.
 const advance = (to, points, every) => {
-  const first = row, next = Number(c.machine_run(at, BigInt(to)));
-  if (next === first) { ended = true; return; }
+  const most = Math.floor(given.kept / given.every) * given.every || given.kept, skipped = row % given.every;
+  const first = row, ran = Number(c.machine_run(at, BigInt(Math.min(to, row + most)))), end = Number(c.machine_ended(at));
+  ended = end >= 0 || ran === first;
+  if (ended) session.failure = Number(c.machine_failure(at));
+  // the row of its end is the last one
+  const next = end < 0 ? ran : Math.max(end + 1, first);
   const n = next - first, signals = numbers("row_signals", 24 * n), forces = numbers("row_forces", 6 * n);
-  const flags = new Uint8Array(c.memory.buffer, place("row_force_limited"), 6 * n), skipped = first % given.every;
-  const planned = place("plan_reference") ? numbers("plan_reference", 30 * (skipped + n)) : null;
+  const flags = new Uint8Array(c.memory.buffer, place("row_force_limited"), 6 * n);
+  const planned = place("plan_reference") ? numbers("plan_reference", 30 * (skipped + n)) : null, { ring } = session, nth = thin();
   for (let k = 0; k < n; k++) {
-    const index = first + k, time = index * given.plantStep, wanted = 30 * (skipped + k);
+    const index = first + k, time = index * given.plantStep;
     let mask = 0;
     for (let leg = 0; leg < 6; leg++) {
       if (flags[6 * k + leg]) mask |= 1 << leg;
       limited[leg] = flags[6 * k + leg] ? limited[leg] + given.plantStep : 0;
     }
     if (step) follow(index, signals[24 * k + step.axis]);
-    if (index % thin === 0) {
-      const to = (ringed++ % ringRows) * KEPT;
-      ring[to] = time;
-      for (let i = 0; i < 24; i++) ring[to + 1 + i] = signals[24 * k + i];
-      for (let i = 0; i < 6; i++) ring[to + 25 + i] = forces[6 * k + i];
-      if (planned) for (let i = 0; i < 24; i++) ring[to + 31 + i] = planned[wanted + i];
-      ring[to + 55] = mask;
+    if (index % nth === 0) {
+      const place = (session.ringed++ * KEPT) % ring.length;
+      ring[place] = time;
+      for (let i = 0; i < 24; i++) ring[place + 1 + i] = signals[24 * k + i];
+      for (let i = 0; i < 6; i++) ring[place + 25 + i] = forces[6 * k + i];
+      if (planned) for (let i = 0; i < 24; i++) ring[place + 31 + i] = planned[30 * (skipped + k) + i];
+      ring[place + 55] = mask;
     }
-    if (index % every !== 0 && !(next >= to && k === n - 1)) continue;
+    if (index % every !== 0 && !((ended || next >= to) && k === n - 1)) continue;
     points.push(time);
     for (let i = 0; i < 6; i++) points.push(signals[24 * k + i]);
     for (let i = 0; i < 6; i++) points.push(signals[24 * k + 12 + i]);
     for (let i = 0; i < 6; i++) points.push(forces[6 * k + i]);
-    for (let i = 0; i < 6; i++) points.push(planned ? planned[wanted + i] : NaN);
+    for (let i = 0; i < 6; i++) points.push(planned ? planned[30 * (skipped + k) + i] : NaN);
     points.push(mask);
   }
   row = next;
-  if (c.machine_ended(at) >= 0n) ended = true;
 };
 
 const tell = (points) => {
-  const values = new Float64Array(points);
-  postMessage({
-    type: "rows", points: values, size: SIZE, time: row * given.plantStep, limited: [...limited], lost, cut: place("cut") ? [...numbers("cut", 6)] : [],
-    ended, failure: ended ? Number(c.machine_failure(at)) : 0, speed,
-  }, [values.buffer]);
+  const values = new Float64Array(points), cut = place("cut") ? [...numbers("cut", 6)] : [];
+  const { failure } = session;
+  postMessage({ type: "rows", points: values, size: SIZE, time: row * given.plantStep, limited: [...limited], lost, cut, ended, failure, speed }, [values.buffer]);
 };
-
 const tick = () => {
   timer = null;
   if (!playing || ended) return;
   const begun = clock(), points = [], fast = !Number.isFinite(speed);
-  let to = fast ? Infinity : from + Math.floor((begun - origin) / 1000 * speed / given.plantStep);
+  let to = fast ? Infinity : wholeSamples(from + Math.floor((begun - origin) / 1000 * speed / given.plantStep));
   if (!fast && begun - origin > 0 && to - row > BEHIND / 1000 * speed / given.plantStep) {
     lost += (to - row) * given.plantStep / speed;
     hold();
-    to = row + 1;
+    to = row + given.every;
   }
   // a point of the curves every 5 ms, or 20 ms where a chart's seconds go by in no time
   const every = Math.max(1, Math.round((fast ? 0.02 : 0.005) / given.plantStep), fast ? 0 : Math.ceil((to - row) / POINTS));
-  while (row < to && !ended && clock() - begun < BUDGET) advance(Math.min(to, row + given.kept), points, every);
-  if (points.length) tell(points);
-  else if (ended) tell([]);
+  while (row < to && !ended && (clock() - begun < BUDGET || row % given.every)) advance(Number.isFinite(to) ? to : row + given.kept, points, every);
+  if (points.length || ended) tell(points);
   again();
 };
 const channel = new MessageChannel();
@@ -151,8 +179,7 @@ const stop = () => {
   clearTimeout(timer);
   timer = null;
 };
-
-// Poles and margins of the loop as it is, once nothing has been turned for a moment.
+// Poles and margins of the loop as it is, once nothing has been tuned for a moment.
 const analyse = (after) => {
   clearTimeout(analysis);
   analysis = setTimeout(() => {
@@ -160,26 +187,35 @@ const analyse = (after) => {
     postMessage({ type: "margins", values: numbers("turn_results", given.turn.poles + 4 * given.turn.most).slice() });
   }, after);
 };
+// Whether the hand has the reference: from its first target on, if the machine plans its motion.
+const takes = () => {
+  if (!given.canTake) return false;
+  if (!session.isByHand) {
+    c.machine_take(at);
+    step = null;
+    session.isByHand = true;
+  }
+  return true;
+};
+const logTarget = (jumps) => log({ kind: "target", values: [...numbers("plan_target", 6)], jumps });
 
 const answers = {
   open: async (message) => {
     given = message.data;
+    const module = unpacked(given.wasm);
     start = await unpacked(given.block);
-    const { instance } = await WebAssembly.instantiate(await unpacked(given.wasm), {});
+    const { instance } = await WebAssembly.instantiate(await module, {});
     c = instance.exports;
     if (c._initialize) c._initialize();
     at = (c.__heap_base.value + 15) & ~15;
     c.memory.grow(Math.ceil((at + start.byteLength) / 65536));
-    thin = Math.max(1, Math.round(0.001 / given.plantStep));
-    ringRows = Math.min(60001, Math.ceil(MINUTE / given.plantStep / thin) + 1);
-    ring = new Float64Array(KEPT * ringRows);
     begin();
     postMessage({ type: "ready" });
     analyse(300);
   },
   run: (message) => {
     stop();
-    playing = message.playing;
+    ({ playing } = message);
     speed = message.speed ?? Infinity;
     hold();
     again();
@@ -189,75 +225,47 @@ const answers = {
     begin();
     again();
   },
-  // numbers of a field, kept when it begins again
-  write: ({ name, from: first, values, keeps }) => {
-    if (values.some(Number.isNaN) || !place(name)) return;
-    numbers(name, first + values.length).set(values, first);
-    if (!keeps) return;
-    if (!writes.has(name)) writes.set(name, new Map());
-    values.forEach((value, k) => writes.get(name).set(first + k, value));
+  // a payload, gravity, a push: to the experiment's own; faults: 1 or 0
+  add: ({ name, from: first, values }) => values.forEach((by, k) => {
+    hand[name].set(first + k, by);
+    put(name, first + k, by);
+  }),
+  forces: ({ values }) => {
+    hand.forces = values;
+    if (row) setForces(values);
+    else beginAs();
   },
-  // a payload, a push, gravity: to the experiment's own
-  add: ({ name, from: first, values }) => {
-    values.forEach((by, k) => {
-      LOADS[name].added.set(first + k, by);
-      put(LOADS[name], first + k, by);
-    });
+  // settings of the loop: 0, or 1 and the position of the first that is refused
+  tune: ({ values }) => {
+    const status = tune(values);
+    if (!status) hand.wanted = values;
+    if (!status && !row) beginAs();
+    postMessage({ type: "tuned", status });
+    analyse(120);
   },
-  // legs without force and sensors that stay, with the row at which a hand did it
-  fail: ({ places, on }) => {
-    for (const k of places) {
-      faults.push({ place: k, on, row });
-      LOADS.faults.added.set(k, on ? 1 : 0);
-      put(LOADS.faults, k, on ? 1 : 0);
-    }
+  target: ({ values }) => {
+    if (!takes()) return;
+    numbers("plan_target", 6).set(values);
+    logTarget(0);
   },
-  // some rows at once, by no clock
-  some: ({ rows }) => {
-    const points = [], to = row + rows, every = Math.max(1, Math.round(0.005 / given.plantStep), Math.ceil(rows / POINTS));
-    while (row < to && !ended) advance(Math.min(to, row + given.kept), points, every);
-    hold();
-    tell(points);
-    postMessage({ type: "advanced" });
-  },
-  used: () => postMessage({ type: "usedGains", used: place("turn_used") ? [...numbers("turn_used", 25)] : [] }),
-  // the rows of the last minute, the oldest first
-  kept: () => {
-    const n = Math.min(ringed, ringRows), first = ringed - n, values = new Float64Array(KEPT * n);
-    for (let k = 0; k < n; k++) values.set(ring.subarray(((first + k) % ringRows) * KEPT, ((first + k) % ringRows) * KEPT + KEPT), k * KEPT);
-    postMessage({ type: "keptRows", values, size: KEPT, step: thin * given.plantStep, faults }, [values.buffer]);
-  },
-  // the reference jumps to a target along one axis: a step, past the hand's filter
+  // the reference jumps along one axis: a step, past the hand's filter
   jump: ({ axis, by }) => {
-    if (!place("plan_target")) return;
+    if (!takes()) return;
     const target = numbers("plan_target", 6), smoothed = numbers("plan_smoothed", 18);
     step = { axis, by, from: smoothed[axis], row, low: null, high: null, highest: 0 };
     target[axis] += by;
     smoothed[axis] += by;
+    logTarget(1);
   },
-  // takes over what has been written of settings: 0, or 1 and the position of the first that is refused
-  turn: () => {
-    turned = true;
-    const status = Number(c.machine_turn(at));
-    postMessage({ type: "turned", status, used: place("turn_used") ? [...numbers("turn_used", 25)] : [] });
-    analyse(120);
+  // some rows at once, by no clock
+  some: ({ rows }) => {
+    const points = [], to = wholeSamples(row + rows), every = Math.max(1, Math.round(0.005 / given.plantStep), Math.ceil(rows / POINTS));
+    while (row < to && !ended) advance(to, points, every);
+    hold();
+    tell(points);
+    postMessage({ type: "advanced" });
   },
-  take: () => { step = null; c.machine_take(at); },
-  // all rows from the beginning, for who compares them
-  rows: ({ rows }) => {
-    playing = false;
-    begin();
-    const found = new Float64Array(30 * rows);
-    while (row < rows && !ended) {
-      const first = row;
-      advance(Math.min(rows, row + given.kept), [], 1e9);
-      for (let k = 0; first + k < row; k++) {
-        found.set(numbers("row_signals", 24 * (k + 1)).subarray(24 * k), 30 * (first + k));
-        found.set(numbers("row_forces", 6 * (k + 1)).subarray(6 * k), 30 * (first + k) + 24);
-      }
-    }
-    postMessage({ type: "allRows", values: found.subarray(0, 30 * row) });
-  },
+  files: ({ ofCrash }) => postMessage({ type: "written", files: filesOf(given, ofCrash && crashed ? crashed : { ...session, row }) }),
   state: () => postMessage({ type: "state", memory: c.memory.buffer.byteLength, row, lost, inputs: [...numbers("inputs", given.sizes.inputs)] }),
 };
 let done = Promise.resolve();

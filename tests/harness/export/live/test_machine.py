@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
-from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.export.live.machine import live_machine, reach_of
+from gough_stewart.harness.export.live.page import live_machine, reach_of
 from gough_stewart.model.kinematics import leg_geometry
 from tests.harness.export.test_machine import Machine, rows_of
 from tests.support.random_platforms import random_platform
@@ -52,34 +51,6 @@ def test_jitter_and_injection_end_with_the_run() -> None:
     assert np.ptp(forces[:12000], axis=0).max() > 100 * np.ptp(forces[15500:], axis=0).max()
 
 
-def test_a_hand_takes_over_without_a_jump() -> None:
-    """Expected: the reference goes on with the pose, rate and acceleration of the motion, to its target."""
-    one = Machine(live_machine(gs.load_experiment("pitch_sine", {"loop.duration": 1})).block)
-    one._c.machine_take.restype = None
-    rows: list[np.ndarray[Any, Any]] = []
-
-    def run(to: int) -> None:
-        at = 0
-        while at < to:
-            at = int(one("run", min(to, len(rows) + 100)))
-            kept = one.field("plan_reference", (at - len(rows)) * 30).reshape(-1, 30)
-            rows.extend(kept.copy())
-
-    run(600)
-    one("take")
-    one.field("plan_target", 6)[:] += [0.05, -0.03, 0.02, 0.02, -0.01, 0.03]
-    target = one.field("plan_target", 6).copy()
-    run(4600)
-    reference = np.array(rows)
-    # pose, velocity: differences within a row are those of the rates
-    steps = np.diff(reference[:, :6], axis=0)
-    assert np.abs(steps[:, :3] - 2e-3 * reference[1:, 6:9]).max() < 5e-6
-    rates = np.diff(reference[590:620, 6:12], axis=0)
-    assert np.abs(rates).max() < 2e-3 * 4.5  # the limit of acceleration of angles
-    assert reference[-1, :6] == pytest.approx(target, abs=1e-4)
-    assert one("ended") == -1
-
-
 def test_a_hand_may_ask_for_what_the_legs_can_reach() -> None:
     """Expected: along each axis to both sides, legs within the stroke of an uneven platform."""
     platform = random_platform(np.random.default_rng(5))
@@ -121,17 +92,3 @@ def test_another_case_is_not_called_the_papers(settings: dict[str, Any], publish
     """Expected: other forces, start or machine are told apart; what changes on the way has nothing behind it."""
     behind = live_machine(gs.load_experiment("paper_open_loop", settings)).data["behind"]
     assert behind is None if published is None else behind["isPublished"] is published
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"controller": {"type": "python", "file": "law.py"}}, "expected a controller of the types pd, pid"),
-        ({"plant.kind": "fmu3"}, "expected 'model': set plant.kind=model"),
-        ({"plant.fixed_step_size": 1e-3}, "has plant.fixed_step_size 0.001; a page steps by error control"),
-    ],
-)
-def test_what_needs_python_or_an_fmu_is_refused(settings: dict[str, Any], said: str) -> None:
-    """Expected: what was found, and what would work."""
-    with pytest.raises(ExportError, match=said):
-        live_machine(gs.load_experiment("heave_step", settings))

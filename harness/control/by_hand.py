@@ -1,0 +1,133 @@
+"""A motion that a hand goes on with: where it wanted the platform, sample by sample, through a filter with limits.
+
+A live page writes what was dragged in it as such a motion; its C has the same filter and the same rules.
+"""
+
+from bisect import bisect_left, bisect_right
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import model_validator
+
+from gough_stewart.harness.control.smoothing import Smoothing, SmoothingChoice
+from gough_stewart.harness.errors import MotionError, TableError
+from gough_stewart.harness.motion.motion import ROUNDING, Motion, Reference, coordinates_of, end_of, motion_of
+from gough_stewart.harness.motion.references import ReferenceChoice
+from gough_stewart.harness.quantities import PositiveTime
+from gough_stewart.harness.section import ByType, FileName
+from gough_stewart.harness.table_file import numbers_of, read_table
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    import polars
+
+# What a hand's filter follows, of positions [m] and angles [rad].
+HAND_FILTERS = (
+    SmoothingChoice(bandwidth=1.5, largest_rate=0.3, largest_acceleration=2.0),
+    SmoothingChoice(bandwidth=1.5, largest_rate=0.5, largest_acceleration=4.0),
+)
+TARGET_COLUMNS = ("time", "x", "y", "z", "roll", "pitch", "yaw", "jumps")
+
+
+class ByHand(ReferenceChoice):
+    """Follow a `motion` until a hand takes over, then its targets.
+
+    The rows of `file` are targets [m, rad] from a time [s] on, at multiples of `sample_time`; `jumps` is 1 where the
+    filter jumps by the difference from the target before, else 0. From the first row on.
+    """
+
+    type: Literal["by_hand"] = "by_hand"
+    file: FileName
+    motion: Annotated[ReferenceChoice, ByType()]
+    sample_time: PositiveTime
+
+    @model_validator(mode="after")
+    def _unscaled(self) -> "ByHand":
+        if self.time_scale != 1 or self.amplitude_scale != 1:
+            raise ValueError("a motion by hand has its own times and sizes; expected no time_scale and amplitude_scale")
+        return self
+
+    def about(self, platform: Platform, folder: Path = Path()) -> "HandMotion":
+        """The motion, then the targets of the file."""
+        path = folder / self.file
+        try:
+            samples, targets, jumps = self._rows_of(read_table(path, "reference"))
+        except (MotionError, TableError) as error:
+            raise MotionError(f"{path}: {error}") from error
+        return HandMotion(self.motion.about(platform, folder), self.sample_time, samples, targets, jumps)
+
+    def _rows_of(self, table: "polars.DataFrame") -> tuple[list[int], FloatArray, FloatArray]:
+        """Samples, targets (n, 6), and which of them jump (n,)."""
+        missing = [name for name in TARGET_COLUMNS if name not in table.columns]
+        if missing:
+            raise MotionError(f"has no column {missing[0]}; expected {', '.join(TARGET_COLUMNS)}")
+        time, *targets, jumps = (numbers_of(table, name) for name in TARGET_COLUMNS)
+        samples = np.rint(time / self.sample_time).astype(int)
+        apart = np.abs(time - samples * self.sample_time)
+        if not len(time) or (np.diff(samples) < 0).any() or (samples < 0).any() or apart.max() > ROUNDING:
+            raise MotionError(f"expected rows in order of time, at multiples of sample_time, {self.sample_time:g} s")
+        return samples.tolist(), np.stack(targets, axis=1), jumps
+
+    @property
+    def highest_frequency(self) -> float:
+        """That of the motion at the begin [Hz]."""
+        return self.motion.highest_frequency
+
+
+class HandMotion:
+    """A motion, from the first sample of some targets (n, 6) on the filter's.
+
+    Between samples pose, rates and accelerations are extrapolated from the last one.
+    """
+
+    def __init__(
+        self, motion: Reference, sample_time: float, samples: list[int], targets: FloatArray, jumps: FloatArray
+    ) -> None:
+        self._motion, self._period, self._samples = motion, sample_time, samples
+        self._rows = list(zip(samples, targets, jumps > 0, strict=True))
+        self._start = samples[0] * sample_time
+        values = {key: np.repeat([getattr(choice, key) for choice in HAND_FILTERS], 3) for key in Smoothing.keys}
+        self._coefficients = Smoothing.prepare(values, sample_time)
+        pose, rate, acceleration = (part[0] for part in coordinates_of(motion(np.array([self._start]))))
+        self._target, self._filter = pose, (pose, rate, acceleration)
+        self._states = [self._filter]  # by sample since the start
+        self._take_rows(samples[0])
+
+    def __call__(self, time: ArrayLike) -> Motion:
+        """The motion at times (n,) [s]."""
+        times = np.asarray(time, dtype=float)
+        return self._at(times, times)
+
+    def foreseen(self, samples: FloatArray, ahead: float) -> Motion:
+        """What is known at the times of samples (n,) [s] of the motion some time [s] later."""
+        return self._at(samples, samples + ahead)
+
+    def _at(self, known: FloatArray, times: FloatArray) -> Motion:
+        by_hand = known >= self._start - ROUNDING
+        before = np.minimum(np.where(by_hand, self._start, times), end_of(self._motion))
+        motion = Motion(*(np.array(part) for part in self._motion(before)))
+        if not by_hand.any():
+            return motion
+        since = np.floor((known[by_hand] + ROUNDING) / self._period).astype(int) - self._samples[0]
+        while len(self._states) <= since.max():
+            self._take_rows(self._samples[0] + len(self._states))
+            self._filter, _ = Smoothing.step(self._coefficients, self._filter, (self._target,))
+            self._states.append(self._filter)
+        pose, rate, acceleration = (np.array([self._states[k][part] for k in since.tolist()]) for part in range(3))
+        h = (times[by_hand] - (since + self._samples[0]) * self._period)[:, None]
+        later = motion_of(pose + h * rate + h * h / 2 * acceleration, rate + h * acceleration, acceleration)
+        for whole, part in zip(motion, later, strict=True):
+            whole[by_hand] = part
+        return motion
+
+    def _take_rows(self, sample: int) -> None:
+        """Let the targets of a sample hold; those that jump move the filter as far."""
+        first, last = bisect_left(self._samples, sample), bisect_right(self._samples, sample)
+        for _, target, jumps in self._rows[first:last]:
+            if jumps:
+                value, rate, acceleration = self._filter
+                self._filter = value + (target - self._target), rate, acceleration
+            self._target = target

@@ -1,0 +1,95 @@
+"use strict";
+// Charts that scroll: the last seconds of some curves, drawn on a canvas.
+(() => {
+  const GS = GoughStewart, LEFT = 52, BOTTOM = 18;
+  const nice = (span) => {
+    const raw = span / 4, power = 10 ** Math.floor(Math.log10(raw));
+    return power * [1, 2, 5, 10].find((step) => step * power >= raw);
+  };
+  // The pen of a canvas of some size, which is empty then.
+  GS.pen = (canvas, width, height) => {
+    const ratio = Math.min(devicePixelRatio, 2), pen = canvas.getContext("2d"), [w, h] = [width, height].map((size) => Math.round(size * ratio));
+    if (canvas.width !== w || canvas.height !== h) Object.assign(canvas, { width: w, height: h });
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.clearRect(0, 0, width, height);
+    pen.font = "11px system-ui, sans-serif";
+    pen.lineWidth = 1;
+    return pen;
+  };
+  // Draws a line through points [x, y].
+  GS.stroke = (pen, points, dashes = []) => {
+    pen.setLineDash(dashes);
+    pen.beginPath();
+    for (const [x, y] of points) pen.lineTo(x, y);
+    pen.stroke();
+  };
+  // curves: name, value of a point, colour of a theme, dashes, and values behind it at the times; least: smallest span
+  GS.chart = (host, { title, unit, curves, least, times = [], marks = [] }) => {
+    const canvas = GS.element("canvas", { role: "img", "aria-label": `${title} [${unit}], the last seconds` });
+    const key = GS.element("ul", { class: "key" }), said = GS.element("output", { class: "at" });
+    const caption = GS.element("figcaption", {}, GS.element("h2", {}, `${title} [${unit}]`), said, key);
+    host.append(GS.element("figure", { class: "plot-live" }, caption, canvas));
+    let pointer = null, seen = true;
+    new IntersectionObserver((entries) => { seen = entries[entries.length - 1].isIntersecting; }).observe(canvas);
+    const paintKey = () => key.replaceChildren(...curves.map(({ name, colour, dashes }) => GS.element("li", {},
+      GS.element("i", { style: `border-top: 3px ${dashes?.length ? "dashed" : "solid"} ${colour(GS.theme())}` }), name)));
+    paintKey();
+    GS.onTheme(paintKey);
+    canvas.addEventListener("pointermove", (event) => { pointer = event.offsetX; });
+    canvas.addEventListener("pointerleave", () => { pointer = null; said.textContent = ""; });
+    // what moves is drawn only where it is seen
+    return (points, span, rests) => {
+      const width = canvas.clientWidth, height = canvas.clientHeight, theme = GS.theme();
+      if (!(seen || rests) || !width || !points.length) return;
+      const begin = Math.max(0, points[points.length - 1][0] - span), end = begin + span;
+      let first = points.length - 1, low = Infinity, high = -Infinity;
+      while (first > 0 && points[first - 1][0] >= begin) first--;
+      const reach = (value) => { low = Math.min(low, value); high = Math.max(high, value); };
+      for (let k = first; k < points.length; k++) for (const { value } of curves) reach(value(points[k]));
+      for (const { behind } of curves) behind?.forEach((value, k) => { if (times[k] >= begin && times[k] <= end) reach(value); });
+      if (!Number.isFinite(high - low)) return;
+      const middle = (low + high) / 2, half = Math.max((high - low) / 2, least / 2) * 1.08, pen = GS.pen(canvas, width, height);
+      [low, high] = [middle - half, middle + half];
+      const x = (t) => LEFT + (t - begin) / span * (width - LEFT - 6), y = (v) => (height - BOTTOM) * (1 - (v - low) / (high - low));
+      pen.strokeStyle = theme.line;
+      pen.fillStyle = theme.ink;
+      pen.textAlign = "right";
+      const step = nice(high - low), digits = Math.max(0, -Math.floor(Math.log10(step)));
+      // by number: where a loop diverged, a step may be less than the last digit
+      for (let k = Math.ceil(low / step); k <= high / step && k - low / step < 12; k++) {
+        GS.stroke(pen, [[LEFT, y(k * step)], [width, y(k * step)]]);
+        pen.fillText(GS.fixed(k * step, digits), LEFT - 5, Math.max(9, y(k * step) + 4));
+      }
+      pen.textAlign = "center";
+      const apart = nice(span);
+      for (let t = Math.ceil(begin / apart) * apart; t <= end; t += apart) pen.fillText(`${GS.short(t)} s`, Math.min(x(t), width - 12), height - 4);
+      pen.save();
+      pen.beginPath();
+      pen.rect(LEFT, 0, width - LEFT, height - BOTTOM);
+      pen.clip();
+      pen.strokeStyle = theme.roles.limit;
+      for (const value of marks) GS.stroke(pen, [[LEFT, y(value)], [width, y(value)]], [2, 3]);
+      pen.lineWidth = 6;
+      pen.globalAlpha = 0.3;
+      for (const { behind, colour } of curves) {
+        pen.strokeStyle = colour(theme);
+        if (behind) GS.stroke(pen, behind.map((v, k) => [x(times[k]), y(v)]));
+      }
+      pen.lineWidth = 1.6;
+      pen.globalAlpha = 1;
+      const shown = points.slice(first);
+      for (const { value, colour, dashes } of curves) {
+        pen.strokeStyle = colour(theme);
+        GS.stroke(pen, shown.map((p) => [x(p[0]), y(value(p))]), dashes);
+      }
+      if (pointer !== null && pointer >= LEFT) {
+        const near = shown.reduce((best, p) => (Math.abs(x(p[0]) - pointer) < Math.abs(x(best[0]) - pointer) ? p : best));
+        pen.strokeStyle = theme.ink;
+        pen.lineWidth = 1;
+        GS.stroke(pen, [[x(near[0]), 0], [x(near[0]), height]]);
+        said.textContent = `${GS.fixed(near[0], 2)} s: ${curves.map((c) => `${c.name} ${GS.text(c.value(near), 3)}`).join(", ")}`;
+      }
+      pen.restore();
+    };
+  };
+})();

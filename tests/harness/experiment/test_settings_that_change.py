@@ -1,0 +1,114 @@
+"""Settings of the loop that change during a run, and references that a hand goes on with."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.harness.errors import ExperimentError
+
+AT_REST: dict[str, Any] = {
+    **{"sensors.quantisation": {}, "loop.duration": 0.6, "reference": {"type": "hold"}, "loop.delay": 0},
+    **{"controller.feedforward": "none", "loop.plant_step": 5e-4},
+}
+PD = {"type": "pd", "bandwidth": 3.0, "damping_ratio": 0.8, "derivative_on": "measurement"}
+HEADER = "time,x,y,z,roll,pitch,yaw,jumps"
+
+
+def test_other_gains_give_other_forces_of_the_same_error() -> None:
+    """Expected: at rest with an error e the force goes from kp e to kp' e, kp'/kp = (3/2)², without a kick.
+
+    A change between two samples acts at the later one.
+    """
+    record = gs.run("heave_step", {**AT_REST, "loop.duration": 4, "change": [{"at": 3.5005, "controller": PD}]})
+    before, after = record["actuator_force"][7001], record["actuator_force"][7002]
+    assert np.ptp(record["actuator_force"][6900:7002], axis=0).max() < 1e-3 * np.abs(before).max()
+    assert after == pytest.approx(2.25 * before, rel=1e-3)
+
+
+def test_a_delay_and_a_limit_that_change() -> None:
+    """Expected: of forces that ramp with the samples, those of three samples ago from the change on; then the limit."""
+    ramp = {"type": "open_loop", "force": [4000.0] * 6}
+    changes = [{"at": 0.001 * k, "controller": {**ramp, "force": [4000.0 + k] * 6}} for k in range(1, 40)]
+    more = [{"at": 0.020, "delay": 3}, {"at": 0.030, "force_limit": 4020.0}]
+    settings = {
+        **AT_REST,
+        "controller": ramp,
+        "loop.duration": 0.04,
+        "loop.plant_step": 1e-3,
+        "change": [*changes, *more],
+    }
+    force = gs.run("heave_step", settings)["actuator_force"][:40, 0]
+    expected = [*range(20), *range(17, 27), *[20] * 10]
+    # the command of 20 ms has its place in the line; what was limited later comes later
+    expected[30:33] = [27, 28, 29]
+    assert force - 4000 == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_hand_goes_on_from_the_motion_to_its_targets(tmp_path: Path) -> None:
+    """Expected: the motion before the first target, then rates and accelerations within the filter's limits.
+
+    A jump moves the reference at once; the target is reached.
+    """
+    (tmp_path / "targets.csv").write_text(f"{HEADER}\n0.5,0.05,0,2,0,0,0.1,0\n4.0,0.05,0,2.01,0,0,0.1,1\n")
+    sine = {"type": "sine", "position_amplitude": [0, 0.02, 0], "frequency": 0.5}
+    hand = {"type": "by_hand", "file": str(tmp_path / "targets.csv"), "sample_time": 0.002, "motion": sine}
+    common = {"loop.duration": 4.1, "loop.delay": 0}
+    record, motion = (gs.run("pitch_sine", {**common, "reference": reference}) for reference in (hand, sine))
+    names = ("reference.position", "reference.orientation", "reference.velocity")
+    pose, angles, velocity = (record[name] for name in names)
+    begin, jump = 250, 2000
+    for name in names:
+        assert np.array_equal(record[name][: begin + 1], motion[name][: begin + 1])
+    steps = np.diff(pose[begin:jump], axis=0) / 0.002
+    assert np.abs(steps - (velocity[begin:jump][1:] + velocity[begin:jump][:-1]) / 2).max() < 5e-5
+    assert np.abs(np.diff(velocity[begin:jump], axis=0)).max() / 0.002 <= 2.0 + 1e-9
+    assert np.abs(velocity[begin:]).max() <= 0.3
+    assert pose[jump - 1] == pytest.approx([0.05, 0, 2], abs=1e-4)
+    assert angles[jump - 1] == pytest.approx([0, 0, 0.1], abs=1e-4)
+    assert pose[jump] - pose[jump - 1] == pytest.approx([0, 0, 0.01], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"at": 0.0, "delay": 2}, "at is 0 s, where settings are those of the tables"),
+        ({"at": 0.1}, "has no effect; expected parameters, factors, or settings"),
+        ({"at": 0.1, "controller": {**PD, "space": "task"}}, "has the structure .*; expected that of the experiment's"),
+        ({"at": 0.1, "controller": {"type": "open_loop"}}, "expected that of the experiment's"),
+        ({"at": 0.1, "noise": {"leg_length": -1}}, "noise"),
+    ],
+)
+def test_changes_of_settings_that_cannot_be_are_refused(change: dict[str, Any], said: str) -> None:
+    """Expected: the value found, and what would be right."""
+    with pytest.raises(ExperimentError, match=said):
+        gs.run("heave_step", {**AT_REST, "change": [change]})
+
+
+def test_only_machine_code_changes_settings() -> None:
+    """Expected: another plant, and members of an ensemble, say so."""
+    changes = {**AT_REST, "change": [{"at": 0.1, "delay": 2}]}
+    with pytest.raises(gs.GoughStewartError, match="which only machine code can"):
+        gs.run("heave_step", {**changes, "plant.kind": "scipy"})
+    members = {"members": 2, "seed": 1, "platform_mass": {"factor": {"uniform": [0.9, 1.1]}}}
+    with pytest.raises(gs.GoughStewartError, match="which members of an ensemble cannot"):
+        gs.ensemble("heave_step", {**changes, "ensemble": members})
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "said"),
+    [
+        ("time,x\n0,1\n", {}, "has no column y; expected time, x, y"),
+        (f"{HEADER}\n0.0011,0,0,2,0,0,0,0\n", {}, "at multiples of sample_time, 0.002 s"),
+        (f"{HEADER}\n0.1,0,0,2,0,0,0,0\n0,0,0,2,0,0,0,0\n", {}, "rows in order of time"),
+        (f"{HEADER}\n0,0,0,2,0,0,0,0\n", {"time_scale": 2}, "expected no time_scale and amplitude_scale"),
+    ],
+)
+def test_targets_that_are_none_are_refused(text: str, more: dict[str, Any], said: str, tmp_path: Path) -> None:
+    """Expected: file, what was found, what was expected."""
+    (tmp_path / "targets.csv").write_text(text)
+    hand = {"type": "by_hand", "file": str(tmp_path / "targets.csv"), "sample_time": 0.002, "motion": {"type": "hold"}}
+    with pytest.raises(gs.GoughStewartError, match=said):
+        gs.run("pitch_sine", {"loop.duration": 0.2, "reference": {**hand, **more}})
