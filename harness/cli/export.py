@@ -138,9 +138,9 @@ def export_command(
     with clear_errors() as command:
         with preparing():
             from gough_stewart.fmu_build.build import number_of_steps
-            from gough_stewart.harness.export.carried import chosen_parts
+            from gough_stewart.harness.export.choices import chosen_parts
             from gough_stewart.harness.export.export import export
-            from gough_stewart.harness.export.forms import chosen_forms
+            from gough_stewart.harness.export.choices import chosen_forms
             from gough_stewart.harness.export.report import export_report
             from gough_stewart.harness.report.document import settings_of
 

@@ -9,13 +9,13 @@ from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.toolchain import Target
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.c_source import controller_sources
-from gough_stewart.harness.export.carried import Part
-from gough_stewart.harness.export.designed import Designed, designed
-from gough_stewart.harness.export.deviation import deviation_of
-from gough_stewart.harness.export.faults import Faults
+from gough_stewart.harness.export.write import controller_sources
+from gough_stewart.harness.export.choices import Part
+from gough_stewart.harness.export.design import Designed, designed
+from gough_stewart.harness.export.write import deviation_of
+from gough_stewart.harness.export.choices import Faults
 from gough_stewart.harness.export.fmu import component_of
-from gough_stewart.harness.export.forms import EXAMPLE, Real, ReferenceFrom
+from gough_stewart.harness.export.choices import EXAMPLE, Real, ReferenceFrom
 from gough_stewart.harness.export.loop_archive import loop_archive
 from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.stability import Host, MemberProgress, StabilityReport, output_delay_of, stability_of

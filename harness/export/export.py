@@ -12,9 +12,9 @@ from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.carried import Part, chosen_parts
-from gough_stewart.harness.export.faults import SafeForce, faults_of
-from gough_stewart.harness.export.forms import EXAMPLE, REALS, Form, Real, ReferenceFrom, chosen_forms, name_of
+from gough_stewart.harness.export.choices import Part, chosen_parts
+from gough_stewart.harness.export.choices import SafeForce, faults_of
+from gough_stewart.harness.export.choices import EXAMPLE, REALS, Form, Real, ReferenceFrom, chosen_forms, name_of
 from gough_stewart.harness.export.live.page import live_page
 from gough_stewart.harness.export.notes import in_short
 from gough_stewart.harness.export.report import least_robust_first

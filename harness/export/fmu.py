@@ -6,8 +6,8 @@ from dataclasses import replace
 from gough_stewart.fmu_build.component import Sources, UnitComponent
 from gough_stewart.fmu_build.controller import ControllerParameter, SampledController, controller_component
 from gough_stewart.fmu_build.plant.drawing import icon_of
-from gough_stewart.harness.export.c_source import controller_sources
-from gough_stewart.harness.export.designed import Designed
+from gough_stewart.harness.export.write import controller_sources
+from gough_stewart.harness.export.design import Designed
 from gough_stewart.harness.export.settings import Setting
 
 

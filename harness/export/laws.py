@@ -71,7 +71,7 @@ class PidLaw:
         of = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
         found = [
             setting(
-                "proportional_gain", units[0], "> 0", f"proportional gain {of}", channels.proportional, is_real=True
+                "proportional_gain", units[0], "> 0", f"proportional gain {of}", channels.proportional
             )
         ]
         if differentiate.any():
@@ -79,7 +79,6 @@ class PidLaw:
             found += [
                 setting(
                     *("derivative_gain", units[1], ">= 0", f"derivative gain {of}", channels.derivative),
-                    is_real=True,
                     conditions=_zero_but_where("derivative_gain", differentiate),
                 ),
                 setting(
@@ -93,7 +92,6 @@ class PidLaw:
             found += [
                 setting(
                     *("integral_gain", units[2], ">= 0", f"integral gain {of}", channels.integral),
-                    is_real=True,
                     conditions=_zero_but_where("integral_gain", integrate),
                 ),
                 setting(

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.carried import Part
+from gough_stewart.harness.export.choices import Part
 from gough_stewart.harness.export.stability import Host
 from gough_stewart.harness.section import Kind
 

@@ -8,7 +8,7 @@ import numpy as np
 from gough_stewart.harness.control.margins import Margins
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.carried import NOTHING, Carried
+from gough_stewart.harness.export.design import NOTHING, Carried
 from gough_stewart.harness.export.left_out import left_out
 from gough_stewart.harness.export.stability import (
     NO_FEEDBACK,

@@ -9,7 +9,7 @@ from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.stability import stability_of

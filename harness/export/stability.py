@@ -29,7 +29,7 @@ from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import experiment_with
 from gough_stewart.harness.experiment.preparation import Prepared, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.carried import Part
+from gough_stewart.harness.export.choices import Part
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform

@@ -9,7 +9,7 @@ import pytest
 from fmpy import read_model_description
 
 import gough_stewart as gs
-from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.design import designed
 from gough_stewart.model.vectors import FloatArray
 from tests.support.exported import (
     KD,

@@ -17,8 +17,9 @@ from gough_stewart.harness.errors import ControllerError, ExportError, UnstableL
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.carried import PARTS, Part, carried
-from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.choices import PARTS, Part
+from gough_stewart.harness.export.design import carried
+from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.left_out import left_out
 from gough_stewart.harness.export.notes import Notes, notes_of
 from gough_stewart.harness.export.stability import Host, stability_of

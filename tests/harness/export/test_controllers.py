@@ -17,8 +17,8 @@ from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.experiment.file import experiment_from, experiment_names, load_experiment
-from gough_stewart.harness.export.designed import designed
-from gough_stewart.harness.export.path_source import path_of
+from gough_stewart.harness.export.design import designed
+from gough_stewart.harness.export.tables import path_of
 from gough_stewart.model.vectors import FloatArray
 from tests.support.exported import (
     KD,

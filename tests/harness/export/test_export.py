@@ -8,7 +8,7 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.export.forms import chosen_forms, name_of
+from gough_stewart.harness.export.choices import chosen_forms, name_of
 
 EXPERIMENT = 'title = "a loop"\n[loop]\nduration = 1\n[controller]\ntype = "open_loop"\n'
 

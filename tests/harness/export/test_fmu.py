@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from gough_stewart.fmu_build.build import build_units
 from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.export.designed import Designed, designed
+from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.loop.run import Run
 from gough_stewart.harness.plants import signals

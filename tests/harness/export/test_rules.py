@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.export.c_source import controller_sources
-from gough_stewart.harness.export.designed import Designed, designed
+from gough_stewart.harness.export.write import controller_sources
+from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.trace import motion_function
 from gough_stewart.harness.motion.motion import Motion
 from gough_stewart.harness.motion.references import Chirp, Circle, Hold, PointToPoint, Sine, Step

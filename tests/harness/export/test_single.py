@@ -22,8 +22,8 @@ from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.file import load_experiment
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.c_source import controller_sources
-from gough_stewart.harness.export.designed import Designed, designed
+from gough_stewart.harness.export.write import controller_sources
+from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.laws import PidLaw
 from gough_stewart.harness.export.relative import change_of_lengths, home_of
 from gough_stewart.harness.motion.limits.reach import legs_of

@@ -26,7 +26,7 @@ from gough_stewart.harness.ensemble.chunk import margins_of
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
-from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.notes import notes_of
 from gough_stewart.harness.export.stability import (
     Case,

@@ -12,10 +12,10 @@ from lxml import etree
 
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.export.c_source import controller_sources
-from gough_stewart.harness.export.designed import Designed, designed
-from gough_stewart.harness.export.deviation import deviation_of
-from gough_stewart.harness.export.faults import faults_of
+from gough_stewart.harness.export.write import controller_sources
+from gough_stewart.harness.export.design import Designed, designed
+from gough_stewart.harness.export.write import deviation_of
+from gough_stewart.harness.export.choices import faults_of
 from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.stability import Case, Host, LoopAround, LoopStability, StabilityReport
 from gough_stewart.harness.export.system_structure import parameter_values, system_structure

@@ -1,0 +1,125 @@
+"""What can be chosen of an export: forms, where the reference comes from, parts of the machine, bad inputs."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal, NamedTuple, TypeVar, get_args
+
+import numpy as np
+
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.parameters import Variable
+
+Form = Literal["fmu", "c", "ssp", "page"]
+FORMS: tuple[Form, ...] = get_args(Form)
+ReferenceFrom = Literal["inside", "inputs"]
+Part = Literal["drives", "sensors", "manual"]
+PARTS: tuple[Part, ...] = get_args(Part)
+SafeForce = Literal["feedforward", "zero"]
+SAFE_FORCES: tuple[SafeForce, ...] = get_args(SafeForce)
+T = TypeVar("T", bound=str)
+# What serves instead of a form that there was.
+_REMOVED = {"clocked": "; the unit without a clock serves: form fmu"}
+# Signals whose references are lengths [m].
+_WATCHED = ("leg_length", "position")
+
+
+class Frozen(NamedTuple):
+    """A measurement that is the same for some samples while its reference moves farther than that [m] is frozen."""
+
+    samples: int
+    movement: float  # [m]
+
+
+class Faults(NamedTuple):
+    """What a controller does about bad inputs: its safe force, and which inputs count as frozen."""
+
+    safe_force: SafeForce = "feedforward"
+    frozen: Frozen | None = None  # not watched
+
+    def watched(self, measured: tuple[Variable, ...]) -> tuple[Variable, ...]:
+        """Those of the measurements that are watched."""
+        return () if self.frozen is None else tuple(v for v in measured if v.name in _WATCHED)
+
+    def check(self, measured: tuple[Variable, ...]) -> None:
+        """Refuse to watch a controller that measures no lengths.
+
+        Raises
+        ------
+        ExportError
+            Names what it measures.
+        """
+        if self.frozen is not None and not self.watched(measured):
+            raise ExportError(
+                f"frozen needs measurements of {' or '.join(_WATCHED)}, whose references are lengths; the controller "
+                f"measures {', '.join(v.name for v in measured) or 'nothing'}"
+            )
+
+
+def faults_of(safe_force: str = "feedforward", frozen: object = None) -> Faults:
+    """The choices about bad inputs, from a user's values.
+
+    Raises
+    ------
+    ExportError
+        An unknown safe force; or samples and movement that are not two numbers > 0.
+    """
+    if safe_force not in SAFE_FORCES:
+        raise ExportError(f"safe_force is {safe_force!r}; expected {' or '.join(map(repr, SAFE_FORCES))}")
+    if frozen is None:
+        return Faults(safe_force)
+    try:
+        samples, movement = map(float, frozen)  # type: ignore[call-overload]
+    except (TypeError, ValueError):
+        samples, movement = np.nan, np.nan
+    if not (1 <= samples <= 1e9 and samples == round(samples) and 0 < movement < np.inf):
+        raise ExportError(
+            f"frozen is {frozen!r}; expected a number of samples and a movement of the reference in metres that "
+            "the sensors resolve, such as (50, 0.001)"
+        )
+    return Faults(safe_force, Frozen(int(samples), movement))
+
+
+def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
+    """Forms without repetition, in the order of `FORMS`.
+
+    Raises
+    ------
+    ExportError
+        An unknown form, or none.
+    """
+    requested = _requested("form", forms, FORMS)
+    if not requested:
+        raise ExportError(f"no form; expected one or more of {', '.join(FORMS)}")
+    return requested
+
+
+def chosen_parts(parts: Iterable[str] | str) -> tuple[Part, ...]:
+    """Parts without repetition, in the order of `PARTS`.
+
+    Raises
+    ------
+    ExportError
+        An unknown part.
+    """
+    return _requested("part", parts, PARTS)
+
+
+def _requested(kind: str, names: Iterable[str] | str, known: tuple[T, ...]) -> tuple[T, ...]:
+    if not isinstance(names, Iterable):
+        raise ExportError(f"{kind}s is {names!r}; expected one or more of {', '.join(known)}")
+    requested = [names] if isinstance(names, str) else list(names)
+    for name in requested:
+        if name not in known:
+            raise ExportError(f"no {kind} '{name}'{nearest(name, known)}{_REMOVED.get(name, '')}")
+    return tuple(name for name in known if name in requested)
+
+
+def name_of(experiment: Experiment) -> str:
+    """A C identifier from the name of the experiment or its file."""
+    place = experiment.where.removeprefix("experiment").strip() or experiment.title
+    words = re.findall(r"[a-z0-9]+", Path(place).stem.lower())
+    name = "_".join(words)[:24].strip("_")
+    return name if name[:1].isalpha() else f"loop_{name}".rstrip("_")
