@@ -35,13 +35,6 @@ class SafeForceChoice(StrEnum):
     zero = "zero"
 
 
-class RealChoice(StrEnum):
-    """The precision of the C."""
-
-    double = "double"
-    float = "float"
-
-
 class ReferenceSource(StrEnum):
     """Where the reference comes from."""
 
@@ -95,18 +88,11 @@ def export_command(
     anyway: Annotated[
         bool, typer.Option("--anyway", help="Export a loop that is unstable in one of the forms; they say so.")
     ] = False,
-    real: Annotated[
-        RealChoice,
-        typer.Option(
-            help="Precision of the C: double, or float with poses and lengths relative to home.",
-            metavar=choices(RealChoice),
-        ),
-    ] = RealChoice.double,
     parts: Annotated[
         str | None,
         typer.Option(
             "--with",
-            help="Parts of the machine that the controller includes: drives, sensors, or both with a comma.",
+            help="What the controller includes: drives, sensors, manual, or several with commas between them.",
             metavar="PARTS",
         ),
     ] = None,
@@ -138,10 +124,9 @@ def export_command(
     with clear_errors() as command:
         with preparing():
             from gough_stewart.fmu_build.build import number_of_steps
-            from gough_stewart.harness.export.choices import chosen_parts
+            from gough_stewart.harness.export.choices import chosen_forms, chosen_parts
             from gough_stewart.harness.export.export import export
-            from gough_stewart.harness.export.choices import chosen_forms
-            from gough_stewart.harness.export.report import export_report
+            from gough_stewart.harness.export.notes import export_report
             from gough_stewart.harness.report.document import settings_of
 
         chosen = chosen_experiment(experiment, settings, no_python)
@@ -167,7 +152,6 @@ def export_command(
                 targets=targets,
                 reference=reference.value,
                 safe_force=safe_force.value,
-                real=real.value,
                 parts=inside,
                 frozen=None if frozen is None else _frozen(frozen),
                 anyway=anyway,

@@ -1,7 +1,8 @@
 """What can be chosen of an export: forms, where the reference comes from, parts of the machine, bad inputs."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar, get_args
 
@@ -56,6 +57,49 @@ class Faults(NamedTuple):
                 f"frozen needs measurements of {' or '.join(_WATCHED)}, whose references are lengths; the controller "
                 f"measures {', '.join(v.name for v in measured) or 'nothing'}"
             )
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The parts, with their designed values; none by default.
+
+    Drives advance at every step of the plant, and sensors with a sample time of their own read at some of them. So a
+    controller that carries one of these has the plant's step for its clock. Otherwise its clock is its sample time.
+    """
+
+    parts: tuple[Part, ...] = ()
+    lag: float = 0.0  # of the drives [s]
+    quantisation: Mapping[str, float] = field(default_factory=dict)  # by signal; without the others
+    steps_a_sample: int = 1  # of the clock, in a sample of the controller
+    steps_a_reading: int | None = None  # None for readings at the samples
+
+    @property
+    def manual(self) -> bool:
+        """Whether it can be switched off and on."""
+        return "manual" in self.parts
+
+    @property
+    def drives(self) -> bool:
+        """Whether it carries rate limit and lag."""
+        return "drives" in self.parts
+
+    @property
+    def sensors(self) -> bool:
+        """Whether it carries quantisation and the time of readings."""
+        return "sensors" in self.parts
+
+    @property
+    def has_steps(self) -> bool:
+        """Whether its clock is the plant's step, be it as long as a sample."""
+        return self.drives or self.steps_a_reading is not None
+
+    @property
+    def words(self) -> str:
+        """What it carries of the machine, in words."""
+        return " and ".join(part for part in self.parts if part != "manual")
+
+
+NOTHING = Carried()
 
 
 def faults_of(safe_force: str = "feedforward", frozen: object = None) -> Faults:

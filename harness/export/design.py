@@ -1,8 +1,8 @@
-"""What is exported, as data: a designed controller with its parameters, its ranges, and what it carries of a machine."""
+"""What is exported, as data: a designed controller with its parameters, ranges, and what it carries of a machine."""
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.choices import Faults, Part, ReferenceFrom
+from gough_stewart.harness.export.choices import NOTHING, Carried, Faults, Part, ReferenceFrom
 from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
 from gough_stewart.harness.export.settings import Setting, setting, setting_of
 from gough_stewart.harness.motion.limits.reach import LegMotion
@@ -113,49 +113,6 @@ def ranges_of(platform: Platform, sample_time: float, legs: LegMotion | None) ->
 
 # Steps in a sample of the controller: a unit keeps the forces of all steps that its output waits.
 MOST_STEPS = 1000
-
-
-@dataclass(frozen=True)
-class Carried:
-    """The parts, with their designed values; none by default.
-
-    Drives advance at every step of the plant, and sensors with a sample time of their own read at some of them. So a
-    controller that carries one of these has the plant's step for its clock. Otherwise its clock is its sample time.
-    """
-
-    parts: tuple[Part, ...] = ()
-    lag: float = 0.0  # of the drives [s]
-    quantisation: Mapping[str, float] = field(default_factory=dict)  # by signal; without the others
-    steps_a_sample: int = 1  # of the clock, in a sample of the controller
-    steps_a_reading: int | None = None  # None for readings at the samples
-
-    @property
-    def manual(self) -> bool:
-        """Whether it can be switched off and on."""
-        return "manual" in self.parts
-
-    @property
-    def drives(self) -> bool:
-        """Whether it carries rate limit and lag."""
-        return "drives" in self.parts
-
-    @property
-    def sensors(self) -> bool:
-        """Whether it carries quantisation and the time of readings."""
-        return "sensors" in self.parts
-
-    @property
-    def has_steps(self) -> bool:
-        """Whether its clock is the plant's step, be it as long as a sample."""
-        return self.drives or self.steps_a_reading is not None
-
-    @property
-    def words(self) -> str:
-        """What it carries of the machine, in words."""
-        return " and ".join(part for part in self.parts if part != "manual")
-
-
-NOTHING = Carried()
 
 
 @dataclass(frozen=True, eq=False)

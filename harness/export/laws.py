@@ -69,11 +69,7 @@ class PidLaw:
         differentiate, integrate = channels.differentiates, channels.integrates
         units = ("N/m", "N.s/m", "N/(m.s)") if self.space == "leg" else ("", "", "")
         of = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
-        found = [
-            setting(
-                "proportional_gain", units[0], "> 0", f"proportional gain {of}", channels.proportional
-            )
-        ]
+        found = [setting("proportional_gain", units[0], "> 0", f"proportional gain {of}", channels.proportional)]
         if differentiate.any():
             sampled = ["parameters->derivative_filter >= parameters->sample_time / 2"]
             found += [

@@ -1,15 +1,16 @@
 """What is said of an export: its delay, the stability of its loops, what it leaves out; inside it and to its maker."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from gough_stewart.harness.control.margins import Margins
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.design import NOTHING, Carried
-from gough_stewart.harness.export.left_out import left_out
+from gough_stewart.harness.export.choices import NOTHING, Carried, Part
 from gough_stewart.harness.export.stability import (
     NO_FEEDBACK,
     Case,
@@ -18,6 +19,11 @@ from gough_stewart.harness.export.stability import (
     StabilityReport,
     output_delay_of,
 )
+from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict
+from gough_stewart.harness.report.quantities import ANGLE, COUNT, DECIBEL, NUMBER
+from gough_stewart.harness.report.table import Column, Table
+from gough_stewart.harness.report.words import listed, sentence
+from gough_stewart.harness.section import Kind
 
 _NAMES_OF = {"sensors": "sensors", "actuators": "drives"}
 NAMES: dict[Host, str] = {"c": "C", "fmu": "FMU", "ssp": "SSP", "run": "unit"}
@@ -84,9 +90,9 @@ def _holds(host: Host, carried: Carried) -> str:
     """What a form is, for which something is left out."""
     if host == "ssp":
         others = " and ".join(part for part in ("sensors", "actuators") if _NAMES_OF[part] not in carried.parts)
-        own = f", with its {carried.words}" if carried.parts else ""
+        own = f", with its {carried.words}" if carried.words else ""
         return f"it holds the plant and the controller{own}, not the machine's {others or 'disturbances'}"
-    if not carried.parts:
+    if not carried.words:
         return "it is the controller alone, not the machine around it"
     return f"it is the controller with its {carried.words}, not the machine around it"
 
@@ -107,6 +113,10 @@ def _inside(experiment: Experiment, carried: Carried) -> list[str]:
             else f"every {1000 * step * carried.steps_a_reading:g} ms"
         )
         found.append(f"Sensors: measurements are read {often}, and quantised; their noise is not part of it.")
+    if carried.manual:
+        found.append(
+            "Manual: while `enabled` is 0 the forces follow `manual_force`; the stability is that of the loop on."
+        )
     return found
 
 
@@ -212,3 +222,157 @@ def _samples(number: int) -> str:
 
 def _size(case: Case) -> str:
     return f"|z| = {case.size:.5g} ({case.frequency:.3g} Hz)"
+
+
+# --- what is left out -----------------------------------------------------------------------------------
+
+# What every form has, what it is checked by, or what describes the run alone. Everything else in an experiment is left
+# out if it is set, so that a new key is named until it has its place here.
+_HAS = frozenset(
+    {
+        *("title", "description", "platform", "reference", "controller", "start", "require"),
+        *("plant.kind", "plant.file", "plant.parameters", "plant.tolerance", "plant.fixed_step_size"),
+        *("loop.duration", "loop.sample_time", "loop.plant_step", "loop.delay"),
+        *("actuators.force_limit", "sensors.seed"),
+        *("limits.reference", "limits.condition_number"),
+    }
+)
+# What it carries of the machine, by part; noise is left out, since its random streams are the harness's.
+_CARRIES: dict[Part, tuple[str, ...]] = {
+    "manual": (),
+    "drives": ("actuators.rate_limit", "actuators.lag"),
+    "sensors": ("sensors.quantisation", "sensors.sample_time"),
+}
+# Values that mean nothing more than the default does.
+_HARMLESS = {"limits.stroke": ("warn", "ignore")}
+# A controller alone has no plant, of whichever kind.
+_OF_PLANT = ("plant",)
+_OTHER_MACHINES = "ensemble (its other machines)"
+
+
+def left_out(experiment: Experiment, host: Host, parts: Iterable[Part] = ()) -> list[str]:
+    """Keys that are set in an experiment, and that a form with these parts does not include: `injection`.
+
+    Of an `[ensemble]`, the keys that vary are named, since a form holds one value of each; an SSP holds one machine.
+    """
+    around = () if host == "ssp" else _OF_PLANT
+    carried = {key for part in parts for key in _CARRIES[part]}
+    found = [key for key in _set(experiment) if key not in _HAS | carried and key.split(".")[0] not in (*_HAS, *around)]
+    if experiment.ensemble is not None:
+        for key, path in _varied(experiment):
+            is_named = any(".".join(path).startswith(each) for each in found)
+            if path[0] not in around and not is_named:
+                found.append(_OTHER_MACHINES if path[0] in _OF_PLANT else f"ensemble.{key}")
+    return list(dict.fromkeys(found))
+
+
+def _set(experiment: Experiment) -> Iterator[str]:
+    """Keys that are not at their defaults, as `section.key`; lists and choices of a kind by their section."""
+    for section, value in experiment.model_dump(exclude_defaults=True).items():
+        if section == "ensemble":
+            continue
+        # a section of a kind, such as an injection, is one thing
+        if not isinstance(value, dict) or section in _HAS or isinstance(getattr(experiment, section), Kind):
+            if _means_something(section, value):
+                yield section
+            continue
+        yield from (f"{section}.{name}" for name, own in value.items() if _means_something(f"{section}.{name}", own))
+
+
+def _means_something(key: str, value: Any) -> bool:
+    if value in _HARMLESS.get(key, ()):
+        return False
+    return any(value.values()) if isinstance(value, dict) else value not in (None, [], 0)
+
+
+def _varied(experiment: Experiment) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Keys of `[ensemble]` as written, each with its path; a bare name is of the machine."""
+    assert experiment.ensemble is not None
+    for key in experiment.ensemble.varied:
+        yield key, tuple(key.split(".")) if "." in key else ("plant", key)
+    for together in experiment.ensemble.covariance:
+        for key in together.of:
+            yield key, tuple(key.split(".")) if "." in key else ("plant", key)
+
+
+# --- the report -----------------------------------------------------------------------------------------
+
+
+def robustness_of(loop: LoopStability) -> float:
+    """The smallest disk margin that is known of a loop; 0 of an unstable one, infinite if none is known."""
+    if not loop.is_stable:
+        return 0.0
+    known = [loop.margins] if loop.margins is not None else []
+    known += [loop.margins_of_worst[1]] if loop.margins_of_worst is not None else []
+    return min((each.disk.alpha for each in known), default=math.inf)
+
+
+def least_robust_first(found: Mapping[Host, StabilityReport]) -> list[LoopStability]:
+    """All loops that were judged, the one with the smallest disk margin first."""
+    return sorted((loop for each in found.values() for loop in each.loops), key=robustness_of)
+
+
+def export_report(
+    title: str,
+    forms: Sequence[str],
+    verdicts: Sequence[str],
+    warnings: Iterable[str],
+    files: Sequence[str],
+    loops: Sequence[LoopStability] = (),
+) -> Report:
+    """The report of an export; `verdicts` on the `loops` of its forms, the least robust first."""
+    names = listed([{**NAMES, "page": "live page"}.get(form, form) for form in forms])
+    unstable = [text for text in verdicts if text.startswith("UNSTABLE")]
+    if not verdicts:
+        judged = "no loop was judged for stability"
+    elif unstable:
+        judged = unstable[0]
+    elif len(verdicts) == 1:
+        judged = verdicts[0]
+    else:
+        least = verdicts[0].removeprefix("stable ")
+        number = "both" if len(verdicts) == 2 else f"all {len(verdicts)}"
+        judged = f"stable in {number} loops that it is made for; least robust: {least}"
+    numbers = _least_margins(loops)
+    status: Status = "bad" if unstable else "good" if verdicts else "told"
+    return Report(
+        title,
+        Verdict(sentence([f"written as {names}", judged]), status, tuple(numbers[:2])),
+        (Section("Stability", (_judged(loops),)),) if loops else (),
+        study="export",
+        numbers=(Number("files", "files written", float(len(files)), COUNT), *numbers),
+        notes=tuple(Note(text, "warning") for text in warnings),
+    )
+
+
+def _judged(loops: Sequence[LoopStability]) -> Table:
+    """A row for each loop: its delay, the case that is nearest to instability, its disk margin."""
+    columns = (
+        *(Column("loop"), Column("outcome"), Column("delay in samples", COUNT)),
+        *(Column("largest |z|", replace(NUMBER, digits=5)), Column("of"), Column("disk margin", NUMBER)),
+    )
+    rows = tuple(
+        (loop.surroundings.where, "stable" if loop.is_stable else "UNSTABLE", worst.delay, worst.size, worst.what, disk)
+        for loop in loops
+        for worst, disk in ((loop.worst_of_all, robustness_of(loop)),)
+    )
+    return Table("Loops of the forms, the least robust first", columns, rows)
+
+
+def _least_margins(loops: Sequence[LoopStability]) -> list[Number]:
+    """The least margins of the loops, with the delay that each form has; 0 of an unstable loop."""
+    if not loops:
+        return []
+    each = "of the forms' loops, with the delay that each form has"
+    least = loops[0]
+    found = [m for m in (least.margins, least.margins_of_worst and least.margins_of_worst[1]) if m is not None]
+    disk = min((m.disk for m in found), key=lambda one: one.alpha, default=None)
+    known = (None, None, None) if disk is None else (disk.alpha, 20 * math.log10(disk.gain[1]), disk.phase)
+    alpha, gain, phase = known if least.is_stable else (0.0, 0.0, 0.0)
+    return [
+        Number("stability.largest_eigenvalue", "largest |z|", max(loop.worst_of_all.size for loop in loops),
+               explanation=f"largest magnitude of an eigenvalue {each}; stable below 1"),
+        Number("margins.disk", "disk margin", alpha, explanation=f"the least {each}"),
+        Number("margins.disk_gain", "gain of each leg", gain, DECIBEL, explanation=f"the least {each}"),
+        Number("margins.disk_phase", "phase of each leg", phase, ANGLE, explanation=f"the least {each}"),
+    ]  # fmt: skip

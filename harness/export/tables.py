@@ -123,12 +123,12 @@ def path_function(source: TimedPath, home: Home | None = None) -> casadi.Functio
     return symbols.function("motion_of_path", {**parts, **speed}, {name: symbols.column(v) for name, v in outputs})
 
 
-def motion_tables(reference: Piecewise, home: Home) -> ConstantTables:
-    """The polynomials between the rows of a file; or the splines of a path, and its time law at the knots.
+def add_motion(tables: ConstantTables, reference: Piecewise, home: Home) -> None:
+    """Add the polynomials between the rows of a file; or the splines of a path, and its time law at the knots.
 
     The constant terms of coordinates are relative to home in single precision, by macros `H0` to `H5`.
     """
-    tables, source = ConstantTables(), path_of(reference)
+    source = path_of(reference)
     tables.define(**{f"H{k}(x)": f"FROM_HOME(x, {float(value)!r})" for k, value in enumerate(home.pose)})
     tables.define(TABLE_ROUNDING=number(ROUNDING))
     tables.lines.append(f"static const moment TABLE_END = MOMENT({float(reference.end)!r});")
@@ -139,7 +139,6 @@ def motion_tables(reference: Piecewise, home: Home) -> ConstantTables:
         tables.add("PIECES", pieces, written=_rows(pieces, 6))
     else:
         _add_path(tables, source)
-    return tables
 
 
 def _add_path(tables: ConstantTables, source: TimedPath) -> None:

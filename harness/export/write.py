@@ -8,10 +8,9 @@ lengths relative to home where the type of the numbers is float.
 import ctypes
 import re
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from textwrap import fill
 from typing import Any, NamedTuple
 
 import casadi
@@ -23,11 +22,11 @@ from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, native
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.design import Designed, Ranges
-from gough_stewart.harness.export.laws import FunctionLaw
+from gough_stewart.harness.export.design import Designed
+from gough_stewart.harness.export.header import header, title_of
 from gough_stewart.harness.export.relative import Home, home_of
 from gough_stewart.harness.export.settings import Setting
-from gough_stewart.harness.export.tables import ConstantTables, motion_tables, number, numbers, path_deviation, path_of
+from gough_stewart.harness.export.tables import ConstantTables, add_motion, number, numbers, path_of
 from gough_stewart.harness.export.trace import Traced, traced
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.motion.motion import Piecewise
@@ -43,8 +42,6 @@ from gough_stewart.model.vectors import FloatArray
 EXAMPLE = "example_main.c"
 RUNTIME = {path.name: path.read_text(encoding="utf-8") for path in Path(__file__).parent.joinpath("runtime").iterdir()}
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]{0,40}")
-# Comments in ASCII, for every compiler and editor.
-_ASCII = str.maketrans({"×": "x", "±": "+-", "°": " deg", "–": "-", "—": "-", "µ": "u"})
 
 
 @dataclass(frozen=True)
@@ -80,57 +77,45 @@ def controller_sources(designed: Designed, prefix: str = "controller", deviation
         )
     home = home_of(designed.platform)
     functions, of_single = traced(designed), traced(designed, home)
-    tables = _numbers(designed, home)
-    is_moving = functions.feedforward is not None or _needs_motion(functions)
-    if isinstance(designed.reference, Piecewise) and is_moving:
-        of_motion = motion_tables(designed.reference, home)
-        tables.lines += of_motion.lines
-        tables.reals, tables.words = tables.reals + of_motion.reals, tables.words + of_motion.words
-    switches = _switches(designed, functions)
+    switches, tables = _switches(designed, functions), _numbers(designed, home)
+    if switches["HAS_TABLE"]:
+        add_motion(tables, designed.reference, home)  # type: ignore[arg-type]
     design = "\n".join(["", *(f"#define {name} {value}" for name, value in switches.items()), *tables.lines, ""])
     parts = {**RUNTIME, "design.c": design, "law.c": _law(designed, functions, of_single)}
     operations = operations_of(functions)
     source = re.sub(r'^#include "(\w+\.c)"\n', lambda found: parts[found[1]], parts["controller.c"], flags=re.M)
-    header = header_of(designed, functions, prefix, tables, operations, deviation)
-    first = [np.concatenate([designed.first_measured, [0.0]]), designed.first_reference]
-    relative = [_at_home(designed.measured, home), np.concatenate([home.pose, np.zeros(12)])]
-    relative[0] = np.append(relative[0], 0.0)
-    starts = {
-        name: ", ".join(f"FROM({value!r}, {at!r})" for value, at in zip(map(float, values), map(float, home_values)))
-        for name, values, home_values in zip(("MEASURED", "REFERENCE"), first, relative, strict=True)
-    }
-    example = "\n".join(
-        [
-            f'#include "{prefix}.h"',
-            "",
-            "#include <string.h>",
-            "",
-            "/* in single precision, relative to home */",
-            "#define FROM(x, home) (controller_real)(CONTROLLER_SINGLE ? (x) - (home) : (x))",
-            *(f"#define {name} {{{values}}}" for name, values in starts.items()),
-            *(f"#define {name} {switches[name]}" for name in ("HAS_REFERENCE_INPUTS", "STEPS_A_SAMPLE")),
-            "",
-        ]
+    work = f"at most {sum(operations.values())} floating-point operations, of them " + ", ".join(
+        f"{count} {kind}" for kind, count in operations.items() if kind != SIMPLE
     )
+    flash = tables.bytes(8), tables.bytes(4)
     return ControllerSources(
-        {f"{prefix}.c": _named(f"/* {_title(designed)}. */\n", source, prefix)},
-        {f"{prefix}.h": header},
-        _named("", example + RUNTIME[EXAMPLE], prefix),
+        {f"{prefix}.c": _named(f"/* {title_of(designed)}. */\n", source, prefix)},
+        {f"{prefix}.h": header(designed, functions, switches, prefix, work, flash, deviation)},
+        _named("", RUNTIME[EXAMPLE].replace('#include "design.c"\n', _first_inputs(designed, switches, home)), prefix),
         sum(operations.values()),
         _n_states(functions),
     )
+
+
+def _first_inputs(designed: Designed, switches: Mapping[str, int], home: Home) -> str:
+    """What the example measures, and where its reference is."""
+    lines = ["/* in single precision, relative to home */"]
+    lines.append("#define FROM(x, home) (controller_real)(CONTROLLER_SINGLE ? (x) - (home) : (x))")
+    for name, values, at_home in (
+        # C has no empty arrays
+        ("MEASURED", np.append(designed.first_measured, 0.0), np.append(_at_home(designed.measured, home), 0.0)),
+        ("REFERENCE", designed.first_reference, np.append(home.pose, np.zeros(12))),
+    ):
+        texts = (f"FROM({x!r}, {zero!r})" for x, zero in zip(values.tolist(), at_home.tolist(), strict=True))
+        lines.append(f"#define {name} {{{', '.join(texts)}}}")
+    lines += [f"#define {key} {switches[key]}" for key in ("HAS_REFERENCE_INPUTS", "STEPS_A_SAMPLE")]
+    return "\n".join([*lines, ""])
 
 
 def _named(head: str, text: str, prefix: str) -> str:
     """A text of the runtime with the names of a controller."""
     text = text.replace('"controller.h"', f'"{prefix}.h"')
     return head + re.sub(r"\bcontroller_(?=\w)", f"{prefix}_", re.sub(r"\bCONTROLLER_", f"{prefix.upper()}_", text))
-
-
-def _title(designed: Designed) -> str:
-    title = " ".join(designed.title.replace("*/", "").replace("/*", "").split())
-    law = "no feedback" if designed.law is None else designed.law.name
-    return f"{title}: {law}, feedforward: {designed.feedforward.replace('_', ' ')}"
 
 
 def _uses(function: casadi.Function | None, name: str) -> bool:
@@ -219,7 +204,9 @@ def _numbers(designed: Designed, home: Home) -> ConstantTables:
         tables.define(**{of_home: f"CONTROLLER_{of_home}"})
         tables.reals += len(shown)
         for end, values in (("LOW", ends.low), ("HIGH", ends.high)):
-            written = ", ".join(f"FROM_HOME({x!r}, {at!r})" for x, at in zip(values.tolist(), at_home.tolist()))
+            written = ", ".join(
+                f"FROM_HOME({x!r}, {at!r})" for x, at in zip(values.tolist(), at_home.tolist(), strict=True)
+            )
             tables.add(f"{name}_{end}", values, written=written)
     if not reference:
         tables.lines.append(f"MAYBE_UNUSED static const real HOME_POSE[6] = {{{numbers(home.pose)}}};")
@@ -318,7 +305,7 @@ def _law(designed: Designed, functions: Traced, single: Traced) -> str:
             continue
         is_of_time = name == "motion" and _uses(of_single, "time")
         text, other = (_function(f, arrays) for f in (plain, of_single))
-        other = _of_time(of_single) if is_of_time else other
+        other = function_of_time(of_single) if is_of_time else other
         texts.append(text if text == other else f"\n#if CONTROLLER_SINGLE{other}#else{text}#endif\n")
     shared = [functions.feedforward, *(f for component in functions.components for f in component[:2])]
     return "".join([*texts, *(_function(f, arrays) for f in shared if f is not None)]) + "\n"
@@ -376,7 +363,7 @@ class _Value(NamedTuple):
         return f"moment_value({self.text})" if self.is_moment else self.text
 
 
-# Sums keep the digits that one of them has, products those that both have. {a} and {b} are moments, {x} and {y} numbers.
+# Sums keep the digits that one of them has, products those that both have; {a}, {b} are moments, {x}, {y} numbers.
 _SUMS = {
     casadi.OP_ADD: "moment_sum({a}, {b})",
     casadi.OP_SUB: "moment_sum({a}, moment_minus({b}))",
@@ -425,7 +412,7 @@ _OF_NUMBERS = {
 }
 
 
-def _of_time(function: casadi.Function) -> str:
+def function_of_time(function: casadi.Function) -> str:
     """A motion as a function of a moment, of which sums and products of constants keep 48 bits.
 
     Raises
@@ -465,259 +452,6 @@ def _operation(kind: int, a: _Value, b: _Value, name: str) -> _Value:
             f"{name}); expected arithmetic, or an export with reference = 'inputs'"
         )
     return _Value(form.format(a=a.moment, b=b.moment, x=a.single, y=b.single), is_moment)
-
-
-# --- the header -------------------------------------------------------------------------------------------------------
-
-
-def header_of(
-    designed: Designed,
-    functions: Traced,
-    p: str,
-    tables: ConstantTables,
-    operations: Mapping[str, int],
-    deviation: str = "",
-) -> str:
-    """NAME.h: types, parameters, memory, and what the functions do."""
-    P, carried, law, faults = p.upper(), designed.carried, functions.law, designed.faults
-    n, n_states, frozen = carried.steps_a_sample, _n_states(functions), faults.frozen
-    measured, reference = designed.measured, designed.reference_variables
-    has_feedforward = functions.feedforward is not None
-    reading = carried.steps_a_reading if functions.sensors is not None else None
-    inputs = "reference, " if reference else ""
-    unit = "step" if carried.has_steps else "sample"
-    work = f"at most {sum(operations.values())} floating-point operations, of them " + ", ".join(
-        f"{count} {name}" for name, count in operations.items() if name != SIMPLE
-    )
-    clock = f"every {_ordinal(n)} takes a sample" + (f", every {_ordinal(reading)} a reading" if reading else "")
-    path = path_of(designed.reference) if has_feedforward or _needs_motion(functions) else None
-    if frozen is None:
-        says_frozen = "not used: frozen measurements are not watched for"
-    else:
-        says_frozen = (
-            f"a measurement is the same for {frozen.samples} samples while its reference moves by more than "
-            f"{frozen.movement:g} m"
-        )
-    if faults.safe_force == "zero":
-        safe = "0"
-    elif designed.feedforward == "none" and not designed.constant_force.any():
-        safe = "`start_force`, since there is no feedforward"
-    else:
-        safe = "the feedforward" + (", of the last good reference if that is the fault" if reference else "")
-    ranges = _ranges_in_words(measured, designed.ranges)
-    if reference:
-        ranges += f"; of the reference: {_ranges_in_words(reference, designed.ranges)}"
-    signals_in = ", ".join(f"{v.name}[{v.size}] [{v.unit}]" for v in measured) or "nothing"
-    about = [
-        f"{_title(designed)}.",
-        "Generated by gough-stewart: do not edit. C99, C11, C17 or C++; needs libm only. No allocation, no state but "
-        f"`{p}_memory`.",
-        "",
-        f"Once:            {p}_prepare(&parameters, &coefficients), again after each change of a parameter;",
-        f"                 {p}_start(&parameters, &memory).",
-        f"At each {unit + ':':8} {p}_step(&parameters, &coefficients, &memory, measured, {inputs}force, limited).",
-        *(["", f"A step is {designed.step:g} s, by design; {clock}."] if carried.has_steps else []),
-        "",
-        f"Work per step, {'in one with a sample' if n > 1 else 'constant'}: {work}.",
-        f"Constants in flash: {tables.bytes(8)} bytes, besides those in the code; {tables.bytes(4)} in single precision.",
-        *([] if path is None else [path_deviation(designed.platform, designed.reference, path)]),  # type: ignore[arg-type]
-        *(["", deviation] if deviation else []),
-        *(["", "The loop:", *(f"- {_safe_in_comments(note)}" for note in designed.notes)] if designed.notes else []),
-    ]
-    fields = [_field(s, p) for s in designed.settings]
-    coefficients = [
-        ("ahead", 0, "[s] look-ahead of the feedforward: (delay + 1/2) sample_time"),
-        *([("law", int(functions.coefficients.numel_out(0)), "")] if functions.coefficients is not None else []),
-        *((part[0].name_out(0), int(part[0].numel_out(0)), "") for part in _by_name(functions)),
-    ]
-    single = [("sample_time_low", 0, "the part of the designed sample time that a float leaves out")]
-    memory: list[tuple[str, Any, str]] = [
-        ("samples", 0, f"{'steps ' if carried.has_steps else ''}since the start"),
-        ("started", 0, "0 until measurements arrive"),
-    ]
-    if n_states:
-        memory.append(("states", f"{P}_N_STATES", ""))
-    if _uses(law, "excess"):
-        memory.append(("planned", 6, "[N] forces after the last command has acted for one sample"))
-        memory.append(("excess", 6, "[N] force allowed by the limits minus the command"))
-    if _uses(law, "command"):
-        memory.append(("command", 6, "[N] of the last sample"))
-    if reading:
-        memory.append(("reading", f"{P}_N_MEASURED", "the latest"))
-    if carried.has_steps:
-        memory.append(("target", 6, "[N] forces of the last sample, within the force limit"))
-        memory.append(("force_limited", 6, "1 where that limit was active"))
-    if carried.drives:
-        memory.append(
-            ("drives", 12, "[N] forces at the end of the last step, behind the rate limit and behind the lag")
-        )
-        memory.append(("rate_limited", 6, "1 where the rate limit was active in the last step"))
-    if reference and has_feedforward:
-        memory.append(("known", 6, "[N] feedforward of the last good reference"))
-    if designed.watched:
-        memory.append(("held", f"{P}_N_WATCHED", "measurements that are watched"))
-        memory.append(("held_samples", f"{P}_N_WATCHED", "for how many samples they are the same"))
-        memory.append(("held_reference", f"{P}_N_WATCHED", "their references since then"))
-        memory.append(("held_movement", f"{P}_N_WATCHED", "how far these have moved"))
-    if carried.manual:
-        memory.append(("enabled", 0, "set it to 0 to switch the controller off, and to 1 to switch it on again"))
-        memory.append(("manual_force", 6, "[N] set it while it is off to the force that acts, which its force follows"))
-        memory.append(("transfer", 6, "[N] what its command then lacked of that force; fades when it is on"))
-    memory.append(("input_status", 0, f"of the last sample, {P}_INPUT_GOOD or another of its values"))
-    memory.append(("input_bad_time", 0, "[s] for how long it has not been good, the last sample included; else 0"))
-    of_single = [("turns", 0, "how often `samples` began anew")]
-    of_single += [("rounded", f"{P}_N_STATES", "what rounding has left out of the states")] if n_states else []
-    step = [
-        f"Computes a {unit}. `measured`: {signals_in}, in single precision relative to home."
-        if measured
-        else f"Computes a {unit}. `measured`: {signals_in}.",
-    ]
-    if reference:
-        step.append(
-            "`reference`: position [m], orientation [rad], both in single precision relative to home, velocity [m/s], "
-            "angular_velocity [rad/s], acceleration [m/s2], angular_acceleration [rad/s2], three of each, world "
-            "components; orientation is roll, pitch, yaw about fixed axes."
-        )
-    step.append(
-        "`force`: of the six actuators [N], positive extends the leg. `limited`: 1 where the force limit is active, else 0."
-    )
-    if carried.drives:
-        step.append(
-            "The force is that behind the drives, its mean over the step. A delay around the code may be before or "
-            "after it."
-        )
-    if designed.zeros_are_no_measurement:
-        step.append("As long as all inputs are exactly 0, no measurements have arrived: the force is `start_force`.")
-    with_memory = ", or with its memory" if isinstance(designed.law, FunctionLaw) else ""
-    step.append(f"Ranges: {ranges}.")
-    step.append(
-        f"While `input_status` is not good, all six forces are {safe}, within the force limit, and the law's memory stays "
-        "as it is. Afterwards the law goes on by itself: after more than one sample from rest in the new measurements, "
-        f"its integrals unchanged{with_memory}."
-    )
-    if carried.manual:
-        step.append(
-            "While `enabled` is 0, the force is `manual_force` within the force limit, and the law rests in the present "
-            f"measurements. Switched on, it begins with that force, and what it lacked fades with {P}_TRANSFER_TIME."
-        )
-    relative = [
-        "What measurements are relative to in single precision, in their order: the home pose and its leg lengths; 0 for "
-        "velocities. Subtract it before rounding to float, or count from there, so that no digits are lost."
-    ]
-    blocks = [
-        _comment(about),
-        f"#ifndef {P}_H\n#define {P}_H\n",
-        _comment(
-            [
-                "float or double: the type of all numbers. In single precision poses and lengths are relative to home, "
-                "and times are sums of two floats; do not compile that with -ffast-math."
-            ]
-        ),
-        f"#ifndef {P}_REAL\n#define {P}_REAL double\n#endif",
-        f"#define {P}_KIND_float 1\n#define {P}_KIND_double 2",
-        f"#define {P}_JOINED_(a, b) a##b\n#define {P}_JOINED(a, b) {P}_JOINED_(a, b)",
-        f"#define {P}_KIND {P}_JOINED({P}_KIND_, {P}_REAL)\n#define {P}_SINGLE ({P}_KIND == 1)\n",
-    ]
-    if carried.manual:
-        text = "The time constant [s] in which a force fades that was taken over when the controller is switched on."
-        blocks += [_comment([text]), f"#ifndef {P}_TRANSFER_TIME\n#define {P}_TRANSFER_TIME 1.0\n#endif\n"]
-    blocks += [
-        '#ifdef __cplusplus\nextern "C" {\n#endif\n',
-        f"typedef {P}_REAL {p}_real;\n",
-        f"enum {{ {P}_N_MEASURED = {interface.size_of(measured)}, {P}_N_REFERENCE = {18 if reference else 0}, "
-        f"{P}_N_STATES = {n_states} }};",
-        *([f"enum {{ {P}_N_WATCHED = {interface.size_of(designed.watched)} }};"] if designed.watched else []),
-        *([f"enum {{ {P}_STEPS_A_SAMPLE = {n} }};"] if carried.has_steps else []),
-        *([f"enum {{ {P}_STEPS_A_READING = {reading} }};"] if reading else []),
-        "",
-        "/* Values of `input_status`. */",
-        "enum {",
-        f"    {P}_INPUT_GOOD = 0,",
-        f"    {P}_INPUT_OUT_OF_RANGE = 1, /* an input is NaN, infinite, or not in its range */",
-        f"    {P}_INPUT_FROZEN = 2,       /* {says_frozen} */",
-        f"    {P}_FORCE_NOT_FINITE = 3,   /* inputs are in their ranges, but the law gives no finite force for them */",
-        f"    {P}_NOT_PREPARED = 4        /* the coefficients are zeros: all forces are 0, and nothing is remembered */",
-        "};\n",
-        "\n".join(["typedef struct {", *fields, f"}} {p}_parameters;\n"]),
-        *([_comment(relative), f"extern const {p}_real {P}_HOME[{P}_N_MEASURED];"] if measured else []),
-        *([f"/* Likewise of the reference. */\nextern const {p}_real {P}_HOME_POSE[6];"] if reference else []),
-        f"/* Designed values. */\nextern const {p}_parameters {P}_DEFAULTS;\n",
-        _comment(
-            [
-                "Values computed from the parameters. Begin with zeros, for which all forces are 0 until "
-                f"`{p}_prepare` has accepted the parameters."
-            ]
-        ),
-        _struct(f"{p}_coefficients", p, coefficients, single),
-        "/* The complete state. */",
-        _struct(f"{p}_memory", p, memory, of_single),
-        _comment(
-            [
-                "Returns 0, or the number of a parameter with an invalid value, counted from 1 in the order of the "
-                "struct; then the coefficients stay as they were. A step must not run while they are written."
-            ]
-        ),
-        f"int {p}_prepare(const {p}_parameters *parameters, {p}_coefficients *coefficients);\n",
-        "/* Sets the memory before the first sample. */",
-        f"void {p}_start(const {p}_parameters *parameters, {p}_memory *memory);\n",
-        _comment(step),
-        f"void {p}_step(const {p}_parameters *parameters, const {p}_coefficients *coefficients, {p}_memory *memory,",
-        f"    const {p}_real *measured, {f'const {p}_real *reference, ' if reference else ''}{p}_real *force, "
-        "unsigned char *limited);\n",
-        "#ifdef __cplusplus\n}\n#endif\n\n#endif\n",
-    ]
-    return "\n".join(blocks)
-
-
-def _by_name(functions: Traced) -> list[Any]:
-    """The components whose coefficients are kept."""
-    return [c for c in (functions.limits, functions.drives, functions.sensors) if c is not None]
-
-
-def _struct(name: str, p: str, members: Sequence[tuple[str, Any, str]], single: Sequence[tuple[str, Any, str]]) -> str:
-    """A struct of numbers, with members that it has in single precision only at its end."""
-
-    def line(member: str, size: Any, text: str) -> str:
-        return f"    {p}_real {member}{f'[{size}]' if size else ''};{f' /* {text} */' if text else ''}"
-
-    lines = [line(*member) for member in members]
-    lines += [f"#if {p.upper()}_SINGLE", *(line(*member) for member in single), "#endif"]
-    return "\n".join(["typedef struct {", *lines, f"}} {name};\n"])
-
-
-def _field(setting: Setting, p: str) -> str:
-    v = setting.variable
-    unit = f"[{v.unit}] " if v.unit else ""
-    none = "; 0: none" if setting.may_be_infinite else ""
-    return f"    {p}_real {v.name}{f'[{v.size}]' if v.shape else ''}; /* {unit}{v.description}{none} */"
-
-
-def _comment(paragraphs: Sequence[str]) -> str:
-    """A comment of lines of at most 120 characters."""
-    lines = [fill(text, 117, subsequent_indent="  " if text[:2] == "- " else "", drop_whitespace=True) if not
-             text.startswith(" ") and "  " not in text else text for text in paragraphs]  # fmt: skip
-    return "/* " + "\n".join(lines).replace("\n", "\n   ") + " */"
-
-
-def _safe_in_comments(text: str) -> str:
-    plain = text.translate(_ASCII).encode("ascii", "replace").decode()
-    return plain.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")
-
-
-def _ordinal(n: int) -> str:
-    """In words for a comment: `step`, `3rd step`."""
-    ending = {1: "st", 2: "nd", 3: "rd"}.get(n % 10 if n % 100 not in (11, 12, 13) else 0, "th")
-    return "step" if n == 1 else f"{n}{ending} step"
-
-
-def _ranges_in_words(variables: Iterable[Variable], ranges: Ranges) -> str:
-    texts = []
-    for v in variables:
-        low, high = ranges.of(v)
-        ends = [f"{a:.6g} to {b:.6g}" for a, b in zip(low, high, strict=True)]
-        # once for all elements, if it is the same
-        texts.append(f"{v.name} {ends[0] if len(set(ends)) == 1 else ', '.join(ends)} {v.unit}")
-    return "; ".join(texts) or "none, since nothing comes in"
 
 
 # --- operations per step ----------------------------------------------------------------------------------------------
@@ -807,9 +541,9 @@ def deviation_of(experiment: Experiment, designed: Designed, controller: Any = N
     error, largest = forces - expected, float(np.abs(expected).max())
     share = f"{float(np.abs(error).max()) / largest:.2g}" if largest > 0 else "all"
     return (
-        f"With {{P}}_REAL=float, forces deviate from those in double precision, in {samples * designed.sample_time:g} s "
-        f"of the designed loop, by at most {float(np.abs(error).max()):.2g} N, {share} of the largest force; in root "
-        f"mean square by {float(np.sqrt((error**2).mean())):.2g} N."
+        "With {P}_REAL=float, forces deviate from those in double precision, in "
+        f"{samples * designed.sample_time:g} s of the designed loop, by at most {float(np.abs(error).max()):.2g} N, "
+        f"{share} of the largest force; in root mean square by {float(np.sqrt((error**2).mean())):.2g} N."
     )
 
 

@@ -1,6 +1,11 @@
 /* Calls of a platform that rests in the first reference pose. On a machine, a timer calls controller_step once per
    sample_time, or per step of the drives, with the measurements; the header has the details. */
+#include "controller.h"
+
 #include <stdio.h>
+#include <string.h>
+
+#include "design.c"
 
 int main(void)
 {
