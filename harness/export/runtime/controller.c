@@ -131,7 +131,7 @@ static int all_finite(const real *values, int n)
 }
 
 /* Whether it is switched off. */
-static int is_manual(const controller_memory *memory)
+MAYBE_UNUSED static int is_manual(const controller_memory *memory)
 {
 #if HAS_MANUAL
     return !(memory->enabled > 0) && all_finite(memory->manual_force, 6);

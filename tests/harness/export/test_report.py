@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 from typing import Any
 
-from gough_stewart.harness.export.report import export_report, least_robust_first, robustness_of
+from gough_stewart.harness.export.notes import export_report, least_robust_first, robustness_of
 
 
 def loop(alpha: float | None, of_worst: float | None = None, *, stable: bool = True) -> Any:

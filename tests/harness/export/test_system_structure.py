@@ -8,7 +8,7 @@ import pytest
 from lxml import etree
 
 from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.export.system_structure import (
+from gough_stewart.harness.export.ssp import (
     Component,
     Connection,
     Connector,

@@ -18,7 +18,7 @@ from gough_stewart.harness.export.write import deviation_of
 from gough_stewart.harness.export.choices import faults_of
 from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.stability import Case, Host, LoopAround, LoopStability, StabilityReport
-from gough_stewart.harness.export.system_structure import parameter_values, system_structure
+from gough_stewart.harness.export.ssp import parameter_values, system_structure
 from gough_stewart.model import interface
 from tests.harness.export.test_controllers import CIRCLE, PD, PID, SINE
 from tests.harness.export.test_system_structure import LOOP
