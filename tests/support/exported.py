@@ -100,13 +100,8 @@ class Exported:
         self._home = np.concatenate([np.zeros(0), *at_home]) if self.is_single else 0.0
         self._home_pose = np.concatenate([home.pose, np.zeros(12)]) if self.is_single else 0.0
         # the fields of the struct, in its order, as C aligns them
-        self._kind = np.dtype(
-            [
-                (s.variable.name, self._real, s.variable.shape and (s.variable.size,))  # fmt: skip
-                for s in designed.settings
-            ],
-            align=True,
-        )
+        fields = [(s.variable.name, s.variable) for s in designed.settings]
+        self._kind = np.dtype([(name, self._real, v.shape and (v.size,)) for name, v in fields])
         defaults = ctypes.c_char.in_dll(self._library, f"{prefix.upper()}_DEFAULTS")
         self.parameters = np.frombuffer(
             ctypes.string_at(ctypes.addressof(defaults), self._kind.itemsize), self._kind

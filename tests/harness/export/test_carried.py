@@ -18,8 +18,7 @@ from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.choices import Part
-from gough_stewart.harness.export.design import carried
-from gough_stewart.harness.export.design import designed
+from gough_stewart.harness.export.design import carried, designed
 from gough_stewart.harness.export.notes import Notes, left_out, notes_of
 from gough_stewart.harness.export.stability import Host, stability_of
 from gough_stewart.harness.loop.run import Run
@@ -396,8 +395,8 @@ def test_the_command_takes_parts(tmp_path: Path) -> None:
     done = invoke("export", "heave_step", *options, "--out", str(tmp_path))
     assert done.exit_code == 0, done.output
     header = (tmp_path / "heave_step_controller.h").read_text()
-    for text in ("heave_step_controller_real force_lag; /* [s] time constant of the drives; 0: none */", "STEPS_A_SAMPLE = 1 ",
-                 "heave_step_controller_real leg_length_quantisation; /* [m]", "At each step:"):  # fmt: skip
+    for text in ("controller_real force_lag; /* [s] time constant of the drives; 0: none */", "STEPS_A_SAMPLE = 1 ",
+                 "controller_real leg_length_quantisation; /* [m]", "At each step:"):  # fmt: skip
         assert text in header
     wrong = invoke("export", "heave_step", "--with", "gears", "--out", str(tmp_path))
     assert wrong.exit_code == 2

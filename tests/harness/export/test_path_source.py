@@ -12,9 +12,9 @@ import pytest
 
 from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.experiment.file import load_experiment
-from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.tables import path_of
+from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.harness.motion.motion import coordinates_of
 from gough_stewart.harness.motion.paths.polynomials import Polynomials
 from tests.harness.export.test_toolchains import M4F

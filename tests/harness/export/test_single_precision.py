@@ -177,7 +177,7 @@ TIMES = (0.7, 3.0, 5.25, 250_000 + 1 / 3, 1e6 + 0.3125)
 
 
 def _operations(t: casadi.SX) -> dict[str, casadi.SX]:
-    """Of the time itself, which keep 48 bits, up to the phase of a motion; and of numbers, and of these with the time."""
+    """Of the time itself, which keep 48 bits, up to the phase of a motion; of numbers, and of these with time."""
     phase = 2 * np.pi * 7.3 * t
     x, y = casadi.sin(1.1 * t), 0.5 * casadi.cos(0.7 * t)
     return {
@@ -185,7 +185,7 @@ def _operations(t: casadi.SX) -> dict[str, casadi.SX]:
         "negative": -t, "product": (1.3 * t) - 325_000.03, "square": t**2 - 6.25e10, "quotient": (t / 3.7) - 67_567.5,
         "other quotient": 2.5 / t, "inverse": 1 / t, "smaller": casadi.fmin(t, 3), "larger": casadi.fmax(3, t),
         "if": casadi.if_else(t < 3, 2 * t, -t), "less": t < 3, "not more": t <= 3, "more": t > 3,
-        "sine": casadi.sin(phase), "cosine": casadi.cos(phase + 0.4), "of a difference": casadi.sin(2.5 * (t - 250_000)),
+        "sine": casadi.sin(phase), "cosine": casadi.cos(phase + 0.4), "sine of a sum": casadi.sin(2.5 * (t - 250_000)),
         "equal parts": (t * 0.1) / (t * 0.2), "x + y": x + y, "x - y": x - y, "2 x": 2 * x, "-x": -x, "x y": x * y,
         "x2": x**2, "x/y": x / (2 + y), "1/x": 1 / (2 + x), "min": casadi.fmin(x, y), "max": casadi.fmax(x, y),
         "x < y": x < y, "x <= y": x <= y, "not": casadi.logic_not(x < y), "and": casadi.logic_and(x < y, t < 4),
@@ -199,7 +199,7 @@ def _operations(t: casadi.SX) -> dict[str, casadi.SX]:
 
 
 def test_every_operation_of_a_motion_gives_its_value_after_days_of_samples(tmp_path: Path) -> None:
-    """Expected: CasADi in double precision, to 2e-6 of the value, or of 1; a float alone has no digit left of these."""
+    """Expected: CasADi in double precision, to 2e-6 of the value, or of 1; a float has no digit left of these."""
     t = casadi.SX.sym("time")
     expressions = _operations(t)
     function = casadi.Function("motion", [t], [casadi.vertcat(*expressions.values())], ["time"], ["motion"])

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from gough_stewart.harness.experiment.file import experiment_names, load_experiment
-from gough_stewart.harness.export.write import controller_sources
+from gough_stewart.harness.export.choices import ReferenceFrom, faults_of
 from gough_stewart.harness.export.design import designed
-from gough_stewart.harness.export.choices import faults_of
-from gough_stewart.harness.export.choices import ReferenceFrom
+from gough_stewart.harness.export.write import controller_sources
 from tests.support.c_hosts import ZIG
 from tests.support.exported import compiled, write_sources
 

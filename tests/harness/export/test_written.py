@@ -12,34 +12,33 @@ from lxml import etree
 
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.export.write import controller_sources
-from gough_stewart.harness.export.design import Designed, designed
-from gough_stewart.harness.export.write import deviation_of
 from gough_stewart.harness.export.choices import faults_of
+from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.notes import notes_of, refusal
-from gough_stewart.harness.export.stability import Case, Host, LoopAround, LoopStability, StabilityReport
 from gough_stewart.harness.export.ssp import parameter_values, system_structure
+from gough_stewart.harness.export.stability import Case, Host, LoopAround, LoopStability, StabilityReport
+from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.model import interface
 from tests.harness.export.test_controllers import CIRCLE, PD, PID, SINE
 from tests.harness.export.test_system_structure import LOOP
-from tests.support.exported import KD, KP, Exported, commanded, measured_by, run_in_python, uneven_experiment
+from tests.support.exported import KD, KP, uneven_experiment
 from tests.support.uneven import UNEVEN
 
 KI = [900.0, 500.0, 1100.0, 700.0, 1300.0, 400.0]
 DRIVES = {"force_limit": 3000.0, "rate_limit": 8000.0}
 PLATFORM = [
-    *(("double", "base_points", 18, "m"), ("double", "platform_points", 18, "m"), ("double", "platform_mass", 1, "kg")),
-    *(("double", "platform_com", 3, "m"), ("double", "platform_inertia", 9, "kg.m2")),
-    *(("double", f"leg_{part}_mass", 1, "kg") for part in ("lower", "upper")),
-    *(("double", f"leg_{part}_com", 1, "m") for part in ("lower", "upper")),
-    *(("double", f"leg_{part}_inertia", 1, "kg.m2") for part in ("lower", "upper")),
-    *(("double", "leg_viscous_friction", 1, "N.s/m"), ("double", "leg_coulomb_friction", 1, "N")),
+    *(("base_points", 18, "m"), ("platform_points", 18, "m"), ("platform_mass", 1, "kg")),
+    *(("platform_com", 3, "m"), ("platform_inertia", 9, "kg.m2")),
+    *((f"leg_{part}_mass", 1, "kg") for part in ("lower", "upper")),
+    *((f"leg_{part}_com", 1, "m") for part in ("lower", "upper")),
+    *((f"leg_{part}_inertia", 1, "kg.m2") for part in ("lower", "upper")),
+    *(("leg_viscous_friction", 1, "N.s/m"), ("leg_coulomb_friction", 1, "N")),
     *(
-        ("double", "leg_friction_velocity", 1, "m/s"),
-        ("double", "gravity", 3, "m/s2"),
-        ("double", "leg_armature", 1, "kg"),
+        ("leg_friction_velocity", 1, "m/s"),
+        ("gravity", 3, "m/s2"),
+        ("leg_armature", 1, "kg"),
     ),
-    *(("double", f"leg_{kind}_friction_factor", 6, "1") for kind in ("viscous", "coulomb")),
+    *((f"leg_{kind}_friction_factor", 6, "1") for kind in ("viscous", "coulomb")),
 ]
 
 
@@ -52,13 +51,13 @@ def words(text: str) -> str:
     return " ".join(text.split())
 
 
-def fields(header: str) -> list[tuple[str, str, int, str, str]]:
-    """Type, name, size, unit and meaning of the members of the first struct, which are the parameters."""
+def fields(header: str) -> list[tuple[str, int, str, str]]:
+    """Name, size, unit and meaning of the members of the first struct, which are the parameters."""
     body = re.search(r"typedef struct \{\n(.*?)\n\} \w+_parameters;", header, re.S)
     assert body is not None
-    found = re.findall(r"^    (\w+) (\w+)(?:\[(\d+)\])?; /\* (?:\[(\S+)\] )?(.*) \*/$", body[1], re.M)
+    found = re.findall(r"^    \w+_real (\w+)(?:\[(\d+)\])?; /\* (?:\[(\S+)\] )?(.*) \*/$", body[1], re.M)
     assert len(found) == len(body[1].splitlines())
-    return [(kind, name, int(size or 1), unit, text) for kind, name, size, unit, text in found]
+    return [(name, int(size or 1), unit, text) for name, size, unit, text in found]
 
 
 @pytest.mark.parametrize("space", ["leg", "task"])
@@ -66,24 +65,24 @@ def test_the_struct_of_parameters_has_types_units_and_meanings(space: str) -> No
     """Expected: literal; the meanings of the platform's are those of the interface, its values are 0 for no limit."""
     sources = controller_sources(made(space), "loop_3")
     found = fields(sources.headers["loop_3.h"])
-    real, of = "loop_3_real", "of each leg" if space == "leg" else "of each axis, three of force and three of torque"
+    of = "of each leg" if space == "leg" else "of each axis, three of force and three of torque"
     units = ("N/m", "N.s/m", "N/(m.s)") if space == "leg" else ("", "", "")
     own = [
-        ("double", "sample_time", 1, "s", "time from sample to sample"),
-        ("double", "delay", 1, "", "samples until a force acts; the feedforward is for half a sample later"),
-        (real, "force_limit", 1, "N", "largest force of an actuator; 0: none"),
-        (real, "force_rate_limit", 1, "N/s", "rate limit of the drives, for the anti-windup; 0: none"),
-        ("double", "start_force", 6, "N", "forces before the first sample, and while all inputs are zero"),
-        (real, "proportional_gain", 6, units[0], f"proportional gain {of}"),
-        (real, "derivative_gain", 6, units[1], f"derivative gain {of}"),
-        ("double", "derivative_filter", 1, "s", "time constant of the derivative filter"),
-        (real, "integral_gain", 6, units[2], f"integral gain {of}"),
-        ("double", "anti_windup_time", 6, "s", "time constant of back-calculation at a limit"),
+        ("sample_time", 1, "s", "time from sample to sample"),
+        ("delay", 1, "", "samples until a force acts; the feedforward is for half a sample later"),
+        ("force_limit", 1, "N", "largest force of an actuator; 0: none"),
+        ("force_rate_limit", 1, "N/s", "rate limit of the drives, for the anti-windup; 0: none"),
+        ("start_force", 6, "N", "forces before the first sample, and while all inputs are zero"),
+        ("proportional_gain", 6, units[0], f"proportional gain {of}"),
+        ("derivative_gain", 6, units[1], f"derivative gain {of}"),
+        ("derivative_filter", 1, "s", "time constant of the derivative filter"),
+        ("integral_gain", 6, units[2], f"integral gain {of}"),
+        ("anti_windup_time", 6, "s", "time constant of back-calculation at a limit"),
     ]
     assert found[:10] == own
-    assert [each[:4] for each in found[10:]] == PLATFORM
-    assert [each[4] for each in found[10:]] == [interface.BY_NAME[name].description for _, name, _, _ in PLATFORM]
-    # the defaults, in the same order, with a cast where the type may be float
+    assert [each[:3] for each in found[10:]] == PLATFORM
+    assert [each[3] for each in found[10:]] == [interface.BY_NAME[name].description for name, _, _ in PLATFORM]
+    # the defaults, in the same order, each with a cast
     body = re.search(r"LOOP_3_DEFAULTS = \{\n(.*?)\n\};", sources.units["loop_3.c"], re.S)
     assert body is not None
     kp, kd, ki = map(np.array, (KP, KD, KI))
@@ -98,14 +97,14 @@ def test_the_struct_of_parameters_has_types_units_and_meanings(space: str) -> No
         "integral_gain": ki,
         "anti_windup_time": np.sqrt(kp / ki * kd / kp),
         "start_force": made(space).start_force,
-        **{name: np.ravel(getattr(UNEVEN, name)) for _, name, _, _ in PLATFORM},
+        **{name: np.ravel(getattr(UNEVEN, name)) for name, _, _ in PLATFORM},
     }
     lines = body[1].splitlines()
     assert len(lines) == len(found)
-    for line, (kind, name, size, *_) in zip(lines, found, strict=True):
+    for line, (name, size, *_) in zip(lines, found, strict=True):
         assert line.endswith(f", /* {name} */")
-        assert line.count(f"({real})") == (size if kind == real else 0)
-        numbers = re.sub(r"/\*.*?\*/|\(\w+\)|[{} ]", "", line).strip(",").split(",")
+        assert line.count("R(") == size
+        numbers = re.sub(r"/\*.*?\*/|R\(|[){} ]", "", line).strip(",").split(",")
         np.testing.assert_allclose([float(each) for each in numbers], np.ravel(values[name]), rtol=1e-14, err_msg=name)
 
 
@@ -113,7 +112,7 @@ def test_no_limit_is_written_as_0() -> None:
     experiment = uneven_experiment(reference=SINE, controller=PD, actuators={"force_limit": "none"})
     text = controller_sources(designed(experiment)).units["controller.c"]
     for name in ("force_limit", "force_rate_limit"):
-        assert f"    (controller_real)0.0, /* {name} */" in text
+        assert f"    R(0.0), /* {name} */" in text
 
 
 def test_the_ranges_of_inputs_are_those_of_the_documentation() -> None:
@@ -160,14 +159,18 @@ def test_the_header_says_what_the_controller_is_and_does() -> None:
         "enum { LOOP_3_N_MEASURED = 6, LOOP_3_N_REFERENCE = 18, LOOP_3_N_STATES = 12 };",
         "enum { LOOP_3_N_WATCHED = 6 };",
         "is the same for 7 samples while its reference moves by more than 0.0025 m */",
-        "Computes a sample. `measured`: leg_length[6] [m]. `reference`: position [m], orientation [rad], velocity",
+        "Computes a sample. `measured`: leg_length[6] [m], relative to home in single precision. `reference`: position",
+        "extern const loop_3_real LOOP_3_HOME_POSE[6];",
         "As long as all inputs are exactly 0, no measurements have arrived",
         "all six forces are 0, within the force limit",
         "its integrals unchanged. */",
     ):
         assert part in header, part
-    numbers = 35 + 74 + 2 * 24  # own parameters, the platform's, ends of ranges
-    assert f"Constants in flash: {8 * numbers} bytes, besides those in the code." in header
+    numbers = 35 + 74 + 12 + 2 * 24  # own parameters, the platform's, home, ends of ranges
+    assert (
+        f"Constants in flash: {8 * numbers + 24} bytes, besides those in the code; {4 * numbers + 24} in single"
+        in header
+    )
     safe = {
         "the feedforward, of the last good reference if that is the fault": made(reference="inputs"),
         "the feedforward": made(),
@@ -178,23 +181,6 @@ def test_the_header_says_what_the_controller_is_and_does() -> None:
         assert f"all six forces are {text}, within" in found
         assert "frozen measurements are not watched for */" in found
         assert "N_WATCHED" not in found
-
-
-def test_the_header_of_single_precision_counts_floats_and_says_what_is_relative() -> None:
-    header = words(
-        controller_sources(made(reference="inputs"), real="float", deviation="This much.").headers["controller.h"]
-    )
-    assert f"Constants in flash: {4 * (35 + 74 + 3 * 24)} bytes" in header
-    for part in (
-        "so that no digits are lost. Do not compile with -ffast-math. This much. */",
-        "typedef float controller_real;",
-        "`measured`: leg_length[6] [m], relative to home. `reference`: position [m], orientation [rad], relative to "
-        "home,",
-        "As long as all inputs are those of a bus of zeros, less those at home, no measurements",
-        "extern const float CONTROLLER_HOME_POSE[6];",
-    ):
-        assert part in header, part
-    assert "double" not in re.sub(r"/\*.*?\*/", "", header)
 
 
 def test_a_function_and_forces_without_feedback_are_called_what_they_are() -> None:
@@ -216,7 +202,7 @@ def test_a_function_and_forces_without_feedback_are_called_what_they_are() -> No
     assert "`measured`: nothing." in header
     assert "Ranges: none, since nothing comes in." in header
     assert "no measurements have arrived" not in header
-    assert "double constant_force[6]; /* [N] added to the feedforward */" in header
+    assert "controller_real constant_force[6]; /* [N] added to the feedforward */" in header
     assert (sources.n_states, controller_sources(made("task")).n_states) == (0, 24)
 
 
@@ -235,15 +221,20 @@ def test_operations_are_counted_by_kind(name: str, of_motion: int) -> None:
         ),
     }
     sources = controller_sources(controllers[name]())
-    bodies = re.findall(r"^static void (\w+)\([^)]*\)\n\{\n(.*?)\n\}", sources.units["controller.c"], re.M | re.S)
+    text = re.sub(
+        r"^#if CONTROLLER_SINGLE\n(static void.*?)^#else", "", sources.units["controller.c"], flags=re.M | re.S
+    )
+    text = text[: text.index("/* Motions that are no formula")]
+    bodies = re.findall(r"^static void (\w+)\([^)]*\)\n\{\n(.*?)\n\}", text, re.M | re.S)
     divisions = others = simple = 0
     for function, body in bodies:
         times = 0 if function.startswith("coefficients_of_") else of_motion if function == "motion" else 1
         for right in re.findall(r"^  \w+=(.*);$", body, re.M):
+            right = re.sub(r"\(\(real\)(-?[\d.e+-]+)\)", r"\1", right)
             called = re.findall(r"\b(\w+)\)?\(", right.replace("REAL(", ""))
             if "/" in right or "sqrt" in called:
                 divisions += times
-            elif set(called) - {"fabs", "sq", "fmin", "fmax", "double", "controller_real"}:
+            elif set(called) - {"fabs", "sq", "fmin", "fmax", "controller_real"}:
                 others += times
             elif re.search(
                 r"[-+*<=?!&|]|\b(fabs|sq|fmin|fmax)\b", re.sub(r"\de[-+]\d|^-?[\d.]+(e[-+]\d+)?$", "", right)
@@ -257,35 +248,6 @@ def test_operations_are_counted_by_kind(name: str, of_motion: int) -> None:
     assert (int(stated[2]), int(stated[3])) == (divisions, others)
     # and code by hand: sums and checks of six forces
     assert divisions + others + simple + 6 * 8 <= int(stated[1]) == sources.operations
-
-
-# --- what single precision costs -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("reference", ["inside", "inputs"])
-def test_all_numbers_of_a_deviation_are_those_of_the_code(reference: Any) -> None:
-    """Expected: the differences of forces in the same run, with another compiler; the tables around it are left out."""
-    tables = {"reference": CIRCLE, "controller": PID, "actuators": {"force_limit": 60.0}}
-    disturbed = {"disturbance": [{"at": 0.03, "duration": 0.05, "force": [300.0, 0, 0], "torque": [0.0, 0, 0]}]}
-    experiment = uneven_experiment(**tables)
-    exported = designed(experiment, reference=reference)
-    found = deviation_of(uneven_experiment(**tables, **disturbed), exported)
-    run = run_in_python(experiment)
-    expected = commanded(run, exported)
-    inside = designed(experiment).reference
-    assert inside is not None
-    rows = np.concatenate(inside(np.arange(len(expected)) * 0.0015), axis=1) if reference == "inputs" else None
-    error = Exported(exported, single=True).forces(measured_by(run, exported), rows) - expected
-    assert run.force_limited.any()
-    assert found.duration == pytest.approx(0.15)
-    assert found.largest == pytest.approx(np.abs(error).max(), rel=0.1)
-    assert found.root_mean_square == pytest.approx(np.sqrt((error**2).mean()), rel=0.05)
-    assert found.largest_force == pytest.approx(60.0, rel=1e-12)
-    assert str(found) == (
-        f"Forces deviate from those in double precision, in 0.15 s of the designed loop, by at most "
-        f"{found.largest:.2g} "
-        f"N, {found.largest / 60:.2g} of the largest force; in root mean square by {found.root_mean_square:.2g} N."
-    )
 
 
 # --- notes -----------------------------------------------------------------------------------------------------------
