@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
+from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.vectors import FloatArray
@@ -21,7 +22,12 @@ if TYPE_CHECKING:
 
 # Names of a function's inputs and outputs, besides signals and `time`.
 MEMORY, MEMORY_NEXT, FORCE, OF_REFERENCE = "memory", "memory_next", "actuator_force", "reference_"
-_ACCELERATIONS = ("acceleration", "angular_acceleration")
+ACCELERATIONS = ("acceleration", "angular_acceleration")
+# What a function may take of the loop besides, as a `Sample` has it, with the number of elements.
+OF_LOOP = {
+    **dict.fromkeys(("command", "excess", "feedforward"), N_LEGS),
+    **dict.fromkeys(("sample_time", "force_limit", "rate_limit"), 1),
+}
 _COEFFICIENTS = "coefficients"
 
 
@@ -41,7 +47,14 @@ class CasadiFunction:
     def __call__(self, sample: "Sample") -> FloatArray:
         """Forces (6,) at a sample."""
         references = {OF_REFERENCE + name: value for name, value in sample.reference.items()}
-        values = {"time": sample.time, MEMORY: self._memory, **sample.measured, **references}
+        of_loop = {name: getattr(sample, name) for name in ("time", *OF_LOOP)}
+        values = {**sample.gains, **of_loop, MEMORY: self._memory, **sample.measured, **references}
+        for name in self.function.name_in():
+            if name not in values:
+                raise ControllerError(
+                    f"the CasADi function has the input '{name}'; expected one of {', '.join(values)}, or a gain of "
+                    "[controller.parameters]"
+                )
         inputs = {
             name: np.reshape(np.asarray(values[name], dtype=float), self.function.size_in(k), order="F")
             for k, name in enumerate(self.function.name_in())
@@ -83,7 +96,7 @@ def traced_law_of(functions: Sequence["casadi.Function"]) -> TracedLaw | None:
         **{OF_REFERENCE + v.name: casadi.SX.sym("r", v.size) for v in signals.VARIABLES},
         **{v.name: casadi.SX.sym("y", v.size) for v in signals.VARIABLES},
         "time": casadi.SX.sym("t"),
-        **{OF_REFERENCE + name: casadi.SX.sym("a", 3) for name in _ACCELERATIONS},
+        **{OF_REFERENCE + name: casadi.SX.sym("a", 3) for name in ACCELERATIONS},
         _COEFFICIENTS: casadi.SX.sym("c", len(coefficients)),
     }
     needed = {FORCE: N_LEGS, **({MEMORY_NEXT: n} if n else {})}

@@ -408,6 +408,7 @@ _PLACES = {
     "motion": "now",
     "measured": "measured",
     "excess": "memory->excess",
+    "feedforward": "safe",
     "states": "states",
     "expected": "expected",
     "coefficients": "coefficients->law",
