@@ -22,7 +22,7 @@ from gough_stewart.harness.control.pid import (
     channels_of,
 )
 from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at
-from gough_stewart.harness.control.traced_law import ACCELERATIONS, FORCE, MEMORY, MEMORY_NEXT, OF_LOOP, OF_REFERENCE
+from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, SIZES
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.settings import Setting, setting, setting_of
@@ -235,7 +235,7 @@ class FunctionLaw:
 
     def __post_init__(self) -> None:
         f = self.function
-        known = sizes_of_inputs() | {name: int(np.size(value)) for name, value in self.gains.items()}
+        known = SIZES | {name: int(np.size(value)) for name, value in self.gains.items()}
         inputs = {name: f.numel_in(k) for k, name in enumerate(f.name_in())}
         outputs = {name: f.numel_out(k) for k, name in enumerate(f.name_out())}
         for name, size in inputs.items():
@@ -360,13 +360,6 @@ def _check_operations(function: casadi.Function, plain: casadi.Function) -> None
             )
         if kind != casadi.OP_OUTPUT:
             signals_of |= dict.fromkeys(plain.instruction_output(k), found)
-
-
-def sizes_of_inputs() -> dict[str, int]:
-    """The possible inputs of a CasADi function."""
-    sizes = {v.name: v.size for v in signals.VARIABLES}
-    references = {OF_REFERENCE + name: size for name, size in {**sizes, **dict.fromkeys(ACCELERATIONS, 3)}.items()}
-    return {"time": 1, **sizes, **references, **OF_LOOP}
 
 
 def _coefficients(system: StateSpace) -> tuple[casadi.SX, casadi.SX, StateSpace]:

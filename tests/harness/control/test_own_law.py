@@ -194,7 +194,7 @@ ZERO = "self.z = np.zeros(6)"
         ("pass", ["return np.outer(e, e)[0]"], "traced law differs"),
         (ZERO, ["old = self.z", "self.z += e", "return e + old"], "at sample 0 of a run the traced law differs"),
         ("self.r = np.random.default_rng(1)", ["return e + self.r.normal(size=6)"], "no random numbers"),
-        ("self.z = []", ["self.z.append(e)", "return sum(self.z)"], r"self.z.0 is no number at some samples"),
+        ("self.z = []", ["self.z.append(e)", "return sum(self.z)"], r"self.z.0 has the shape \(0,\) before the first sample"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_traced_is_refused_with_the_line_and_what_to_write(
@@ -223,5 +223,5 @@ def test_both_forms_are_told_the_same_of_the_loop() -> None:
         record = gs.run("heave_step", settings, controller=controller)
         assert record["controller.force"][3].tolist() == [1e-3, 9e3, 5e4, 7.5, 0, 0]
     other = casadi.Function("law", s[:1], [force], ["gain"], ["actuator_force"], {"allow_free": True})
-    with pytest.raises(gs.GoughStewartError, match="the input 'gain'; expected one of kp, time, command, excess"):
+    with pytest.raises(gs.GoughStewartError, match="the input 'gain'; expected one of kp, time, position"):
         gs.run("heave_step", settings, controller=other)
