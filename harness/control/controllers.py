@@ -25,6 +25,7 @@ from gough_stewart.harness.control.pid import (
     gains_from_bandwidth,
 )
 from gough_stewart.harness.control.state_space import Method, discretised, is_control_system
+from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.motion.motion import Motion, once_at_rest
@@ -289,7 +290,7 @@ class PythonController(ControllerChoice):
         is_made = self.factory is not None or inspect.isclass(thing)
         if is_made and not callable(thing):
             raise ControllerError(f"{file}: factory = '{name}' is {thing!r}; expected a function or class")
-        if self.parameters and not is_made:
+        if self.parameters and not is_made and not is_casadi_function(thing):
             raise ControllerError(
                 f"{file}: parameters: {', '.join(self.parameters)} are for a class or factory; '{name}' is neither"
             )

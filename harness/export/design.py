@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
-import casadi
 import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice, Feedforward
@@ -18,7 +17,7 @@ from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.export.choices import NOTHING, Carried, Faults, Part, ReferenceFrom
-from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
+from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw, own_law
 from gough_stewart.harness.export.settings import Setting, setting, setting_of
 from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.harness.motion.motion import Reference
@@ -176,8 +175,7 @@ class Designed:
     def settings(self) -> tuple[Setting, ...]:
         """Its parameters, in C the fields of its struct, in this order."""
         sampled: tuple[str, ...] = ()
-        if isinstance(self.law, MatrixLaw) and self.law.controller.sample_time is not None:
-            # the matrices are valid for one sample time
+        if self.law is not None and self.law.fixes_sample_time:
             sampled = ("REAL(fabs)(parameters->sample_time / DEFAULT_SAMPLE_TIME - 1) <= 1e-9",)
         force_limit, rate_limit = ForceLimits.parameters()
         _, lag = Drive.parameters()
@@ -315,15 +313,11 @@ def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:
     if isinstance(controller, LinearController):
         controller.check_sample_time(prepared.loop.timing.sample_time)
         return MatrixLaw(controller)
-    if isinstance(controller, casadi.Function):
-        return FunctionLaw(controller)
     if isinstance(controller, UnitController):
         raise ExportError(f"controller is {controller.path}, which is already an FMU; expected its source controller")
-    raise ExportError(
-        "controller is a Python function, which cannot be exported; trace it with CasADi: call it with symbols, make "
-        "a casadi.Function with the inputs it takes (leg_length, reference_leg_length, …) and the output "
-        "actuator_force, and export that"
-    )
+    rows = prepared.loop.reference
+    assert rows is not None
+    return own_law(prepared.controller, prepared.known, rows[:: prepared.loop.timing.steps_a_sample])
 
 
 def carried(parts: tuple[Part, ...], prepared: Prepared) -> Carried:

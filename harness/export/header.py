@@ -119,7 +119,6 @@ def header(
         Member(s["N_STATES"], "states", states),
         Member(s["HAS_EXCESS"], "planned", 6, "[N] forces after the last command has acted for one sample"),
         Member(s["HAS_EXCESS"], "excess", 6, "[N] force allowed by the limits minus the command"),
-        Member(s["HAS_COMMAND"], "command", 6, "[N] of the last sample"),
         Member(reading, "reading", f"{P}_N_MEASURED", "the latest"),
         Member(s["HAS_STEPS"], "target", 6, "[N] forces of the last sample, within the force limit"),
         Member(s["HAS_STEPS"], "force_limited", 6, "1 where that limit was active"),

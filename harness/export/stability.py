@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import LinearController, fresh_controller
+from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.margins import (
     Margins,
     closed_loop,
@@ -22,7 +22,6 @@ from gough_stewart.harness.control.margins import (
     remedy_of,
     sensitivities,
 )
-from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.margins import transfer_of
 from gough_stewart.harness.experiment.members import Members
@@ -207,13 +206,14 @@ def stability_of(
         An invalid `[ensemble]`.
     """
     hosts = tuple(hosts)
-    # a file or a factory makes it
-    controller = None if prepared.controller is None else fresh_controller(prepared.controller)
-    if not isinstance(controller, LinearController):
-        kind = "an FMU" if isinstance(controller, UnitController) else "a function"
-        reason = NO_FEEDBACK if controller is None else f"{kind} has no linear form"
-        return dict.fromkeys(hosts, StabilityReport(reason=reason))
-    loops = _Loops(prepared, controller)
+    try:
+        form = prepared.linear_form()
+    except ControllerError as error:
+        return dict.fromkeys(hosts, StabilityReport(reason=str(error)))
+    if form is None or form.doubt:
+        reason = NO_FEEDBACK if prepared.controller is None else "an FMU has no linear form"
+        return dict.fromkeys(hosts, StabilityReport(reason=reason if form is None else form.doubt))
+    loops = _Loops(prepared, form.controller)
     parts = tuple(parts)
     around = {host: loops_around(host, experiment, parts) for host in hosts}
     try:

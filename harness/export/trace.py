@@ -14,7 +14,6 @@ from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
 from gough_stewart.harness.control.sensor import Sensor
-from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.design import REFERENCE, Designed
@@ -64,12 +63,14 @@ def traced(designed: Designed, home: Home | None = None) -> Traced:
     Then the law gives the changes of its states in place of the next ones.
     """
     law = designed.law
-    linear = None if law is None or isinstance(law, FunctionLaw) else law.linear
+    coefficients = None
+    if law is not None:
+        coefficients = law.coefficients() if isinstance(law, FunctionLaw) else law.linear.coefficients
     ahead = designed.feedforward != "none" and designed.reference_inputs
     path = path_of(designed.reference)
     start, step = (None, None) if law is None else _law(designed, law, home)
     return Traced(
-        None if linear is None else linear.coefficients,
+        coefficients,
         None if path is None else path_function(path, home),
         None if designed.reference is None else motion_function(designed.reference, home),
         _extrapolation(home) if ahead else None,
@@ -217,15 +218,18 @@ def _law(designed: Designed, law: Law, home: Home | None) -> tuple[casadi.Functi
     }
     by_name = dict(zip((v.name for v in designed.measured), _split(measured, designed.measured), strict=True))
     if isinstance(law, FunctionLaw):
-        inputs["states"] = casadi.SX.sym("states", law.n_states)
+        inputs |= {
+            "states": casadi.SX.sym("states", law.n_states),
+            "feedforward": casadi.SX.sym("feedforward", N_LEGS),
+            "coefficients": casadi.SX.sym("coefficients", sum(law.constants.values())),
+        }
         # a function may use anything but differences, so its signals are whole ones
         references = _references(inputs, law.function.name_in(), home, whole=True)
         whole = by_name if home is None else {name: v + home.of(name, v.numel()) for name, v in by_name.items()}
-        found = law({"time": inputs["time"], MEMORY: inputs["states"], **whole, **references})
-        following = found.get(MEMORY_NEXT, casadi.SX(0, 1))
+        force, following = law({**inputs, **whole, **references})
         if home is not None:
             following = following - inputs["states"]
-        outputs = {"force": found[FORCE], **({"next": following} if law.n_states else {})}
+        outputs = {"force": force, **({"next": following} if law.n_states else {})}
         return None, symbols.function("law", inputs, outputs)
     references = _references(inputs, [f"reference_{name}" for name in law.signals], home)
     if "orientation" in law.signals:  # in the turns of the reference

@@ -154,7 +154,6 @@ def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
         "HAS_LAW": law is not None,
         "HAS_START": functions.start is not None,
         "HAS_EXCESS": _uses(law, "excess"),
-        "HAS_COMMAND": _uses(law, "command"),
         "HAS_FEEDFORWARD": has_feedforward,
         "HAS_CONSTANT_FORCE": has_constant,
         "HAS_REFERENCE_INPUTS": designed.reference_inputs,
@@ -284,7 +283,7 @@ _WITH_STATES = {
     ),
 }
 _KINDS = {"at": "const instant *", "parameters": "const controller_parameters *", "now": "moment "}
-_OF_INSTANT = ("coefficients", "motion", "measured", "excess", "command", "states")
+_OF_INSTANT = ("coefficients", "motion", "measured", "excess", "feedforward", "states")
 
 
 def _law(designed: Designed, functions: Traced, single: Traced) -> str:

@@ -38,7 +38,7 @@ MAYBE_UNUSED static real sign(real x)
 /* What the functions of a sample are computed from. */
 typedef struct {
     const controller_parameters *parameters;
-    const real *coefficients, *motion, *measured, *excess, *command, *states;
+    const real *coefficients, *motion, *measured, *excess, *feedforward, *states;
     real time;
 } instant;
 
@@ -271,9 +271,7 @@ static void take_sample(const controller_parameters *parameters, const controlle
 #if HAS_EXCESS
     at.excess = memory->excess;
 #endif
-#if HAS_COMMAND
-    at.command = memory->command;
-#endif
+    at.feedforward = safe;
 #if HAS_FEEDFORWARD
     then = at;
     then.motion = ahead;
@@ -395,9 +393,6 @@ static void take_sample(const controller_parameters *parameters, const controlle
             memory->transfer[k] -= memory->transfer[k] * parameters->sample_time / TRANSFER_TIME;
         }
     }
-#endif
-#if HAS_COMMAND
-    memcpy(memory->command, command, sizeof command);
 #endif
 #if HAS_EXCESS
     force_limits(coefficients->force_limits, memory->planned, command, planned, allowed, cut, excess);

@@ -213,7 +213,6 @@ def _function(inputs: dict[str, int], outputs: dict[str, int]) -> casadi.Functio
 @pytest.mark.parametrize(
     ("controller", "message"),
     [
-        (lambda _sample: np.zeros(6), "Python function.*trace it with CasADi.*actuator_force"),
         (
             control.ss(np.diag([0.5, -1.01]), np.ones((2, 6)), np.ones((6, 2)), np.zeros((6, 6)), 0.0015),
             r"unstable by itself: it has an eigenvalue z = -1.01\+0j with \|z\| = 1.01; expected none outside",

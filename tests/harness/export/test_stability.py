@@ -425,13 +425,19 @@ def test_the_clock_of_the_sensors_and_jitter_of_the_machine_are_judged_as_their_
     assert carried.nominal.late == pytest.approx(0.001)
 
 
-def test_a_loop_without_a_linear_form_is_said_not_to_be_judged(tmp_path: Path) -> None:
-    length = casadi.SX.sym("leg_length", 6)
-    law = casadi.Function("soft", [length], [-1e3 * length], ["leg_length"], ["actuator_force"])
+def test_a_loop_without_one_linear_form_is_said_not_to_be_judged(tmp_path: Path) -> None:
+    """A law of whole micrometres has the slope 0 or none; the same without rounding is judged as it is."""
+    length, velocity = (casadi.SX.sym(name, 6) for name in ("leg_length", "leg_velocity"))
     said: list[str] = []
-    gs.export(law, forms="c", out=tmp_path, warn=said.append)
-    assert said == ["the stability of the loop of the C is not judged: a function has no linear form"]
-    assert "Stability: not judged, since a function has no linear form." in (tmp_path / "soft_controller.h").read_text()
+    for counted in (casadi.floor(length * 1e6) * 1e-6, length):
+        force = -1e3 * counted - 200 * velocity
+        law = casadi.Function("soft", [length, velocity], [force], ["leg_length", "leg_velocity"], ["actuator_force"])
+        gs.export(law, forms="c", out=tmp_path / str(len(said)), warn=said.append)
+    reason = "the controller's gains depend on the size or the sign of a small change"
+    assert said == [f"the stability of the loop of the C is not judged: {reason}"]
+    assert f"Stability: not judged, since {reason}." in " ".join(
+        (tmp_path / "0" / "soft_controller.h").read_text().split()
+    )
 
 
 def test_forces_without_feedback_are_not_judged_and_nobody_is_warned() -> None:
