@@ -211,12 +211,15 @@ def export(
     loops = least_robust_first(judged)
     if stability is not None:
         stability(loops)
-    warnings = [text for of_form in notes.values() for text in of_form.warnings]
-    for say, texts in ((warn, warnings), (verdict, map(in_short, loops))):
-        if say is not None:
-            for text in texts:
-                say(text)
+    _say(warn, [text for of_form in notes.values() for text in of_form.warnings])
+    _say(verdict, map(in_short, loops))
     return [folder / file for file in files]
+
+
+def _say(listener: Callable[[str], None] | None, texts: Iterable[str]) -> None:
+    if listener is not None:
+        for text in texts:
+            listener(text)
 
 
 def around(function: "casadi.Function") -> Experiment:

@@ -397,7 +397,10 @@ static void take_sample(const controller_parameters *parameters, const controlle
 #if HAS_EXCESS
     force_limits(coefficients->force_limits, memory->planned, command, planned, allowed, cut, excess);
     memcpy(memory->planned, planned, sizeof planned);
-    if (status == CONTROLLER_INPUT_GOOD) memcpy(memory->excess, excess, sizeof excess);
+    if (is_manual(memory))
+        memset(memory->excess, 0, sizeof excess);
+    else if (status == CONTROLLER_INPUT_GOOD)
+        memcpy(memory->excess, excess, sizeof excess);
 #else
     force_limits(coefficients->force_limits, command, allowed, cut);
 #endif

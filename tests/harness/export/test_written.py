@@ -229,8 +229,7 @@ def test_operations_are_counted_by_kind(name: str, of_motion: int) -> None:
     divisions = others = simple = 0
     for function, body in bodies:
         times = 0 if function.startswith("coefficients_of_") else of_motion if function == "motion" else 1
-        for right in re.findall(r"^  \w+=(.*);$", body, re.M):
-            right = re.sub(r"\(\(real\)(-?[\d.e+-]+)\)", r"\1", right)
+        for right in re.findall(r"^  \w+=(.*);$", re.sub(r"\(\(real\)(-?[\d.e+-]+)\)", r"\1", body), re.M):
             called = re.findall(r"\b(\w+)\)?\(", right.replace("REAL(", ""))
             if "/" in right or "sqrt" in called:
                 divisions += times
