@@ -23,7 +23,9 @@ _SSC = "http://ssp-standard.org/SSP1/SystemStructureCommon"
 _SSV = "http://ssp-standard.org/SSP1/SystemStructureParameterValues"
 # libcosim reads the step from its own annotation; it mistakes a prefix declared there for an algorithm
 _OSP = "http://opensimulationplatform.com/SSP/OSPAnnotations"
-_PREFIXES = {"ssd": _SSD, "ssc": _SSC, "ssv": _SSV, "osp": _OSP}
+# OMSimulator reads the step of its master from the annotations of the system
+_OMS = "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"
+_PREFIXES = {"ssd": _SSD, "ssc": _SSC, "ssv": _SSV, "osp": _OSP, "oms": _OMS}
 _FMU = "application/x-fmu-sharedlibrary"
 
 
@@ -104,14 +106,23 @@ def system_structure(system: System) -> bytes:
         ends = {"startElement": connection.start[0], "startConnector": connection.start[1]}
         ends |= {"endElement": connection.end[0], "endConnector": connection.end[1]}
         etree.SubElement(connections, _ssd("Connection"), ends)
+    information = _annotation(whole, "org.openmodelica", f"{{{_OMS}}}Annotations", f"{{{_OMS}}}SimulationInformation")
+    master = {"description": "oms-ma", "absoluteTolerance": "1e-4", "relativeTolerance": "1e-4"}
+    etree.SubElement(information, f"{{{_OMS}}}FixedStepMaster", master, stepSize=repr(system.step))
     units = {connector.unit for component in system.components for connector in component.connectors}
     _add_units(root, _ssd("Units"), units)
     experiment = etree.SubElement(root, _ssd("DefaultExperiment"), startTime="0", stopTime=repr(system.duration))
-    annotations = etree.SubElement(experiment, _ssd("Annotations"))
-    annotation = etree.SubElement(annotations, f"{{{_SSC}}}Annotation", type="com.opensimulationplatform")
-    algorithm = etree.SubElement(annotation, f"{{{_OSP}}}Algorithm")
+    algorithm = _annotation(experiment, "com.opensimulationplatform", f"{{{_OSP}}}Algorithm")
     etree.SubElement(algorithm, f"{{{_OSP}}}FixedStepAlgorithm", baseStepSize=repr(system.step))
     return _to_bytes(root)
+
+
+def _annotation(parent: etree._Element, kind: str, *tags: str) -> etree._Element:
+    """The innermost element of an annotation, of those with these names."""
+    element = etree.SubElement(etree.SubElement(parent, _ssd("Annotations")), f"{{{_SSC}}}Annotation", type=kind)
+    for tag in tags:
+        element = etree.SubElement(element, tag)
+    return element
 
 
 def parameter_values(system: System) -> bytes:

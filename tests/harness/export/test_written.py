@@ -467,6 +467,9 @@ def test_the_whole_structure_is_that_of_the_standard() -> None:
     keys = ("startElement", "startConnector", "endElement", "endConnector")
     connections: Any = [("Connection", dict(zip(keys, (a, name, b, name), strict=True)), []) for a, b, name in ends]
     step: Any = ("Algorithm", {}, [("FixedStepAlgorithm", {"baseStepSize": "0.002"}, [])])
+    master = {"description": "oms-ma", "absoluteTolerance": "1e-4", "relativeTolerance": "1e-4", "stepSize": "0.002"}
+    information: Any = ("SimulationInformation", {}, [("FixedStepMaster", master, [])])
+    oms: Any = ("Annotation", {"type": "org.openmodelica"}, [("Annotations", {}, [information])])
     annotation: Any = ("Annotations", {}, [("Annotation", {"type": "com.opensimulationplatform"}, [step])])
     root = etree.fromstring(system_structure(LOOP))
     tag, attributes, children = _tree(root)
@@ -474,7 +477,11 @@ def test_the_whole_structure_is_that_of_the_standard() -> None:
     assert re.fullmatch(r"gough-stewart \d+\.\d+.*", attributes.pop("generationTool"))
     assert attributes == {"version": "1.0", "name": "loop"}
     assert children == [
-        ("System", {"name": "loop"}, [("Elements", {}, elements), ("Connections", {}, connections)]),
+        (
+            "System",
+            {"name": "loop"},
+            [("Elements", {}, elements), ("Connections", {}, connections), ("Annotations", {}, [oms])],
+        ),
         _units(N=newton, m=m),
         ("DefaultExperiment", {"startTime": "0", "stopTime": "0.7"}, [annotation]),
     ]
@@ -484,6 +491,7 @@ def test_the_whole_structure_is_that_of_the_standard() -> None:
         "ssc": f"{spaces}Common",
         "ssv": f"{spaces}ParameterValues",
         "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
+        "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
     }
     named = [(f"{c}.{n}", v, u) for c, rows in (("plant", plant), ("controller", controller)) for n, v, u in rows]
     assert _tree(etree.fromstring(parameter_values(LOOP))) == (
