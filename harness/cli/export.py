@@ -35,6 +35,13 @@ class SafeForceChoice(StrEnum):
     zero = "zero"
 
 
+class SspVersion(StrEnum):
+    """Versions of SSP."""
+
+    ssp1 = "1.0"
+    ssp2 = "2.0"
+
+
 class ReferenceSource(StrEnum):
     """Where the reference comes from."""
 
@@ -62,6 +69,7 @@ def export_command(
             metavar=choices(FmiVersion),
         ),
     ] = FmiVersion.fmi2,
+    ssp: Annotated[SspVersion, typer.Option(help="Version of SSP.", metavar=choices(SspVersion))] = SspVersion.ssp1,
     target: TargetOption = None,
     reference: Annotated[
         ReferenceSource,
@@ -149,6 +157,7 @@ def export_command(
                 out=out,
                 fmi=versions,
                 ssp_fmi=ssp_fmi.value,
+                ssp=ssp.value,
                 targets=targets,
                 reference=reference.value,
                 safe_force=safe_force.value,

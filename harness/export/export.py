@@ -45,6 +45,7 @@ def export(
     out: Path | str = ".",
     fmi: Iterable[str] = ("2.0", "3.0"),
     ssp_fmi: str = "2.0",
+    ssp: str = "1.0",
     targets: Iterable[str] = ("native",),
     reference: ReferenceFrom = "inside",
     controller: Any = None,
@@ -75,6 +76,8 @@ def export(
         Versions of the form "fmu": "2.0", "3.0".
     ssp_fmi
         Version of the FMUs in an SSP: "2.0", which all its importers support, or "3.0".
+    ssp
+        Version of SSP: "1.0", or "2.0", whose documents differ in that number only.
     targets
         Target systems of the FMUs, as for `build`.
     reference
@@ -122,7 +125,7 @@ def export(
     ControllerError
         A controller that cannot be exported, is unstable by itself, or has the wrong size.
     ExportError
-        An unknown form, part or safe force, nothing to watch for, or an SSP with external reference.
+        An unknown form, part, safe force or version of SSP, nothing to watch for, or an SSP with external reference.
     ExperimentError, ReachError, BuildError, OutputError
         As `run` and `build`.
 
@@ -139,6 +142,8 @@ def export(
         raise ExportError(
             "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
         )
+    if ssp not in ("1.0", "2.0"):
+        raise ExportError(f"ssp is {ssp!r}; expected '1.0' or '2.0'")
     versions, (in_ssp,), systems = chosen_versions(fmi), chosen_versions([ssp_fmi]), chosen_targets(targets)
     folder = Path(out)
     check_output_folder(folder, names_of_files(name, requested, versions))
@@ -149,10 +154,9 @@ def export(
             raise ExportError("a page has the controllers of experiments; expected no controller, or the other forms")
         report("page")
         files[f"{name}_live.html"] = live_page(chosen)
+    if requested == ("page",):
+        return _written(folder, files)
     hosts = tuple(form for form in requested if form != "page")
-    if not hosts:
-        write_files(folder, files)
-        return [folder / file for file in files]
     check_installed(TRACER)
     # what traces is imported for controllers only, since a page's code is carried
     from gough_stewart.harness.export.design import designed
@@ -204,15 +208,21 @@ def export(
             systems,
             notes["ssp"].inside,
             fmi_version=in_ssp,
+            ssp_version=ssp,
             side=prepared.loop.sensors.side,
             progress=report,
         )
-    write_files(folder, files)
+    paths = _written(folder, files)
     loops = least_robust_first(judged)
     if stability is not None:
         stability(loops)
     _say(warn, [text for of_form in notes.values() for text in of_form.warnings])
     _say(verdict, map(in_short, loops))
+    return paths
+
+
+def _written(folder: Path, files: dict[str, bytes]) -> list[Path]:
+    write_files(folder, files)
     return [folder / file for file in files]
 
 

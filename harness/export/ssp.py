@@ -73,6 +73,7 @@ class System:
     duration: float  # [s]
     step: float  # of the master [s]
     description: str = ""
+    version: str = "1.0"  # of SSP
 
     def __post_init__(self) -> None:
         names = [component.name for component in self.components]
@@ -93,14 +94,14 @@ class System:
 def system_structure(system: System) -> bytes:
     """SystemStructure.ssd of a system, including its parameter values."""
     package = installed_package()[0]
-    root = etree.Element(_ssd("SystemStructureDescription"), nsmap=_PREFIXES, version="1.0", name=system.name)
+    root = etree.Element(_ssd("SystemStructureDescription"), nsmap=_PREFIXES, version=system.version, name=system.name)
     root.set("generationTool", f"gough-stewart {package['Version']}")
     if system.description:
         root.set("description", xml_text(system.description))
     whole = etree.SubElement(root, _ssd("System"), name=system.name)
     elements = etree.SubElement(whole, _ssd("Elements"))
     for component in system.components:
-        _add_component(elements, component)
+        _add_component(elements, component, system.version)
     connections = etree.SubElement(whole, _ssd("Connections"))
     for connection in system.connections:
         ends = {"startElement": connection.start[0], "startConnector": connection.start[1]}
@@ -127,7 +128,8 @@ def _annotation(parent: etree._Element, kind: str, *tags: str) -> etree._Element
 
 def parameter_values(system: System) -> bytes:
     """The parameters of all components as one SSV file, named `component.parameter` as its importers expect."""
-    root = etree.Element(f"{{{_SSV}}}ParameterSet", nsmap={"ssv": _SSV, "ssc": _SSC}, version="1.0", name=system.name)
+    root = etree.Element(f"{{{_SSV}}}ParameterSet", nsmap={"ssv": _SSV, "ssc": _SSC}, name=system.name)
+    root.set("version", system.version)
     _add_parameters(
         root, ((f"{c.name}.{name}", value) for c in system.components for name, value in c.parameters.items())
     )
@@ -135,7 +137,7 @@ def parameter_values(system: System) -> bytes:
     return _to_bytes(root)
 
 
-def _add_component(elements: etree._Element, component: Component) -> None:
+def _add_component(elements: etree._Element, component: Component, version: str) -> None:
     element = etree.SubElement(
         elements,
         _ssd("Component"),
@@ -151,7 +153,7 @@ def _add_component(elements: etree._Element, component: Component) -> None:
     bindings = etree.SubElement(element, _ssd("ParameterBindings"))
     binding = etree.SubElement(bindings, _ssd("ParameterBinding"), type="application/x-ssp-parameter-set")
     values = etree.SubElement(binding, _ssd("ParameterValues"))
-    parameters = etree.SubElement(values, f"{{{_SSV}}}ParameterSet", version="1.0", name=component.name)
+    parameters = etree.SubElement(values, f"{{{_SSV}}}ParameterSet", version=version, name=component.name)
     _add_parameters(parameters, component.parameters.items())
     _add_units(parameters, f"{{{_SSV}}}Units", {unit for _, unit in component.parameters.values()})
 
@@ -198,6 +200,7 @@ def loop_archive(
     notes: Iterable[str] = (),
     *,
     fmi_version: str = "2.0",
+    ssp_version: str = "1.0",
     side: Side = "leg",
     progress: StepProgress | None = None,
 ) -> bytes:
@@ -214,6 +217,8 @@ def loop_archive(
     fmi_version
         Of both units. All importers of SSP 1.0 support "2.0"; with "3.0" the units describe scalars, too, since
         connectors of SSP 1.0 have no dimensions.
+    ssp_version
+        "2.0" says what "1.0" does, for importers that expect it.
     side
         Of legs that give, where encoders read.
     """
@@ -224,6 +229,7 @@ def loop_archive(
         for unit, component in ((PLANT, plant), (CONTROLLER, controller))
     }
     system = replace(loop_system(name, plant, controller, duration, step, side), description=" ".join(notes))
+    system = replace(system, version=ssp_version)
     return to_zip(
         {
             STRUCTURE: system_structure(system),

@@ -8,19 +8,16 @@ from typing import Any
 import casadi
 import numpy as np
 import pytest
-from lxml import etree
 
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.export.choices import faults_of
 from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.notes import notes_of, refusal
-from gough_stewart.harness.export.ssp import parameter_values, system_structure
 from gough_stewart.harness.export.stability import Case, Host, LoopAround, LoopStability, StabilityReport
 from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.model import interface
 from tests.harness.export.test_controllers import CIRCLE, PD, PID, SINE
-from tests.harness.export.test_system_structure import LOOP
 from tests.support.exported import KD, KP, uneven_experiment
 from tests.support.uneven import UNEVEN
 
@@ -402,100 +399,3 @@ def test_an_unstable_loop_is_refused_with_its_figures_and_remedies() -> None:
         "UNSTABLE in the SSP with a delay of 2 samples: |z| = 1.5 (member 8), disk margin 0.5"
     )
     assert notes_of(experiment, "run", StabilityReport((first,))).warnings[-1].startswith("run anyway: in C the closed")
-
-
-# --- SSP -------------------------------------------------------------------------------------------------------------
-
-
-def _tree(element: Any) -> Any:
-    """Local names, attributes, children."""
-    return (etree.QName(element).localname, dict(element.attrib), [_tree(child) for child in element])
-
-
-def _parameters(*rows: tuple[str, str, str]) -> Any:
-    found: Any = [
-        ("Parameter", {"name": n}, [("Real", {"value": v, **({"unit": u} if u else {})}, [])]) for n, v, u in rows
-    ]
-    return ("Parameters", {}, found)
-
-
-def _units(**units: dict[str, str]) -> Any:
-    return ("Units", {}, [("Unit", {"name": name}, [("BaseUnit", base, [])]) for name, base in units.items()])
-
-
-def test_the_whole_structure_is_that_of_the_standard() -> None:
-    """Expected: SSP 1.0 by hand; libcosim's annotation with the master's step."""
-    kg, m, s = ({unit: "1"} for unit in ("kg", "m", "s"))
-    newton = {"kg": "1", "m": "1", "s": "-2"}
-    plant = [("platform_mass", "12.5", "kg"), ("base_points[1,2]", "-0.3", "m")]
-    controller = [("sample_time", "0.002", "s"), ("delay", "1.0", "")]
-
-    def component(name: str, connectors: Any, rows: Any, units: Any) -> Any:
-        values = ("ParameterSet", {"version": "1.0", "name": name}, [_parameters(*rows), units])
-        binding: Any = (
-            "ParameterBinding",
-            {"type": "application/x-ssp-parameter-set"},
-            [("ParameterValues", {}, [values])],
-        )
-        return (
-            "Component",
-            {
-                "name": name,
-                "type": "application/x-fmu-sharedlibrary",
-                "source": f"resources/{name}.fmu",
-                "implementation": "CoSimulation",
-            },
-            [
-                (
-                    "Connectors",
-                    {},
-                    [
-                        ("Connector", {"name": n, "kind": kind}, [("Real", {"unit": u}, [])])
-                        for n, kind, u in connectors
-                    ],
-                ),
-                ("ParameterBindings", {}, [binding]),
-            ],
-        )
-
-    force, length = "actuator_force[2]", "leg_length[2]"
-    elements = [
-        component("plant", [(force, "input", "N"), (length, "output", "m")], plant, _units(kg=kg, m=m)),
-        component("controller", [(length, "input", "m"), (force, "output", "N")], controller, _units(s=s)),
-    ]
-    ends = [("plant", "controller", length), ("controller", "plant", force)]
-    keys = ("startElement", "startConnector", "endElement", "endConnector")
-    connections: Any = [("Connection", dict(zip(keys, (a, name, b, name), strict=True)), []) for a, b, name in ends]
-    step: Any = ("Algorithm", {}, [("FixedStepAlgorithm", {"baseStepSize": "0.002"}, [])])
-    master = {"description": "oms-ma", "absoluteTolerance": "1e-4", "relativeTolerance": "1e-4", "stepSize": "0.002"}
-    information: Any = ("SimulationInformation", {}, [("FixedStepMaster", master, [])])
-    oms: Any = ("Annotation", {"type": "org.openmodelica"}, [("Annotations", {}, [information])])
-    annotation: Any = ("Annotations", {}, [("Annotation", {"type": "com.opensimulationplatform"}, [step])])
-    root = etree.fromstring(system_structure(LOOP))
-    tag, attributes, children = _tree(root)
-    assert tag == "SystemStructureDescription"
-    assert re.fullmatch(r"gough-stewart \d+\.\d+.*", attributes.pop("generationTool"))
-    assert attributes == {"version": "1.0", "name": "loop"}
-    assert children == [
-        (
-            "System",
-            {"name": "loop"},
-            [("Elements", {}, elements), ("Connections", {}, connections), ("Annotations", {}, [oms])],
-        ),
-        _units(N=newton, m=m),
-        ("DefaultExperiment", {"startTime": "0", "stopTime": "0.7"}, [annotation]),
-    ]
-    spaces = "http://ssp-standard.org/SSP1/SystemStructure"
-    assert root.nsmap == {
-        "ssd": f"{spaces}Description",
-        "ssc": f"{spaces}Common",
-        "ssv": f"{spaces}ParameterValues",
-        "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
-        "oms": "https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd",
-    }
-    named = [(f"{c}.{n}", v, u) for c, rows in (("plant", plant), ("controller", controller)) for n, v, u in rows]
-    assert _tree(etree.fromstring(parameter_values(LOOP))) == (
-        "ParameterSet",
-        {"version": "1.0", "name": "loop"},
-        [_parameters(*named), _units(kg=kg, m=m, s=s)],
-    )
