@@ -145,7 +145,7 @@ def test_export(notes: Notes, is_default: bool) -> None:
     more = () if is_default else (
         *("--as", "c, ssp,fmu", "--fmi", "3.0", "--ssp-fmi", "3.0"),
         *("--target", "x86_64-windows", "--target", "aarch64-linux"),
-        *("--reference", "inputs", "--safe-force", "zero", "--frozen", "50,1.5 mm", "--anyway", "--real", "float"),
+        *("--reference", "inputs", "--safe-force", "zero", "--frozen", "50,1.5 mm", "--anyway", "--ssp", "2.0"),
         *("--with", "sensors, drives", "--set", "loop.duration=0.7", "--set", "loop.delay=2", "--out", "there"),
     )  # fmt: skip
     done = invoke("export", "heave_step", *more)
@@ -155,12 +155,12 @@ def test_export(notes: Notes, is_default: bool) -> None:
     assert list(given.pop("forms")) == (["fmu"] if is_default else ["fmu", "c", "ssp"])
     if is_default:
         assert (loop, versions, targets) == ((2.0, 1), ["2.0", "3.0"], ["native"])
-        other: dict[str, Any] = {"out": Path(), "reference": "inside", "safe_force": "feedforward", "real": "double"}
+        other: dict[str, Any] = {"out": Path(), "reference": "inside", "safe_force": "feedforward", "ssp": "1.0"}
         assert given == {**other, "ssp_fmi": "2.0", "frozen": None, "anyway": False, "parts": ()}
         total = number_of_steps(versions, targets)
     else:
         assert (loop, versions, targets) == ((0.7, 2), ["3.0"], ["x86_64-windows", "aarch64-linux"])
-        other = {"out": Path("there"), "reference": "inputs", "safe_force": "zero", "real": "float"}
+        other = {"out": Path("there"), "reference": "inputs", "safe_force": "zero", "ssp": "2.0"}
         other |= {"ssp_fmi": "3.0", "frozen": (50, 0.0015), "anyway": True}
         assert given == {**other, "parts": ("drives", "sensors")}
         # the C at once; the FMUs; an SSP with two FMUs, and itself
