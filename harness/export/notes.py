@@ -35,31 +35,29 @@ class Notes:
 
     inside: tuple[str, ...]  # paragraphs for its documentation
     warnings: tuple[str, ...]  # for its maker
-    verdicts: tuple[str, ...]  # on each loop, in one line
 
 
 def notes_of(experiment: Experiment, host: Host, found: StabilityReport, carried: Carried = NOTHING) -> Notes:
     """The notes of a form of an experiment, as judged, with what it carries of the machine."""
-    delay, changed = _delay(experiment, host, carried), _changed_delay(experiment, host)
     missing = [] if host == "run" else left_out(experiment, host, carried.parts)
-    without = f"without {', '.join(missing)}: {_holds(host, carried)}" if missing else ""
-    title = f"the {NAMES[host]} is"
-    stability = _stability(found, carried)
-    unstable = [f"{'run' if host == 'run' else 'exported'} anyway: {text}" for text in map(complaint, found.unstable)]
-    not_judged = f"the stability of the loop of the {NAMES[host]} is not judged: {found.reason}"
     inside = [
         *_inside(experiment, carried),
-        f"Delay: {delay}",
-        *stability,
+        f"Delay: {_delay(experiment, host, carried)}",
+        *_stability(found, carried),
         f"Left out: {', '.join(missing)}." if missing else "Nothing of the experiment is left out.",
     ]
-    warnings = [
-        *([f"{title} {without}"] if without else []),
-        *([f"{title} {changed}"] if changed else []),
-        *([not_judged] if found.reason and found.reason != NO_FEEDBACK else []),
-        *unstable,
-    ]
-    return Notes(tuple(inside), tuple(warnings), tuple(map(in_short, found.loops)))
+    warnings = []
+    if missing:
+        warnings.append(f"the {NAMES[host]} is without {', '.join(missing)}: {_holds(host, carried)}")
+    if host in ("fmu", "ssp") and not experiment.loop.delay:
+        warnings.append(
+            f"the {NAMES[host]} is one sample late, where the experiment has no delay: a unit outputs the forces of a "
+            "sample at the next one"
+        )
+    if found.reason and found.reason != NO_FEEDBACK:
+        warnings.append(f"the stability of the loop of the {NAMES[host]} is not judged: {found.reason}")
+    warnings += [f"{'run' if host == 'run' else 'exported'} anyway: {complaint(loop)}" for loop in found.unstable]
+    return Notes(tuple(inside), tuple(warnings))
 
 
 def refusal(experiment: Experiment, judged: Iterable[tuple[Host, StabilityReport]]) -> UnstableLoopError | None:
@@ -99,10 +97,9 @@ def _holds(host: Host, carried: Carried) -> str:
 
 def _inside(experiment: Experiment, carried: Carried) -> list[str]:
     """What is carried of the machine, and when."""
-    found, T = [], experiment.loop.sample_time
-    step = T / carried.steps_a_sample
+    texts, step = [], experiment.loop.sample_time / carried.steps_a_sample
     if carried.drives:
-        found.append(
+        texts.append(
             "Drives: the forces are those that act, behind the force limit, the rate limit and the lag: their means "
             f"over each step of {1000 * step:g} ms."
         )
@@ -112,12 +109,12 @@ def _inside(experiment: Experiment, carried: Carried) -> list[str]:
             if carried.steps_a_reading is None
             else f"every {1000 * step * carried.steps_a_reading:g} ms"
         )
-        found.append(f"Sensors: measurements are read {often}, and quantised; their noise is not part of it.")
+        texts.append(f"Sensors: measurements are read {often}, and quantised; their noise is not part of it.")
     if carried.manual:
-        found.append(
+        texts.append(
             "Manual: while `enabled` is 0 the forces follow `manual_force`; the stability is that of the loop on."
         )
-    return found
+    return texts
 
 
 def _delay(experiment: Experiment, host: Host, carried: Carried) -> str:
@@ -142,12 +139,6 @@ def _delay(experiment: Experiment, host: Host, carried: Carried) -> str:
         f"forces act {_samples(late)} after their measurement (output_delay = {late}); the experiment has {own}{more}."
         + steps
     )
-
-
-def _changed_delay(experiment: Experiment, host: Host) -> str:
-    if host in ("run", "c") or experiment.loop.delay:
-        return ""
-    return "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
 
 
 def _stability(found: StabilityReport, carried: Carried) -> list[str]:
@@ -197,8 +188,8 @@ def _in_words(margins: Margins) -> str:
 
 
 def in_short(loop: LoopStability) -> str:
-    worst, margins = loop.worst_of_all, [loop.margins, loop.margins_of_worst and loop.margins_of_worst[1]]
-    alpha = min((each.disk.alpha for each in margins if each is not None), default=None)
+    """A loop in one line."""
+    worst, alpha = loop.worst_of_all, min((m.disk.alpha for m in loop.known_margins), default=None)
     known = "" if alpha is None else f", disk margin {alpha:.3g}"
     return (
         f"{'stable' if loop.is_stable else 'UNSTABLE'} {loop.surroundings.where}{_circumstances(worst)}: |z| = "
@@ -302,9 +293,7 @@ def robustness_of(loop: LoopStability) -> float:
     """The smallest disk margin that is known of a loop; 0 of an unstable one, infinite if none is known."""
     if not loop.is_stable:
         return 0.0
-    known = [loop.margins] if loop.margins is not None else []
-    known += [loop.margins_of_worst[1]] if loop.margins_of_worst is not None else []
-    return min((each.disk.alpha for each in known), default=math.inf)
+    return min((margins.disk.alpha for margins in loop.known_margins), default=math.inf)
 
 
 def least_robust_first(found: Mapping[Host, StabilityReport]) -> list[LoopStability]:
@@ -363,16 +352,14 @@ def _least_margins(loops: Sequence[LoopStability]) -> list[Number]:
     """The least margins of the loops, with the delay that each form has; 0 of an unstable loop."""
     if not loops:
         return []
-    each = "of the forms' loops, with the delay that each form has"
-    least = loops[0]
-    found = [m for m in (least.margins, least.margins_of_worst and least.margins_of_worst[1]) if m is not None]
-    disk = min((m.disk for m in found), key=lambda one: one.alpha, default=None)
+    least, of_forms = loops[0], "of the forms' loops, with the delay that each form has"
+    disk = min((margins.disk for margins in least.known_margins), key=lambda disk: disk.alpha, default=None)
     known = (None, None, None) if disk is None else (disk.alpha, 20 * math.log10(disk.gain[1]), disk.phase)
     alpha, gain, phase = known if least.is_stable else (0.0, 0.0, 0.0)
     return [
         Number("stability.largest_eigenvalue", "largest |z|", max(loop.worst_of_all.size for loop in loops),
-               explanation=f"largest magnitude of an eigenvalue {each}; stable below 1"),
-        Number("margins.disk", "disk margin", alpha, explanation=f"the least {each}"),
-        Number("margins.disk_gain", "gain of each leg", gain, DECIBEL, explanation=f"the least {each}"),
-        Number("margins.disk_phase", "phase of each leg", phase, ANGLE, explanation=f"the least {each}"),
+               explanation=f"largest magnitude of an eigenvalue {of_forms}; stable below 1"),
+        Number("margins.disk", "disk margin", alpha, explanation=f"the least {of_forms}"),
+        Number("margins.disk_gain", "gain of each leg", gain, DECIBEL, explanation=f"the least {of_forms}"),
+        Number("margins.disk_phase", "phase of each leg", phase, ANGLE, explanation=f"the least {of_forms}"),
     ]  # fmt: skip

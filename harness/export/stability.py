@@ -156,6 +156,12 @@ class LoopStability:
         return self.nominal if self.nominal.size >= 1 else max(cases, key=lambda case: case.size)
 
     @property
+    def known_margins(self) -> list[Margins]:
+        """Of the nominal machine and of the least robust member, as far as they are known."""
+        worst = None if self.margins_of_worst is None else self.margins_of_worst[1]
+        return [margins for margins in (self.margins, worst) if margins is not None]
+
+    @property
     def is_stable(self) -> bool:
         """Whether all cases are stable."""
         return self.worst_of_all.size < 1

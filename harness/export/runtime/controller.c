@@ -240,7 +240,7 @@ static void take_sample(const controller_parameters *parameters, const controlle
     measured = reading;
 #endif
 #if SEES_ZEROS
-    if (!(memory->started > 0)
+    if (!(memory->started > 0) && !is_manual(memory)
 #if N_MEASURED > 0
         && is_zero(measured, HOME, N_MEASURED)
 #endif

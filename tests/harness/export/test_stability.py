@@ -30,11 +30,12 @@ from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.notes import notes_of
 from gough_stewart.harness.export.stability import (
     Case,
+    Delays,
     Host,
     LoopStability,
     StabilityReport,
+    _Judge,
     _Member,
-    _MemberCases,
     stability_of,
 )
 from gough_stewart.harness.plants import signals
@@ -453,21 +454,24 @@ def test_forces_without_feedback_are_not_judged_and_nobody_is_warned() -> None:
 
 def test_the_member_with_the_smallest_margins_is_found_by_any_sign_of_it() -> None:
     """Expected: of made-up members, each worst by one sign, the one whose margins are made the smallest."""
-
-    class Loops:
-        def margins(self, machine: Any, *_at: Any) -> Any:
-            return SimpleNamespace(disk=SimpleNamespace(alpha=machine.alpha))
-
+    loops: Any = SimpleNamespace(
+        margins=lambda machine, _at: SimpleNamespace(disk=SimpleNamespace(alpha=machine.alpha)),
+        case=lambda what, *_of: Case(what, 1, 0.0, 0.5 + 0j, 1.0),
+        machine=SimpleNamespace(alpha=0.7),
+        poses=[(0.0, None)],
+        loop=None,
+    )
+    around: Any = SimpleNamespace(delays=lambda *_of: Delays(1, 0.0, 0.0), has_drives=False)
     signs = {"|z|": (0.99, 0.5, 1.0), "damping": (0.9, 0.1, 1.0), "peak": (0.9, 0.5, 9.0), "none": (0.8, 0.6, 0.5)}
     for worst in ("|z|", "damping", "peak"):
         for order in itertools.permutations(signs):
-            members = _MemberCases()
+            judge = _Judge(loops, experiment_of("heave_step"), around)
             for name in order:
                 size, damping_ratio, peak = signs[name]
                 machine: Any = SimpleNamespace(alpha=0.1 if name == worst else 0.5)
-                members.add(_Member(Case(name, 1, 0.0, complex(size), 1.0), machine, damping_ratio, peak))
-            found = members.margins(Loops())  # type: ignore[arg-type]
-            assert found is not None
-            assert found[0].what == worst
-            assert members.largest is not None
-            assert members.largest.what == "|z|"
+                judge.add(_Member(Case(name, 1, 0.0, complex(size), 1.0), machine, damping_ratio, peak))
+            result = judge.result(margins=True)
+            assert result.margins_of_worst is not None
+            assert result.margins_of_worst[0].what == worst
+            assert result.worst is not None
+            assert result.worst.what == "|z|"

@@ -13,7 +13,7 @@ from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.export.choices import faults_of
 from gough_stewart.harness.export.design import Designed, designed
-from gough_stewart.harness.export.notes import notes_of, refusal
+from gough_stewart.harness.export.notes import in_short, notes_of, refusal
 from gough_stewart.harness.export.stability import Case, Host, LoopAround, LoopStability, StabilityReport
 from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.model import interface
@@ -305,8 +305,8 @@ def test_notes_say_all_that_was_judged() -> None:
         "Left out: loop.jitter.",
     )
     assert notes.warnings == ("the C is without loop.jitter: it is the controller alone, not the machine around it",)
-    assert notes.verdicts == (
-        "stable in C with a delay of 3 samples and a lag of 4 ms: |z| = 0.97 (member 17), disk margin 0.5",
+    assert in_short(_loop("in C")) == (
+        "stable in C with a delay of 3 samples and a lag of 4 ms: |z| = 0.97 (member 17), disk margin 0.5"
     )
 
 
@@ -359,7 +359,6 @@ def test_notes_say_what_delay_a_form_has(host: Host, delay: int) -> None:
     )
     late = "one sample late, where the experiment has no delay: a unit outputs the forces of a sample at the next one"
     assert notes.warnings == (() if delay else (f"the {host.upper()} is {late}",))
-    assert notes.verdicts == ()
 
 
 def test_an_unstable_loop_is_refused_with_its_figures_and_remedies() -> None:
@@ -395,7 +394,7 @@ def test_an_unstable_loop_is_refused_with_its_figures_and_remedies() -> None:
         "the"
     )
     assert notes.warnings[-1].startswith("exported anyway: in the SSP the closed loop is unstable with")
-    assert notes.verdicts[0].startswith(
+    assert in_short(second).startswith(
         "UNSTABLE in the SSP with a delay of 2 samples: |z| = 1.5 (member 8), disk margin 0.5"
     )
     assert notes_of(experiment, "run", StabilityReport((first,))).warnings[-1].startswith("run anyway: in C the closed")
