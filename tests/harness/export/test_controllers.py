@@ -315,14 +315,3 @@ def test_the_references_of_a_file_are_those_of_its_splines(tmp_path: Path) -> No
     for _ in range(400):
         expected, _ = at_rest.step(lengths + 0.01)
     assert largest_difference(force[None], expected[None]) < 1e-9
-
-
-def test_a_casadi_function_runs_in_the_harness_as_it_is_exported() -> None:
-    """Expected: the exported C, at every sample of a run with noise; in two runs, each with a memory of its own."""
-    experiment = uneven_experiment(reference=SINE, controller={**PD, "feedforward": "gravity"})
-    law = _traced()
-    made = designed(experiment, law)
-    runs = [run_in_python(experiment, law) for _ in range(2)]
-    assert np.array_equal(runs[0].command, runs[1].command)
-    forces = Exported(made).forces(measured_by(runs[0], made))
-    assert largest_difference(forces, commanded(runs[0], made)) < TOLERANCE["double"]

@@ -310,20 +310,6 @@ def test_notes_say_all_that_was_judged() -> None:
     )
 
 
-def test_a_member_in_the_surroundings_of_the_nominal_machine_has_none_of_its_own() -> None:
-    """Expected: delay and lag of the worst member only where either differs."""
-    experiment = experiment_of("heave_step", {"loop.delay": 2})
-    for delay, lag, own in ((2, 0.003, ""), (1, 0.003, ", with a delay of 1"), (2, 0.0, ", with a delay of 2")):
-        worst = _case("member 17", 0.97, delay=delay, lag=lag)
-        notes = notes_of(experiment, "c", StabilityReport((_loop("in C", worst=worst),)))
-        end = " sample" if delay == 1 else " samples"
-        lagging = " and a lag of 3 ms" if lag else ""
-        said = (
-            f"40 members of [ensemble] at most |z| = 0.97 (12.5 Hz) (member 17{own}{(end + lagging) if own else ''});"
-        )
-        assert said in notes.inside[1]
-
-
 DELAYS: dict[tuple[Host, int], str] = {
     (
         "fmu",
