@@ -21,7 +21,7 @@ from gough_stewart.harness.control.pid import (
     channel_matrices,
     channels_of,
 )
-from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at
+from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at, matrices_of
 from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, SIZES
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
@@ -42,7 +42,7 @@ class Linear(NamedTuple):
     start: Array  # (n, inputs): the steady state under constant inputs u is start @ u, with integrators at zero
     integrating: Array  # (n, n): projection on the modes of the integrators
     symbols: casadi.SX  # the coefficients (k,)
-    coefficients: casadi.Function | None  # settings -> coefficients
+    coefficients: casadi.Function | None = None  # settings -> coefficients
 
 
 @dataclass(frozen=True)
@@ -71,13 +71,21 @@ class PidLaw:
         channels = channels_of(self.gains)
         differentiate, integrate = channels.differentiates, channels.integrates
         units = ("N/m", "N.s/m", "N/(m.s)") if self.space == "leg" else ("", "", "")
-        of = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
-        found = [setting("proportional_gain", units[0], "> 0", f"proportional gain {of}", channels.proportional)]
+        channel = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
+        settings = [
+            setting(
+                "proportional_gain",
+                units[0],
+                "> 0",
+                f"proportional gain {channel}",
+                channels.proportional,
+            )
+        ]
         if differentiate.any():
             sampled = ["parameters->derivative_filter >= parameters->sample_time / 2"]
-            found += [
+            settings += [
                 setting(
-                    *("derivative_gain", units[1], ">= 0", f"derivative gain {of}", channels.derivative),
+                    *("derivative_gain", units[1], ">= 0", f"derivative gain {channel}", channels.derivative),
                     conditions=_zero_but_where("derivative_gain", differentiate),
                 ),
                 setting(
@@ -88,9 +96,9 @@ class PidLaw:
             ]
         if integrate.any():
             late = [f"parameters->anti_windup_time[{k}] >= parameters->sample_time" for k in np.flatnonzero(integrate)]
-            found += [
+            settings += [
                 setting(
-                    *("integral_gain", units[2], ">= 0", f"integral gain {of}", channels.integral),
+                    *("integral_gain", units[2], ">= 0", f"integral gain {channel}", channels.integral),
                     conditions=_zero_but_where("integral_gain", integrate),
                 ),
                 setting(
@@ -100,8 +108,8 @@ class PidLaw:
                 ),
             ]
         for link in self.links:
-            found += [setting_of(each, getattr(link, each.key)) for each in link.parameters()]
-        return tuple(found)
+            settings += [setting_of(p, getattr(link, p.key)) for p in link.parameters()]
+        return tuple(settings)
 
     @cached_property
     def linear(self) -> Linear:
@@ -120,8 +128,7 @@ class PidLaw:
         continuous = channel_matrices(ChannelGains(*[*map(channel, names), *numbers[5:]]), self.derivative_on)
         T = symbols.elements(inputs["sample_time"])
         of_links = [
-            (type(link), {each.key: symbols.elements(inputs[each.name]) for each in link.parameters()})
-            for link in self.links
+            (type(link), {p.key: symbols.elements(inputs[p.name]) for p in link.parameters()}) for link in self.links
         ]
         traced = matrices_at(continuous, T, self.discretisation, symbols.solve)
         traced = with_links(traced, of_links, T, symbols.solve)
@@ -138,6 +145,11 @@ class PidLaw:
             start = rest(system.A, one, system.B, symbols.solve)
         function = symbols.function("coefficients_of_law", inputs, {"law": values})
         return Linear(system, system.ninputs // N_LEGS, start, integrating, c, function)
+
+    @property
+    def coefficients(self) -> casadi.Function | None:
+        """Settings -> coefficients."""
+        return self.linear.coefficients
 
 
 @dataclass(frozen=True)
@@ -182,16 +194,13 @@ class MatrixLaw:
         """The space of its output forces."""
         return self.controller.space
 
-    @property
-    def settings(self) -> tuple[Setting, ...]:
-        """None: the design is fixed."""
-        return ()
+    settings: ClassVar[tuple[Setting, ...]] = ()  # the design is fixed
+    coefficients: ClassVar[None] = None
 
     @cached_property
     def linear(self) -> Linear:
         """Its matrices."""
-        given = self.controller.system
-        A, B, C, D = (np.asarray(each, dtype=float) for each in (given.A, given.B, given.C, given.D))
+        A, B, C, D = (np.asarray(block, dtype=float) for block in matrices_of(self.controller.system).blocks)
         integrating = integrating_modes(A) if len(A) else A
         start = rest(A, integrators(integrating), B) if len(A) else B
         return Linear(
@@ -200,7 +209,6 @@ class MatrixLaw:
             start,
             integrating,
             casadi.SX.sym("coefficients", 0),
-            None,
         )
 
 
@@ -270,13 +278,14 @@ class FunctionLaw:
         f = self.function
         return {name: f.numel_in(k) for k, name in enumerate(f.name_in()) if name in names}
 
+    @property
     def coefficients(self) -> casadi.Function | None:
         """Settings -> `constants`, one after the other; a limit of 0 is none."""
         if not self.constants:
             return None
-        given = {_LIMITS.get(name, name): casadi.SX.sym(name, size) for name, size in self.constants.items()}
-        values = [casadi.if_else(s > 0, s, np.inf) if name in _LIMITS.values() else s for name, s in given.items()]
-        return symbols.function("coefficients_of_law", given, {"law": casadi.vertcat(*values)})
+        named = {_LIMITS.get(name, name): casadi.SX.sym(name, size) for name, size in self.constants.items()}
+        values = [casadi.if_else(s > 0, s, np.inf) if name in _LIMITS.values() else s for name, s in named.items()]
+        return symbols.function("coefficients_of_law", named, {"law": casadi.vertcat(*values)})
 
     @property
     def n_states(self) -> int:
@@ -335,30 +344,31 @@ def _check_operations(function: casadi.Function, plain: casadi.Function) -> None
     for k in range(plain.n_instructions()):
         kind, read = plain.instruction_id(k), plain.instruction_input(k)
         if kind == casadi.OP_INPUT:
-            found = frozenset([inputs[read[0]]])
+            names = frozenset([inputs[read[0]]])
         elif kind in (casadi.OP_CONST, casadi.OP_PARAMETER):
-            found = frozenset()
+            names = frozenset()
         else:
-            found = frozenset().union(*(signals_of.get(place, frozenset()) for place in read))
+            names = frozenset().union(*(signals_of.get(place, frozenset()) for place in read))
         if kind in (casadi.OP_CALL, casadi.OP_ERFINV):
-            names = " and ".join(sorted(found)) or "constants"
+            read_from = " and ".join(sorted(names)) or "constants"
             if kind == casadi.OP_ERFINV:
                 raise ExportError(
-                    f"the CasADi function has erfinv of {names}, which C lacks; expected other operations"
+                    f"the CasADi function has erfinv of {read_from}, which C lacks; expected other operations"
                 )
-            tables = ", ".join(sorted(f"'{each.name()}'" for each in function.find_functions())) or "a function"
+            tables = ", ".join(sorted(f"'{called.name()}'" for called in function.find_functions())) or "a function"
             raise ExportError(
-                f"the CasADi function looks {names} up in {tables}, an interpolant or another call that is not plain "
-                "operations; expected plain ones: casadi.pw_lin(x, points, values) with SX is the same as a linear "
-                "interpolant of one input, and polynomials take the place of splines and of tables with more inputs"
+                f"the CasADi function looks {read_from} up in {tables}, an interpolant or another call that is not "
+                "plain operations; expected plain ones: casadi.pw_lin(x, points, values) with SX is the same as a "
+                "linear interpolant of one input, and polynomials take the place of splines and of tables with more "
+                "inputs"
             )
         if kind != casadi.OP_OUTPUT:
-            signals_of |= dict.fromkeys(plain.instruction_output(k), found)
+            signals_of |= dict.fromkeys(plain.instruction_output(k), names)
 
 
 def _coefficients(system: StateSpace) -> tuple[casadi.SX, casadi.SX, StateSpace]:
     """One symbol for each distinct value in matrices, and the matrices of these symbols and of numbers."""
-    blocks = [np.asarray(each) for each in (system.A, system.B, system.C, system.D)]
+    blocks = [np.asarray(block) for block in system.blocks]
     entries = symbols.elements(casadi.cse(symbols.column(np.concatenate([b.reshape(-1) for b in blocks]))))
     place = dict[int, int]()
     values: list[casadi.SX] = []

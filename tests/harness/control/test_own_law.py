@@ -97,31 +97,29 @@ def test_its_c_commands_what_it_commands_at_its_limits(law: Any) -> None:
 
 
 class Counted:
-    """x⁺ = 0.8 x + e, F = kp e + 300 x − 20 L̇ + 0.1 of the last command; with a count that no force depends on."""
+    """x⁺ = 0.8 x + e, z⁺ = x, F = kp e + 300 z − 20 L̇ + 0.1 of the last command; and a count, which no force needs."""
 
     def __init__(self, _platform: Any, _sample_time: float) -> None:
-        self.x, self.last, self.count = np.zeros(6), None, 0
+        self.x, self.z, self.last, self.count = np.zeros(6), np.zeros(6), None, 0
 
     def __call__(self, sample: Any) -> Any:
         error = error_of(sample)
-        x = self.x
-        self.x = 0.8 * x + error
+        z, self.z, self.x = self.z, self.x, 0.8 * self.x + error
         self.count += 1
         if self.last is None:
             self.last = error
-        return np.array(KP) * error + 300 * x - 20 * sample.measured["leg_velocity"] + 0.1 * sample.command
+        return np.array(KP) * error + 300 * z - 20 * sample.measured["leg_velocity"] + 0.1 * sample.command
 
 
 def counted() -> gs.LinearController:
     one, none = np.eye(6), np.zeros((6, 6))
     K = np.diag(KP)
-    # of references and measurements of both signals; the last command, 0.1 of it, is a state
-    A, B = (
-        np.block([[0.8 * one, none], [300 * one, 0.1 * one]]),
-        np.block([[one, none, -one, none], [K, none, -K, -20 * one]]),
-    )
-    C, D = np.block([300 * one, 0.1 * one]), np.block([K, none, -K, -20 * one])
-    return gs.LinearController(control.ss(A, B, C, D, T), signals=("leg_length", "leg_velocity"))
+    # of references and measurements of both signals; the last command is a state
+    forces = np.block([K, none, -K, -20 * one])
+    A = np.block([[0.8 * one, none, none], [one, none, none], [none, 300 * one, 0.1 * one]])
+    B = np.block([[one, none, -one, none], [none, none, none, none]])
+    B, C = np.concatenate([B, forces]), np.block([none, 300 * one, 0.1 * one])
+    return gs.LinearController(control.ss(A, B, C, forces, T), signals=("leg_length", "leg_velocity"))
 
 
 def test_its_margins_are_those_of_its_small_signals() -> None:
@@ -194,7 +192,7 @@ ZERO = "self.z = np.zeros(6)"
         ("pass", ["return np.outer(e, e)[0]"], "traced law differs"),
         (ZERO, ["old = self.z", "self.z += e", "return e + old"], "at sample 0 of a run the traced law differs"),
         ("self.r = np.random.default_rng(1)", ["return e + self.r.normal(size=6)"], "no random numbers"),
-        ("self.z = []", ["self.z.append(e)", "return sum(self.z)"], r"self.z.0 has the shape \(0,\) before the first sample"),
+        ("self.z = []", ["self.z.append(e)", "return sum(self.z)"], r"self.z.0 has the shape \(0,\) before"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_traced_is_refused_with_the_line_and_what_to_write(
