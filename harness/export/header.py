@@ -70,7 +70,7 @@ def header(
         f"A step is {designed.step:g} s, by design; every {_ordinal(n)} takes a sample"
         f"{f', every {_ordinal(reading)} a reading' if reading else ''}."
         if s["HAS_STEPS"]
-        else "A step computes one sample.",
+        else "",
         f"Work per step, {'in one with a sample' if n > 1 else 'constant'}: {work}.",
         f"Constants in flash: {flash[0]} bytes, besides those in the code; {flash[1]} in single precision.",
         "" if path is None else path_deviation(designed.platform, designed.reference, path),  # type: ignore[arg-type]

@@ -61,10 +61,10 @@ class ConstantTables:
         form = {"real": "R", "moment": "MOMENT", "float": "(float)"}.get(kind)
         texts = written or (numbers(array.flat, form) if form else ", ".join(str(int(v)) for v in array.flat))
         self.lines.append(f"static const {kind} {name}{sizes} = {{{texts}}};")
-        if kind in ("real", "moment"):
-            self.reals += array.size * (2 if kind == "moment" else 1)
-        else:
-            self.words += array.size
+        if kind == "real":
+            self.reals += array.size
+        else:  # a moment has 64 bits in both precisions
+            self.words += array.size * (2 if kind == "moment" else 1)
 
     def define(self, **macros: object) -> None:
         """Macros."""

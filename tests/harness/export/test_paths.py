@@ -61,7 +61,7 @@ def test_forces_along_a_path_are_those_of_a_run(motion: str) -> None:
     exported = Exported(made)
     expected = feedforward("computed_torque", made.platform, at)
     found = np.abs(exported.forces(np.zeros((len(samples), 0))) - expected).max() / np.abs(expected).max()
-    stated = re.search(r"torque by at most\s+(\S+)\s+of the largest", exported.sources.headers["controller.h"])
+    stated = re.search(r"torque by at most\s+(\S+)\s+of\s+the\s+largest", exported.sources.headers["controller.h"])
     assert stated is not None
     assert found < 1e-6
     assert found / 3 < float(stated[1]) < 1e-6
