@@ -26,7 +26,7 @@ from gough_stewart.harness.report.words import listed, sentence
 from gough_stewart.harness.section import Kind
 
 _NAMES_OF = {"sensors": "sensors", "actuators": "drives"}
-NAMES: dict[Host, str] = {"c": "C", "fmu": "FMU", "ssp": "SSP", "run": "unit"}
+_NAMES: dict[str, str] = {"c": "C", "fmu": "FMU", "ssp": "SSP", "run": "unit", "page": "live page"}
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,14 @@ def notes_of(experiment: Experiment, host: Host, found: StabilityReport, carried
     ]
     warnings = []
     if missing:
-        warnings.append(f"the {NAMES[host]} is without {', '.join(missing)}: {_holds(host, carried)}")
+        warnings.append(f"the {_NAMES[host]} is without {', '.join(missing)}: {_holds(host, carried)}")
     if host in ("fmu", "ssp") and not experiment.loop.delay:
         warnings.append(
-            f"the {NAMES[host]} is one sample late, where the experiment has no delay: a unit outputs the forces of a "
+            f"the {_NAMES[host]} is one sample late, where the experiment has no delay: a unit outputs the forces of a "
             "sample at the next one"
         )
     if found.reason and found.reason != NO_FEEDBACK:
-        warnings.append(f"the stability of the loop of the {NAMES[host]} is not judged: {found.reason}")
+        warnings.append(f"the stability of the loop of the {_NAMES[host]} is not judged: {found.reason}")
     warnings += [f"{'run' if host == 'run' else 'exported'} anyway: {complaint(loop)}" for loop in found.unstable]
     return Notes(tuple(inside), tuple(warnings))
 
@@ -310,7 +310,7 @@ def export_report(
     loops: Sequence[LoopStability] = (),
 ) -> Report:
     """The report of an export; `verdicts` on the `loops` of its forms, the least robust first."""
-    names = listed([{**NAMES, "page": "live page"}.get(form, form) for form in forms])
+    names = listed([_NAMES.get(form, form) for form in forms])
     unstable = [text for text in verdicts if text.startswith("UNSTABLE")]
     if not verdicts:
         judged = "no loop was judged for stability"

@@ -115,8 +115,8 @@ def system_structure(
                 connection = {"startElement": source, "startConnector": out, "endElement": sink, "endConnector": into}
                 etree.SubElement(connections, _ssd("Connection"), connection)
     for key, unit in components.items():
-        kind = {"type": "application/x-fmu-sharedlibrary", "source": f"resources/{key}.fmu"}
-        component = etree.SubElement(elements, _ssd("Component"), name=key, **kind, implementation="CoSimulation")
+        attributes = {"name": key, "type": "application/x-fmu-sharedlibrary", "source": f"resources/{key}.fmu"}
+        component = etree.SubElement(elements, _ssd("Component"), attributes, implementation="CoSimulation")
         connectors = etree.SubElement(component, _ssd("Connectors"))
         for _, direction, scalar, of_unit in sorted((e for e in ends if e[0] == key), key=lambda end: end[1]):
             place = etree.SubElement(connectors, _ssd("Connector"), name=scalar, kind=direction)

@@ -537,12 +537,13 @@ def deviation_of(experiment: Experiment, designed: Designed, controller: Any = N
         expected, forces = (_forces(designed, real, measured, reference) for real in ("double", "float"))
     except BuildError as error:
         return f"Not measured: how far forces in single precision deviate, since the code was not compiled ({error})."
-    error, largest = forces - expected, float(np.abs(expected).max())
-    share = f"{float(np.abs(error).max()) / largest:.2g}" if largest > 0 else "all"
+    deviation, largest = forces - expected, float(np.abs(expected).max())
+    most, mean_square = float(np.abs(deviation).max()), float((deviation**2).mean())
+    share = f"{most / largest:.2g}" if largest > 0 else "all"
     return (
         "With {P}_REAL=float, forces deviate from those in double precision, in "
-        f"{samples * designed.sample_time:g} s of the designed loop, by at most {float(np.abs(error).max()):.2g} N, "
-        f"{share} of the largest force; in root mean square by {float(np.sqrt((error**2).mean())):.2g} N."
+        f"{samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, {share} of the largest "
+        f"force; in root mean square by {mean_square**0.5:.2g} N."
     )
 
 
