@@ -34,18 +34,8 @@ def header(
 ) -> str:
     """The header of a controller.
 
-    Parameters
-    ----------
-    switches
-        Of the runtime: which parts it has, and their sizes.
-    name
-        Of all public names and of the file.
-    work
-        Operations per step, in words.
-    flash
-        Bytes of constants in double and in single precision.
-    deviation
-        What single precision costs, in words.
+    `switches` are those of the runtime; `work` are the operations per step, and `deviation` what single precision costs,
+    in words; `flash` are bytes of constants in double and in single precision.
     """
     p, P, s, n = name, name.upper(), switches, switches["STEPS_A_SAMPLE"]
     measured, reference = designed.measured, designed.reference_variables
@@ -74,7 +64,7 @@ def header(
         f"Work per step, {'in one with a sample' if n > 1 else 'constant'}: {work}.",
         f"Constants in flash: {flash[0]} bytes, besides those in the code; {flash[1]} in single precision.",
         "" if path is None else path_deviation(designed.platform, designed.reference, path),  # type: ignore[arg-type]
-        deviation,
+        _plain(deviation),
         *(["", "The loop:", *(f"- {_plain(note)}" for note in designed.notes)] if designed.notes else []),
     ]
     relative = ", relative to home in single precision"

@@ -52,7 +52,6 @@ class ControllerSources:
     headers: dict[str, str]
     example: str  # a program that runs it
     operations: int  # floating-point operations per step, at most
-    n_states: int  # of the law
 
 
 def controller_sources(designed: Designed, prefix: str = "controller", deviation: str = "") -> ControllerSources:
@@ -93,7 +92,6 @@ def controller_sources(designed: Designed, prefix: str = "controller", deviation
         {f"{prefix}.h": header(designed, functions, switches, prefix, work, flash, deviation)},
         _named("", RUNTIME[EXAMPLE].replace('#include "design.c"\n', _first_inputs(designed, switches, home)), prefix),
         sum(operations.values()),
-        _n_states(functions),
     )
 
 
@@ -514,17 +512,21 @@ def operations_of(functions: Traced) -> dict[str, int]:
 
 # --- what single precision costs --------------------------------------------------------------------------------------
 
+# Of a run, at most [s].
+_COMPARED = 2.5
 # More than any controller's coefficients and memory [bytes].
 _ROOM = 1 << 20
 
 
-def deviation_of(experiment: Experiment, designed: Designed, controller: Any = None) -> str:
+def deviation_of(experiment: Experiment, designed: Designed, prefix: str, controller: Any = None) -> str:
     """What single precision costs, in words: forces of the code compiled here, on what a run in the harness measured.
 
     The run is without disturbances. Both precisions are compiled; the forces of double precision are the harness's.
     """
-    quiet = experiment.model_copy(update={"change": [], "disturbance": [], "fault": [], "injection": None})
-    prepared = prepare(quiet, controller)
+    loop = experiment.loop.model_copy(update={"duration": min(experiment.loop.duration, _COMPARED)})
+    quiet = {"change": [], "disturbance": [], "fault": [], "injection": None}
+    experiment = experiment.model_copy(update={"loop": loop, **quiet})
+    prepared = prepare(experiment, controller)
     with prepared.law_in_a_run() as law:
         run = simulate(ModelPlant(prepared.machine, prepared.start), law, prepared.loop)
     samples = int(run.sample_of_row[-1]) + 1
@@ -541,7 +543,7 @@ def deviation_of(experiment: Experiment, designed: Designed, controller: Any = N
     most, mean_square = float(np.abs(deviation).max()), float((deviation**2).mean())
     share = f"{most / largest:.2g}" if largest > 0 else "all"
     return (
-        "With {P}_REAL=float, forces deviate from those in double precision, in "
+        f"With {prefix.upper()}_REAL=float, forces deviate from those in double precision, in "
         f"{samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, {share} of the largest "
         f"force; in root mean square by {mean_square**0.5:.2g} N."
     )
@@ -578,8 +580,7 @@ def _forces(designed: Designed, real: str, measured: FloatArray, reference: Floa
 
 def c_files(experiment: Experiment, designed: Designed, name: str, controller: Any = None) -> dict[str, bytes]:
     """The C of an experiment's controller and an example program, by file name; what float costs is in the header."""
-    deviation = deviation_of(experiment, designed, controller).format(P=name.upper())
-    sources = controller_sources(designed, name, deviation)
+    sources = controller_sources(designed, name, deviation_of(experiment, designed, name, controller))
     return {
         file: text.encode() for file, text in {**sources.units, **sources.headers, EXAMPLE: sources.example}.items()
     }
