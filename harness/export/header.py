@@ -34,7 +34,7 @@ def header(
 ) -> str:
     """The header of a controller.
 
-    `switches` are those of the runtime; `work` are the operations per step, and `deviation` what single precision costs,
+    `switches` are those of the runtime; `work` are the operations per step and `deviation` what single precision costs,
     in words; `flash` are bytes of constants in double and in single precision.
     """
     p, P, s, n = name, name.upper(), switches, switches["STEPS_A_SAMPLE"]

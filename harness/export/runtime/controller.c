@@ -140,9 +140,8 @@ MAYBE_UNUSED static int is_manual(const controller_memory *memory)
 #endif
 }
 
-#if SEES_ZEROS || (HAS_REFERENCE_INPUTS && !ZERO_IS_A_REFERENCE)
 /* Whether all values are those of zeros on a bus; in single precision these are less those at home. */
-static int is_zero(const real *values, const real *home, int n)
+MAYBE_UNUSED static int is_zero(const real *values, const real *home, int n)
 {
     int k;
     for (k = 0; k < n; ++k) {
@@ -155,18 +154,15 @@ static int is_zero(const real *values, const real *home, int n)
     (void)home;
     return 1;
 }
-#endif
 
-#if N_MEASURED > 0 || HAS_REFERENCE_INPUTS
 /* Whether all values are in their ranges; NaN is in none. */
-static int are_within(const real *low, const real *values, const real *high, int n)
+MAYBE_UNUSED static int are_within(const real *low, const real *values, const real *high, int n)
 {
     int k, within = 1;
     for (k = 0; k < n; ++k)
         within = within && values[k] >= low[k] && values[k] <= high[k];
     return within;
 }
-#endif
 
 #if N_WATCHED > 0
 /* Whether a measurement has not changed for some samples while its reference has moved. */
@@ -189,9 +185,8 @@ static int is_frozen(controller_memory *memory, const real *measured, const real
 }
 #endif
 
-#if HAS_FEEDFORWARD
 /* A motion in the world, of one that is relative to home in single precision. */
-static void from_home(real motion[18])
+MAYBE_UNUSED static void from_home(real motion[18])
 {
 #if CONTROLLER_SINGLE
     int k;
@@ -200,7 +195,6 @@ static void from_home(real motion[18])
 #endif
     (void)motion;
 }
-#endif
 
 /* A sample: forces [N] within the force limit, and where that is active. */
 static void take_sample(const controller_parameters *parameters, const controller_coefficients *coefficients,

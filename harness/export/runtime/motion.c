@@ -9,7 +9,7 @@ static void table_at(moment time, real pose[6], real rate[6], real acceleration[
     if (moment_less(TABLE_END, time)) time = TABLE_END;
     if (moment_less(time, BEGINS[0])) time = BEGINS[0];
     for (step = FIRST_STEP; step > 0; step /= 2)
-        if (piece + step < N_PIECES && moment_high(BEGINS[piece + step]) <= moment_high(time)) piece += step;
+        if (piece + step < N_PIECES && HIGH(BEGINS[piece + step]) <= HIGH(time)) piece += step;
     since = moment_since(time, BEGINS[piece]);
     for (k = 0; k < 6; ++k) {
         real value = 0, slope = 0, half = 0;
@@ -42,7 +42,7 @@ static void table_at(moment time, real pose[6], real rate[6], real acceleration[
         int knot = 0, step;
         real after, length, rate_there, change_there, jerk;
         for (step = FIRST_STEP; step > 0; step /= 2)
-            if (knot + step < N_KNOTS - 1 && moment_high(KNOTS[knot + step]) <= moment_high(time)) knot += step;
+            if (knot + step < N_KNOTS - 1 && HIGH(KNOTS[knot + step]) <= HIGH(time)) knot += step;
         after = moment_since(time, KNOTS[knot]);
         length = moment_since(KNOTS[knot + 1], KNOTS[knot]);
         rate_there = (real)LAW_RATE[knot];

@@ -11,6 +11,8 @@ typedef struct {
 /* A constant, split by the compiler. */
 #define MOMENT(x) {(real)(x), (real)((x) - (double)(real)(x))}
 #define FROM_HOME(x, home) ((real)((x) - (home)))
+/* The part that tells the rows of a table apart. */
+#define HIGH(a) ((a).high)
 #define CONSTANT(x) moment_of((real)(x), (real)((x) - (double)(real)(x)))
 
 MAYBE_UNUSED static moment moment_of(real high, real low)
@@ -58,12 +60,6 @@ MAYBE_UNUSED static real moment_since(moment a, moment b)
     return moment_value(moment_sum(a, moment_minus(b)));
 }
 
-/* The part that tells the rows of a table apart. */
-MAYBE_UNUSED static real moment_high(moment a)
-{
-    return a.high;
-}
-
 /* An angle less its whole turns [rad]. */
 MAYBE_UNUSED static real moment_angle(moment a)
 {
@@ -76,6 +72,7 @@ MAYBE_UNUSED static real moment_angle(moment a)
 typedef real moment;
 #define MOMENT(x) x
 #define FROM_HOME(x, home) (x)
+#define HIGH(a) (a)
 #define CONSTANT(x) x
 
 MAYBE_UNUSED static moment moment_of(real high, real low)
@@ -94,11 +91,6 @@ MAYBE_UNUSED static moment moment_minus(moment a)
 }
 
 MAYBE_UNUSED static real moment_value(moment a)
-{
-    return a;
-}
-
-MAYBE_UNUSED static real moment_high(moment a)
 {
     return a;
 }
