@@ -77,11 +77,11 @@ class Ranges(NamedTuple):
 
     def joined(self, variables: Iterable[Variable]) -> Range:
         """The ranges of several signals, one after the other."""
-        found = [self.of(variable) for variable in variables]
+        ranges = [self.of(variable) for variable in variables]
         empty = [np.zeros(0)]
         return (
-            Range(*(np.concatenate([*parts, *empty]) for parts in zip(*found, strict=True)))
-            if found
+            Range(*(np.concatenate([*parts, *empty]) for parts in zip(*ranges, strict=True)))
+            if ranges
             else Range(*2 * empty)
         )
 
@@ -179,7 +179,7 @@ class Designed:
             sampled = ("REAL(fabs)(parameters->sample_time / DEFAULT_SAMPLE_TIME - 1) <= 1e-9",)
         force_limit, rate_limit = ForceLimits.parameters()
         _, lag = Drive.parameters()
-        found = [
+        settings = [
             setting(
                 *("sample_time", "s", "> 0", "time from sample to sample", self.sample_time),
                 variability="fixed",
@@ -204,22 +204,22 @@ class Designed:
             ),
         ]
         if self.carried.drives:
-            found.append(setting_of(lag, self.carried.lag, "; 0: none"))
+            settings.append(setting_of(lag, self.carried.lag, "; 0: none"))
         if self.carried.sensors:
             values = self.carried.quantisation
-            found += [
-                setting_of(each, values.get(v.name, 0.0), "; 0: none")
-                for v, each in zip(self.measured, Sensor.parameters(self.measured), strict=True)
+            settings += [
+                setting_of(parameter, values.get(v.name, 0.0), "; 0: none")
+                for v, parameter in zip(self.measured, Sensor.parameters(self.measured), strict=True)
             ]
         if self.law is not None:
-            found += self.law.settings
+            settings += self.law.settings
         if self.law is None and self.constant_force.any():
-            found.append(setting("constant_force", "N", None, "added to the feedforward", self.constant_force))
+            settings.append(setting("constant_force", "N", None, "added to the feedforward", self.constant_force))
         if self.needs_platform:
             for v in interface.PLATFORM_PARAMETERS:
                 value = np.asarray(getattr(self.platform, v.name), dtype=float).reshape(v.shape)
-                found.append(setting(v.name, v.unit, v.lower_bound, v.description, value, variability=v.variability))
-        return tuple(found)
+                settings.append(setting(v.name, v.unit, v.lower_bound, v.description, value, variability=v.variability))
+        return tuple(settings)
 
     @property
     def needs_platform(self) -> bool:
@@ -266,12 +266,12 @@ def designed(
     if reference not in ("inside", "inputs"):
         raise ExportError(f"reference is {reference!r}; expected 'inside' or 'inputs'")
     prepared = prepared or prepare(experiment, controller)
-    chosen = experiment.controller
-    law = _law_of(chosen if controller is None else None, prepared)
-    constant = np.zeros(6) if prepared.controller is not None else chosen.planned(np.zeros((1, 6)))[0]
-    if law is None and chosen.feedforward == "none":
+    choice = experiment.controller
+    law = _law_of(choice if controller is None else None, prepared)
+    constant = np.zeros(6) if prepared.controller is not None else choice.planned(np.zeros((1, 6)))[0]
+    if law is None and choice.feedforward == "none":
         raise ExportError(
-            f"controller is type = '{chosen.type}' without feedforward: its forces are constant; expected a controller "
+            f"controller is type = '{choice.type}' without feedforward: its forces are constant; expected a controller "
             "with feedback, or feedforward = 'gravity' or 'computed_torque' with a [reference]"
         )
     loop = prepared.loop
@@ -279,13 +279,13 @@ def designed(
     if reference_rows is None:
         raise ExportError("a controller without a reference; expected the reference signals for it to follow")
     used = () if law is None else tuple(name for name in signals.NAMES if name in law.signals)
-    made = Designed(
+    design = Designed(
         title=experiment.title,
         platform=prepared.platform,
         sample_time=loop.timing.sample_time,
         delay=actuators.delay,
         law=law,
-        feedforward=chosen.feedforward,
+        feedforward=choice.feedforward,
         constant_force=np.asarray(constant),
         reference=prepared.reference if reference == "inside" else None,
         reference_inputs=reference == "inputs",
@@ -298,8 +298,8 @@ def designed(
         faults=faults,
         carried=carried(parts, prepared),
     )
-    faults.check(made.measured)
-    return made
+    faults.check(design.measured)
+    return design
 
 
 def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:

@@ -87,9 +87,9 @@ def complaint(loop: LoopStability) -> str:
 def _holds(host: Host, carried: Carried) -> str:
     """What a form is, for which something is left out."""
     if host == "ssp":
-        others = " and ".join(part for part in ("sensors", "actuators") if _NAMES_OF[part] not in carried.parts)
-        own = f", with its {carried.words}" if carried.words else ""
-        return f"it holds the plant and the controller{own}, not the machine's {others or 'disturbances'}"
+        missing = " and ".join(part for part in ("sensors", "actuators") if _NAMES_OF[part] not in carried.parts)
+        with_parts = f", with its {carried.words}" if carried.words else ""
+        return f"it holds the plant and the controller{with_parts}, not the machine's {missing or 'disturbances'}"
     if not carried.words:
         return "it is the controller alone, not the machine around it"
     return f"it is the controller with its {carried.words}, not the machine around it"
@@ -118,11 +118,11 @@ def _inside(experiment: Experiment, carried: Carried) -> list[str]:
 
 
 def _delay(experiment: Experiment, host: Host, carried: Carried) -> str:
-    own, late = _delay_of(experiment.loop.delay), output_delay_of(experiment)
+    delay, late = _delay_of(experiment.loop.delay), output_delay_of(experiment)
     if host == "c":
         return (
-            f"a step computes its forces at once; the experiment has {own} from measurement to force, and the machine "
-            "should have the same."
+            f"a step computes its forces at once; the experiment has {delay} from measurement to force, and the "
+            "machine should have the same."
         )
     long = (
         f"of {1000 * experiment.loop.sample_time / carried.steps_a_sample:g} ms" if carried.has_steps else "of a sample"
@@ -131,13 +131,13 @@ def _delay(experiment: Experiment, host: Host, carried: Carried) -> str:
     if host == "fmu" and not carried.drives:
         around = f" The other {_samples(late - 1)} have to be around the unit." if late > 1 else ""
         return (
-            f"the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has {own}; "
+            f"the unit outputs the forces of a sample one sample later (output_delay = 1). The experiment has {delay}; "
             f"the feedforward is computed for {_samples(late)}.{around}{steps}"
         )
     more = "" if experiment.loop.delay else ", but a unit needs one sample"
     return (
-        f"forces act {_samples(late)} after their measurement (output_delay = {late}); the experiment has {own}{more}."
-        + steps
+        f"forces act {_samples(late)} after their measurement (output_delay = {late}); the experiment has "
+        f"{delay}{more}.{steps}"
     )
 
 
@@ -163,17 +163,19 @@ def _verdict(loop: LoopStability) -> str:
         parts.append(f"along the motion at most {_size(loop.on_the_way)} ({loop.poses} poses)")
     parts += [f"{case.what} {_size(case)}" for case in loop.changed]
     if loop.worst is not None:
-        own = "" if loop.worst.loop == loop.nominal.loop else f",{_circumstances(loop.worst)}"
-        parts.append(f"{loop.members} members of [ensemble] at most {_size(loop.worst)} ({loop.worst.what}{own})")
+        circumstances = "" if loop.worst.loop == loop.nominal.loop else f",{_circumstances(loop.worst)}"
+        parts.append(
+            f"{loop.members} members of [ensemble] at most {_size(loop.worst)} ({loop.worst.what}{circumstances})"
+        )
     if loop.impossible:
         parts.append(f"impossible members, which are not judged: {loop.impossible}")
     return f"Stability {loop.surroundings.where}{_circumstances(loop.nominal)}: {verdict}; {'; '.join(parts)}."
 
 
 def _margins(loop: LoopStability) -> list[str]:
-    found = [] if loop.margins is None else [(loop.nominal, loop.margins)]
-    found += [] if loop.margins_of_worst is None else [loop.margins_of_worst]
-    return [f"Margins of {case.what}{_circumstances(case)}: {_in_words(margins)}." for case, margins in found]
+    margins_of = [] if loop.margins is None else [(loop.nominal, loop.margins)]
+    margins_of += [] if loop.margins_of_worst is None else [loop.margins_of_worst]
+    return [f"Margins of {case.what}{_circumstances(case)}: {_in_words(margins)}." for case, margins in margins_of]
 
 
 def _in_words(margins: Margins) -> str:
@@ -190,10 +192,10 @@ def _in_words(margins: Margins) -> str:
 def in_short(loop: LoopStability) -> str:
     """A loop in one line."""
     worst, alpha = loop.worst_of_all, min((m.disk.alpha for m in loop.known_margins), default=None)
-    known = "" if alpha is None else f", disk margin {alpha:.3g}"
+    robustness = "" if alpha is None else f", disk margin {alpha:.3g}"
     return (
         f"{'stable' if loop.is_stable else 'UNSTABLE'} {loop.surroundings.where}{_circumstances(worst)}: |z| = "
-        f"{worst.size:.5g} ({worst.what}){known}"
+        f"{worst.size:.5g} ({worst.what}){robustness}"
     )
 
 
@@ -248,13 +250,15 @@ def left_out(experiment: Experiment, host: Host, parts: Iterable[Part] = ()) -> 
     """
     around = () if host == "ssp" else _OF_PLANT
     carried = {key for part in parts for key in _CARRIES[part]}
-    found = [key for key in _set(experiment) if key not in _HAS | carried and key.split(".")[0] not in (*_HAS, *around)]
+    missing = [
+        key for key in _set(experiment) if key not in _HAS | carried and key.split(".")[0] not in (*_HAS, *around)
+    ]
     if experiment.ensemble is not None:
         for key, path in _varied(experiment):
-            is_named = any(".".join(path).startswith(each) for each in found)
+            is_named = any(".".join(path).startswith(name) for name in missing)
             if path[0] not in around and not is_named:
-                found.append(_OTHER_MACHINES if path[0] in _OF_PLANT else f"ensemble.{key}")
-    return list(dict.fromkeys(found))
+                missing.append(_OTHER_MACHINES if path[0] in _OF_PLANT else f"ensemble.{key}")
+    return list(dict.fromkeys(missing))
 
 
 def _set(experiment: Experiment) -> Iterator[str]:
@@ -267,7 +271,9 @@ def _set(experiment: Experiment) -> Iterator[str]:
             if _means_something(section, value):
                 yield section
             continue
-        yield from (f"{section}.{name}" for name, own in value.items() if _means_something(f"{section}.{name}", own))
+        yield from (
+            f"{section}.{name}" for name, setting in value.items() if _means_something(f"{section}.{name}", setting)
+        )
 
 
 def _means_something(key: str, value: Any) -> bool:
@@ -296,9 +302,9 @@ def robustness_of(loop: LoopStability) -> float:
     return min((margins.disk.alpha for margins in loop.known_margins), default=math.inf)
 
 
-def least_robust_first(found: Mapping[Host, StabilityReport]) -> list[LoopStability]:
+def least_robust_first(reports: Mapping[Host, StabilityReport]) -> list[LoopStability]:
     """All loops that were judged, the one with the smallest disk margin first."""
-    return sorted((loop for each in found.values() for loop in each.loops), key=robustness_of)
+    return sorted((loop for report in reports.values() for loop in report.loops), key=robustness_of)
 
 
 def export_report(

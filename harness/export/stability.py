@@ -362,11 +362,11 @@ class _Judge:
 
     def _remedy(self) -> str:
         """What would make an unstable loop stable."""
-        loops, own = self._loops, self._delay
+        loops, delay = self._loops, self._delay
         gains = remedy_of(loops.transfer(loops.machine, self._at))
-        if self._at.delay == own or loops.case("", loops.machine, self._at._replace(delay=own)).size >= 1:
+        if self._at.delay == delay or loops.case("", loops.machine, self._at._replace(delay=delay)).size >= 1:
             return gains
-        return f"it is stable {f'with the delay of {own} samples' if own else 'without delay'}; {gains}"
+        return f"it is stable {f'with the delay of {delay} samples' if delay else 'without delay'}; {gains}"
 
 
 def _members_of(experiment: Experiment) -> Iterable[tuple[int, int, int, tuple[Platform, Experiment] | None]]:
@@ -379,13 +379,13 @@ def _members_of(experiment: Experiment) -> Iterable[tuple[int, int, int, tuple[P
     # the end of a run at its stroke matters to no linear loop
     limits = experiment.limits.model_copy(update={"stroke": "warn"})
     members = Members(experiment.model_copy(update={"limits": limits}))
-    if not any(each.place.path[: len(seen)] == seen for each in members.inputs for seen in _SEEN):
+    if not any(row.place.path[: len(path)] == path for row in members.inputs for path in _SEEN):
         return
     for first in range(0, members.count, _AT_ONCE):
         last = min(first + _AT_ONCE, members.count)
         for k, values in enumerate(members.draws(first, last).values, first):
             try:
-                own = experiment_with(members.nominal, values)
-                yield k + 1, members.count, k, (platforms_of(own)[1], own)
+                of_member = experiment_with(members.nominal, values)
+                yield k + 1, members.count, k, (platforms_of(of_member)[1], of_member)
             except GoughStewartError:
                 yield k + 1, members.count, k, None

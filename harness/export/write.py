@@ -301,9 +301,9 @@ def _law(designed: Designed, functions: Traced, single: Traced) -> str:
         if plain is None:
             continue
         is_of_time = name == "motion" and _uses(of_single, "time")
-        text, other = (_function(f, arrays) for f in (plain, of_single))
-        other = function_of_time(of_single) if is_of_time else other
-        texts.append(text if text == other else f"\n#if CONTROLLER_SINGLE{other}#else{text}#endif\n")
+        text, in_single = (_function(f, arrays) for f in (plain, of_single))
+        in_single = function_of_time(of_single) if is_of_time else in_single
+        texts.append(text if text == in_single else f"\n#if CONTROLLER_SINGLE{in_single}#else{text}#endif\n")
     shared = [functions.feedforward, *(f for component in functions.components for f in component[:2])]
     return "".join([*texts, *(_function(f, arrays) for f in shared if f is not None)]) + "\n"
 
@@ -436,13 +436,13 @@ def function_of_time(function: casadi.Function) -> str:
 
 
 def _operation(kind: int, a: _Value, b: _Value, name: str) -> _Value:
-    one, both = a.is_moment or b.is_moment, a.is_moment and b.is_moment
+    either, both = a.is_moment or b.is_moment, a.is_moment and b.is_moment
     if kind == casadi.OP_IF_ELSE_ZERO and b.is_moment:
         return _Value(f"IS_TRUE({a.single}) ? {b.moment} : CONSTANT(0.0)")
-    form = _SUMS.get(kind) if one else None
+    form = _SUMS.get(kind) if either else None
     form = form or (_PRODUCTS.get(kind) if both else None)
     is_moment = form is not None
-    form = form or (_OF_MOMENTS.get(kind) if one else None) or _OF_NUMBERS.get(kind)
+    form = form or (_OF_MOMENTS.get(kind) if either else None) or _OF_NUMBERS.get(kind)
     if form is None:
         raise ExportError(
             f"the reference has an operation for which there is no single precision (number {kind} of CasADi in "
@@ -524,7 +524,7 @@ def deviation_of(experiment: Experiment, designed: Designed, prefix: str, contro
     The run is without disturbances. Both precisions are compiled; the forces of double precision are the harness's.
     """
     loop = experiment.loop.model_copy(update={"duration": min(experiment.loop.duration, _COMPARED)})
-    quiet = {"change": [], "disturbance": [], "fault": [], "injection": None}
+    quiet: dict[str, Any] = {"change": [], "disturbance": [], "fault": [], "injection": None}
     experiment = experiment.model_copy(update={"loop": loop, **quiet})
     prepared = prepare(experiment, controller)
     with prepared.law_in_a_run() as law:
