@@ -127,7 +127,7 @@ def laws_of(
         linear = [law for law in fresh if isinstance(law, LinearController)]
         if not linear:
             _check_unshared(controllers, fresh)
-            told: Sequence[KnownAhead | None] = known or [None] * len(fresh)
+            told: Sequence[KnownAhead | None] = known if known else [None for _ in fresh]
             laws = [None if law is None else CalledLaw(law, ahead) for law, ahead in zip(fresh, told, strict=True)]
             return SeparateLaws(laws, failures, copies)
         # a member without a controller ends at once; until then it counts with that of another
@@ -216,10 +216,10 @@ class CalledLaw:
         """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N]."""
         by_name = interface.unpack(_REFERENCES, reference.copy())
         sample = Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy()), k)
-        if self._known is not None:
-            platform, sample_time, feedforward, _, *limits_and_gains = self._known
-            told = (self.command.copy(), excess.copy(), feedforward[k].copy(), platform)
-            sample = Sample(*sample[:4], sample_time, *told, *limits_and_gains)
+        if (known := self._known) is not None:
+            last = self.command.copy(), excess.copy(), known.feedforward[k].copy()
+            limits = known.force_limit, known.rate_limit
+            sample = Sample(*sample[:4], known.sample_time, *last, known.platform, *limits, known.gains)
         try:
             result = self.function(sample)
         except (Exception, SystemExit) as error:  # user code may raise anything

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import ControlFunction, Controller, LinearController, fresh_controller
+from gough_stewart.harness.control.laws import Controller, LinearController, fresh_controller
 from gough_stewart.harness.control.laws_of_members import CalledLaw, KnownAhead
 from gough_stewart.harness.control.makers import Maker, Sample, name_of
 from gough_stewart.harness.control.state_space import StateSpace
@@ -114,7 +114,11 @@ def _remember(law: CalledLaw, numbers: Mapping[Place, Any]) -> None:
 
 
 def _changed(before: Mapping[Place, Any], after: Mapping[Place, Any]) -> set[Place]:
-    return {place for place in {**before, **after} if not np.array_equal(before.get(place), after.get(place))}
+    return {
+        place
+        for place in {**before, **after}
+        if not np.array_equal(before.get(place, np.nan), after.get(place, np.nan))
+    }
 
 
 class LinearForm(NamedTuple):
@@ -139,8 +143,8 @@ def linearised(  # noqa: PLR0915 - one road, in sections
         It fails, or does not answer to the measurements.
     """
     rows = (_SAMPLES_TO_REST + 2, N_LEGS)
-    constant = {name: np.broadcast_to(getattr(known, name)[0], rows) for name in ("feedforward", "planned")}
-    law = CalledLaw(fresh_controller(controller), known._replace(**constant))
+    feedforward, planned = (np.broadcast_to(forces[0], rows) for forces in (known.feedforward, known.planned))
+    law = CalledLaw(fresh_controller(controller), known._replace(feedforward=feedforward, planned=planned))
     has_rest = np.isin(np.arange(len(reference)), signals.positions(["position", "orientation", "leg_length"]))
     at_rest = np.where(has_rest, reference, 0.0)
     y, T, start = at_rest[: signals.SIZE], known.sample_time, _memory(law)
@@ -244,7 +248,8 @@ def traced_function(controller: Controller, known: KnownAhead, reference: FloatA
         It cannot be traced: names the line, and what to write instead.
     """
     shape = (_BLOCK * len(_ERRORS), N_LEGS)
-    known = known._replace(**{key: np.resize(getattr(known, key), shape) for key in ("feedforward", "planned")})
+    feedforward, planned = (np.resize(forces, shape) for forces in (known.feedforward, known.planned))
+    known = known._replace(feedforward=feedforward, planned=planned)
     first, later = fresh_controller(controller), fresh_controller(controller)
     name = name_of(later).removeprefix("object of ")
     law = CalledLaw(later, known)
@@ -303,20 +308,25 @@ def _starts(seen: _Seen) -> dict[Place, FloatArray]:
     }
 
 
-def _trace(law: ControlFunction, name: str, seen: _Seen, known: KnownAhead) -> tuple["casadi.Function", list[Line]]:
+def _trace(law: Any, name: str, seen: _Seen, known: KnownAhead) -> tuple["casadi.Function", list[Line]]:
     """The function of a controller as it is now, and the lines of the user's that its call passed."""
     import casadi
 
     starts = {place: casadi.DM(np.atleast_1d(value)) for place, value in _starts(seen).items()}
     changes = {place: casadi.SX.sym("change", *value.shape) for place, value in starts.items()}
-    inputs = {key: casadi.SX.sym(key, size) for key, size in SIZES.items()}
+    inputs: dict[str, Any] = {key: casadi.SX.sym(key, size) for key, size in SIZES.items()}
     references = {key.removeprefix(OF_REFERENCE): v for key, v in inputs.items() if key.startswith(OF_REFERENCE)}
     index = casadi.floor(inputs["time"] / known.sample_time + 0.5)
     # the sample time is a number, as in __init__
+    of_loop = {key: inputs[key] for key in ("time", "command", "excess", "feedforward", "force_limit", "rate_limit")}
     sample = Sample(
-        *(inputs["time"], references, {key: inputs[key] for key in signals.NAMES}, index, known.sample_time),
-        *(*(inputs[key] for key in ("command", "excess", "feedforward")), known.platform),
-        *(*(inputs[key] for key in ("force_limit", "rate_limit")), known.gains),
+        reference=references,
+        measured={key: inputs[key] for key in signals.NAMES},
+        index=index,
+        sample_time=known.sample_time,
+        platform=known.platform,
+        gains=known.gains,
+        **of_loop,
     )
     holder = with_numbers({"law": law}, {place: changes[place] + start for place, start in starts.items()})
     lines = list[Line]()

@@ -98,8 +98,10 @@ class Setup:
     def known(self) -> KnownAhead:
         """What a loop tells a controller in Python."""
         planned = self.feedforward if self.injection is None else self.feedforward + self.injection
-        limits = (np.inf if most is None else most for most in (self.actuators.force_limit, self.actuators.rate_limit))
-        return KnownAhead(self.platform, self.timing.sample_time, self.feedforward, planned, *limits, self.gains)
+        drives = self.actuators
+        force_limit, rate_limit = (np.inf if most is None else most for most in (drives.force_limit, drives.rate_limit))
+        before = self.platform, self.timing.sample_time, self.feedforward, planned
+        return KnownAhead(*before, force_limit, rate_limit, self.gains)
 
 
 @dataclass(frozen=True)

@@ -245,8 +245,8 @@ def designed(
     Parameters
     ----------
     controller
-        Replaces the experiment's: a discrete python-control system, a `LinearController`, or a CasADi function with the
-        inputs and outputs of `FunctionLaw`. The feedforward is unchanged.
+        Replaces the experiment's: a discrete python-control system, a `LinearController`, a class or function whose
+        call is arithmetic, or a CasADi function as in `FunctionLaw`. The feedforward is unchanged.
     reference
         "inside": the experiment's motion is part of the controller; "inputs": the reference is an input at each sample.
     faults
@@ -259,7 +259,7 @@ def designed(
     Raises
     ------
     ExportError
-        A Python function, a controller that is unstable by itself, or nothing to compute.
+        A controller that is unstable by itself or cannot be traced, or nothing to compute.
     ExperimentError, ReachError
         The experiment cannot run as written.
     """

@@ -84,8 +84,8 @@ def export(
         "inside": the experiment's motion is part of the controller. "inputs": the reference is an input at each sample.
 
     controller
-        Replaces the experiment's: a discrete python-control system, a `LinearController`, or a `casadi.Function` from
-        named signals to `actuator_force`. The feedforward is unchanged.
+        Replaces the experiment's: a discrete python-control system, a `LinearController`, a class or function whose
+        call is arithmetic, or a `casadi.Function` from named signals to `actuator_force`. The feedforward is unchanged.
     safe_force
         All six forces while an input is NaN or out of its range, which is the stroke with a margin: "feedforward", or
         the start forces if there is none; or "zero".

@@ -223,3 +223,13 @@ def test_both_forms_are_told_the_same_of_the_loop() -> None:
     other = casadi.Function("law", s[:1], [force], ["gain"], ["actuator_force"], {"allow_free": True})
     with pytest.raises(gs.GoughStewartError, match="the input 'gain'; expected one of kp, time, position"):
         gs.run("heave_step", settings, controller=other)
+
+
+def test_members_of_an_ensemble_have_the_margins_of_their_machines() -> None:
+    """Expected: those of `margins` with the member's own mass."""
+    varied = {"ensemble": {"members": 2, "margins": True, "platform_mass": {"grid": [20.0, 30.0]}}}
+    found = gs.ensemble(uneven_experiment(**QUIET, **varied), controller=Counted, workers=1)
+    for mass, alpha in zip(found.values("platform_mass"), found.values("margins.disk"), strict=True):
+        machine = {"plant": {"parameters": {"platform_mass": float(mass)}}}
+        alone = gs.margins(uneven_experiment(**QUIET, **machine), controller=Counted)
+        assert alpha == pytest.approx(alone.disk.alpha, rel=1e-9)
