@@ -21,7 +21,8 @@ static int read(double *values, int n) {
 }
 
 int main(int argc, char **argv) {
-    double x[12], u[12], p[N_PARAMETERS], measured[CONTROLLER_N_MEASURED], xdot[12], best[2] = {1e300, 1e300};
+    double x[12], u[12], p[N_PARAMETERS], lengths[CONTROLLER_N_MEASURED], xdot[12], best[2] = {1e300, 1e300};
+    controller_real measured[CONTROLLER_N_MEASURED];
     controller_parameters parameters = CONTROLLER_DEFAULTS;
     controller_coefficients coefficients;
     controller_memory memory;
@@ -29,13 +30,15 @@ int main(int argc, char **argv) {
     unsigned char limited[6];
     long calls = argc > 1 ? atol(argv[1]) : 0;
     if (calls <= 0 || !read(x, 12) || !read(u, 12) || !read(p, N_PARAMETERS)) return 2;
-    if (!read(measured, CONTROLLER_N_MEASURED) || controller_prepare(&parameters, &coefficients)) return 2;
+    if (!read(lengths, CONTROLLER_N_MEASURED) || controller_prepare(&parameters, &coefficients)) return 2;
+    for (int k = 0; k < CONTROLLER_N_MEASURED; k++)
+        measured[k] = (controller_real)(lengths[k] - (CONTROLLER_SINGLE ? (double)CONTROLLER_HOME[k] : 0));
     for (int round = 0; round < 400; round++) {
         controller_start(&parameters, &memory);
         double start = seconds();
         for (long k = 0; k < calls; k++) {
             controller_step(&parameters, &coefficients, &memory, measured, force, limited);
-            measured[0] += 1e-15 * (double)force[0];
+            measured[0] += (controller_real)1e-15 * force[0];
         }
         double middle = seconds();
         for (long k = 0; k < calls; k++) {

@@ -81,9 +81,7 @@ def build(
     >>> gs.build("models", forms=["mjcf"], platform=gs.load_preset("motion_base"))
     """
     forms = tuple(forms)
-    for form in forms:
-        if form not in FORMS:
-            raise BuildError(f"no form {form!r}; expected {' or '.join(map(repr, FORMS))}")
+    check_forms(forms)
     if platform is not None and not isinstance(platform, Platform):
         raise BuildError(f"platform is {platform!r}; expected a Platform, such as load_preset('liu2000')")
     platform = load_preset(DEFAULT_PRESET) if platform is None else platform
@@ -96,6 +94,19 @@ def build(
     contents |= {name: mjcf(platform) for name in models}
     write_files(folder, contents)
     return [folder / name for name in contents]
+
+
+def check_forms(forms: Iterable[str]) -> None:
+    """Refuse forms that are not in `FORMS`.
+
+    Raises
+    ------
+    BuildError
+        Names the form and those that there are.
+    """
+    for form in forms:
+        if form not in FORMS:
+            raise BuildError(f"no form {form!r}; expected {' or '.join(map(repr, FORMS))}")
 
 
 def build_units(

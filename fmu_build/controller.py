@@ -28,7 +28,8 @@ OUTPUT_DELAY = "output_delay"
 _ACTUATOR = "actuator_force leg_length leg_velocity"
 _POSE = "position orientation velocity angular_velocity"
 _SLOTS_IN_C = (
-    "actuator_force force_limited rate_limited start_force sample_time output_delay input_status input_bad_time"
+    "actuator_force force_limited rate_limited start_force sample_time output_delay input_status input_bad_time "
+    "enabled manual_force"
 )
 
 
@@ -41,6 +42,11 @@ OUTPUTS = (
     _output("force_limited", (6,), "", "1 if the force limit is active, else 0"),
 )
 RATE_LIMITED = _output("rate_limited", (6,), "", "1 if the rate limit is active, else 0")
+# Where the controller can be switched.
+SWITCH = (
+    Variable("enabled", (), "", "input", "continuous", "1: on; 0: off, its force follows manual_force"),
+    Variable("manual_force", (6,), "N", "input", "continuous", "force that acts while it is off"),
+)
 # What the plain C says about its inputs; added later than the other outputs.
 REPORTS = (
     _output(
@@ -92,6 +98,7 @@ class SampledController:
     notes: tuple[str, ...] = ()  # paragraphs about its loop
     steps_a_sample: int = 1  # calls of the plain C in a sample
     has_rate_limit: bool = False  # whether it carries drives, with the memory `rate_limited`
+    has_switch: bool = False  # whether it can be switched off and on, by the memory `enabled`
 
     @property
     def most_output_delay(self) -> int:
@@ -104,6 +111,7 @@ class SampledController:
         signals = [(v, v.name, v.description) for v in self.measured]
         signals += [(v, f"reference_{v.name}", f"reference: {v.description}") for v in self.reference]
         inputs = [Variable(name, v.shape, v.unit, "input", "continuous", text) for v, name, text in signals]
+        inputs += SWITCH if self.has_switch else ()
         outputs = (*OUTPUTS, RATE_LIMITED) if self.has_rate_limit else OUTPUTS
         expected = f"a whole number from 1 to {self.most_output_delay}"
         text = f"samples from the inputs to the forces that they determine, {expected}"
@@ -116,6 +124,8 @@ def controller_component(controller: SampledController, file_stem: str = "contro
     layout, code, c = controller.layout, controller.code, c_folder("controller")
     inputs = (row.variable for row in layout.rows if row.variable.causality == "input")
     starts: dict[str, Array] = {v.name: np.zeros(v.shape) for v in inputs}
+    if controller.has_switch:
+        starts["enabled"] = np.ones(())
     starts |= {p.variable.name: p.start for p in controller.parameters}
     starts[OUTPUT_DELAY] = np.array(float(controller.output_delay))
     ports = [row.variable.name for row in layout.rows if row.variable.causality in ("input", "output")]
@@ -172,6 +182,7 @@ def controller_header(controller: SampledController) -> str:
     facts = {
         "HAS_REFERENCE_INPUTS": int(bool(controller.reference)),
         "HAS_RATE_LIMITED": int(controller.has_rate_limit),
+        "HAS_SWITCH": int(controller.has_switch),
         "STEPS_A_SAMPLE": controller.steps_a_sample,
         "MOST_SAMPLES": MOST_SAMPLES,
         "MOST_OUTPUT_DELAY": controller.most_output_delay,

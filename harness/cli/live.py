@@ -34,7 +34,7 @@ def live_command(
         if out is not None and out.suffix not in (".html", ".htm"):
             raise UsageError(f"--out {out}: expected the name of a page, such as {out}.html")
         with preparing():
-            from gough_stewart.harness.export.forms import name_of
+            from gough_stewart.harness.export.choices import name_of
             from gough_stewart.harness.export.live.page import live_page
             from gough_stewart.model.process.files import write_files
 

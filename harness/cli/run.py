@@ -163,7 +163,7 @@ def _unit_of(
     if controller not in FMI_VERSIONS:
         warn(f"the stability of the loop with {controller} is not judged: an FMU has no linear form")
         return nullcontext(path(controller))
-    from gough_stewart.harness.export.own_unit import exported_controller
+    from gough_stewart.harness.export.fmu import exported_controller
 
     return exported_controller(experiment, FMI_VERSIONS[controller], running.step, anyway=anyway, warn=warn)
 

@@ -42,6 +42,9 @@ def build_command(
     preset: PresetOption = None,
     platform: PlatformOption = None,
     out: FolderOption = Path(),
+    forms: Annotated[
+        str, option("What to write: fmu, mjcf (a model for MuJoCo), or both with a comma.", "FORMS", "--as")
+    ] = "fmu",
     check: Annotated[
         bool,
         option(
@@ -54,11 +57,11 @@ def build_command(
 ) -> None:
     """Build the platform as an FMU: self-contained, compiled, Co-Simulation and Model Exchange.
 
-    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**. The package carries the compiled code for all
+    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**; `--as mjcf` **NAME.xml** for MuJoCo. The package carries the compiled code for all
     targets. That of platforms whose legs stick or give, and all code of a checkout of the sources, is compiled at the
     first build (Windows: two minutes) and kept.
 
-    The loaded platform sets the start values; parameters can change them to another platform without a new build.
+    The chosen platform sets the start values; parameters can change them to another platform without a new build.
 
     With `--check` exit code 3 if a check fails.
 
@@ -69,14 +72,21 @@ def build_command(
     - `gough-stewart build --check`
 
     - `gough-stewart build --fmi 3.0 --target all --preset motion_base --out fmus`
+
+    - `gough-stewart build --as mjcf --preset motion_base`
     """
-    from gough_stewart.fmu_build.build import VERSIONS, build, number_of_steps
+    from gough_stewart.fmu_build.build import VERSIONS, build, check_forms, number_of_steps
     from gough_stewart.fmu_build.cache import BuildError
     from gough_stewart.fmu_build.toolchain import chosen_targets as targets_by_name
     from gough_stewart.fmu_build.toolchain import native
 
     loaded = chosen_platform(preset, platform)
     versions, targets = [version.value for version in fmi] if fmi else VERSIONS, chosen_targets(target)
+    chosen_as = [form.strip() for form in forms.split(",")]
+    with wrong_use_if(BuildError):
+        check_forms(chosen_as)
+        if check and "fmu" not in chosen_as:
+            raise BuildError(f"--check runs units, and --as is {forms}; expected fmu among the forms")
     if check:
         with wrong_use_if(BuildError):
             if native() not in targets_by_name(targets):
@@ -87,7 +97,12 @@ def build_command(
     running.hold(out, keeps_data=running.page or out != Path())
     running.step("building", total=number_of_steps(versions, targets))
     files = build(
-        out, fmi=versions, targets=targets, platform=loaded, progress=lambda stage: running.step(stage, advance=1)
+        out,
+        forms=chosen_as,
+        fmi=versions,
+        targets=targets,
+        platform=loaded,
+        progress=lambda stage: running.step(stage, advance=1),
     )
     checks: list[UnitCheck] | None = None
     if check:
@@ -97,7 +112,7 @@ def build_command(
         checks = list(check_units(files))
     running.command.written.append(out)
     names = [str(file.relative_to(out)) for file in files]
-    running.present(_report(loaded.name, versions, targets, names, checks), names)
+    running.present(_report(loaded.name, versions if "fmu" in chosen_as else (), targets, names, checks), names)
     if not all(outcome.passed for outcome in checks or ()):
         raise typer.Exit(ExitCode.MISSED)
 
@@ -116,10 +131,9 @@ def _report(
     from gough_stewart.harness.report.words import listed, sentence
 
     systems = "this machine" if list(targets) == ["native"] else listed([*targets])
-    built = [
-        f"FMI {listed([*versions])} of the platform {platform}, compiled for {systems}",
-        "six actuator forces in, pose and leg lengths out",
-    ]
+    built = [f"FMI {listed([*versions])} of the platform {platform}, compiled for {systems}"] if versions else []
+    built += [f"{name}, a model of the platform {platform} for MuJoCo" for name in files if name.endswith(".xml")]
+    built.append("six actuator forces in, pose and leg lengths out")
     title, written = f"FMU of {platform}", Number("files", "files written", float(len(files)), COUNT)
     if checks is None:
         verdict = Verdict(sentence([*built, "not yet run: `--check` runs and compares them"]), "good")
@@ -145,7 +159,7 @@ def _report(
 
 
 SafeForce = Literal["feedforward", "zero"]
-Real = Literal["double", "float"]
+SspVersion = Literal["1.0", "2.0"]
 ReferenceFrom = Literal["inside", "inputs"]
 
 
@@ -161,6 +175,7 @@ def export_command(
         FmiVersion,
         choice("FMI version of the FMUs in an SSP: 2.0, which all importers of SSP 1.0 support, or 3.0.", FmiVersion),
     ] = FmiVersion.fmi2,
+    ssp: Annotated[SspVersion, choice("Version of SSP.", SspVersion)] = "1.0",
     target: TargetOption = None,
     reference: Annotated[
         ReferenceFrom,
@@ -178,15 +193,12 @@ def export_command(
         ),
     ] = None,
     anyway: Annotated[
-        bool, option("Export a loop that is unstable in steps_of_one of the forms; they say so.", None, "--anyway")
+        bool, option("Export a loop that is unstable in one of the forms; they say so.", None, "--anyway")
     ] = False,
-    real: Annotated[
-        Real, choice("Precision of the C: double, or float with poses and lengths relative to home.", Real)
-    ] = "double",
     parts: Annotated[
         str | None,
         option(
-            "Parts of the machine that the controller includes: drives, sensors, or both with a comma.",
+            "What the controller includes: drives, sensors, manual, or several with commas between them.",
             "PARTS",
             "--with",
         ),
@@ -202,7 +214,7 @@ def export_command(
     plant and controller connected, for co-simulation tools; `--as page` **NAME_live.html**, the loop live in a browser.
 
     Each form's loop is judged with the delay that it has there, for the experiment's machine and all members of its
-    [ensemble]; an unstable steps_of_one is refused. The files say what was judged and what they leave out.
+    [ensemble]; an unstable one is refused. The files say what was judged and what they leave out.
 
     Examples
     --------
@@ -215,10 +227,9 @@ def export_command(
     - `gough-stewart export mine.toml --as ssp --with drives,sensors`
     """
     from gough_stewart.fmu_build.build import number_of_steps
-    from gough_stewart.harness.export.carried import chosen_parts
+    from gough_stewart.harness.export.choices import chosen_forms, chosen_parts
     from gough_stewart.harness.export.export import export
-    from gough_stewart.harness.export.forms import chosen_forms
-    from gough_stewart.harness.export.report import export_report
+    from gough_stewart.harness.export.notes import export_report
     from gough_stewart.harness.report.document import settings_of
 
     loaded = chosen_experiment(experiment, settings, no_python)
@@ -243,7 +254,7 @@ def export_command(
         targets=targets,
         reference=reference,
         safe_force=safe_force,
-        real=real,
+        ssp=ssp,
         parts=inside,
         frozen=None if frozen is None else _frozen(frozen),
         anyway=anyway,

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from gough_stewart.harness.control.component import Link, with_links
 from gough_stewart.harness.control.laws import Controller, LinearController, Space, controller_of
-from gough_stewart.harness.control.makers import Design, UserFolder, constructed, is_maker, name_of
+from gough_stewart.harness.control.makers import Design, UserFolder, constructed
 from gough_stewart.harness.control.notch import Notch
 from gough_stewart.harness.control.pid import (
     DAMPING_RATIO,
@@ -24,7 +24,8 @@ from gough_stewart.harness.control.pid import (
     channels_of,
     gains_from_bandwidth,
 )
-from gough_stewart.harness.control.state_space import Method, discretised, is_control_system
+from gough_stewart.harness.control.state_space import Method, discretised
+from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.motion.motion import Motion, once_at_rest
@@ -289,21 +290,16 @@ class PythonController(ControllerChoice):
         is_made = self.factory is not None or inspect.isclass(thing)
         if is_made and not callable(thing):
             raise ControllerError(f"{file}: factory = '{name}' is {thing!r}; expected a function or class")
-        if self.parameters and not is_made:
+        if self.parameters and not is_made and not is_casadi_function(thing):
             raise ControllerError(
                 f"{file}: parameters: {', '.join(self.parameters)} are for a class or factory; '{name}' is neither"
             )
         try:
             if is_made:
                 return constructed(thing, self.design(platform, sample_time), user_folder)
-            if not callable(thing) or is_control_system(thing) or not is_maker(thing):
-                return controller_of(user_folder.path / thing if isinstance(thing, str | Path) else thing)
+            return controller_of(user_folder.path / thing if isinstance(thing, str | Path) else thing)
         except ControllerError as error:
             raise ControllerError(f"{file}: {error}") from error
-        raise ControllerError(
-            f"{file}: {name_of(thing)} has to be called with platform and sample time; expected factory = '{name}' "
-            "instead of name"
-        )
 
     def design(self, platform: Platform, sample_time: float) -> Design:
         """With its parameters."""

@@ -121,7 +121,10 @@ def controller_of(controller: Any, design: Design | None = None) -> Controller:
         return LinearController(controller)
     if is_maker(controller):
         if design is None:
-            raise ControllerError(f"{name_of(controller)} is a class or factory; expected a controller here")
+            raise ControllerError(
+                f"{name_of(controller)} has to be called with platform and sample time; expected factory = "
+                f"'{getattr(controller, '__name__', 'NAME')}' instead of name"
+            )
         return constructed(controller, design)
     return controller if isinstance(controller, FunctionType | BuiltinFunctionType) else copied(controller)
 

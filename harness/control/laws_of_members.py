@@ -40,6 +40,9 @@ class KnownAhead(NamedTuple):
     sample_time: float  # [s]
     feedforward: FloatArray  # at every sample (m, 6) [N]
     planned: FloatArray  # the same with the injection (m, 6) [N]
+    force_limit: float = np.inf  # [N]
+    rate_limit: float = np.inf  # [N/s]
+    gains: Mapping[str, Any] = MappingProxyType({})  # the parameters of the controller's table
 
 
 LawFrom = Callable[[FloatArray, FloatArray], "Law"]
@@ -124,7 +127,7 @@ def laws_of(
         linear = [law for law in fresh if isinstance(law, LinearController)]
         if not linear:
             _check_unshared(controllers, fresh)
-            told: Sequence[KnownAhead | None] = known or [None] * len(fresh)
+            told: Sequence[KnownAhead | None] = known if known else [None for _ in fresh]
             laws = [None if law is None else CalledLaw(law, ahead) for law, ahead in zip(fresh, told, strict=True)]
             return SeparateLaws(laws, failures, copies)
         # a member without a controller ends at once; until then it counts with that of another
@@ -205,20 +208,20 @@ class CalledLaw:
     def __init__(self, function: Any, known: KnownAhead | None = None) -> None:
         # a CasADi function, which is all that there is to the law
         self.traced = function if is_casadi_function(function) else None
-        self._function = function if self.traced is None else CasadiFunction(function)
+        self.function = function if self.traced is None else CasadiFunction(function)
         self._known = known
-        self._command = NO_FORCE
+        self.command = NO_FORCE
 
     def force(self, k: int, time: float, reference: FloatArray, measured: FloatArray, excess: FloatArray) -> FloatArray:
         """Forces (6,) [N] at sample k, from references (30,), measurements (24,) and the last excess (6,) [N]."""
         by_name = interface.unpack(_REFERENCES, reference.copy())
         sample = Sample(time, by_name, interface.unpack(signals.VARIABLES, measured.copy()), k)
-        if self._known is not None:
-            platform, sample_time, feedforward, _ = self._known
-            told = (self._command.copy(), excess.copy(), feedforward[k].copy(), platform)
-            sample = Sample(*sample[:4], sample_time, *told)
+        if (known := self._known) is not None:
+            last = self.command.copy(), excess.copy(), known.feedforward[k].copy()
+            limits = known.force_limit, known.rate_limit
+            sample = Sample(*sample[:4], known.sample_time, *last, known.platform, *limits, known.gains)
         try:
-            result = self._function(sample)
+            result = self.function(sample)
         except (Exception, SystemExit) as error:  # user code may raise anything
             raise ControllerError(
                 f"the control function failed at time {time:g} s with {type(error).__name__}: {error}"
@@ -232,7 +235,7 @@ class CalledLaw:
                 f"the control function returned {result!r} at time {time:g} s; expected {N_LEGS} forces"
             )
         if self._known is not None:
-            self._command = self._known.planned[k] + force  # in this order, as the loop adds them
+            self.command = self._known.planned[k] + force  # in this order, as the loop adds them
         return force.astype(float)
 
 

@@ -160,10 +160,9 @@ def linearise(
     """
     from control import ss
 
-    platform = platform if coulomb_friction else platform.with_parameters(SLIDING)
-    variant = Variant.of(platform)
+    variant = Variant.of(platform if coulomb_friction else platform.with_parameters(SLIDING))
     names, _ = _rows(outputs, variant)
-    linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=True)
+    linear = linear_matrices(platform, position, orientation, outputs, coulomb_friction=coulomb_friction)
     labels = {"states": _state_names(variant), "inputs": INPUT_NAMES, "outputs": names}
     return ss(linear.A, linear.B, linear.C, linear.D, **labels, name="plant")
 

@@ -12,7 +12,7 @@ from importlib import invalidate_caches
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from importlib.util import module_from_spec
 from pathlib import Path
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -73,6 +73,12 @@ class Sample(NamedTuple):
     """The forces (6,) [N] that the loop adds at this sample to those that the controller returns."""
     platform: Platform = cast("Platform", None)
     """The nominal model."""
+    force_limit: float = np.inf
+    """The largest force of an actuator [N]; infinite without a limit."""
+    rate_limit: float = np.inf
+    """Of the drives [N/s]; infinite without a limit."""
+    gains: Mapping[str, Any] = MappingProxyType({})
+    """The `[controller.parameters]` of the experiment, by name."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
+from gough_stewart.harness.errors import ControllerError
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
 from gough_stewart.model.vectors import FloatArray
@@ -21,7 +22,20 @@ if TYPE_CHECKING:
 
 # Names of a function's inputs and outputs, besides signals and `time`.
 MEMORY, MEMORY_NEXT, FORCE, OF_REFERENCE = "memory", "memory_next", "actuator_force", "reference_"
-_ACCELERATIONS = ("acceleration", "angular_acceleration")
+# What a function may take, as a `Sample` has it, with the number of elements.
+SIZES = {
+    "time": 1,
+    **{v.name: v.size for v in signals.VARIABLES},
+    **{OF_REFERENCE + v.name: v.size for v in signals.VARIABLES},
+    **dict.fromkeys((f"{OF_REFERENCE}acceleration", f"{OF_REFERENCE}angular_acceleration"), 3),
+    **dict.fromkeys(("command", "excess", "feedforward"), N_LEGS),
+    **dict.fromkeys(("sample_time", "force_limit", "rate_limit"), 1),
+}
+# Of these, what machine code has, in its order.
+_IN_ORDER = (
+    *(OF_REFERENCE + name for name in signals.NAMES),
+    *(*signals.NAMES, "time", f"{OF_REFERENCE}acceleration", f"{OF_REFERENCE}angular_acceleration"),
+)
 _COEFFICIENTS = "coefficients"
 
 
@@ -41,7 +55,14 @@ class CasadiFunction:
     def __call__(self, sample: "Sample") -> FloatArray:
         """Forces (6,) at a sample."""
         references = {OF_REFERENCE + name: value for name, value in sample.reference.items()}
-        values = {"time": sample.time, MEMORY: self._memory, **sample.measured, **references}
+        by_name = {**sample.gains, **sample._asdict(), MEMORY: self._memory, **sample.measured, **references}
+        values = {name: by_name[name] for name in (*sample.gains, *SIZES, MEMORY)}
+        for name in self.function.name_in():
+            if name not in values:
+                raise ControllerError(
+                    f"the CasADi function has the input '{name}'; expected one of {', '.join(values)}, or a gain of "
+                    "[controller.parameters]"
+                )
         inputs = {
             name: np.reshape(np.asarray(values[name], dtype=float), self.function.size_in(k), order="F")
             for k, name in enumerate(self.function.name_in())
@@ -80,10 +101,7 @@ def traced_law_of(functions: Sequence["casadi.Function"]) -> TracedLaw | None:
     n = sizes.get(MEMORY, 0)
     parts = {
         MEMORY: casadi.SX.sym("states", n),
-        **{OF_REFERENCE + v.name: casadi.SX.sym("r", v.size) for v in signals.VARIABLES},
-        **{v.name: casadi.SX.sym("y", v.size) for v in signals.VARIABLES},
-        "time": casadi.SX.sym("t"),
-        **{OF_REFERENCE + name: casadi.SX.sym("a", 3) for name in _ACCELERATIONS},
+        **{name: casadi.SX.sym(name, SIZES[name]) for name in _IN_ORDER},
         _COEFFICIENTS: casadi.SX.sym("c", len(coefficients)),
     }
     needed = {FORCE: N_LEGS, **({MEMORY_NEXT: n} if n else {})}

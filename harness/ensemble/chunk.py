@@ -13,7 +13,6 @@ from zlib import crc32
 import numpy as np
 import polars
 
-from gough_stewart.harness.control.laws import linear_of
 from gough_stewart.harness.control.laws_of_members import shared_by_members
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.ensemble.data import (
@@ -216,15 +215,15 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
     causes: list[str | None] = [None] * len(prepared)
     for k, member in enumerate(prepared):
         try:
-            controller = linear_of(member.controller)
+            form = member.linear_form()
         except ControllerError:  # the run says so
             continue
-        if controller is None:
+        if form is None:
             continue
         try:
-            loop = judged(member, member.machine, controller)
-            if loop.doubt:  # a number that cannot be told is none
-                causes[k] = f"no margins: {loop.doubt}"
+            loop = None if form.doubt else judged(member, member.machine, form.controller)
+            if loop is None or loop.doubt:  # a number that cannot be told is none
+                causes[k] = f"no margins: {form.doubt if loop is None else loop.doubt}"
             else:
                 stable[k], disk[k] = 1.0, loop.margins.disk.alpha
         except UnstableLoopError:

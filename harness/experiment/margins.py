@@ -81,6 +81,10 @@ _WORST = (
     "The sensors' own clock and jitter are modelled as their worst delay, a constant one: the loop is never later, and "
     "mostly earlier."
 )
+_NUMERICAL = (
+    "The controller is linearised numerically, at rest in the first pose of the reference: by small changes of its "
+    "measurements and of what it remembers."
+)
 
 _OF_MARGINS = (
     *("disk", "disk_gain", "disk_phase"),
@@ -141,6 +145,8 @@ class LoopMargins(Margins):
     """Of the loop with the believed platform as machine, where that differs and is stable."""
     warnings: tuple[str, ...] = ()
     """What else is to be known of these margins, one sentence each."""
+    is_numerical: bool = False
+    """Whether the controller is linearised numerically: one in Python, or a CasADi function."""
 
     @property
     def loop(self) -> Any:
@@ -187,13 +193,15 @@ class LoopMargins(Margins):
             _verdict(self),
             tuple(sections),
             study="margins",
-            lead=f"sampled every {about(_DELAY, self.sample_time, 4)}, {delay}{lag}",
+            lead=f"sampled every {about(_DELAY, self.sample_time, 4)}, {delay}{lag}"
+            + (", controller linearised numerically" if self.is_numerical else ""),
             settings=settings_of(self.changed),
             numbers=_numbers(self),
             notes=(
                 *(Note(text, "warning") for text in self.warnings),
                 Note(_LINEAR),
                 *([Note(_WORST)] if self.late else []),
+                *([Note(_NUMERICAL)] if self.is_numerical else []),
             ),
         )
 
@@ -207,6 +215,7 @@ class LoopMargins(Margins):
             "delay": self.delay,
             "lag": self.lag,
             "late": self.late,
+            **({"controller": "linearised numerically"} if self.is_numerical else {}),
             "gains": gains
             and {name: np.asarray(getattr(gains, name)).tolist() for name in actions}
             | {"derivative_filter": gains.filter_time},
@@ -242,7 +251,8 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     settings
         Keys of the experiment to change, as in `load_experiment`.
     controller
-        Replaces the experiment's: a discrete python-control system, or a `LinearController`.
+        Replaces the experiment's: a discrete python-control system, a `LinearController`, or any other but an FMU,
+        which is linearised numerically at rest in the first pose of the reference.
 
     Returns
     -------
@@ -253,7 +263,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     Raises
     ------
     ControllerError
-        The controller is not linear, or there is none.
+        The controller is an FMU, does not answer to small changes, or there is none.
     UnstableLoopError
         The loop is unstable in the linear model.
     ExperimentError, ReachError
@@ -267,10 +277,11 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     chosen = experiment_of(experiment, settings)
     # the loop at rest has its margins however fast its reference is
     prepared = prepare(experiment_of(chosen, {"limits.reference": "warn"}), controller)
-    linear = linear_of(prepared.controller)
-    if linear is None:
-        why = "an open loop has no margins" if prepared.controller is None else "a function has no transfer function"
-        raise ControllerError(f"{chosen.where}: controller: {why}; choose an experiment with a linear controller")
+    form = prepared.linear_form()
+    if form is None:
+        why = "an open loop has no margins" if prepared.controller is None else "an FMU has no transfer function"
+        raise ControllerError(f"{chosen.where}: controller: {why}; choose an experiment with another controller")
+    linear = form.controller
     actuators, machine, believed = prepared.loop.actuators, prepared.machine, prepared.platform
     sample_time = prepared.loop.timing.sample_time
     choice = chosen.controller if controller is None else None
@@ -282,7 +293,12 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
             warnings = ("with the believed platform as machine the loop would be unstable",)
     try:
         L, of_machine, doubt, warning = judged(prepared, machine, linear)
+        late = 0.0 if doubt else prepared.loop.worst_delay
     except UnstableLoopError as error:
+        if form.doubt:
+            raise ControllerError(
+                f"{chosen.where}: controller: {form.doubt}, so there are no margins: {error}"
+            ) from None
         moved = _what_moved_it(prepared, linear, choice)
         if of_believed is not None:
             moved.append(
@@ -290,6 +306,8 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
                 f"{of_believed.disk.alpha:.3g}"
             )
         raise UnstableLoopError("; ".join([str(error), *moved]), error.eigenvalue) from None
+    if form.doubt:
+        doubt, warning = "; ".join(filter(None, [form.doubt, doubt])), "; ".join(filter(None, [form.doubt, warning]))
     family = None
     if isinstance(choice, PD | PID) and choice.bandwidth is not None:
 
@@ -311,10 +329,11 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
         transfer=L,
         changed=chosen.changed,
         structure=structure_of(machine, L, family, FRAIL, *_pose(prepared)),
-        late=0.0 if doubt else prepared.loop.worst_delay,
+        late=late,
         doubt=doubt,
         believed=of_believed,
         warnings=(*warnings, *([warning] if doubt else [])),
+        is_numerical=form.is_numerical,
     )
 
 

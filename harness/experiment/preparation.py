@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -18,8 +19,9 @@ from gough_stewart.harness.control.by_hand import HandMotion
 from gough_stewart.harness.control.controllers import ControllerChoice, Feedforward, feedforward
 from gough_stewart.harness.control.faults import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.frequency_response import InjectionChoice
-from gough_stewart.harness.control.laws import Controller, LinearController, controller_of
+from gough_stewart.harness.control.laws import Controller, LinearController, controller_of, linear_of
 from gough_stewart.harness.control.laws_of_members import KnownAhead, Law, LawFrom, SeparateLaws, law_of, laws_of
+from gough_stewart.harness.control.own_law import LinearForm, linearised
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import schema
@@ -100,13 +102,17 @@ class Setup:
     injection: FloatArray | None
     actuators: Actuators
     limits: Limits
+    gains: Mapping[str, Any]  # that a controller in Python is told
     turned: tuple[Change, ...] = ()  # of the loop's settings
 
     @property
     def known(self) -> KnownAhead:
         """What a loop tells a controller in Python."""
         planned = self.feedforward if self.injection is None else self.feedforward + self.injection
-        return KnownAhead(self.platform, self.timing.sample_time, self.feedforward, planned)
+        drives = self.actuators
+        force_limit, rate_limit = (np.inf if most is None else most for most in (drives.force_limit, drives.rate_limit))
+        before = self.platform, self.timing.sample_time, self.feedforward, planned
+        return KnownAhead(*before, force_limit, rate_limit, self.gains)
 
 
 @dataclass(frozen=True)
@@ -136,6 +142,21 @@ class Prepared:
             raise ControllerError("an open loop has no control law")
         make = law_of(self.controller, self.loop.timing.sample_time, self.jacobians, self.known)
         return make(reference, measured)
+
+    def linear_form(self) -> LinearForm | None:
+        """The linear controller, or the small signals of another at rest in the first pose; None of loops without.
+
+        Raises
+        ------
+        ControllerError
+            It fails there, or does not answer to the measurements.
+        """
+        linear = linear_of(self.controller)
+        if linear is not None:
+            return LinearForm(linear)
+        if self.controller is None or isinstance(self.controller, UnitController) or self.loop.reference is None:
+            return None
+        return linearised(self.controller, self.known, self.loop.reference[0])
 
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
@@ -587,6 +608,7 @@ class Preparation:
             actuators=Actuators(limited.actuator_force_max, drives.rate_limit, drives.lag, loop.delay),
             limits=Limits(stroke, self.experiment.limits.stroke, bound),
             turned=turned,
+            gains=MappingProxyType(choice.design(platform, timing.sample_time).parameters),
         )
 
     def _turned(

@@ -1,24 +1,34 @@
 """Export a designed controller as C, as FMU, or with the plant as SSP; all files are written, or none."""
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from gough_stewart.fmu_build.build import chosen_versions
+from gough_stewart.fmu_build.build import chosen_versions, unit_archives
 from gough_stewart.fmu_build.cache import check_installed
+from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.toolchain import chosen_targets
 from gough_stewart.harness.control.traced_law import is_casadi_function
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings
+from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.carried import Part, chosen_parts
-from gough_stewart.harness.export.faults import SafeForce, faults_of
-from gough_stewart.harness.export.forms import EXAMPLE, REALS, Form, Real, ReferenceFrom, chosen_forms, name_of
+from gough_stewart.harness.export.choices import (
+    Form,
+    Part,
+    ReferenceFrom,
+    SafeForce,
+    chosen_forms,
+    chosen_parts,
+    faults_of,
+    name_of,
+)
 from gough_stewart.harness.export.live.page import live_page
-from gough_stewart.harness.export.notes import in_short
-from gough_stewart.harness.export.report import least_robust_first
-from gough_stewart.harness.export.stability import LoopStability, MemberProgress
+from gough_stewart.harness.export.notes import in_short, least_robust_first, notes_of, refusal
+from gough_stewart.harness.export.ssp import loop_archive
+from gough_stewart.harness.export.stability import LoopStability, MemberProgress, output_delay_of, stability_of
 from gough_stewart.model.process.files import check_output_folder, write_files
 from gough_stewart.model.process.installed import TRACER
 from gough_stewart.model.process.progress import StepProgress
@@ -35,12 +45,12 @@ def export(
     out: Path | str = ".",
     fmi: Iterable[str] = ("2.0", "3.0"),
     ssp_fmi: str = "2.0",
+    ssp: str = "1.0",
     targets: Iterable[str] = ("native",),
     reference: ReferenceFrom = "inside",
     controller: Any = None,
     safe_force: SafeForce = "feedforward",
     frozen: tuple[int, float] | None = None,
-    real: Real = "double",
     parts: Iterable[Part] | Part = (),
     anyway: bool = False,
     progress: StepProgress | None = None,
@@ -66,27 +76,28 @@ def export(
         Versions of the form "fmu": "2.0", "3.0".
     ssp_fmi
         Version of the FMUs in an SSP: "2.0", which all its importers support, or "3.0".
+    ssp
+        Version of SSP: "1.0", or "2.0", whose documents differ in that number only.
     targets
         Target systems of the FMUs, as for `build`.
     reference
         "inside": the experiment's motion is part of the controller. "inputs": the reference is an input at each sample.
 
     controller
-        Replaces the experiment's: a discrete python-control system, a `LinearController`, or a `casadi.Function` from
-        named signals to `actuator_force`. The feedforward is unchanged.
+        Replaces the experiment's: a discrete python-control system, a `LinearController`, a class or function whose
+        call is arithmetic, or a `casadi.Function` from named signals to `actuator_force`. The feedforward is unchanged.
     safe_force
         All six forces while an input is NaN or out of its range, which is the stroke with a margin: "feedforward", or
         the start forces if there is none; or "zero".
     frozen
         (n, q): a measured length or position that is the same for n samples while its reference moves by more than q
         [m] counts as frozen, with the safe force until it changes. Without it none does.
-    real
-        "float": the C is in single precision, with poses and lengths relative to home, and its header states by how
-        much its forces deviate from the harness in a run, measured with the code compiled here.
     parts
         Of the machine, which the controller carries: "drives", so that its forces are those that act, behind rate limit
         and lag; "sensors", with their quantisation and sample time, so that it takes true signals. Their settings
         become parameters. The step function, and the unit, then run at the `plant_step` where drives or readings do.
+        "manual": it can be switched off and on without a bump, by `enabled`; while it is off, its force follows
+        `manual_force`, which is the force that acts.
     anyway
         Export a loop that is unstable in one of the forms; its documentation says so.
     progress
@@ -114,8 +125,7 @@ def export(
     ControllerError
         A controller that cannot be exported, is unstable by itself, or has the wrong size.
     ExportError
-        An unknown form, part, safe force or precision, nothing to watch for, single precision without the form c or
-        with parts, or an SSP with external reference.
+        An unknown form, part, safe force or version of SSP, nothing to watch for, or an SSP with external reference.
     ExperimentError, ReachError, BuildError, OutputError
         As `run` and `build`.
 
@@ -128,78 +138,98 @@ def export(
     chosen = experiment_of(cast("Experiment | Path | str", experiment), settings)
     requested, name = chosen_forms(forms), name_of(chosen)
     inside = chosen_parts(parts)
-    _check_together(real, requested, inside, reference)
+    if "ssp" in requested and reference == "inputs":
+        raise ExportError(
+            "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
+        )
+    if ssp not in ("1.0", "2.0"):
+        raise ExportError(f"ssp is {ssp!r}; expected '1.0' or '2.0'")
     versions, (in_ssp,), systems = chosen_versions(fmi), chosen_versions([ssp_fmi]), chosen_targets(targets)
     folder = Path(out)
     check_output_folder(folder, names_of_files(name, requested, versions))
     report = progress or (lambda _text: None)
+    files: dict[str, bytes] = {}
+    if "page" in requested:
+        if controller is not None:
+            raise ExportError("a page has the controllers of experiments; expected no controller, or the other forms")
+        report("page")
+        files[f"{name}_live.html"] = live_page(chosen)
+    if requested == ("page",):
+        return _written(folder, files)
     hosts = tuple(form for form in requested if form != "page")
-    files = _pages(chosen, controller, name, requested, report)
-    if not hosts:
-        write_files(folder, files)
-        return [folder / file for file in files]
-    # what traces is imported for controllers only, since a page's code is carried
     check_installed(TRACER)
-    from gough_stewart.harness.export.controller_files import controller_files
+    # what traces is imported for controllers only, since a page's code is carried
+    from gough_stewart.harness.export.design import designed
+    from gough_stewart.harness.export.fmu import component_of
+    from gough_stewart.harness.export.write import c_files
 
-    found = controller_files(
-        chosen,
-        controller,
-        name,
-        hosts,
-        versions=versions,
-        ssp_version=in_ssp,
-        systems=systems,
-        reference=reference,
-        faults=faults_of(safe_force, frozen),
-        real=real,
-        parts=inside,
-        anyway=anyway,
-        progress=report,
-        judging=judging,
-    )
-    files |= found.files
-    write_files(folder, files)
-    loops = least_robust_first(found.loops)
+    prepared = prepare(chosen, controller)
+    law = designed(chosen, controller, reference, faults_of(safe_force, frozen), prepared, inside)
+    judged = stability_of(chosen, prepared, hosts, parts=inside, progress=judging)
+    refused = refusal(chosen, judged.items())
+    if refused is not None and not anyway:
+        raise refused
+    notes = {host: notes_of(chosen, host, found, law.carried) for host, found in judged.items()}
+    duration, late = chosen.loop.duration, output_delay_of(chosen)
+    if "c" in hosts:
+        report("C")
+        files |= c_files(chosen, replace(law, notes=notes["c"].inside), f"{name}_controller", controller)
+    # the forces of a unit act at least one sample late; all of the delay is the unit's only in an SSP, or with drives,
+    # behind which there is nothing else that could have the rest of it
+    units = {
+        host: component_of(
+            replace(law, delay=late, notes=notes[host].inside),
+            f"{name}_controller",
+            duration,
+            output_delay=late if host == "ssp" or law.carried.drives else 1,
+        )
+        for host in hosts
+        if host != "c"
+    }
+    if "fmu" in units:
+        files |= unit_archives(units["fmu"], versions, systems, report)
+    if "ssp" in units:
+        plant = plant_component(
+            prepared.machine,
+            start=prepared.start,
+            actuator_force=prepared.loop.start_force,
+            tolerance=chosen.plant.tolerance,
+            fixed_step_size=chosen.plant.fixed_step_size,
+            file_stem=f"{name}_plant",
+            is_in_a_system=True,
+        )
+        report("SSP")
+        files[f"{name}.ssp"] = loop_archive(
+            name,
+            plant,
+            units["ssp"],
+            duration,
+            law.step,
+            systems,
+            notes["ssp"].inside,
+            fmi_version=in_ssp,
+            ssp_version=ssp,
+            side=prepared.loop.sensors.side,
+            progress=report,
+        )
+    paths = _written(folder, files)
+    loops = least_robust_first(judged)
     if stability is not None:
         stability(loops)
-    for said, texts in (
-        (warn, found.warnings),
-        (verdict, [in_short(loop) for loop in loops]),
-    ):
-        if said is not None:
-            for text in texts:
-                said(text)
+    _say(warn, [text for of_form in notes.values() for text in of_form.warnings])
+    _say(verdict, map(in_short, loops))
+    return paths
+
+
+def _written(folder: Path, files: dict[str, bytes]) -> list[Path]:
+    write_files(folder, files)
     return [folder / file for file in files]
 
 
-def _pages(
-    experiment: Experiment, controller: Any, name: str, forms: Iterable[Form], progress: StepProgress
-) -> dict[str, bytes]:
-    """The live page by its name, if it is among the forms."""
-    if "page" not in forms:
-        return {}
-    if controller is not None:
-        raise ExportError("a page has the controllers of experiments; expected no controller, or the other forms")
-    progress("page")
-    return {f"{name}_live.html": live_page(experiment)}
-
-
-def _check_together(real: str, forms: Iterable[Form], parts: Iterable[Part], reference: str) -> None:
-    """Refuse a precision that there is not, and what does not go together."""
-    if "ssp" in forms and reference == "inputs":
-        raise ExportError(
-            "reference = 'inputs' leaves an SSP without a reference; expected 'inside', or the forms fmu and c"
-        )
-    if real not in REALS:
-        raise ExportError(f"real is {real!r}; expected {' or '.join(map(repr, REALS))}")
-    if real == "float" and "c" not in forms:
-        raise ExportError("real = 'float' is of the form c alone, units compute in double precision; expected form c")
-    if real == "float" and parts:
-        raise ExportError(
-            f"real = 'float' is of the controller alone, without {' and '.join(parts)}; expected real = 'double', or "
-            "no parts"
-        )
+def _say(listener: Callable[[str], None] | None, texts: Iterable[str]) -> None:
+    if listener is not None:
+        for text in texts:
+            listener(text)
 
 
 def around(function: "casadi.Function") -> Experiment:
@@ -211,7 +241,7 @@ def around(function: "casadi.Function") -> Experiment:
 def names_of_files(name: str, forms: Iterable[Form], versions: Iterable[str]) -> list[str]:
     """The names of the files that `export` writes."""
     files: dict[Form, list[str]] = {
-        "c": [f"{name}_controller.c", f"{name}_controller.h", EXAMPLE],
+        "c": [f"{name}_controller.c", f"{name}_controller.h", "example_main.c"],
         "fmu": [f"{name}_controller_fmi{version[0]}.fmu" for version in versions],
         "ssp": [f"{name}.ssp"],
         "page": [f"{name}_live.html"],

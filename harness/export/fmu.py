@@ -1,14 +1,25 @@
-"""A designed controller as an FMU."""
+"""A designed controller as an FMU; and that of an experiment for a run with it."""
 
 import re
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
+from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.component import Sources, UnitComponent
 from gough_stewart.fmu_build.controller import ControllerParameter, SampledController, controller_component
 from gough_stewart.fmu_build.plant.drawing import icon_of
-from gough_stewart.harness.export.c_source import controller_sources
-from gough_stewart.harness.export.designed import Designed
+from gough_stewart.harness.control.unit_controller import UnitController
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.design import Designed, designed
+from gough_stewart.harness.export.notes import notes_of, refusal
 from gough_stewart.harness.export.settings import Setting
+from gough_stewart.harness.export.stability import stability_of
+from gough_stewart.harness.export.write import controller_sources
+from gough_stewart.model.process.progress import StepProgress
 
 
 def component_of(
@@ -34,12 +45,13 @@ def component_of(
         notes=designed.notes,
         steps_a_sample=designed.carried.steps_a_sample,
         has_rate_limit=designed.carried.drives,
+        has_switch=designed.carried.manual,
     )
     return controller_component(controller, name)
 
 
 def _parameter(setting: Setting, designed: Designed) -> ControllerParameter:
-    expected = setting.expected or " and ".join(_in_words(each, designed) for each in setting.conditions)
+    expected = setting.expected or " and ".join(_in_words(text, designed) for text in setting.conditions)
     return ControllerParameter(setting.variable, setting.value, setting.may_be_infinite, expected or "another value")
 
 
@@ -48,5 +60,52 @@ def _in_words(condition: str, designed: Designed) -> str:
     if "DEFAULT_SAMPLE_TIME" in condition:
         return f"{designed.sample_time!r} s, since the controller was designed for it"
     plain = condition.replace("parameters->", "")
-    plain = re.sub(r"\[(\d+)\]", lambda match: f"[{int(match[1]) + 1}]", plain)
+    plain = re.sub(r"\[(\d+)\]", lambda index: f"[{int(index[1]) + 1}]", plain)
     return re.sub(r"!\((.*) > 0\)", r"\1 = 0", plain)
+
+
+@contextmanager
+def exported_controller(
+    experiment: Experiment,
+    fmi_version: str,
+    progress: StepProgress | None = None,
+    *,
+    anyway: bool = False,
+    warn: Callable[[str], None] | None = None,
+) -> Iterator[UnitController]:
+    """The exported controller of an experiment as an FMU of FMI "2.0" or "3.0", while the context is open.
+
+    Parameters
+    ----------
+    anyway
+        Do not refuse a loop that is unstable with the unit.
+    warn
+        Called with an unstable loop that is not refused, and with one that cannot be judged.
+
+    Raises
+    ------
+    UnstableLoopError
+        The loop of the run is unstable with the delay of the experiment.
+    ControllerError, BuildError
+        As `export`.
+    """
+    if not experiment.loop.delay:
+        raise ControllerError(
+            f"{experiment.where}: controller: a unit outputs the forces of a sample after a step over it; expected a "
+            "loop.delay of at least 1, for instance by --set loop.delay=1"
+        )
+    prepared = prepare(experiment)
+    law = designed(experiment, prepared=prepared)
+    # a run with a unit has the experiment's own machine, and no member of its ensemble
+    alone = experiment.model_copy(update={"ensemble": None})
+    stability = stability_of(alone, prepared, ("run",), margins=False)
+    refused = refusal(experiment, stability.items())
+    if refused is not None and not anyway:
+        raise refused
+    if warn is not None:
+        for text in notes_of(experiment, "run", stability["run"]).warnings:
+            warn(text)
+    with tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True) as folder:
+        unit = component_of(law, "controller", experiment.loop.duration)
+        (path,) = build_units(unit, folder, fmi=[fmi_version], progress=progress)
+        yield UnitController(path, is_foreign=False)

@@ -1,17 +1,19 @@
 """Control laws that can be exported: PD and PID, discrete systems, CasADi functions; each as symbolic equations."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import casadi
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.control.component import Link, with_links
-from gough_stewart.harness.control.laws import LinearController, Space
-from gough_stewart.harness.control.laws_of_members import integrating_modes, integrators, rest
+from gough_stewart.harness.control.laws import Controller, LinearController, Space, fresh_controller
+from gough_stewart.harness.control.laws_of_members import KnownAhead, integrating_modes, integrators, rest
+from gough_stewart.harness.control.makers import name_of
+from gough_stewart.harness.control.own_law import traced_function
 from gough_stewart.harness.control.pid import (
     ChannelGains,
     DerivativeOn,
@@ -19,14 +21,14 @@ from gough_stewart.harness.control.pid import (
     channel_matrices,
     channels_of,
 )
-from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at
-from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE
+from gough_stewart.harness.control.state_space import Method, StateSpace, matrices_at, matrices_of
+from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, SIZES
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
 from gough_stewart.harness.export.settings import Setting, setting, setting_of
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.signals import N_LEGS
-from gough_stewart.model.vectors import Array
+from gough_stewart.model.vectors import Array, FloatArray
 
 # Tolerance beyond the unit circle, needed for chains of integrators, whose eigenvalues are rounded.
 _ROUNDING = 1e-6
@@ -40,7 +42,7 @@ class Linear(NamedTuple):
     start: Array  # (n, inputs): the steady state under constant inputs u is start @ u, with integrators at zero
     integrating: Array  # (n, n): projection on the modes of the integrators
     symbols: casadi.SX  # the coefficients (k,)
-    coefficients: casadi.Function | None  # settings -> coefficients
+    coefficients: casadi.Function | None = None  # settings -> coefficients
 
 
 @dataclass(frozen=True)
@@ -55,6 +57,7 @@ class PidLaw:
     links: tuple[Link, ...] = ()
 
     signals = ("leg_length",)
+    fixes_sample_time = False
 
     @property
     def name(self) -> str:
@@ -68,18 +71,21 @@ class PidLaw:
         channels = channels_of(self.gains)
         differentiate, integrate = channels.differentiates, channels.integrates
         units = ("N/m", "N.s/m", "N/(m.s)") if self.space == "leg" else ("", "", "")
-        of = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
-        found = [
+        channel = "of each leg" if self.space == "leg" else "of each axis, three of force and three of torque"
+        settings = [
             setting(
-                "proportional_gain", units[0], "> 0", f"proportional gain {of}", channels.proportional, is_real=True
+                "proportional_gain",
+                units[0],
+                "> 0",
+                f"proportional gain {channel}",
+                channels.proportional,
             )
         ]
         if differentiate.any():
             sampled = ["parameters->derivative_filter >= parameters->sample_time / 2"]
-            found += [
+            settings += [
                 setting(
-                    *("derivative_gain", units[1], ">= 0", f"derivative gain {of}", channels.derivative),
-                    is_real=True,
+                    *("derivative_gain", units[1], ">= 0", f"derivative gain {channel}", channels.derivative),
                     conditions=_zero_but_where("derivative_gain", differentiate),
                 ),
                 setting(
@@ -90,10 +96,9 @@ class PidLaw:
             ]
         if integrate.any():
             late = [f"parameters->anti_windup_time[{k}] >= parameters->sample_time" for k in np.flatnonzero(integrate)]
-            found += [
+            settings += [
                 setting(
-                    *("integral_gain", units[2], ">= 0", f"integral gain {of}", channels.integral),
-                    is_real=True,
+                    *("integral_gain", units[2], ">= 0", f"integral gain {channel}", channels.integral),
                     conditions=_zero_but_where("integral_gain", integrate),
                 ),
                 setting(
@@ -103,8 +108,8 @@ class PidLaw:
                 ),
             ]
         for link in self.links:
-            found += [setting_of(each, getattr(link, each.key)) for each in link.parameters()]
-        return tuple(found)
+            settings += [setting_of(p, getattr(link, p.key)) for p in link.parameters()]
+        return tuple(settings)
 
     @cached_property
     def linear(self) -> Linear:
@@ -123,8 +128,7 @@ class PidLaw:
         continuous = channel_matrices(ChannelGains(*[*map(channel, names), *numbers[5:]]), self.derivative_on)
         T = symbols.elements(inputs["sample_time"])
         of_links = [
-            (type(link), {each.key: symbols.elements(inputs[each.name]) for each in link.parameters()})
-            for link in self.links
+            (type(link), {p.key: symbols.elements(inputs[p.name]) for p in link.parameters()}) for link in self.links
         ]
         traced = matrices_at(continuous, T, self.discretisation, symbols.solve)
         traced = with_links(traced, of_links, T, symbols.solve)
@@ -141,6 +145,11 @@ class PidLaw:
             start = rest(system.A, one, system.B, symbols.solve)
         function = symbols.function("coefficients_of_law", inputs, {"law": values})
         return Linear(system, system.ninputs // N_LEGS, start, integrating, c, function)
+
+    @property
+    def coefficients(self) -> casadi.Function | None:
+        """Settings -> coefficients."""
+        return self.linear.coefficients
 
 
 @dataclass(frozen=True)
@@ -171,6 +180,11 @@ class MatrixLaw:
         return f"a discrete linear system in {self.space} space"
 
     @property
+    def fixes_sample_time(self) -> bool:
+        """Whether its matrices are valid for one sample time."""
+        return self.controller.sample_time is not None
+
+    @property
     def signals(self) -> tuple[str, ...]:
         """The signals that it uses."""
         return self.controller.signals
@@ -180,16 +194,13 @@ class MatrixLaw:
         """The space of its output forces."""
         return self.controller.space
 
-    @property
-    def settings(self) -> tuple[Setting, ...]:
-        """None: the design is fixed."""
-        return ()
+    settings: ClassVar[tuple[Setting, ...]] = ()  # the design is fixed
+    coefficients: ClassVar[None] = None
 
     @cached_property
     def linear(self) -> Linear:
         """Its matrices."""
-        given = self.controller.system
-        A, B, C, D = (np.asarray(each, dtype=float) for each in (given.A, given.B, given.C, given.D))
+        A, B, C, D = (np.asarray(block, dtype=float) for block in matrices_of(self.controller.system).blocks)
         integrating = integrating_modes(A) if len(A) else A
         start = rest(A, integrators(integrating), B) if len(A) else B
         return Linear(
@@ -198,11 +209,7 @@ class MatrixLaw:
             start,
             integrating,
             casadi.SX.sym("coefficients", 0),
-            None,
         )
-
-
-ACCELERATIONS = ("acceleration", "angular_acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +217,9 @@ class FunctionLaw:
     """A CasADi function from named inputs to `actuator_force` (6,) [N].
 
     Inputs may be time; the measurements position, orientation, velocity, angular_velocity, leg_length, leg_velocity;
-    the same with the prefix `reference_`, and reference_acceleration, reference_angular_acceleration. State is an input
-    `memory` with an output `memory_next` of the same length; it begins at zero.
+    the same with the prefix `reference_`, and reference_acceleration, reference_angular_acceleration; command, excess,
+    feedforward, sample_time, force_limit and rate_limit of the loop, as a `Sample` has them; and the names of `gains`.
+    State is an input `memory` with an output `memory_next` of the same length; it begins at zero.
 
     Raises
     ------
@@ -221,14 +229,15 @@ class FunctionLaw:
     """
 
     function: casadi.Function
+    gains: Mapping[str, Any] = field(default_factory=dict)
+    name: str = "a CasADi function"
+    fixes_sample_time: bool = False  # whether the sample time is in its numbers
 
-    name = "a CasADi function"
     space: ClassVar[Space] = "leg"
-    settings: ClassVar[tuple[Setting, ...]] = ()
 
     def __post_init__(self) -> None:
         f = self.function
-        known = sizes_of_inputs()
+        known = SIZES | {name: int(np.size(value)) for name, value in self.gains.items()}
         inputs = {name: f.numel_in(k) for k, name in enumerate(f.name_in())}
         outputs = {name: f.numel_out(k) for k, name in enumerate(f.name_out())}
         for name, size in inputs.items():
@@ -255,8 +264,36 @@ class FunctionLaw:
         _check_operations(f, plain)
 
     @property
+    def settings(self) -> tuple[Setting, ...]:
+        """The gains that it takes."""
+        taken = {
+            name: np.asarray(self.gains[name], dtype=float) for name in self.function.name_in() if name in self.gains
+        }
+        return tuple(setting(name, "", None, f"{name} of the law", value) for name, value in taken.items())
+
+    @property
+    def constants(self) -> dict[str, int]:
+        """Its inputs that are settings or made of them, with their sizes."""
+        names = ("sample_time", *_LIMITS, *(s.variable.name for s in self.settings))
+        f = self.function
+        return {name: f.numel_in(k) for k, name in enumerate(f.name_in()) if name in names}
+
+    @property
+    def coefficients(self) -> casadi.Function | None:
+        """Settings -> `constants`, one after the other; a limit of 0 is none."""
+        if not self.constants:
+            return None
+        named = {_LIMITS.get(name, name): casadi.SX.sym(name, size) for name, size in self.constants.items()}
+        values = [casadi.if_else(s > 0, s, np.inf) if name in _LIMITS.values() else s for name, s in named.items()]
+        return symbols.function("coefficients_of_law", named, {"law": casadi.vertcat(*values)})
+
+    @property
     def n_states(self) -> int:
-        """Size of its memory."""
+        """Size of its memory, with the command of the last sample if it takes that."""
+        return self._memory_size + N_LEGS * ("command" in self.function.name_in())
+
+    @property
+    def _memory_size(self) -> int:
         names = self.function.name_in()
         return int(self.function.numel_in(names.index(MEMORY))) if MEMORY in names else 0
 
@@ -265,14 +302,39 @@ class FunctionLaw:
         """The signals that it uses."""
         return tuple(name for name in signals.NAMES if name in self.function.name_in())
 
-    def __call__(self, values: Mapping[str, casadi.SX]) -> dict[str, casadi.SX]:
-        """Its outputs by name, from symbols by name."""
+    def __call__(self, values: Mapping[str, casadi.SX]) -> tuple[casadi.SX, casadi.SX]:
+        """Forces and next states, from symbols by name: `states`, `coefficients`, and those of its inputs."""
         f = self.function.expand()
-        given = {name: casadi.reshape(values[name], f.size_in(k)) for k, name in enumerate(f.name_in())}
-        return {name: casadi.vec(value) for name, value in f.call(given).items()}
+        memory, command = casadi.vertsplit(values["states"], [0, self._memory_size, self.n_states])
+        ends = np.cumsum([0, *self.constants.values()]).tolist()
+        constants = dict(zip(self.constants, casadi.vertsplit(values["coefficients"], ends), strict=True))
+        parts = {**values, **constants, MEMORY: memory, "command": command}
+        outputs = f.call({name: casadi.reshape(parts[name], f.size_in(k)) for k, name in enumerate(f.name_in())})
+        force, following = casadi.vec(outputs[FORCE]), [casadi.vec(outputs.get(MEMORY_NEXT, casadi.SX(0, 1)))]
+        if command.numel():
+            following.append(values["feedforward"] + force)
+        return force, casadi.vertcat(*following)
 
 
 Law = PidLaw | MatrixLaw | FunctionLaw
+
+# Inputs of a function and the settings that they are.
+_LIMITS = {"force_limit": "force_limit", "rate_limit": "force_rate_limit"}
+
+
+def own_law(controller: Controller, known: KnownAhead, reference: FloatArray) -> FunctionLaw:
+    """The law of a user's controller: a CasADi function, or one that is traced from a class or a function.
+
+    Raises
+    ------
+    ControllerError, ExportError
+        It cannot be traced, or is none that C can have.
+    """
+    made = fresh_controller(controller)
+    if isinstance(made, casadi.Function):
+        return FunctionLaw(made, known.gains)
+    function = traced_function(controller, known, reference)
+    return FunctionLaw(function, name=f"traced from {name_of(made)}", fixes_sample_time=True)
 
 
 def _check_operations(function: casadi.Function, plain: casadi.Function) -> None:
@@ -282,37 +344,31 @@ def _check_operations(function: casadi.Function, plain: casadi.Function) -> None
     for k in range(plain.n_instructions()):
         kind, read = plain.instruction_id(k), plain.instruction_input(k)
         if kind == casadi.OP_INPUT:
-            found = frozenset([inputs[read[0]]])
+            names = frozenset([inputs[read[0]]])
         elif kind in (casadi.OP_CONST, casadi.OP_PARAMETER):
-            found = frozenset()
+            names = frozenset()
         else:
-            found = frozenset().union(*(signals_of.get(place, frozenset()) for place in read))
+            names = frozenset().union(*(signals_of.get(place, frozenset()) for place in read))
         if kind in (casadi.OP_CALL, casadi.OP_ERFINV):
-            names = " and ".join(sorted(found)) or "constants"
+            read_from = " and ".join(sorted(names)) or "constants"
             if kind == casadi.OP_ERFINV:
                 raise ExportError(
-                    f"the CasADi function has erfinv of {names}, which C lacks; expected other operations"
+                    f"the CasADi function has erfinv of {read_from}, which C lacks; expected other operations"
                 )
-            tables = ", ".join(sorted(f"'{each.name()}'" for each in function.find_functions())) or "a function"
+            tables = ", ".join(sorted(f"'{called.name()}'" for called in function.find_functions())) or "a function"
             raise ExportError(
-                f"the CasADi function looks {names} up in {tables}, an interpolant or another call that is not plain "
-                "operations; expected plain ones: casadi.pw_lin(x, points, values) with SX is the same as a linear "
-                "interpolant of one input, and polynomials take the place of splines and of tables with more inputs"
+                f"the CasADi function looks {read_from} up in {tables}, an interpolant or another call that is not "
+                "plain operations; expected plain ones: casadi.pw_lin(x, points, values) with SX is the same as a "
+                "linear interpolant of one input, and polynomials take the place of splines and of tables with more "
+                "inputs"
             )
         if kind != casadi.OP_OUTPUT:
-            signals_of |= dict.fromkeys(plain.instruction_output(k), found)
-
-
-def sizes_of_inputs() -> dict[str, int]:
-    """The possible inputs of a CasADi function."""
-    sizes = {v.name: v.size for v in signals.VARIABLES}
-    references = {OF_REFERENCE + name: size for name, size in {**sizes, **dict.fromkeys(ACCELERATIONS, 3)}.items()}
-    return {"time": 1, **sizes, **references}
+            signals_of |= dict.fromkeys(plain.instruction_output(k), names)
 
 
 def _coefficients(system: StateSpace) -> tuple[casadi.SX, casadi.SX, StateSpace]:
     """One symbol for each distinct value in matrices, and the matrices of these symbols and of numbers."""
-    blocks = [np.asarray(each) for each in (system.A, system.B, system.C, system.D)]
+    blocks = [np.asarray(block) for block in system.blocks]
     entries = symbols.elements(casadi.cse(symbols.column(np.concatenate([b.reshape(-1) for b in blocks]))))
     place = dict[int, int]()
     values: list[casadi.SX] = []

@@ -44,14 +44,14 @@ def change_of_lengths(parameters: Parameters, home: Home, pose: casadi.SX) -> ca
     """L − L₀ (6,) of symbols of a platform at a pose relative to home (6,)."""
     turn = _change_of_rotation(home.orientation, pose[3:])
     R0 = matrix_from_orientation(home.orientation)
-    found = []
+    changes = []
     for leg in range(6):
         arm = symbols.column(parameters.platform_points[0, leg])
         at_home = casadi.SX(home.position) + casadi.SX(R0) @ arm - symbols.column(parameters.base_points[0, leg])
         change = pose[:3] + turn @ arm
         length = casadi.sqrt(casadi.sumsqr(at_home + change)) + casadi.sqrt(casadi.sumsqr(at_home))
-        found.append(casadi.dot(2 * at_home + change, change) / length)
-    return casadi.vertcat(*found)
+        changes.append(casadi.dot(2 * at_home + change, change) / length)
+    return casadi.vertcat(*changes)
 
 
 def _change_of_rotation(orientation: FloatArray, change: casadi.SX) -> casadi.SX:

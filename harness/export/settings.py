@@ -19,7 +19,6 @@ class Setting(NamedTuple):
 
     variable: Variable
     value: FloatArray  # in the variable's shape
-    is_real: bool = False  # whether C stores it in its real type, float or double; otherwise as double
     # C conditions on the struct `parameters`, besides finite values and the variable's bound
     conditions: tuple[str, ...] = ()
     may_be_infinite: bool = False  # a limit; none is 0, or infinite
@@ -35,7 +34,6 @@ def setting(
     value: ArrayLike,
     *,
     variability: Variability = "tunable",
-    is_real: bool = False,
     conditions: Iterable[str] = (),
     may_be_infinite: bool = False,
     largest: float = LARGEST_NUMBER,
@@ -44,10 +42,10 @@ def setting(
     """A setting with the shape of its value."""
     value = np.asarray(value, dtype=float)
     variable = Variable(name, value.shape, unit, "parameter", variability, description, lower_bound=bound)
-    return Setting(variable, value, is_real, tuple(conditions), may_be_infinite, largest, expected)
+    return Setting(variable, value, tuple(conditions), may_be_infinite, largest, expected)
 
 
-def setting_of(parameter: Parameter, value: ArrayLike, more: str = "", *, is_real: bool = True) -> Setting:
+def setting_of(parameter: Parameter, value: ArrayLike, more: str = "") -> Setting:
     """The setting of a component's parameter, with more words in its description."""
     name, unit = parameter.name, parameter.unit
     is_limit = parameter.none is not None and math.isinf(parameter.none)
@@ -57,8 +55,6 @@ def setting_of(parameter: Parameter, value: ArrayLike, more: str = "", *, is_rea
     condition = re.sub(r"\b(value|sample_time)\b", lambda found: named[found[0]], condition)
     return setting(
         *(name, unit, parameter.bound, parameter.description + more, value),
-        # what is compared with the sample time is a double as well
-        is_real=is_real and "sample_time" not in parameter.condition,
         conditions=(condition,) if condition else (),
         may_be_infinite=is_limit,
         expected=f"0, which is none, or at least 0.001 {unit}" if is_limit else parameter.expected,

@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.control.laws import LinearController, fresh_controller
+from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.margins import (
     Margins,
     closed_loop,
@@ -22,14 +22,13 @@ from gough_stewart.harness.control.margins import (
     remedy_of,
     sensitivities,
 )
-from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, UnstableLoopError
 from gough_stewart.harness.experiment.margins import transfer_of
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import experiment_with
 from gough_stewart.harness.experiment.preparation import Prepared, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.carried import Part
+from gough_stewart.harness.export.choices import Part
 from gough_stewart.harness.loop.loop import Loop
 from gough_stewart.model.errors import GoughStewartError
 from gough_stewart.model.platform import Platform
@@ -59,22 +58,18 @@ class LoopAround:
     own_lag: float | None = None  # of the drives that the controller carries, if it does [s]
     carries_sensors: bool = False  # with their clock, which otherwise is the machine's
 
-    def delay(self, experiment: Experiment) -> int:
-        """From measurement to force [samples]."""
-        return max(self.least, experiment.loop.delay) if self.fixed is None else self.fixed
-
-    def lag(self, experiment: Experiment) -> float:
-        """Time constant of the drives [s]."""
-        if self.own_lag is not None:
-            return self.own_lag
-        return experiment.actuators.lag if self.has_drives else 0.0
+    def delay_and_lag(self, experiment: Experiment) -> tuple[int, float]:
+        """From measurement to force [samples], and the time constant of the drives [s]."""
+        delay = max(self.least, experiment.loop.delay) if self.fixed is None else self.fixed
+        lag = experiment.actuators.lag if self.has_drives else 0.0
+        return delay, lag if self.own_lag is None else self.own_lag
 
     def delays(self, experiment: Experiment, loop: Loop) -> "Delays":
         """All of them, of the experiment of a member of the prepared loop."""
         jitter = experiment.loop.jitter if self.has_drives else 0.0
-        own = replace(loop, timing=replace(loop.timing, jitter=jitter))
-        late = own.worst_delay if self.has_drives or self.carries_sensors else 0.0
-        return Delays(self.delay(experiment), self.lag(experiment), late)
+        with_jitter = replace(loop, timing=replace(loop.timing, jitter=jitter))
+        late = with_jitter.worst_delay if self.has_drives or self.carries_sensors else 0.0
+        return Delays(*self.delay_and_lag(experiment), late)
 
 
 class Delays(NamedTuple):
@@ -96,26 +91,24 @@ def loops_around(host: Host, experiment: Experiment, parts: Iterable[Part] = ())
     One that carries the drives has their delay too, and there is no other loop for it.
     """
     lag = experiment.actuators.lag if "drives" in parts else None
-    has_sensors = "sensors" in parts
+    has_sensors, whole = "sensors" in parts, output_delay_of(experiment)
     if host == "ssp":
         return (
-            LoopAround(
-                "in the SSP", 1, output_delay_of(experiment), has_drives=False, own_lag=lag, carries_sensors=has_sensors
-            ),
-        )
+            LoopAround("in the SSP", 1, whole, has_drives=False, own_lag=lag, carries_sensors=has_sensors),
+        )  # fmt: skip
     if host == "c":
         return (LoopAround("in C", 0, None, has_drives=True, own_lag=lag),)
     if host == "run":
         return (LoopAround("with the unit in the run", 1, None, has_drives=True, own_lag=lag),)
     if lag is not None:
-        return (LoopAround("with the FMU", 1, output_delay_of(experiment), has_drives=True, own_lag=lag),)
-    found = (
+        return (LoopAround("with the FMU", 1, whole, has_drives=True, own_lag=lag),)
+    both = (
         LoopAround("with the FMU", 1, None, has_drives=True),
         LoopAround("with the FMU directly at a plant", 1, 1, has_drives=False, carries_sensors=has_sensors),
     )
     clocks = bool(experiment.loop.jitter or (experiment.sensors.sample_time and not has_sensors))
-    loops = {(each.delay(experiment), each.lag(experiment), clocks and each.has_drives) for each in found}
-    return found if len(loops) > 1 else found[:1]
+    loops = {(*around.delay_and_lag(experiment), clocks and around.has_drives) for around in both}
+    return both if len(loops) > 1 else both[:1]
 
 
 class Case(NamedTuple):
@@ -163,6 +156,12 @@ class LoopStability:
         return self.nominal if self.nominal.size >= 1 else max(cases, key=lambda case: case.size)
 
     @property
+    def known_margins(self) -> list[Margins]:
+        """Of the nominal machine and of the least robust member, as far as they are known."""
+        worst = None if self.margins_of_worst is None else self.margins_of_worst[1]
+        return [margins for margins in (self.margins, worst) if margins is not None]
+
+    @property
     def is_stable(self) -> bool:
         """Whether all cases are stable."""
         return self.worst_of_all.size < 1
@@ -178,7 +177,7 @@ class StabilityReport:
     @property
     def unstable(self) -> tuple[LoopStability, ...]:
         """The loops that are unstable."""
-        return tuple(each for each in self.loops if not each.is_stable)
+        return tuple(loop for loop in self.loops if not loop.is_stable)
 
 
 def stability_of(
@@ -206,59 +205,43 @@ def stability_of(
     ExperimentError
         An invalid `[ensemble]`.
     """
-    hosts = tuple(hosts)
-    # a file or a factory makes it
-    controller = None if prepared.controller is None else fresh_controller(prepared.controller)
-    if not isinstance(controller, LinearController):
-        kind = "an FMU" if isinstance(controller, UnitController) else "a function"
-        reason = NO_FEEDBACK if controller is None else f"{kind} has no linear form"
-        return dict.fromkeys(hosts, StabilityReport(reason=reason))
-    loops = _Loops(prepared, controller)
-    parts = tuple(parts)
-    around = {host: loops_around(host, experiment, parts) for host in hosts}
+    hosts, parts = tuple(hosts), tuple(parts)
     try:
-        own = {s: _NominalCases(loops, experiment, s) for found in around.values() for s in found}
+        form = prepared.linear_form()
+        if form is None or form.doubt:
+            reason = NO_FEEDBACK if prepared.controller is None else "an FMU has no linear form"
+            return dict.fromkeys(hosts, StabilityReport(reason=reason if form is None else form.doubt))
+        loops = _Loops(prepared, form.controller)
+        around = {host: loops_around(host, experiment, parts) for host in hosts}
+        judges = {s: _Judge(loops, experiment, s) for surroundings in around.values() for s in surroundings}
     except ControllerError as error:
         return dict.fromkeys(hosts, StabilityReport(reason=str(error)))
-    members = {s: _MemberCases() for s in own}
-    for done, of_all, member, each in _members_of(experiment):
+    for done, of_all, number, member in _members_of(experiment):
         # what surroundings have in common is judged once
         cases: dict[Delays, _Member | None] = {}
-        for s, found in members.items():
-            if each is None:
-                found.add(None)
+        for surroundings, judge in judges.items():
+            if member is None:
+                judge.add(None)
                 continue
-            machine, of_member = each
-            at = s.delays(of_member, prepared.loop)
+            at = surroundings.delays(member[1], prepared.loop)
             if at not in cases:
-                cases[at] = _member_of(loops, member, machine, at)
-            found.add(cases[at])
+                cases[at] = loops.member(number, member[0], at)
+            judge.add(cases[at])
         if progress is not None:
             progress(done, of_all)
     return {
-        host: StabilityReport(tuple(_stability_of_loop(loops, s, own[s], members[s], margins=margins) for s in found))
-        for host, found in around.items()
+        host: StabilityReport(tuple(judges[s].result(margins=margins) for s in surroundings))
+        for host, surroundings in around.items()
     }
 
 
-def _stability_of_loop(
-    loops: "_Loops", surroundings: LoopAround, nominal: "_NominalCases", members: "_MemberCases", *, margins: bool
-) -> LoopStability:
-    at = nominal.at
-    return LoopStability(
-        surroundings=surroundings,
-        nominal=nominal.first,
-        poses=len(loops.poses),
-        on_the_way=nominal.on_the_way,
-        changed=nominal.changed,
-        members=members.count,
-        impossible=members.impossible,
-        unstable=members.unstable,
-        worst=members.largest,
-        margins=loops.margins(loops.machine, at) if margins else None,
-        margins_of_worst=members.margins(loops) if margins else None,
-        remedy="" if nominal.first.size < 1 else nominal.remedy,
-    )
+class _Member(NamedTuple):
+    """The loop of a member."""
+
+    case: Case
+    machine: Platform
+    damping_ratio: float  # of its least damped mode
+    peak: float  # of σ(S − T) on a coarse grid of frequencies
 
 
 class _Loops:
@@ -285,22 +268,22 @@ class _Loops:
         """The eigenvalues of a loop."""
         return self._case(what, at, closed_loop(self.transfer(machine, at, pose)).poles())
 
-    def member(self, number: int, machine: Platform, at: Delays) -> "_Member":
-        """The loop of a member, with signs of little robustness that take as little time."""
-        L = self.transfer(machine, at)
-        z = closed_loop(L).poles()
-        s = np.log(z[np.abs(z) > 1e-9])
-        S, T = sensitivities(L, np.geomspace(1 / 300, 0.99, _FREQUENCIES) * math.pi / self.sample_time)
-        return _Member(
-            self._case(f"member {number}", at, z),
-            machine,
-            float(np.min(-s.real / np.abs(s), initial=1.0)),
-            float(np.linalg.norm(S - T, 2, axis=(1, 2)).max()),
-        )
-
     def _case(self, what: str, at: Delays, z: Any) -> Case:
         worst = complex(z[np.abs(z).argmax()])
         return Case(what, at.delay, at.lag, worst, frequency_of(worst, self.sample_time), at.late)
+
+    def member(self, number: int, machine: Platform, at: Delays) -> _Member | None:
+        """The loop of a member, with signs of little robustness that take little time; None without a linear model."""
+        try:
+            L = self.transfer(machine, at)
+            z = closed_loop(L).poles()
+            S, T = sensitivities(L, np.geomspace(1 / 300, 0.99, _FREQUENCIES) * math.pi / self.sample_time)
+        except GoughStewartError:
+            return None
+        s = np.log(z[np.abs(z) > 1e-9])
+        damping = float(np.min(-s.real / np.abs(s), initial=1.0))
+        peak = float(np.linalg.norm(S - T, 2, axis=(1, 2)).max())
+        return _Member(self._case(f"member {number}", at, z), machine, damping, peak)
 
     def margins(self, machine: Platform, at: Delays) -> Margins | None:
         """Its margins; None if it is unstable."""
@@ -321,83 +304,69 @@ class _Loops:
                 yield change.time, machine
 
 
-class _NominalCases:
-    """The cases of the experiment's own machine."""
+class _Judge:
+    """Judges the loop in its surroundings: the experiment's own machine first, then members as they come."""
 
     def __init__(self, loops: _Loops, experiment: Experiment, around: LoopAround) -> None:
-        self.at = around.delays(experiment, loops.loop)
-        self._loops, self._delay_of_experiment = loops, experiment.loop.delay
+        self._loops, self._around, self._delay = loops, around, experiment.loop.delay
+        self._at = around.delays(experiment, loops.loop)
         machine = loops.machine
-        self.first = loops.case("the nominal machine in its first pose", machine, self.at)
-        others = [
-            loops.case(f"the nominal machine in its pose at {time:.3g} s", machine, self.at, pose)
+        self._nominal = loops.case("the nominal machine in its first pose", machine, self._at)
+        on_the_way = [
+            loops.case(f"the nominal machine in its pose at {time:.3g} s", machine, self._at, pose)
             for time, pose in loops.poses[1:]
         ]
-        self.on_the_way = max([self.first, *others], key=lambda case: case.size)
-        self.changed = tuple(
-            loops.case(f"the machine after its change at {time:g} s", other, self.at)
-            for time, other in (loops.after_changes() if around.has_drives else ())
+        self._on_the_way = max([self._nominal, *on_the_way], key=lambda case: case.size)
+        self._changed = tuple(
+            loops.case(f"the machine after its change at {time:g} s", changed, self._at)
+            for time, changed in (loops.after_changes() if around.has_drives else ())
         )
+        self._members = self._unstable = self._impossible = 0
+        self._extremes: tuple[_Member, ...] = ()  # largest |z|, least damping, largest peak
 
-    @property
-    def remedy(self) -> str:
-        """What would make an unstable loop stable."""
-        loops, own = self._loops, self._delay_of_experiment
-        gains = remedy_of(loops.transfer(loops.machine, self.at))
-        if self.at.delay == own or loops.case("", loops.machine, self.at._replace(delay=own)).size >= 1:
-            return gains
-        return f"it is stable {f'with the delay of {own} samples' if own else 'without delay'}; {gains}"
-
-
-class _Member(NamedTuple):
-    """The loop of a member."""
-
-    case: Case
-    machine: Platform
-    damping_ratio: float  # of its least damped mode
-    peak: float  # of σ(S − T) on a coarse grid of frequencies
-
-
-class _MemberCases:
-    """The loops of all members so far: how many, and those that look the least robust."""
-
-    def __init__(self) -> None:
-        self.count = self.unstable = self.impossible = 0
-        self._kept: tuple[_Member, ...] = ()
-
-    def add(self, found: _Member | None) -> None:
+    def add(self, member: _Member | None) -> None:
         """A member's loop; None if the member is impossible, or its machine has no linear model there."""
-        if found is None:
-            self.impossible += 1
+        if member is None:
+            self._impossible += 1
             return
-        self.count += 1
-        self.unstable += found.case.size >= 1
-        members = (*self._kept, found)
-        self._kept = (
-            max(members, key=lambda each: each.case.size),
-            min(members, key=lambda each: each.damping_ratio),
-            max(members, key=lambda each: each.peak),
+        self._members += 1
+        self._unstable += member.case.size >= 1
+        members = (*self._extremes, member)
+        self._extremes = (
+            max(members, key=lambda m: m.case.size),
+            min(members, key=lambda m: m.damping_ratio),
+            max(members, key=lambda m: m.peak),
         )
 
-    @property
-    def largest(self) -> Case | None:
-        """The case with the largest |z|."""
-        return self._kept[0].case if self._kept else None
+    def result(self, *, margins: bool) -> LoopStability:
+        """What is known of it; margins of members are the smallest of the extremes', unknown if one is unstable."""
+        loops, nominal = self._loops, self._nominal
+        known: list[tuple[Case, Margins]] = []
+        if margins and not self._unstable:
+            candidates = [(m.case, loops.margins(m.machine, m.case.loop)) for m in self._extremes]
+            known = [(case, found) for case, found in candidates if found is not None]
+        return LoopStability(
+            surroundings=self._around,
+            nominal=nominal,
+            poses=len(loops.poses),
+            on_the_way=self._on_the_way,
+            changed=self._changed,
+            members=self._members,
+            impossible=self._impossible,
+            unstable=self._unstable,
+            worst=self._extremes[0].case if self._extremes else None,
+            margins=loops.margins(loops.machine, self._at) if margins else None,
+            margins_of_worst=min(known, key=lambda pair: pair[1].disk.alpha, default=None),
+            remedy="" if nominal.size < 1 else self._remedy(),
+        )
 
-    def margins(self, loops: _Loops) -> tuple[Case, Margins] | None:
-        """The smallest margins of those with the largest |z|, least damping, largest peak; None if one is unstable."""
-        if self.unstable:
-            return None
-        found = [(each.case, loops.margins(each.machine, each.case.loop)) for each in self._kept]
-        known = [(case, margins) for case, margins in found if margins is not None]
-        return min(known, key=lambda each: each[1].disk.alpha, default=None)
-
-
-def _member_of(loops: _Loops, number: int, machine: Platform, at: Delays) -> _Member | None:
-    try:
-        return loops.member(number, machine, at)
-    except GoughStewartError:
-        return None
+    def _remedy(self) -> str:
+        """What would make an unstable loop stable."""
+        loops, delay = self._loops, self._delay
+        gains = remedy_of(loops.transfer(loops.machine, self._at))
+        if self._at.delay == delay or loops.case("", loops.machine, self._at._replace(delay=delay)).size >= 1:
+            return gains
+        return f"it is stable {f'with the delay of {delay} samples' if delay else 'without delay'}; {gains}"
 
 
 def _members_of(experiment: Experiment) -> Iterable[tuple[int, int, int, tuple[Platform, Experiment] | None]]:
@@ -410,13 +379,13 @@ def _members_of(experiment: Experiment) -> Iterable[tuple[int, int, int, tuple[P
     # the end of a run at its stroke matters to no linear loop
     limits = experiment.limits.model_copy(update={"stroke": "warn"})
     members = Members(experiment.model_copy(update={"limits": limits}))
-    if not any(each.place.path[: len(seen)] == seen for each in members.inputs for seen in _SEEN):
+    if not any(row.place.path[: len(path)] == path for row in members.inputs for path in _SEEN):
         return
     for first in range(0, members.count, _AT_ONCE):
         last = min(first + _AT_ONCE, members.count)
         for k, values in enumerate(members.draws(first, last).values, first):
             try:
-                own = experiment_with(members.nominal, values)
-                yield k + 1, members.count, k, (platforms_of(own)[1], own)
+                of_member = experiment_with(members.nominal, values)
+                yield k + 1, members.count, k, (platforms_of(of_member)[1], of_member)
             except GoughStewartError:
                 yield k + 1, members.count, k, None

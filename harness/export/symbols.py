@@ -42,13 +42,13 @@ def solve(matrix: Array, right: Array) -> Array:
     A, b = sparse(matrix), sparse(columns)
     # block lower triangular: rows and columns of each block, in order
     _, rows, cols, row_ends, col_ends, _, _ = A.sparsity().btf()
-    found = casadi.SX(*b.shape)
+    solution = casadi.SX(*b.shape)
     for k in range(len(row_ends) - 1):
         at_rows, at_cols = rows[row_ends[k] : row_ends[k + 1]], cols[col_ends[k] : col_ends[k + 1]]
         known = cols[: col_ends[k]]
-        left = b[at_rows, :] - A[at_rows, known] @ found[known, :] if known else b[at_rows, :]
-        found[at_cols, :] = casadi.solve(A[at_rows, at_cols], left)
-    return elements(casadi.vec(casadi.densify(found).T)).reshape(right.shape)
+        left = b[at_rows, :] - A[at_rows, known] @ solution[known, :] if known else b[at_rows, :]
+        solution[at_cols, :] = casadi.solve(A[at_rows, at_cols], left)
+    return elements(casadi.vec(casadi.densify(solution).T)).reshape(right.shape)
 
 
 def platform_symbols() -> dict[str, casadi.SX]:

@@ -14,14 +14,13 @@ from gough_stewart.harness.control.component import Stepped
 from gough_stewart.harness.control.drive import Drive, ForceLimits
 from gough_stewart.harness.control.laws_of_members import displacements, inputs_of
 from gough_stewart.harness.control.sensor import Sensor
-from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.export import symbols
-from gough_stewart.harness.export.designed import REFERENCE, Designed
-from gough_stewart.harness.export.laws import FunctionLaw, Law, Linear, MatrixLaw, PidLaw
-from gough_stewart.harness.export.path_source import path_function, path_of
+from gough_stewart.harness.export.design import REFERENCE, Designed
+from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
 from gough_stewart.harness.export.relative import Home, change_of_lengths
 from gough_stewart.harness.export.stepped import TracedComponent, none_as, traced_component
+from gough_stewart.harness.export.tables import path_function, path_of
 from gough_stewart.harness.motion.limits.reach import legs_of
 from gough_stewart.harness.motion.motion import Motion, Piecewise, Reference, extrapolated, motion_of
 from gough_stewart.harness.plants.signals import N_LEGS
@@ -54,7 +53,7 @@ class Traced(NamedTuple):
     @property
     def components(self) -> tuple[TracedComponent, ...]:
         """Those of them that there are."""
-        return tuple(each for each in (self.sensors, self.limits, self.drives) if each is not None)
+        return tuple(part for part in (self.sensors, self.limits, self.drives) if part is not None)
 
 
 @interrupts_held_back()
@@ -64,12 +63,11 @@ def traced(designed: Designed, home: Home | None = None) -> Traced:
     Then the law gives the changes of its states in place of the next ones.
     """
     law = designed.law
-    linear = None if law is None or isinstance(law, FunctionLaw) else law.linear
     ahead = designed.feedforward != "none" and designed.reference_inputs
     path = path_of(designed.reference)
     start, step = (None, None) if law is None else _law(designed, law, home)
     return Traced(
-        None if linear is None else linear.coefficients,
+        None if law is None else law.coefficients,
         None if path is None else path_function(path, home),
         None if designed.reference is None else motion_function(designed.reference, home),
         _extrapolation(home) if ahead else None,
@@ -85,25 +83,28 @@ def _components(
     designed: Designed, *, hears_excess: bool
 ) -> tuple[TracedComponent, TracedComponent | None, TracedComponent | None]:
     """The limits on the command, with the excess if the law hears of it; and what is carried of the machine."""
-    given = {s.variable.name: casadi.SX.sym(s.variable.name, s.variable.size) for s in designed.settings}
-    T, parts, n = symbols.elements(given["sample_time"]), designed.carried, interface.size_of(designed.measured)
+    settings = {s.variable.name: casadi.SX.sym(s.variable.name, s.variable.size) for s in designed.settings}
+    T, parts, n = symbols.elements(settings["sample_time"]), designed.carried, interface.size_of(designed.measured)
 
-    def of(component: type[Stepped]) -> dict[str, Array]:
-        named = {each.key: each for each in component.parameters()}
-        return {key: none_as(each.none or 0.0, given[each.name]) for key, each in named.items()}
+    def values_of(component: type[Stepped]) -> dict[str, Array]:
+        return {p.key: none_as(p.none or 0.0, settings[p.name]) for p in component.parameters()}
 
     limits = traced_component(
-        *(ForceLimits, "force_limits", of(ForceLimits), T, given, {"command": N_LEGS}),
+        *(ForceLimits, "force_limits", values_of(ForceLimits), T, settings, {"command": N_LEGS}),
         left_out=() if hears_excess else ("change",),
         wanted=ForceLimits.outputs if hears_excess else ("allowed", "force_limited"),
     )
     drives = sensors = None
     if parts.drives:
-        drives = traced_component(Drive, "drives", of(Drive), T / parts.steps_a_sample, given, {"target": N_LEGS})
+        drives = traced_component(
+            *(Drive, "drives", values_of(Drive), T / parts.steps_a_sample, settings, {"target": N_LEGS})
+        )
     if parts.sensors and n:
-        steps = casadi.vertcat(*(casadi.repmat(given[f"{v.name}_quantisation"], v.size, 1) for v in designed.measured))
+        steps = casadi.vertcat(
+            *(casadi.repmat(settings[f"{v.name}_quantisation"], v.size, 1) for v in designed.measured)
+        )
         values = {"quantisation": symbols.elements(steps)[:, None]}
-        sensors = traced_component(Sensor, "sensors", values, T, given, {"true": n, "noise": 0})
+        sensors = traced_component(Sensor, "sensors", values, T, settings, {"true": n, "noise": 0})
     return limits, drives, sensors
 
 
@@ -163,18 +164,13 @@ def _vector(motion: Motion) -> casadi.SX:
 def _motion(vector: casadi.SX, home: Home | None) -> Motion:
     """The motion in the world."""
     motion = Motion(*np.split(symbols.row(vector), 6, axis=-1))
-    return _moved(motion, home, 1.0)
+    return motion if home is None else _from_home(motion, Home(-home.position, -home.orientation, home.leg_length))
 
 
 def _from_home(motion: Motion, home: Home | None) -> Motion:
-    return _moved(motion, home, -1.0)
-
-
-def _moved(motion: Motion, home: Home | None, sign: float) -> Motion:
     if home is None:
         return motion
-    position, orientation = motion.position + sign * home.position, motion.orientation + sign * home.orientation
-    return motion._replace(position=position, orientation=orientation)
+    return motion._replace(position=motion.position - home.position, orientation=motion.orientation - home.orientation)
 
 
 def _extrapolation(home: Home | None) -> casadi.Function:
@@ -217,15 +213,18 @@ def _law(designed: Designed, law: Law, home: Home | None) -> tuple[casadi.Functi
     }
     by_name = dict(zip((v.name for v in designed.measured), _split(measured, designed.measured), strict=True))
     if isinstance(law, FunctionLaw):
-        inputs["states"] = casadi.SX.sym("states", law.n_states)
+        inputs |= {
+            "states": casadi.SX.sym("states", law.n_states),
+            "feedforward": casadi.SX.sym("feedforward", N_LEGS),
+            "coefficients": casadi.SX.sym("coefficients", sum(law.constants.values())),
+        }
         # a function may use anything but differences, so its signals are whole ones
         references = _references(inputs, law.function.name_in(), home, whole=True)
         whole = by_name if home is None else {name: v + home.of(name, v.numel()) for name, v in by_name.items()}
-        found = law({"time": inputs["time"], MEMORY: inputs["states"], **whole, **references})
-        following = found.get(MEMORY_NEXT, casadi.SX(0, 1))
+        force, following = law({**inputs, **whole, **references})
         if home is not None:
             following = following - inputs["states"]
-        outputs = {"force": found[FORCE], **({"next": following} if law.n_states else {})}
+        outputs = {"force": force, **({"next": following} if law.n_states else {})}
         return None, symbols.function("law", inputs, outputs)
     references = _references(inputs, [f"reference_{name}" for name in law.signals], home)
     if "orientation" in law.signals:  # in the turns of the reference
@@ -249,8 +248,8 @@ def _depends_on_differences(law: Law, n: int) -> bool:
         return True
     linear, one = law.linear, np.eye(n)
     both = np.concatenate(inputs_of(linear.kinds, one, one, np.zeros((N_LEGS, n))))
-    forced = [np.asarray(each, dtype=float) @ both for each in (linear.system.B, linear.system.D)]
-    return not any(np.abs(each).max(initial=0.0) > 0 for each in forced)
+    forced = [np.asarray(block, dtype=float) @ both for block in (linear.system.B, linear.system.D)]
+    return not any(np.abs(block).max(initial=0.0) > 0 for block in forced)
 
 
 def _linear(
@@ -278,19 +277,17 @@ def _linear(
         return None, symbols.function("law", inputs, outputs)
     step = symbols.function("law", inputs, {**outputs, "next": casadi.vertcat(following, memory)})
     u = casadi.vertcat(*inputs_of(linear.kinds, r_at_rest, y_at_rest, casadi.SX.zeros(N_LEGS)))
-    at_rest = _at_rest(linear, x, u) if n else casadi.SX(0, 1)
+    # the steady state under constant inputs, with the integrals of a state: none before the first sample
+    at_rest = (
+        symbols.sparse(linear.start) @ u + symbols.sparse(np.asarray(linear.integrating)) @ x if n else casadi.SX(0, 1)
+    )
     return symbols.function("start", inputs, {"states_at_rest": casadi.vertcat(at_rest, memory_at_rest)}), step
-
-
-def _at_rest(linear: Linear, x: casadi.SX, u: casadi.SX) -> casadi.SX:
-    """The steady state under constant inputs, with the integrals of a state: none before the first sample."""
-    return symbols.sparse(linear.start) @ u + symbols.sparse(np.asarray(linear.integrating)) @ x
 
 
 def _advance(system: Any, x: casadi.SX, u: casadi.SX, *, of_change: bool) -> tuple[casadi.SX, casadi.SX]:
     """The next state, or its change; and the output."""
     from_itself = np.asarray(system.A) - np.eye(system.nstates) if of_change else np.asarray(system.A)
-    A, B, C, D = (symbols.sparse(np.asarray(each)) for each in (from_itself, system.B, system.C, system.D))
+    A, B, C, D = (symbols.sparse(np.asarray(block)) for block in (from_itself, system.B, system.C, system.D))
     return A @ x + B @ u, C @ x + D @ u
 
 
@@ -303,13 +300,13 @@ def _references(
     parameters = symbols.parameters_of(inputs)
     if any("_leg_" in name for name in names if name.startswith("reference_")):
         values |= legs_of(parameters, at)._asdict()  # type: ignore[arg-type]
-    found = {f"reference_{name}": symbols.column(value) for name, value in values.items()}
+    references = {f"reference_{name}": symbols.column(value) for name, value in values.items()}
     if home is not None and not whole:
         pose = inputs["motion"][:6]
-        found |= {"reference_position": pose[:3], "reference_orientation": pose[3:]}
+        references |= {"reference_position": pose[:3], "reference_orientation": pose[3:]}
         if "reference_leg_length" in names:
-            found["reference_leg_length"] = change_of_lengths(parameters, home, pose)
-    return found
+            references["reference_leg_length"] = change_of_lengths(parameters, home, pose)
+    return references
 
 
 def _split(vector: casadi.SX, variables: Any) -> list[casadi.SX]:

@@ -130,6 +130,18 @@ def test_the_blocks_of_a_page_run_in_order(
     assert (tmp_path / LEFT_BY.get(page, ".")).exists()
 
 
+def test_a_controller_of_ones_own_goes_from_its_class_to_c_in_an_empty_folder(
+    interpreter: Interpreter, tmp_path: Path
+) -> None:
+    """Expected: the object file of the C that is traced from the page's class, with the gain that `tune` found."""
+    of_class = re.compile(r"from pid import|.*(pid\.toml|results/pid|pid\.o)")
+    run_page("docs/control.md", tmp_path, runner(interpreter), left_out=lambda command: not of_class.match(command))
+    assert (tmp_path / "pid.o").stat().st_size > 0
+    tuned = tomllib.loads((tmp_path / "results/pid/tuned.toml").read_text(encoding="utf-8"))["controller"]["parameters"]
+    assert 1e5 <= tuned["kp"] <= 3e5
+    assert f"={tuned['kp']:g}" in (tmp_path / "own/tuned_controller.c").read_text(encoding="utf-8")
+
+
 def test_what_pages_say_is_checked_once() -> None:
     assert {word: sum(word in b.text for b in of_language("python")) for word in CLAIMS} == dict.fromkeys(CLAIMS, 1)
 

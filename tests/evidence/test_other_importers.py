@@ -10,7 +10,7 @@ from gough_stewart.fmu_build.build import build, build_units
 from gough_stewart.fmu_build.plant.component import plant_component
 from gough_stewart.fmu_build.plant.layout import PLANT
 from gough_stewart.harness.experiment.preparation import prepare
-from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.model.formulations.cases import paper_case

@@ -107,14 +107,12 @@ void client_step(const double *measured, const double *reference, double *force,
 """
 
 
-def run_source(
-    source: Path, measured: FloatArray, reference: FloatArray | None, *, real: str = "double", single: bool = False
-) -> Outputs:
+def run_source(source: Path, measured: FloatArray, reference: FloatArray | None, *, real: str = "double") -> Outputs:
     """Outputs of each sample of measurements (n, …) and references (n, 18) that come in, compiled without a warning.
 
-    `real`: of the forces; `single`: the source is in single precision, relative to home.
+    `real`: of all numbers; as float, poses and lengths are relative to home.
     """
-    name = source.stem
+    name, single = source.stem, real == "float"
     places = {
         "p": name,
         "P": name.upper(),
@@ -129,7 +127,7 @@ def run_source(
     for key, value in places.items():
         text = text.replace(f"@{key}@", value)
     (source.parent / "client.c").write_text(text)
-    flags = [*WARNINGS, "-O0", "-shared", "-fPIC", *([] if single else [f"-D{name.upper()}_REAL={real}"])]
+    flags = [*WARNINGS, "-O0", "-shared", "-fPIC", f"-D{name.upper()}_REAL={real}"]
     compiled([*COMPILER, *flags, source.name, "client.c", "-o", "client.so", "-lm"], source.parent)
     code = ctypes.CDLL(str(source.parent / "client.so"))
     assert code.client_start() == 0

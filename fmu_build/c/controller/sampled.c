@@ -214,6 +214,10 @@ static outcome take_step(component *c)
         memcpy(c->s.slots + ACTUATOR_FORCE, start_force(c), 6 * sizeof(double));
         controller_start(&p, memory);
     }
+#if HAS_SWITCH
+    memory->enabled = c->s.slots[ENABLED];
+    memcpy(memory->manual_force, c->s.slots + MANUAL_FORCE, sizeof memory->manual_force);
+#endif
 #if HAS_REFERENCE_INPUTS
     controller_step(&p, &c->coefficients, memory, inputs, inputs + CONTROLLER_N_MEASURED, force, limited);
 #else

@@ -68,13 +68,16 @@ def test_a_run_with_the_exported_unit_is_refused_where_its_loop_is_unstable(tmp_
     assert "warning: run anyway: with the unit in the run" in done.output
 
 
-def test_precision_and_safe_forces_are_chosen_at_the_command(tmp_path: Path) -> None:
-    """Expected: the header states the deviation, the safe force, and what counts as frozen."""
-    options = ("--real", "float", "--safe-force", "zero", "--frozen", "50, 1 mm", "--set", "loop.duration=0.05")
+def test_switch_and_safe_forces_are_chosen_at_the_command(tmp_path: Path) -> None:
+    """Expected: the header states the safe force, what counts as frozen, the switch; and what float costs."""
+    options = ("--with", "manual", "--safe-force", "zero", "--frozen", "50, 1 mm", "--set", "loop.duration=0.05")
     done = invoke("export", "saturation", "--as", "c", *options, "--out", str(tmp_path))
     assert done.exit_code == 0, done.output
     header = " ".join((tmp_path / "saturation_controller.h").read_text().split())
-    assert "Forces deviate from those in double precision, in 0.05 s of the designed loop, by at most" in header
+    assert (
+        "REAL=float, forces deviate from those in double precision, in 0.05 s of the designed loop, by at most"
+        in header
+    )
     assert "While `input_status` is not good, all six forces are 0," in header
     assert "the same for 50 samples while its reference moves by more than 0.001 m" in header
-    assert "typedef float saturation_controller_real;" in header
+    assert "saturation_controller_real enabled;" in header

@@ -9,7 +9,7 @@ import pytest
 from fmpy import read_model_description
 
 import gough_stewart as gs
-from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.design import designed
 from gough_stewart.model.vectors import FloatArray
 from tests.support.exported import (
     KD,
@@ -107,7 +107,7 @@ def test_in_c_it_gives_the_forces_of_the_loop(space: str, integral: dict[str, An
     made = designed(uneven_experiment(controller=table(), reference=HOLD))
     names = [setting.variable.name for setting in made.settings]
     assert [name for name in names if name.startswith("notch")] == ["notch_frequency", "notch_damping", "notch_depth"]
-    exported = Exported(made, "float" if single else "double", single=single)
+    exported = Exported(made, "float" if single else "double")
     for other in ({}, {"frequency": 63.0}, {"frequency": 22.0, "damping": 0.7, "depth": 0.4}):
         run = run_in_python(uneven_experiment(controller=table(**other), reference=HOLD))
         for key, value in other.items():

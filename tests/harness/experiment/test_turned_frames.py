@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import gough_stewart as gs
-from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.report.chart import Chart
 from gough_stewart.harness.report.document import Report
 from gough_stewart.harness.view.view import view_report

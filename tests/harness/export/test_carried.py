@@ -17,10 +17,9 @@ from gough_stewart.harness.errors import ControllerError, ExportError, UnstableL
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.carried import PARTS, Part, carried
-from gough_stewart.harness.export.designed import designed
-from gough_stewart.harness.export.left_out import left_out
-from gough_stewart.harness.export.notes import Notes, notes_of
+from gough_stewart.harness.export.choices import Part
+from gough_stewart.harness.export.design import carried, designed
+from gough_stewart.harness.export.notes import Notes, left_out, notes_of
 from gough_stewart.harness.export.stability import Host, stability_of
 from gough_stewart.harness.loop.run import Run
 from gough_stewart.harness.plants import signals
@@ -49,6 +48,7 @@ LOOP: dict[str, Any] = {"duration": 0.15, "sample_time": 0.0015, "plant_step": 0
 ACTUATORS: dict[str, Any] = {"force_limit": 90.0, "rate_limit": 9e3, "lag": 0.0021}
 SENSORS: dict[str, Any] = {"quantisation": {"leg_length": 2e-4}, "sample_time": 0.001}
 TASK = {**{key: PID[key] for key in ("proportional_gain", "derivative_gain")}, "type": "pd", "space": "task"}
+PARTS: tuple[Part, ...] = ("drives", "sensors")
 Row = tuple[dict[str, Any], tuple[Part, ...]]
 ROWS: dict[str, Row] = {
     "readings faster than samples": ({}, PARTS),
@@ -373,9 +373,7 @@ def test_readings_later_than_the_samples_are_in_the_judged_delay() -> None:
     ("options", "message"),
     [
         ({"parts": "drive"}, "no part 'drive'; did you mean 'drives'?"),
-        ({"parts": 3}, "parts is 3; expected one or more of drives, sensors"),
-        ({"parts": ["sensors"], "real": "float", "forms": "c"},
-         "real = 'float' is of the controller alone, without sensors; expected real = 'double', or no parts"),
+        ({"parts": 3}, "parts is 3; expected one or more of drives, sensors, manual"),
     ],
 )  # fmt: skip
 def test_parts_that_cannot_be_are_refused(options: dict[str, Any], message: str, tmp_path: Path) -> None:
@@ -397,8 +395,8 @@ def test_the_command_takes_parts(tmp_path: Path) -> None:
     done = invoke("export", "heave_step", *options, "--out", str(tmp_path))
     assert done.exit_code == 0, done.output
     header = (tmp_path / "heave_step_controller.h").read_text()
-    for text in ("double force_lag; /* [s] time constant of the drives; 0: none */", "STEPS_A_SAMPLE = 1 ",
-                 "double leg_length_quantisation; /* [m]", "At each step:"):  # fmt: skip
+    for text in ("controller_real force_lag; /* [s] time constant of the drives; 0: none */", "STEPS_A_SAMPLE = 1 ",
+                 "controller_real leg_length_quantisation; /* [m]", "At each step:"):  # fmt: skip
         assert text in header
     wrong = invoke("export", "heave_step", "--with", "gears", "--out", str(tmp_path))
     assert wrong.exit_code == 2

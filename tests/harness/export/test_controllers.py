@@ -17,8 +17,8 @@ from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.control.pid import Gains, pid, sampled
 from gough_stewart.harness.experiment.file import experiment_from, experiment_names, load_experiment
-from gough_stewart.harness.export.designed import designed
-from gough_stewart.harness.export.path_source import path_of
+from gough_stewart.harness.export.design import designed
+from gough_stewart.harness.export.tables import path_of
 from gough_stewart.model.vectors import FloatArray
 from tests.support.exported import (
     KD,
@@ -315,14 +315,3 @@ def test_the_references_of_a_file_are_those_of_its_splines(tmp_path: Path) -> No
     for _ in range(400):
         expected, _ = at_rest.step(lengths + 0.01)
     assert largest_difference(force[None], expected[None]) < 1e-9
-
-
-def test_a_casadi_function_runs_in_the_harness_as_it_is_exported() -> None:
-    """Expected: the exported C, at every sample of a run with noise; in two runs, each with a memory of its own."""
-    experiment = uneven_experiment(reference=SINE, controller={**PD, "feedforward": "gravity"})
-    law = _traced()
-    made = designed(experiment, law)
-    runs = [run_in_python(experiment, law) for _ in range(2)]
-    assert np.array_equal(runs[0].command, runs[1].command)
-    forces = Exported(made).forces(measured_by(runs[0], made))
-    assert largest_difference(forces, commanded(runs[0], made)) < TOLERANCE["double"]

@@ -8,7 +8,7 @@ import pytest
 import gough_stewart as gs
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.export.forms import chosen_forms, name_of
+from gough_stewart.harness.export.choices import chosen_forms, name_of
 
 EXPERIMENT = 'title = "a loop"\n[loop]\nduration = 1\n[controller]\ntype = "open_loop"\n'
 
@@ -17,9 +17,9 @@ def test_a_casadi_function_leaves_by_itself(tmp_path: Path) -> None:
     """Expected: files by its name, at the sample time of the settings."""
     length = casadi.SX.sym("leg_length", 6)
     law = casadi.Function("Soft", [length], [-1e3 * length], ["leg_length"], ["actuator_force"])
-    files = gs.export(law, {"loop.sample_time": 0.0025}, forms="c", out=tmp_path)
+    files = gs.export(law, {"loop.sample_time": 0.0025}, forms="c", out=tmp_path, anyway=True)
     assert [file.name for file in files] == ["soft_controller.c", "soft_controller.h", "example_main.c"]
-    assert "0.0025, /* sample_time */" in files[0].read_text()
+    assert "R(0.0025), /* sample_time */" in files[0].read_text()
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.errors import ExportError
-from gough_stewart.harness.export.designed import Designed, designed
-from gough_stewart.harness.export.faults import faults_of
-from gough_stewart.harness.export.ranges import ranges_of
+from gough_stewart.harness.export.choices import faults_of
+from gough_stewart.harness.export.design import Designed, designed, ranges_of
 from gough_stewart.harness.motion.limits.reach import LegMotion, legs_of
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry

@@ -12,17 +12,14 @@ import pytest
 from numpy.typing import ArrayLike
 
 from gough_stewart.fmu_build.build import build_units
-from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.export.designed import Designed, designed
+from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.loop.run import Run
 from gough_stewart.harness.plants import signals
 from gough_stewart.harness.plants.unit import FmuFile
 from gough_stewart.model.kinematics import leg_geometry
 from tests.support.controllers import (
-    FORCE_LIMIT,
-    INTEGRAL,
     PROPORTIONAL,
     SAMPLE_TIME,
     forces_of,
@@ -81,12 +78,6 @@ def reference_lengths(exported: Exported, sample: int) -> np.ndarray:
 
 
 SAMPLES = 90  # later ones look ahead beyond the end of the run in Python
-
-
-def test_the_run_meets_its_limits(exported: Exported) -> None:
-    """Otherwise anti-windup and flags are not tested."""
-    limited = exported.run.force_limited[:SAMPLES]
-    assert 10 <= limited.any(axis=1).sum() <= SAMPLES - 10
 
 
 @pytest.mark.parametrize("parts", [1, 4])
@@ -174,43 +165,6 @@ def test_steps_that_do_not_fit_samples_give_the_forces_of_steps_that_do(unit: Pl
         unit.set("leg_length", value)
         unit.do_step(float(point), float(step))
         np.testing.assert_array_equal(unit.get("actuator_force"), out[int((point + step) / SAMPLE_TIME)])
-
-
-@pytest.mark.parametrize("start", [-3.0, 12.3, 86_400.1])
-def test_another_start_time_and_an_importer_that_adds_up_steps(unit: Plant, exported: Exported, start: float) -> None:
-    """Expected: the forces from time 0. The importer's clock is the sum of 0.001 over and over."""
-    unit.initialise(time=start)
-    time, forces = start, []
-    for k in range(60):
-        unit.set("leg_length", lengths_at(exported.run, k))
-        for _part in range(4):
-            unit.do_step(time, 0.001)
-            time += 0.001
-        forces.append(unit.get("actuator_force"))
-    assert_forces(forces, forces_of(exported.run)[:60])
-
-
-def test_a_first_sample_of_zeros_gives_the_start_forces_and_the_next_begins_at_rest(
-    unit: Plant, exported: Exported
-) -> None:
-    """Expected: start forces and no flag; then F = (kp + ki T/2) e + known, cut to the limit.
-
-    The derivative is at rest in its first error e, the integral has half a step of it by Tustin's rule; e is of the
-    reference at time T, and what is known beforehand is that of 1.5 T later.
-    """
-    unit.initialise()
-    unit.do_step(0.0, SAMPLE_TIME)
-    np.testing.assert_array_equal(unit.get("actuator_force"), exported.designed.start_force)
-    np.testing.assert_array_equal(unit.get("force_limited"), np.zeros(6))
-    error = np.array([0.011, -0.017, 0.2, -0.008, -0.3, 0.004])  # two of the legs beyond their limit
-    unit.set("leg_length", reference_lengths(exported, 1) - error)
-    unit.do_step(SAMPLE_TIME, SAMPLE_TIME)
-    reference = exported.designed.reference
-    assert reference is not None
-    known = feedforward("computed_torque", UNEVEN, reference(np.array([2.5 * SAMPLE_TIME])))[0]
-    command = (np.array(PROPORTIONAL) + np.array(INTEGRAL) * SAMPLE_TIME / 2) * error + known
-    assert_forces([unit.get("actuator_force")], np.clip(command, -FORCE_LIMIT, FORCE_LIMIT))
-    np.testing.assert_array_equal(unit.get("force_limited"), [0, 0, 1, 0, 1, 0])
 
 
 def test_a_state_in_the_middle_has_the_same_future_in_another_instance(unit: Plant, exported: Exported) -> None:
@@ -326,19 +280,6 @@ def test_model_exchange_and_derivatives_are_not_offered(unit: Plant) -> None:
     assert unit.file.description.coSimulation.maxOutputDerivativeOrder == 0
     with pytest.raises(Exception, match="Model Exchange is not offered"):
         Plant(unit.file, co_simulation=False)
-
-
-def test_a_limit_of_zero_is_none(unit: Plant, exported: Exported) -> None:
-    """Expected: commands of the loop before the limit, as long as no integral has heard of it."""
-    unit.set("force_limit", 0.0)
-    unit.set("force_rate_limit", 0.0)
-    unit.initialise()
-    for k in range(int(exported.run.force_limited.any(axis=1).argmax()) + 1):
-        unit.set("leg_length", lengths_at(exported.run, k))
-        unit.do_step(k * SAMPLE_TIME, SAMPLE_TIME)
-    assert_forces([unit.get("actuator_force")], exported.run.command[k])
-    assert unit.get("force_limit") == 0.0
-    np.testing.assert_array_equal(unit.get("force_limited"), np.zeros(6))
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])

@@ -19,7 +19,7 @@ from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.component import UnitComponent
 from gough_stewart.fmu_build.sources import sources, standard_headers
 from gough_stewart.harness.control.laws import LinearController
-from gough_stewart.harness.export.designed import Designed, designed
+from gough_stewart.harness.export.design import Designed, designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.plants.unit import FmuFile
 from tests.support.c_hosts import FUZZ, INSTANCES, NEVER_OK, OF_STATES, ZIG, compile_host, fuzz, run_instances

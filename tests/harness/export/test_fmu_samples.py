@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gough_stewart.fmu_build.build import build_units
 from gough_stewart.fmu_build.component import Layout
-from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.fmu import component_of
 from gough_stewart.harness.plants.unit import FmuFile
 from tests.support.controllers import FORCE_LIMIT, SAMPLE_TIME, uneven_experiment

@@ -11,7 +11,7 @@ import gough_stewart as gs
 from gough_stewart.harness.control.drive import ActuatorChoice
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.schema import ChangeChoice, Experiment
-from gough_stewart.harness.export.left_out import _HAS, left_out
+from gough_stewart.harness.export.notes import _HAS, left_out
 from gough_stewart.harness.export.stability import Host
 from gough_stewart.harness.section import Section
 

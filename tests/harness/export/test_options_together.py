@@ -63,7 +63,7 @@ HOME = np.concatenate([UNEVEN.home_position, UNEVEN.home_orientation])
 START = HOME + 0.3 * ALONG[::-1]
 CONSTANT = np.array([3.0, -7.0, 11.0, -2.0, 5.0, -9.0])
 MACHINE: dict[str, Any] = {"platform_mass": 13.9, "platform_com": [0.02, -0.07, 0.11], "leg_viscous_friction": 9.5}
-FORMS = ("c", "c of floats", "c in single precision", "fmu", "ssp")
+FORMS = ("c", "c of floats", "fmu", "ssp")
 OPTIONS: dict[str, list[Any]] = {
     "form": list(FORMS),
     "type": ["pid", "pd", "system", "function", "open_loop"],
@@ -227,7 +227,6 @@ def _written(row: dict[str, Any], folder: Path) -> tuple[list[Path], list[str]]:
         controller=instead,
         safe_force=row["safe_force"],
         frozen=row["frozen"],
-        real="float" if row["form"] == "c in single precision" else "double",
         anyway=True,
         warn=said.append,
     )
@@ -288,9 +287,7 @@ def _expected(row: dict[str, Any], seen: list[dict[str, FloatArray]], reference:
 
 def _tolerance(row: dict[str, Any], largest: float) -> float:
     """What rounding makes of forces; of lengths relative to home, 0.2 µm times the gain at high frequencies."""
-    if row["form"] == "c of floats":
-        return 2e-6 * largest
-    if row["form"] != "c in single precision":
+    if row["form"] != "c of floats":
         return 1e-6
     options = _options(row)
     fastest = options["derivative_filter"] or float((np.array(options["kd"]) / options["kp"]).min() / 20)
@@ -333,7 +330,7 @@ def _of(*forms: str, often: int | None = None) -> pytest.MarkDecorator:
     return pytest.mark.parametrize("row", marked)
 
 
-@_of("c", "c of floats", "c in single precision")
+@_of("c", "c of floats")
 def test_a_client_in_c_gets_what_the_documentation_says(row: dict[str, Any], tmp_path: Path) -> None:
     """Expected: the controller written from the docs; compiled by another compiler than the harness uses."""
     motion = motion_of(_options(row), HOME)(TIMES)
@@ -342,7 +339,7 @@ def test_a_client_in_c_gets_what_the_documentation_says(row: dict[str, Any], tmp
     assert [file.name for file in files] == ["options_controller.c", "options_controller.h", "example_main.c"]
     measured = np.array([np.concatenate([np.zeros(0), *each.values()]) for each in seen])
     real = "float" if row["form"] == "c of floats" else "double"
-    found = run_source(files[0], measured, reference, real=real, single=row["form"] == "c in single precision")
+    found = run_source(files[0], measured, reference, real=real)
     _assert_samples(row, found, _expected(row, seen, reference))
     _assert_warnings(row, said)
     _assert_example(row, files[2].read_text(), motion)
@@ -408,21 +405,19 @@ def _assert_warnings(row: dict[str, Any], said: list[str]) -> None:
 
 
 def _assert_example(row: dict[str, Any], program: str, motion: Pose) -> None:
-    """Expected: the example's inputs are those of a platform at rest in the first reference, or its way from home."""
+    """Expected: the inputs of a platform at rest in the first reference, and those at home."""
     first = Pose(motion.q[:1], 0 * motion.rate[:1], 0 * motion.acceleration[:1])
     home = Pose(HOME[None], 0 * first.rate, 0 * first.rate)
-    is_relative = row["form"] == "c in single precision"
     measured, at_home = (_measured(row, each.q[0], legs_along(UNEVEN, each)[0][0]) for each in (first, home))
     # C has no empty arrays
-    nothing = np.zeros(0 if measured else 1)
-    expected = {"measured": np.concatenate([nothing, *(measured[k] - is_relative * at_home[k] for k in measured)])}
+    expected = {"MEASURED": [np.concatenate([*of.values(), np.zeros(1)]) for of in (measured, at_home)]}
     if row["reference_from"] == "inputs":
         rates = reference_rows(motion)[0, 6:]
-        expected["reference"] = np.concatenate([first.q[0] - is_relative * HOME, rates])
+        expected["REFERENCE"] = [np.append(first.q[0], rates), np.append(HOME, 0 * rates)]
     for name, values in expected.items():
-        (text,) = re.findall(rf" {name}\[\] = \{{([^}}]*)\}};", program)
-        given = [float(each.strip().rstrip("f")) for each in text.split(",")]
-        np.testing.assert_allclose(given, values, rtol=1e-6, atol=1e-7 if is_relative else 1e-12, err_msg=name)
+        (text,) = re.findall(rf"#define {name} \{{(.*)\}}", program)
+        pairs = np.array([[float(x) for x in pair.split(", ")] for pair in re.findall(r"FROM\(([^)]*)\)", text)])
+        np.testing.assert_allclose(pairs.T, values, rtol=1e-9, atol=1e-12, err_msg=name)
 
 
 def _assert_values(row: dict[str, Any], begun: Any) -> None:

@@ -26,15 +26,16 @@ from gough_stewart.harness.ensemble.chunk import margins_of
 from gough_stewart.harness.errors import UnstableLoopError
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
-from gough_stewart.harness.export.designed import designed
+from gough_stewart.harness.export.design import designed
 from gough_stewart.harness.export.notes import notes_of
 from gough_stewart.harness.export.stability import (
     Case,
+    Delays,
     Host,
     LoopStability,
     StabilityReport,
+    _Judge,
     _Member,
-    _MemberCases,
     stability_of,
 )
 from gough_stewart.harness.plants import signals
@@ -425,13 +426,19 @@ def test_the_clock_of_the_sensors_and_jitter_of_the_machine_are_judged_as_their_
     assert carried.nominal.late == pytest.approx(0.001)
 
 
-def test_a_loop_without_a_linear_form_is_said_not_to_be_judged(tmp_path: Path) -> None:
-    length = casadi.SX.sym("leg_length", 6)
-    law = casadi.Function("soft", [length], [-1e3 * length], ["leg_length"], ["actuator_force"])
+def test_a_loop_without_one_linear_form_is_said_not_to_be_judged(tmp_path: Path) -> None:
+    """A law of whole micrometres has the slope 0 or none; the same without rounding is judged as it is."""
+    length, velocity = (casadi.SX.sym(name, 6) for name in ("leg_length", "leg_velocity"))
     said: list[str] = []
-    gs.export(law, forms="c", out=tmp_path, warn=said.append)
-    assert said == ["the stability of the loop of the C is not judged: a function has no linear form"]
-    assert "Stability: not judged, since a function has no linear form." in (tmp_path / "soft_controller.h").read_text()
+    for counted in (casadi.floor(length * 1e6) * 1e-6, length):
+        force = -1e3 * counted - 200 * velocity
+        law = casadi.Function("soft", [length, velocity], [force], ["leg_length", "leg_velocity"], ["actuator_force"])
+        gs.export(law, forms="c", out=tmp_path / str(len(said)), warn=said.append)
+    reason = "the controller's gains depend on the size or the sign of a small change"
+    assert said == [f"the stability of the loop of the C is not judged: {reason}"]
+    assert f"Stability: not judged, since {reason}." in " ".join(
+        (tmp_path / "0" / "soft_controller.h").read_text().split()
+    )
 
 
 def test_forces_without_feedback_are_not_judged_and_nobody_is_warned() -> None:
@@ -447,21 +454,24 @@ def test_forces_without_feedback_are_not_judged_and_nobody_is_warned() -> None:
 
 def test_the_member_with_the_smallest_margins_is_found_by_any_sign_of_it() -> None:
     """Expected: of made-up members, each worst by one sign, the one whose margins are made the smallest."""
-
-    class Loops:
-        def margins(self, machine: Any, *_at: Any) -> Any:
-            return SimpleNamespace(disk=SimpleNamespace(alpha=machine.alpha))
-
+    loops: Any = SimpleNamespace(
+        margins=lambda machine, _at: SimpleNamespace(disk=SimpleNamespace(alpha=machine.alpha)),
+        case=lambda what, *_of: Case(what, 1, 0.0, 0.5 + 0j, 1.0),
+        machine=SimpleNamespace(alpha=0.7),
+        poses=[(0.0, None)],
+        loop=None,
+    )
+    around: Any = SimpleNamespace(delays=lambda *_of: Delays(1, 0.0, 0.0), has_drives=False)
     signs = {"|z|": (0.99, 0.5, 1.0), "damping": (0.9, 0.1, 1.0), "peak": (0.9, 0.5, 9.0), "none": (0.8, 0.6, 0.5)}
     for worst in ("|z|", "damping", "peak"):
         for order in itertools.permutations(signs):
-            members = _MemberCases()
+            judge = _Judge(loops, experiment_of("heave_step"), around)
             for name in order:
                 size, damping_ratio, peak = signs[name]
                 machine: Any = SimpleNamespace(alpha=0.1 if name == worst else 0.5)
-                members.add(_Member(Case(name, 1, 0.0, complex(size), 1.0), machine, damping_ratio, peak))
-            found = members.margins(Loops())  # type: ignore[arg-type]
-            assert found is not None
-            assert found[0].what == worst
-            assert members.largest is not None
-            assert members.largest.what == "|z|"
+                judge.add(_Member(Case(name, 1, 0.0, complex(size), 1.0), machine, damping_ratio, peak))
+            result = judge.result(margins=True)
+            assert result.margins_of_worst is not None
+            assert result.margins_of_worst[0].what == worst
+            assert result.worst is not None
+            assert result.worst.what == "|z|"

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from gough_stewart.harness.experiment.file import experiment_names, load_experiment
-from gough_stewart.harness.export.c_source import controller_sources
-from gough_stewart.harness.export.designed import designed
-from gough_stewart.harness.export.faults import faults_of
-from gough_stewart.harness.export.forms import ReferenceFrom
+from gough_stewart.harness.export.choices import ReferenceFrom, faults_of
+from gough_stewart.harness.export.design import designed
+from gough_stewart.harness.export.write import controller_sources
 from tests.support.c_hosts import ZIG
 from tests.support.exported import compiled, write_sources
 
@@ -99,3 +98,19 @@ def test_a_program_in_c_plus_plus_calls_a_controller_in_c(tmp_path: Path) -> Non
     ]
     assert printed[0] == printed[1]
     assert printed[0].count(" N") == 30
+
+
+def test_two_controllers_of_different_precision_link_into_one_program(tmp_path: Path) -> None:
+    """Expected: no name that both have; each prepares with its own parameters, one in float and one in double."""
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not installed")
+    names = [written(name, tmp_path) for name in ("saturation", "circle from inputs")]
+    lines = [f'#include "{name}.h"' for name in names] + ["int main(void)", "{", "    int wrong = 0;"]
+    for name in names:
+        lines.append(f"    {name}_coefficients {name} = {{0}};")
+        lines.append(f"    wrong += {name}_prepare(&{name.upper()}_DEFAULTS, &{name});")
+    sizes = " ".join(f"!(sizeof({name}_real) == {size}) ||" for name, size in zip(names, (4, 8), strict=True))
+    (tmp_path / "main.c").write_text("\n".join([*lines, f"    return {sizes} wrong != 0;", "}", ""]))
+    single = f"-D{names[0].upper()}_REAL=float"
+    compiled(["gcc", "-std=c99", single, "-Wall", "-Werror", "main.c", *(f"{n}.c" for n in names), "-lm"], tmp_path)
+    assert subprocess.run([str(tmp_path / "a.out")], check=False).returncode == 0

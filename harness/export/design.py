@@ -1,11 +1,11 @@
-"""A designed controller with all its parts, ready for export."""
+"""What is exported, as data: a designed controller with its parameters, ranges, and what it carries of a machine."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
-import casadi
 import numpy as np
 
 from gough_stewart.harness.control.controllers import PD, PID, ControllerChoice, Feedforward
@@ -16,22 +16,102 @@ from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ExportError
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.carried import NOTHING, Carried, Part, carried
-from gough_stewart.harness.export.faults import Faults, check_faults
-from gough_stewart.harness.export.forms import ReferenceFrom
-from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw
-from gough_stewart.harness.export.ranges import Ranges, ranges_of
+from gough_stewart.harness.export.choices import NOTHING, Carried, Faults, Part, ReferenceFrom
+from gough_stewart.harness.export.laws import FunctionLaw, Law, MatrixLaw, PidLaw, own_law
 from gough_stewart.harness.export.settings import Setting, setting, setting_of
+from gough_stewart.harness.motion.limits.reach import LegMotion
 from gough_stewart.harness.motion.motion import Reference
 from gough_stewart.harness.plants import signals
 from gough_stewart.model import interface
+from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import Variable
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.pose_limits import SHORTEST_LEG
 from gough_stewart.model.vectors import FloatArray
 
 # Samples, as in an experiment; and a force [N] beyond that of any machine.
 MOST_DELAY, LARGEST_FORCE = 1000, 1e9
 REFERENCE = ("position", "orientation", "velocity", "angular_velocity", "acceleration", "angular_acceleration")
+# Of the width of the range of lengths, at both ends: sensors have offsets, and legs overshoot.
+MARGIN = 0.1
+
+
+class Range(NamedTuple):
+    """Lowest and highest values of a variable's elements; each (size,)."""
+
+    low: FloatArray
+    high: FloatArray
+
+
+class Ranges(NamedTuple):
+    """Where measurements and references can be."""
+
+    leg_length: tuple[float, float]  # [m], with the margin
+    is_of_stroke: bool  # otherwise of the poses at which the legs exist
+    position: Range  # [m]
+    sample_time: float  # [s]
+
+    def of(self, variable: Variable) -> Range:
+        """The range of a signal, by the name of the interface.
+
+        Rates are those that cross the whole range within one sample, accelerations those that reverse them.
+        """
+        name, T = variable.name, self.sample_time
+        if name == "leg_length":
+            low, high = self.leg_length
+            return Range(np.full(6, low), np.full(6, high))
+        if name == "position":
+            return self.position
+        if name == "orientation":
+            # a platform cannot make a full turn, but roll and yaw may be counted on beyond half a turn
+            largest = np.array([2 * np.pi, np.pi / 2, 2 * np.pi])
+            return Range(-largest, largest)
+        width = {
+            "leg_velocity": np.full(6, self.leg_length[1] - self.leg_length[0]),
+            "velocity": self.position.high - self.position.low,
+            "acceleration": 2 * (self.position.high - self.position.low) / T,
+            "angular_velocity": np.full(3, 2 * np.pi),
+            "angular_acceleration": np.full(3, 4 * np.pi / T),
+        }[name]
+        return Range(-width / T, width / T)
+
+    def joined(self, variables: Iterable[Variable]) -> Range:
+        """The ranges of several signals, one after the other."""
+        ranges = [self.of(variable) for variable in variables]
+        empty = [np.zeros(0)]
+        return (
+            Range(*(np.concatenate([*parts, *empty]) for parts in zip(*ranges, strict=True)))
+            if ranges
+            else Range(*2 * empty)
+        )
+
+
+def ranges_of(platform: Platform, sample_time: float, legs: LegMotion | None) -> Ranges:
+    """The ranges for a platform that follows a motion of its legs.
+
+    Leg lengths are those of the stroke and of the motion, with a margin. Where the platform states no end of its
+    stroke, legs are as long as they can be while the platform frame is within a mean leg length of home, in any
+    orientation; at that distance a closed loop counts as lost. They are never as short as a collapsed leg, so a
+    length of 0 is out of range. Positions are those whose joints such legs reach, B_i ± (L + |p_i|) for every leg.
+    """
+    home = leg_geometry(platform, platform.home_position, platform.home_orientation).length
+    arms = np.linalg.norm(platform.platform_points, axis=1)
+    collapsed = SHORTEST_LEG * platform.characteristic_length
+    low, high = platform.leg_length_min, platform.leg_length_max
+    away = float(home.mean())
+    shortest = collapsed if low is None else low
+    longest = float((home + 2 * arms).max()) + away if high is None else high
+    if legs is not None:
+        shortest, longest = min(shortest, float(legs.leg_length.min())), max(longest, float(legs.leg_length.max()))
+    margin = MARGIN * (longest - shortest)
+    ends = max(shortest - margin, collapsed), longest + margin
+    reach = (ends[1] + arms)[:, None]
+    position = Range((platform.base_points - reach).max(axis=0), (platform.base_points + reach).min(axis=0))
+    return Ranges(ends, low is not None and high is not None, position, sample_time)
+
+
+# Steps in a sample of the controller: a unit keeps the forces of all steps that its output waits.
+MOST_STEPS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +175,11 @@ class Designed:
     def settings(self) -> tuple[Setting, ...]:
         """Its parameters, in C the fields of its struct, in this order."""
         sampled: tuple[str, ...] = ()
-        if isinstance(self.law, MatrixLaw) and self.law.controller.sample_time is not None:
-            # the matrices are valid for one sample time
-            sampled = ("fabs(parameters->sample_time / DEFAULT_SAMPLE_TIME - 1) <= 1e-9",)
+        if self.law is not None and self.law.fixes_sample_time:
+            sampled = ("REAL(fabs)(parameters->sample_time / DEFAULT_SAMPLE_TIME - 1) <= 1e-9",)
         force_limit, rate_limit = ForceLimits.parameters()
         _, lag = Drive.parameters()
-        found = [
+        settings = [
             setting(
                 *("sample_time", "s", "> 0", "time from sample to sample", self.sample_time),
                 variability="fixed",
@@ -111,7 +190,7 @@ class Designed:
                 *("delay", "", ">= 0", "samples until a force acts; the feedforward is for half a sample later"),
                 self.delay,
                 variability="fixed",
-                conditions=("floor(parameters->delay) >= parameters->delay",),
+                conditions=("REAL(floor)(parameters->delay) >= parameters->delay",),
                 largest=MOST_DELAY,
                 expected=f"a whole number of samples, at most {MOST_DELAY}",
             ),
@@ -125,22 +204,22 @@ class Designed:
             ),
         ]
         if self.carried.drives:
-            found.append(setting_of(lag, self.carried.lag, "; 0: none", is_real=False))
+            settings.append(setting_of(lag, self.carried.lag, "; 0: none"))
         if self.carried.sensors:
             values = self.carried.quantisation
-            found += [
-                setting_of(each, values.get(v.name, 0.0), "; 0: none", is_real=False)
-                for v, each in zip(self.measured, Sensor.parameters(self.measured), strict=True)
+            settings += [
+                setting_of(parameter, values.get(v.name, 0.0), "; 0: none")
+                for v, parameter in zip(self.measured, Sensor.parameters(self.measured), strict=True)
             ]
         if self.law is not None:
-            found += self.law.settings
+            settings += self.law.settings
         if self.law is None and self.constant_force.any():
-            found.append(setting("constant_force", "N", None, "added to the feedforward", self.constant_force))
+            settings.append(setting("constant_force", "N", None, "added to the feedforward", self.constant_force))
         if self.needs_platform:
             for v in interface.PLATFORM_PARAMETERS:
                 value = np.asarray(getattr(self.platform, v.name), dtype=float).reshape(v.shape)
-                found.append(setting(v.name, v.unit, v.lower_bound, v.description, value, variability=v.variability))
-        return tuple(found)
+                settings.append(setting(v.name, v.unit, v.lower_bound, v.description, value, variability=v.variability))
+        return tuple(settings)
 
     @property
     def needs_platform(self) -> bool:
@@ -166,8 +245,8 @@ def designed(
     Parameters
     ----------
     controller
-        Replaces the experiment's: a discrete python-control system, a `LinearController`, or a CasADi function with the
-        inputs and outputs of `FunctionLaw`. The feedforward is unchanged.
+        Replaces the experiment's: a discrete python-control system, a `LinearController`, a class or function whose
+        call is arithmetic, or a CasADi function as in `FunctionLaw`. The feedforward is unchanged.
     reference
         "inside": the experiment's motion is part of the controller; "inputs": the reference is an input at each sample.
     faults
@@ -180,19 +259,19 @@ def designed(
     Raises
     ------
     ExportError
-        A Python function, a controller that is unstable by itself, or nothing to compute.
+        A controller that is unstable by itself or cannot be traced, or nothing to compute.
     ExperimentError, ReachError
         The experiment cannot run as written.
     """
     if reference not in ("inside", "inputs"):
         raise ExportError(f"reference is {reference!r}; expected 'inside' or 'inputs'")
     prepared = prepared or prepare(experiment, controller)
-    chosen = experiment.controller
-    law = _law_of(chosen if controller is None else None, prepared)
-    constant = np.zeros(6) if prepared.controller is not None else chosen.planned(np.zeros((1, 6)))[0]
-    if law is None and chosen.feedforward == "none":
+    choice = experiment.controller
+    law = _law_of(choice if controller is None else None, prepared)
+    constant = np.zeros(6) if prepared.controller is not None else choice.planned(np.zeros((1, 6)))[0]
+    if law is None and choice.feedforward == "none":
         raise ExportError(
-            f"controller is type = '{chosen.type}' without feedforward: its forces are constant; expected a controller "
+            f"controller is type = '{choice.type}' without feedforward: its forces are constant; expected a controller "
             "with feedback, or feedforward = 'gravity' or 'computed_torque' with a [reference]"
         )
     loop = prepared.loop
@@ -200,13 +279,13 @@ def designed(
     if reference_rows is None:
         raise ExportError("a controller without a reference; expected the reference signals for it to follow")
     used = () if law is None else tuple(name for name in signals.NAMES if name in law.signals)
-    made = Designed(
+    design = Designed(
         title=experiment.title,
         platform=prepared.platform,
         sample_time=loop.timing.sample_time,
         delay=actuators.delay,
         law=law,
-        feedforward=chosen.feedforward,
+        feedforward=choice.feedforward,
         constant_force=np.asarray(constant),
         reference=prepared.reference if reference == "inside" else None,
         reference_inputs=reference == "inputs",
@@ -219,8 +298,8 @@ def designed(
         faults=faults,
         carried=carried(parts, prepared),
     )
-    check_faults(faults, made.measured)
-    return made
+    faults.check(design.measured)
+    return design
 
 
 def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:
@@ -234,12 +313,35 @@ def _law_of(chosen: ControllerChoice | None, prepared: Prepared) -> Law | None:
     if isinstance(controller, LinearController):
         controller.check_sample_time(prepared.loop.timing.sample_time)
         return MatrixLaw(controller)
-    if isinstance(controller, casadi.Function):
-        return FunctionLaw(controller)
     if isinstance(controller, UnitController):
         raise ExportError(f"controller is {controller.path}, which is already an FMU; expected its source controller")
-    raise ExportError(
-        "controller is a Python function, which cannot be exported; trace it with CasADi: call it with symbols, make "
-        "a casadi.Function with the inputs it takes (leg_length, reference_leg_length, …) and the output "
-        "actuator_force, and export that"
+    rows = prepared.loop.reference
+    assert rows is not None
+    return own_law(prepared.controller, prepared.known, rows[:: prepared.loop.timing.steps_a_sample])
+
+
+def carried(parts: tuple[Part, ...], prepared: Prepared) -> Carried:
+    """The parts of a prepared experiment.
+
+    Raises
+    ------
+    ExportError
+        Too many steps in a sample.
+    """
+    loop = prepared.loop
+    has_sensors = "sensors" in parts
+    reading = loop.sensors.sample_time if has_sensors else None
+    has_steps = "drives" in parts or reading is not None
+    steps = loop.timing.steps_a_sample if has_steps else 1
+    if steps > MOST_STEPS:
+        raise ExportError(
+            f"{' and '.join(parts)} run at the plant_step of {loop.timing.plant_step:g} s, {steps} times in a sample "
+            f"of {loop.timing.sample_time:g} s; expected at most {MOST_STEPS} times: a longer plant_step"
+        )
+    return Carried(
+        parts,
+        float(loop.actuators.lag) if "drives" in parts else 0.0,
+        dict(loop.sensors.quantisation) if has_sensors else {},
+        steps,
+        None if reading is None else loop.timing.steps_in(reading, "the sensors' sample_time"),
     )

@@ -12,9 +12,9 @@ import pytest
 
 from gough_stewart.harness.control.controllers import feedforward
 from gough_stewart.harness.experiment.file import load_experiment
-from gough_stewart.harness.export.c_source import controller_sources
-from gough_stewart.harness.export.designed import Designed, designed
-from gough_stewart.harness.export.path_source import path_of
+from gough_stewart.harness.export.design import Designed, designed
+from gough_stewart.harness.export.tables import path_of
+from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.harness.motion.motion import coordinates_of
 from gough_stewart.harness.motion.paths.polynomials import Polynomials
 from tests.harness.export.test_toolchains import M4F
@@ -61,7 +61,7 @@ def test_forces_along_a_path_are_those_of_a_run(motion: str) -> None:
     exported = Exported(made)
     expected = feedforward("computed_torque", made.platform, at)
     found = np.abs(exported.forces(np.zeros((len(samples), 0))) - expected).max() / np.abs(expected).max()
-    stated = re.search(r"torque by at most\s+(\S+)\s+of the largest", exported.sources.headers["controller.h"])
+    stated = re.search(r"torque by at most\s+(\S+)\s+of\s+the\s+largest", exported.sources.headers["controller.h"])
     assert stated is not None
     assert found < 1e-6
     assert found / 3 < float(stated[1]) < 1e-6

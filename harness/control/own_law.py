@@ -1,0 +1,416 @@
+"""A user's controller as equations: traced with CasADi for machine code, and linearised at a working point.
+
+What it remembers is found by calling it: the numbers in its attributes, containers and enclosed variables that change.
+"""
+
+import linecache
+import sys
+import traceback
+import warnings
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import FrameType, FunctionType, MethodType, ModuleType
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.control.laws import Controller, LinearController, fresh_controller
+from gough_stewart.harness.control.laws_of_members import CalledLaw, KnownAhead
+from gough_stewart.harness.control.makers import Maker, Sample, name_of
+from gough_stewart.harness.control.state_space import StateSpace
+from gough_stewart.harness.control.traced_law import FORCE, MEMORY, MEMORY_NEXT, OF_REFERENCE, SIZES
+from gough_stewart.harness.errors import ControllerError
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.signals import N_LEGS
+from gough_stewart.model.vectors import FloatArray
+
+if TYPE_CHECKING:
+    import casadi
+
+# Of a trace: samples of the run that it is held against, in blocks of errors of these sizes [m, rad, m/s, rad/s], and
+# how far its forces may be from the class's, as a share of the largest so far.
+_BLOCK, _ERRORS, _AGREES = 25, (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 1e-2, 1e-3, 1e-4), 1e-12
+_SEED = 4
+# Of a linearisation: samples in which the memory comes to rest, changes of signals [SI] and of states as a share, and
+# of the gains, how much they may depend on the size and sign of the change; no multiples of usual steps of encoders.
+_SAMPLES_TO_REST, _CHANGES, _LINEAR = 2000, (1.37e-6, 2.93e-5), 1e-3
+_DRAWN, _AT_REST, _NEGLIGIBLE = 4, 1e-9, 1e-6
+_LIBRARIES = frozenset(("casadi", "numpy", __name__.partition(".")[0]))
+_BRANCHES = "write np.where(condition, a, b) in place of if, and, or; and functions of NumPy of whole signals"
+_NUMBERS = (
+    "float(), int() and elements of arrays of numbers hold no symbol: write arithmetic of whole signals, "
+    "np.concatenate, or a list of six forces"
+)
+_START = "give it its start value in __init__, such as np.zeros(6)"
+
+# Where a number is in a controller: names of attributes, keys and places, from the outside in.
+Place = tuple[Any, ...]
+Line = tuple[str, int]
+
+
+def numbers_in(value: Any, place: Place = (), visited: set[int] | None = None) -> Iterator[tuple[Place, Any]]:
+    """Numbers, arrays of numbers and symbols in an object, with their places."""
+    visited = set() if visited is None else visited
+    if isinstance(value, bool | int | float | np.number) or _is_symbol(value):
+        yield place, value
+    elif isinstance(value, np.ndarray):
+        if value.dtype.kind in "biuf":
+            yield place, value.copy()
+    elif id(value) not in visited:
+        visited.add(id(value))
+        for key, part in _parts(value):
+            yield from numbers_in(part, (*place, key), visited)
+
+
+def with_numbers(value: Any, numbers: Mapping[Place, Any], place: Place = ()) -> Any:
+    """The object with other numbers in these places; containers are made anew, other objects changed in place."""
+    if place in numbers:
+        return numbers[place]
+    if not any(changed[: len(place)] == place for changed in numbers):
+        return value
+    parts = {key: with_numbers(part, numbers, (*place, key)) for key, part in _parts(value)}
+    if isinstance(value, dict):
+        return parts
+    if isinstance(value, deque):
+        return deque(parts.values(), value.maxlen)
+    if isinstance(value, list | tuple):
+        return type(value)(*parts.values()) if hasattr(value, "_fields") else type(value)(parts.values())
+    if isinstance(value, FunctionType):
+        for name, cell in zip(value.__code__.co_freevars, value.__closure__ or (), strict=True):
+            cell.cell_contents = parts[name]
+    elif not isinstance(value, MethodType):
+        for name, part in parts.items():
+            object.__setattr__(value, name, part)
+    return value
+
+
+def _parts(value: Any) -> list[tuple[Any, Any]]:
+    """What an object of the user's holds, by name."""
+    if isinstance(value, dict):
+        return list(value.items())
+    if isinstance(value, list | tuple | deque):
+        return list(enumerate(value))
+    if isinstance(value, FunctionType):
+        return list(zip(value.__code__.co_freevars, (c.cell_contents for c in value.__closure__ or ()), strict=True))
+    if isinstance(value, MethodType):
+        return [("__self__", value.__self__)]
+    return [] if isinstance(value, type | ModuleType) else list(getattr(value, "__dict__", {}).items())
+
+
+def _is_symbol(value: Any) -> bool:
+    loaded = sys.modules.get("casadi")
+    return loaded is not None and isinstance(value, loaded.SX)
+
+
+def _memory(law: CalledLaw) -> dict[Place, Any]:
+    """What a controller, and the loop for it, remember of the samples so far."""
+    return dict(numbers_in({"law": law.function, "command": law.command}))
+
+
+def _remember(law: CalledLaw, numbers: Mapping[Place, Any]) -> None:
+    holder = with_numbers({"law": law.function, "command": law.command}, numbers)
+    law.function, law.command = holder["law"], holder["command"]
+
+
+def _changed(before: Mapping[Place, Any], after: Mapping[Place, Any]) -> set[Place]:
+    return {
+        place
+        for place in {**before, **after}
+        if not np.array_equal(before.get(place, np.nan), after.get(place, np.nan))
+    }
+
+
+class LinearForm(NamedTuple):
+    """A controller's small signals at a working point."""
+
+    controller: LinearController
+    is_numerical: bool = False  # by differences, of a controller that is no linear system
+    doubt: str = ""  # what these leave out, so that a requirement on margins cannot be told
+
+
+def linearised(  # noqa: PLR0915 - one road, in sections
+    controller: Controller, known: KnownAhead, reference: FloatArray
+) -> LinearForm:
+    """x⁺ = A x + B y, F = C x + D y of a controller at rest in the pose of a reference (30,), by central differences.
+
+    Its memory is what changes when it is called; first it comes to rest under constant inputs. Of two sizes of change
+    and of both signs the gains have to be the same; else they are in doubt, as with a dead zone or a quantisation.
+
+    Raises
+    ------
+    ControllerError
+        It fails, or does not answer to the measurements.
+    """
+    rows = (_SAMPLES_TO_REST + 2, N_LEGS)
+    feedforward, planned = (np.broadcast_to(forces[0], rows) for forces in (known.feedforward, known.planned))
+    law = CalledLaw(fresh_controller(controller), known._replace(feedforward=feedforward, planned=planned))
+    has_rest = np.isin(np.arange(len(reference)), signals.positions(["position", "orientation", "leg_length"]))
+    at_rest = np.where(has_rest, reference, 0.0)
+    y, T, start = at_rest[: signals.SIZE], known.sample_time, _memory(law)
+
+    def called(k: int, measured: FloatArray) -> FloatArray:
+        return law.force(k, k * T, at_rest, measured, np.zeros(N_LEGS))
+
+    # the memory: what changes under changing measurements; then its rest under constant ones
+    drawn, states, after, k = np.random.default_rng(_SEED), set[Place](), start, 0
+    for k in range(_SAMPLES_TO_REST):
+        before = after
+        called(k, y + (_CHANGES[0] * drawn.standard_normal(len(y)) if k < _DRAWN else 0.0))
+        after = _memory(law)
+        if k < _DRAWN:
+            states |= _changed(before, after)
+        elif all(_step(before.get(place), after.get(place)) < _AT_REST for place in states):
+            break
+    places = sorted(states & after.keys(), key=repr)
+    shapes = [np.shape(after[place]) for place in places]
+    ends = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
+
+    def flat(numbers: Mapping[Place, Any]) -> FloatArray:
+        return np.concatenate([np.zeros(0), *(np.ravel(np.asarray(numbers[p], dtype=float)) for p in places)])
+
+    def step(at: FloatArray) -> FloatArray:
+        """F and x⁺ from x and y, all at the same sample."""
+        parts = [part.reshape(shape)[()] for part, shape in zip(np.split(at[:n], ends), shapes, strict=False)]
+        _remember(law, dict(zip(places, parts, strict=True)))
+        return np.concatenate([called(k + 1, at[n:]), flat(_memory(law))])
+
+    rest = flat(after)
+    n, working_point = len(rest), np.concatenate([rest, y])
+    middle = step(working_point)
+    scales = np.concatenate([np.maximum(1.0, np.abs(rest)), np.ones(len(y))])
+    slopes = []
+    for share in _CHANGES:
+        changes = share * scales
+        up, down = (np.array([step(working_point + sign * row) for row in np.diag(changes)]) for sign in (1, -1))
+        slopes += [(up - down).T / (2 * changes), (up - middle).T / changes, (middle - down).T / changes]
+    _remember(law, start)  # of a function that all runs share
+    # an integrator's 1 is 1
+    gains = np.where(np.abs(slopes[0] - np.rint(slopes[0])) < _AT_REST, np.rint(slopes[0]), slopes[0])
+
+    # states that never reach the forces, such as a count of samples, are none of the loop's
+    reaches = (gains[:N_LEGS, :n] != 0).any(axis=0)
+    for _ in range(n):
+        reaches = reaches | (gains[N_LEGS:, :n][reaches] != 0).any(axis=0)
+    chosen = np.concatenate([np.ones(N_LEGS, dtype=bool), reaches])
+    if not (gains[chosen, n:] != 0).any():
+        raise ControllerError(
+            "the controller does not answer to small changes of the measurements at rest in the first pose of the "
+            "reference, so its loop has no margins; expected feedback there"
+        )
+    size = np.maximum(np.abs(gains), _NEGLIGIBLE * np.abs(gains).max(axis=1, keepdims=True, initial=1e-300))
+    doubt = ""
+    if max(float((np.abs(slope - gains) / size)[chosen].max()) for slope in slopes) > _LINEAR:
+        doubt = "the controller's gains depend on the size or the sign of a small change"
+    elif ((np.abs(middle[N_LEGS:] - rest) / scales[:n])[reaches] > _AT_REST).any():
+        doubt = f"the controller's memory does not come to rest in {_SAMPLES_TO_REST} samples of constant signals"
+    gains = gains[chosen]
+    used = tuple(name for name in signals.NAMES if (gains[:, n:][:, signals.positions([name])] != 0).any())
+    # inputs are references, which do not change, and measurements
+    inputs = gains[:, n:][:, signals.positions(used)]
+    inputs = np.concatenate([np.zeros_like(inputs), inputs], axis=1)
+    A, C = gains[N_LEGS:, :n][:, reaches], gains[:N_LEGS, :n][:, reaches]
+    system = StateSpace(A, inputs[N_LEGS:], C, inputs[:N_LEGS], T)
+    return LinearForm(LinearController(system, signals=used), is_numerical=True, doubt=doubt)
+
+
+def _step(before: Any, after: Any) -> float:
+    """The largest change, as a share; infinite if one of them is none."""
+    if before is None or after is None or np.shape(before) != np.shape(after):
+        return np.inf
+    size = np.abs(np.asarray(after, dtype=float) - np.asarray(before, dtype=float))
+    return float((size / np.maximum(1.0, np.abs(after))).max(initial=0.0))
+
+
+class _Seen(NamedTuple):
+    """What a controller did in a run."""
+
+    forces: FloatArray  # (m, 6) [N]
+    start: dict[Place, Any]  # its numbers before the first sample
+    later: dict[Place, Any]
+    states: list[Place]  # of those that changed
+
+
+def traced_function(controller: Controller, known: KnownAhead, reference: FloatArray) -> "casadi.Function":
+    """The CasADi function of a controller whose call is arithmetic; it has the same names as a `Sample`.
+
+    Its memory is the change since the start of what changes between samples. It is traced at the first and at a later
+    sample, and its forces are held against the controller's over a run in which these pass their limits.
+
+    Parameters
+    ----------
+    reference
+        References at the samples of a run (m, 30).
+
+    Raises
+    ------
+    ControllerError
+        It cannot be traced: names the line, and what to write instead.
+    """
+    shape = (_BLOCK * len(_ERRORS), N_LEGS)
+    feedforward, planned = (np.resize(forces, shape) for forces in (known.feedforward, known.planned))
+    known = known._replace(feedforward=feedforward, planned=planned)
+    first, later = fresh_controller(controller), fresh_controller(controller)
+    name = name_of(later).removeprefix("object of ")
+    law = CalledLaw(later, known)
+    seen = _driven(law, known, reference)
+    if seen.states and not isinstance(controller, Maker):
+        _remember(law, seen.start)
+        raise ControllerError(f"{name} keeps memory; expected a class or a factory, of which each run gets its own")
+    (_, first_way), (function, way) = (_trace(made, name, seen, known) for made in (first, later))
+    if first_way != way:
+        ends = min(len(first_way), len(way))
+        shared = next((k for k in range(ends) if first_way[k] != way[k]), ends)
+        why = "goes another way at the first sample than at later ones"
+        raise _refusal(name, first_way[max(0, shared - 1)], why, f"{_START}, and {_BRANCHES}")
+    for place in seen.states:
+        before, after = (np.shape(numbers.get(place, np.zeros(0))) for numbers in (seen.start, seen.later))
+        if place not in _starts(seen):
+            raise ControllerError(
+                f"{name} cannot be traced: {'.'.join(['self', *map(str, place[1:])])} has the shape {before} before "
+                f"the first sample and {after} later; expected numbers of one shape, and at most two axes: {_START}"
+            )
+    expected, forces = seen.forces, _driven(CalledLaw(function, known), known, reference).forces
+    largest = np.maximum.accumulate(np.abs(expected).max(axis=1))
+    apart = np.abs(forces - expected).max(axis=1)
+    for k in np.flatnonzero(~(apart <= _AGREES * largest)).tolist():
+        raise ControllerError(
+            f"{name} cannot be traced: at sample {k} of a run the traced law differs from it by {apart[k]:.3g} N, of "
+            f"forces of {largest[k]:.3g} N; expected the same arithmetic: no arrays that are changed in place under "
+            "two names, no random numbers, and nothing that is decided by a value"
+        )
+    return function
+
+
+def _driven(law: CalledLaw, known: KnownAhead, reference: FloatArray) -> _Seen:
+    """A run of a controller with errors that grow until its forces pass their limits, and then fall."""
+    drawn, start, states, limit = np.random.default_rng(_SEED), _memory(law), dict[Place, None](), known.force_limit
+    after, forces, excess = start, np.zeros((_BLOCK * len(_ERRORS), N_LEGS)), np.zeros(N_LEGS)
+    for k in range(len(forces)):
+        wanted, before = reference[k % len(reference)], after
+        measured = wanted[: signals.SIZE] + _ERRORS[k // _BLOCK] * drawn.standard_normal(signals.SIZE)
+        forces[k] = law.force(k, k * known.sample_time, wanted, measured, excess)
+        if not np.isfinite(limit) and k == 3 * _BLOCK:  # a limit that some of what follows passes
+            limit = float(np.abs(forces[k]).max())
+        excess = np.clip(law.command, -limit, limit) - law.command
+        after = _memory(law)
+        states |= dict.fromkeys(place for place in _changed(before, after) if place[0] == "law")
+    return _Seen(forces, start, after, sorted(states, key=repr))
+
+
+def _starts(seen: _Seen) -> dict[Place, FloatArray]:
+    """The start values of the states that have one, in the shapes that they have later."""
+    both = [place for place in seen.states if place in seen.start and place in seen.later]
+    return {
+        place: np.broadcast_to(np.asarray(seen.start[place], dtype=float), np.shape(seen.later[place]))
+        for place in both
+        if np.shape(seen.start[place]) in ((), np.shape(seen.later[place])) and np.ndim(seen.later[place]) <= 2
+    }
+
+
+def _trace(law: Any, name: str, seen: _Seen, known: KnownAhead) -> tuple["casadi.Function", list[Line]]:
+    """The function of a controller as it is now, and the lines of the user's that its call passed."""
+    import casadi
+
+    starts = {place: casadi.DM(np.atleast_1d(value)) for place, value in _starts(seen).items()}
+    changes = {place: casadi.SX.sym("change", *value.shape) for place, value in starts.items()}
+    inputs: dict[str, Any] = {key: casadi.SX.sym(key, size) for key, size in SIZES.items()}
+    references = {key.removeprefix(OF_REFERENCE): v for key, v in inputs.items() if key.startswith(OF_REFERENCE)}
+    index = casadi.floor(inputs["time"] / known.sample_time + 0.5)
+    # the sample time is a number, as in __init__
+    of_loop = {key: inputs[key] for key in ("time", "command", "excess", "feedforward", "force_limit", "rate_limit")}
+    sample = Sample(
+        reference=references,
+        measured={key: inputs[key] for key in signals.NAMES},
+        index=index,
+        sample_time=known.sample_time,
+        platform=known.platform,
+        gains=known.gains,
+        **of_loop,
+    )
+    holder = with_numbers({"law": law}, {place: changes[place] + start for place, start in starts.items()})
+    lines = list[Line]()
+
+    def passes(frame: FrameType, event: str, argument: Any) -> Any:
+        if _is_of_library(frame):
+            return None
+        if event == "line":
+            lines.append((frame.f_code.co_filename, frame.f_lineno))
+        # what was lost at a line is seen at the next one
+        if any(map(_is_lost, [argument] if event == "return" else frame.f_locals.values())):
+            raise _LostError(lines[-1 if event == "return" else -2])
+        return passes
+
+    tracer = sys.gettrace()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # CasADi's, of the functions of NumPy that it takes over
+        sys.settrace(passes)
+        try:
+            result = holder["law"](sample)
+        except _LostError as error:
+            raise _refusal(name, error.line, "makes no number of a symbol", _NUMBERS) from None
+        except (Exception, SystemExit) as error:  # user code may raise anything when it is called with symbols
+            of_user = [at for at in traceback.walk_tb(error.__traceback__) if not _is_of_library(at[0])]
+            line = (of_user[-1][0].f_code.co_filename, of_user[-1][1]) if of_user else ("", 0)
+            raise _refusal(name, line, f"{type(error).__name__}: {_last_words(error)}", _BRANCHES) from None
+        finally:
+            sys.settrace(tracer)
+    after = dict(numbers_in(holder))
+    try:
+        force = _column(result, (N_LEGS, 1))
+        following = [casadi.vec(_column(after[place], start.shape) - start) for place, start in starts.items()]
+    except (NotImplementedError, TypeError, RuntimeError, KeyError):
+        raise ControllerError(
+            f"{name} cannot be traced: it returned {result!r}; expected {N_LEGS} forces, and a memory of one shape"
+        ) from None
+    outputs = {FORCE: force, **({MEMORY_NEXT: casadi.vertcat(*following)} if starts else {})}
+    everything = casadi.vertcat(*outputs.values())
+    taken = {key: symbol for key, symbol in inputs.items() if casadi.depends_on(everything, symbol)}
+    taken |= {MEMORY: casadi.vertcat(*map(casadi.vec, changes.values()))} if starts else {}
+    function = casadi.Function("law", [*taken.values()], [*outputs.values()], [*taken], [*outputs])
+    constants = [k for k in range(function.n_instructions()) if function.instruction_id(k) == casadi.OP_CONST]
+    if any(np.isnan(function.instruction_constant(k)) for k in constants):
+        raise ControllerError(f"{name} cannot be traced: its forces are not a number; {_NUMBERS}")
+    return function, lines
+
+
+class _LostError(Exception):
+    """A symbol became a number that is none."""
+
+    def __init__(self, line: Line) -> None:
+        super().__init__()
+        self.line = line
+
+
+def _is_lost(value: Any) -> bool:
+    """Whether a number or an array is NaN, as `float` makes it of a symbol."""
+    return isinstance(value, float | np.ndarray) and np.asarray(value).dtype.kind == "f" and bool(np.isnan(value).any())
+
+
+def _is_of_library(frame: FrameType) -> bool:
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0] in _LIBRARIES
+
+
+def _column(value: Any, shape: Sequence[int]) -> Any:
+    """A matrix of symbols of a shape: of a signal, a list, or a number for all elements."""
+    import casadi
+
+    matrix = casadi.vertcat(*value) if isinstance(value, list | tuple) else value
+    matrix = casadi.SX(np.atleast_1d(matrix) if isinstance(matrix, np.ndarray) else matrix)
+    if matrix.numel() == 1:
+        return casadi.repmat(matrix, *shape)
+    if matrix.shape != tuple(shape):
+        raise TypeError
+    return matrix
+
+
+def _last_words(error: BaseException) -> str:
+    text = str(error).strip().splitlines()
+    return text[-1].rpartition(": ")[2] if text else ""
+
+
+def _refusal(name: str, line: Line, why: str, remedy: str) -> ControllerError:
+    file, number = line
+    code = linecache.getline(file, number).strip()
+    place = f"{Path(file).name}, line {number}{f': `{code}`' if code else ''}" if number else "its call"
+    return ControllerError(f"{name} cannot be traced: {place}: {why}; expected arithmetic without branches: {remedy}")

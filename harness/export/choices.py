@@ -1,0 +1,169 @@
+"""What can be chosen of an export: forms, where the reference comes from, parts of the machine, bad inputs."""
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, NamedTuple, TypeVar, get_args
+
+import numpy as np
+
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.model.interface import nearest
+from gough_stewart.model.parameters import Variable
+
+Form = Literal["fmu", "c", "ssp", "page"]
+FORMS: tuple[Form, ...] = get_args(Form)
+ReferenceFrom = Literal["inside", "inputs"]
+Part = Literal["drives", "sensors", "manual"]
+PARTS: tuple[Part, ...] = get_args(Part)
+SafeForce = Literal["feedforward", "zero"]
+SAFE_FORCES: tuple[SafeForce, ...] = get_args(SafeForce)
+T = TypeVar("T", bound=str)
+# What serves instead of a form that there was.
+_REMOVED = {"clocked": "; the unit without a clock serves: form fmu"}
+# Signals whose references are lengths [m].
+_WATCHED = ("leg_length", "position")
+
+
+class Frozen(NamedTuple):
+    """A measurement that is the same for some samples while its reference moves farther than that [m] is frozen."""
+
+    samples: int
+    movement: float  # [m]
+
+
+class Faults(NamedTuple):
+    """What a controller does about bad inputs: its safe force, and which inputs count as frozen."""
+
+    safe_force: SafeForce = "feedforward"
+    frozen: Frozen | None = None  # not watched
+
+    def watched(self, measured: tuple[Variable, ...]) -> tuple[Variable, ...]:
+        """Those of the measurements that are watched."""
+        return () if self.frozen is None else tuple(v for v in measured if v.name in _WATCHED)
+
+    def check(self, measured: tuple[Variable, ...]) -> None:
+        """Refuse to watch a controller that measures no lengths.
+
+        Raises
+        ------
+        ExportError
+            Names what it measures.
+        """
+        if self.frozen is not None and not self.watched(measured):
+            raise ExportError(
+                f"frozen needs measurements of {' or '.join(_WATCHED)}, whose references are lengths; the controller "
+                f"measures {', '.join(v.name for v in measured) or 'nothing'}"
+            )
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The parts, with their designed values; none by default.
+
+    Drives advance at every step of the plant, and sensors with a sample time of their own read at some of them. So a
+    controller that carries one of these has the plant's step for its clock. Otherwise its clock is its sample time.
+    """
+
+    parts: tuple[Part, ...] = ()
+    lag: float = 0.0  # of the drives [s]
+    quantisation: Mapping[str, float] = field(default_factory=dict)  # by signal; without the others
+    steps_a_sample: int = 1  # of the clock, in a sample of the controller
+    steps_a_reading: int | None = None  # None for readings at the samples
+
+    @property
+    def manual(self) -> bool:
+        """Whether it can be switched off and on."""
+        return "manual" in self.parts
+
+    @property
+    def drives(self) -> bool:
+        """Whether it carries rate limit and lag."""
+        return "drives" in self.parts
+
+    @property
+    def sensors(self) -> bool:
+        """Whether it carries quantisation and the time of readings."""
+        return "sensors" in self.parts
+
+    @property
+    def has_steps(self) -> bool:
+        """Whether its clock is the plant's step, be it as long as a sample."""
+        return self.drives or self.steps_a_reading is not None
+
+    @property
+    def words(self) -> str:
+        """What it carries of the machine, in words."""
+        return " and ".join(part for part in self.parts if part != "manual")
+
+
+NOTHING = Carried()
+
+
+def faults_of(safe_force: str = "feedforward", frozen: object = None) -> Faults:
+    """The choices about bad inputs, from a user's values.
+
+    Raises
+    ------
+    ExportError
+        An unknown safe force; or samples and movement that are not two numbers > 0.
+    """
+    if safe_force not in SAFE_FORCES:
+        raise ExportError(f"safe_force is {safe_force!r}; expected {' or '.join(map(repr, SAFE_FORCES))}")
+    if frozen is None:
+        return Faults(safe_force)
+    try:
+        samples, movement = map(float, frozen)  # type: ignore[call-overload]
+    except (TypeError, ValueError):
+        samples, movement = np.nan, np.nan
+    if not (1 <= samples <= 1e9 and samples == round(samples) and 0 < movement < np.inf):
+        raise ExportError(
+            f"frozen is {frozen!r}; expected a number of samples and a movement of the reference in metres that "
+            "the sensors resolve, such as (50, 0.001)"
+        )
+    return Faults(safe_force, Frozen(int(samples), movement))
+
+
+def chosen_forms(forms: Iterable[str] | str) -> tuple[Form, ...]:
+    """Forms without repetition, in the order of `FORMS`.
+
+    Raises
+    ------
+    ExportError
+        An unknown form, or none.
+    """
+    requested = _requested("form", forms, FORMS)
+    if not requested:
+        raise ExportError(f"no form; expected one or more of {', '.join(FORMS)}")
+    return requested
+
+
+def chosen_parts(parts: Iterable[str] | str) -> tuple[Part, ...]:
+    """Parts without repetition, in the order of `PARTS`.
+
+    Raises
+    ------
+    ExportError
+        An unknown part.
+    """
+    return _requested("part", parts, PARTS)
+
+
+def _requested(kind: str, names: Iterable[str] | str, known: tuple[T, ...]) -> tuple[T, ...]:
+    if not isinstance(names, Iterable):
+        raise ExportError(f"{kind}s is {names!r}; expected one or more of {', '.join(known)}")
+    requested = [names] if isinstance(names, str) else list(names)
+    for name in requested:
+        if name not in known:
+            raise ExportError(f"no {kind} '{name}'{nearest(name, known)}{_REMOVED.get(name, '')}")
+    return tuple(name for name in known if name in requested)
+
+
+def name_of(experiment: Experiment) -> str:
+    """A C identifier from the name of the experiment or its file."""
+    place = experiment.where.removeprefix("experiment").strip() or experiment.title
+    words = re.findall(r"[a-z0-9]+", Path(place).stem.lower())
+    name = "_".join(words)[:24].strip("_")
+    return name if name[:1].isalpha() else f"loop_{name}".rstrip("_")

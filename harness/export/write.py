@@ -1,0 +1,586 @@
+"""The C of a controller: NAME.c, NAME.h, and an example program.
+
+NAME.c is the runtime of runtime/, plain C that is the same for all designs, with two parts in the places of its
+`#include`: design.c, numbers and switches of one design; and law.c, the functions that CasADi traced, with poses and
+lengths relative to home where the type of the numbers is float.
+"""
+
+import ctypes
+import re
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import casadi
+import numpy as np
+
+from gough_stewart.fmu_build.cache import BuildError
+from gough_stewart.fmu_build.codegen import Types, function_source
+from gough_stewart.fmu_build.toolchain import FLAGS, compile_library, native
+from gough_stewart.harness.errors import ExportError
+from gough_stewart.harness.experiment.preparation import prepare
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.export.design import Designed
+from gough_stewart.harness.export.header import header, title_of
+from gough_stewart.harness.export.relative import Home, home_of
+from gough_stewart.harness.export.settings import Setting
+from gough_stewart.harness.export.tables import ConstantTables, add_motion, number, numbers, path_of
+from gough_stewart.harness.export.trace import Traced, traced
+from gough_stewart.harness.loop.run import simulate
+from gough_stewart.harness.motion.motion import Piecewise
+from gough_stewart.harness.plants import signals
+from gough_stewart.harness.plants.open import ModelPlant
+from gough_stewart.model import interface
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.parameters import Variable
+from gough_stewart.model.platform import LARGEST_NUMBER
+from gough_stewart.model.vectors import FloatArray
+
+# The program that shows how the C is called.
+EXAMPLE = "example_main.c"
+RUNTIME = {path.name: path.read_text(encoding="utf-8") for path in Path(__file__).parent.joinpath("runtime").iterdir()}
+_IDENTIFIER = re.compile(r"[a-z][a-z0-9_]{0,40}")
+
+
+@dataclass(frozen=True)
+class ControllerSources:
+    """A controller as C99."""
+
+    units: dict[str, str]  # source files to compile: text by file name
+    headers: dict[str, str]
+    example: str  # a program that runs it
+    operations: int  # floating-point operations per step, at most
+
+
+def controller_sources(designed: Designed, prefix: str = "controller", deviation: str = "") -> ControllerSources:
+    """The sources of a designed controller; a pure function.
+
+    Parameters
+    ----------
+    prefix
+        Of all public names, also the name of the files: lower-case letters, digits and underscores.
+    deviation
+        What single precision costs, in words, for the header.
+
+    Raises
+    ------
+    ExportError
+        A prefix that is not valid in C.
+    """
+    if not _IDENTIFIER.fullmatch(prefix):
+        raise ExportError(
+            f"prefix is {prefix!r}; expected a lower-case letter, then lower-case letters, digits or underscores, at "
+            "most 41"
+        )
+    home = home_of(designed.platform)
+    functions, of_single = traced(designed), traced(designed, home)
+    switches, tables = _switches(designed, functions), _numbers(designed, home)
+    if switches["HAS_TABLE"]:
+        add_motion(tables, designed.reference, home)  # type: ignore[arg-type]
+    design = "\n".join(["", *(f"#define {name} {value}" for name, value in switches.items()), *tables.lines, ""])
+    parts = {**RUNTIME, "design.c": design, "law.c": _law(designed, functions, of_single)}
+    operations = operations_of(functions)
+    source = re.sub(r'^#include "(\w+\.c)"\n', lambda found: parts[found[1]], parts["controller.c"], flags=re.M)
+    work = f"at most {sum(operations.values())} floating-point operations, of them " + ", ".join(
+        f"{count} {kind}" for kind, count in operations.items() if kind != SIMPLE
+    )
+    flash = tables.bytes(8), tables.bytes(4)
+    return ControllerSources(
+        {f"{prefix}.c": _named(f"/* {title_of(designed)}. */\n", source, prefix)},
+        {f"{prefix}.h": header(designed, functions, switches, prefix, work, flash, deviation)},
+        _named("", RUNTIME[EXAMPLE].replace('#include "design.c"\n', _first_inputs(designed, switches, home)), prefix),
+        sum(operations.values()),
+    )
+
+
+def _first_inputs(designed: Designed, switches: Mapping[str, int], home: Home) -> str:
+    """What the example measures, and where its reference is."""
+    lines = ["/* in single precision, relative to home */"]
+    lines.append("#define FROM(x, home) (controller_real)(CONTROLLER_SINGLE ? (x) - (home) : (x))")
+    for name, values, at_home in (
+        # C has no empty arrays
+        ("MEASURED", np.append(designed.first_measured, 0.0), np.append(_at_home(designed.measured, home), 0.0)),
+        ("REFERENCE", designed.first_reference, np.append(home.pose, np.zeros(12))),
+    ):
+        texts = (f"FROM({x!r}, {zero!r})" for x, zero in zip(values.tolist(), at_home.tolist(), strict=True))
+        lines.append(f"#define {name} {{{', '.join(texts)}}}")
+    lines += [f"#define {key} {switches[key]}" for key in ("HAS_REFERENCE_INPUTS", "STEPS_A_SAMPLE")]
+    return "\n".join([*lines, ""])
+
+
+def _named(head: str, text: str, prefix: str) -> str:
+    """A text of the runtime with the names of a controller."""
+    text = text.replace('"controller.h"', f'"{prefix}.h"')
+    return head + re.sub(r"\bcontroller_(?=\w)", f"{prefix}_", re.sub(r"\bCONTROLLER_", f"{prefix.upper()}_", text))
+
+
+def _uses(function: casadi.Function | None, name: str) -> bool:
+    return function is not None and name in function.name_in()
+
+
+def _needs_motion(functions: Traced) -> bool:
+    """Whether the reference at a sample is computed, not only the one ahead."""
+    return any(_uses(f, "motion") for f in (functions.law, functions.start, functions.expected))
+
+
+def _n_states(functions: Traced) -> int:
+    law = functions.law
+    return 0 if law is None or "next" not in law.name_out() else int(law.numel_out("next"))
+
+
+def _at_home(variables: Iterable[Variable], home: Home) -> FloatArray:
+    """The values at home of several signals, one after the other."""
+    return np.concatenate([np.zeros(0), *(home.of(v.name, v.size) for v in variables)])
+
+
+# --- design.c ---------------------------------------------------------------------------------------------------------
+
+
+def _switches(designed: Designed, functions: Traced) -> dict[str, int]:
+    """The macros that choose the parts of the runtime."""
+    carried, law, reference = designed.carried, functions.law, designed.reference
+    has_feedforward = functions.feedforward is not None
+    has_motion = reference is not None and _needs_motion(functions)
+    has_constant = any(s.variable.name == "constant_force" for s in designed.settings)
+    is_table = isinstance(reference, Piecewise) and (has_feedforward or has_motion)
+    reading = (carried.steps_a_reading or 0) if functions.sensors is not None else 0
+    common = int(np.lcm(carried.steps_a_sample, max(1, reading)))
+    safe = 0 if designed.faults.safe_force == "zero" else 1 if has_feedforward or has_constant else 2
+    switches = {
+        "HAS_LAW": law is not None,
+        "HAS_START": functions.start is not None,
+        "HAS_EXCESS": _uses(law, "excess"),
+        "HAS_FEEDFORWARD": has_feedforward,
+        "HAS_CONSTANT_FORCE": has_constant,
+        "HAS_REFERENCE_INPUTS": designed.reference_inputs,
+        "HAS_MOTION": has_motion,
+        "HAS_TABLE": is_table,
+        "HAS_PATH": is_table and path_of(reference) is not None,
+        "HAS_DRIVES": functions.drives is not None,
+        "HAS_SENSORS": functions.sensors is not None,
+        "HAS_STEPS": carried.has_steps,
+        "HAS_MANUAL": carried.manual,
+        "STEPS_A_SAMPLE": carried.steps_a_sample,
+        "STEPS_A_READING": reading,
+        "STEPS_OF_TURN": common * max(1, 2**23 // common),
+        "SEES_ZEROS": designed.zeros_are_no_measurement,
+        "ZERO_IS_A_REFERENCE": not designed.reference_inputs or _zero_is_a_reference(designed),
+        "N_MEASURED": interface.size_of(designed.measured),
+        "N_STATES": _n_states(functions),
+        "N_COEFFICIENTS": 0 if functions.coefficients is None else functions.coefficients.numel_out(0),
+        "N_WATCHED": interface.size_of(designed.watched),
+        **{"SAFE_ZERO": 0, "SAFE_FEEDFORWARD": 1, "SAFE_START": 2, "SAFE_FORCE": safe},
+    }
+    return {name: int(value) for name, value in switches.items()}
+
+
+def _zero_is_a_reference(designed: Designed) -> bool:
+    """Whether a reference of zeros can be one: a pose in which the legs are in their range."""
+    legs = leg_geometry(designed.platform, np.zeros(3), np.zeros(3)).length
+    low, high = designed.ranges.leg_length
+    return bool(((legs >= low) & (legs <= high)).all())
+
+
+def _numbers(designed: Designed, home: Home) -> ConstantTables:
+    """Defaults and checks of the parameters, home, ranges of the inputs."""
+    tables, settings = ConstantTables(), designed.settings
+    measured, reference, frozen = designed.measured, designed.reference_variables, designed.faults.frozen
+    tables.define(SAMPLE_TIME=repr(float(designed.sample_time)))
+    tables.define(DEFAULT_SAMPLE_TIME="R(SAMPLE_TIME)", TRANSFER_TIME="R(CONTROLLER_TRANSFER_TIME)")
+    tables.lines += ["", "const controller_parameters CONTROLLER_DEFAULTS = {", *map(_default, settings), "};", ""]
+    tables.reals += sum(s.variable.size for s in settings)
+    of_inputs = (("MEASURED", "HOME", measured), ("REFERENCE", "HOME_POSE", reference))
+    for name, of_home, variables in of_inputs:
+        if not variables:
+            continue
+        at_home, ends = _at_home(variables, home), designed.ranges.joined(variables)
+        shown = at_home if name == "MEASURED" else home.pose
+        tables.lines.append(f"const real CONTROLLER_{of_home}[{len(shown)}] = {{{numbers(shown)}}};")
+        tables.define(**{of_home: f"CONTROLLER_{of_home}"})
+        tables.reals += len(shown)
+        for end, values in (("LOW", ends.low), ("HIGH", ends.high)):
+            written = ", ".join(
+                f"FROM_HOME({x!r}, {at!r})" for x, at in zip(values.tolist(), at_home.tolist(), strict=True)
+            )
+            tables.add(f"{name}_{end}", values, written=written)
+    if not reference:
+        tables.lines.append(f"MAYBE_UNUSED static const real HOME_POSE[6] = {{{numbers(home.pose)}}};")
+    if frozen is not None:
+        ends = np.cumsum([0, *(v.size for v in measured)]).tolist()
+        places = [
+            k for v, at in zip(measured, ends, strict=False) if v in designed.watched for k in range(at, at + v.size)
+        ]
+        tables.add("WATCHED", places, "int")
+        tables.define(FROZEN_SAMPLES=frozen.samples, FROZEN_MOVEMENT=number(frozen.movement))
+    checks = [line for place, s in enumerate(settings, 1) for line in _check(s, place)]
+    tables.lines += [
+        "",
+        "/* The number of the first parameter with an invalid value, from 1; else 0. */",
+        "static int wrong_parameter(const controller_parameters *parameters)",
+        "{",
+        *(["    int k;"] if any("[k]" in line for line in checks) else []),
+        *checks,
+        "    return 0;",
+        "}",
+    ]
+    return tables
+
+
+def _default(setting: Setting) -> str:
+    """In its place, since C++ has no designators before C++20."""
+    finite = np.where(np.isinf(setting.value), 0.0, setting.value) if setting.may_be_infinite else setting.value
+    text = numbers(finite.flat)
+    return f"    {f'{{{text}}}' if setting.variable.shape else text}, /* {setting.variable.name} */"
+
+
+def _check(setting: Setting, place: int) -> list[str]:
+    """Checks of a parameter; if one fails, the function returns its number."""
+    v = setting.variable
+    largest = "LARGEST" if setting.largest == LARGEST_NUMBER else number(setting.largest)
+    above = {"> 0": "{0} > 0", ">= 0": "{0} >= 0", None: f"{{0}} >= -{largest}"}[v.lower_bound]
+    below = "" if setting.may_be_infinite else f" && {{0}} <= {largest}"
+    element = f"parameters->{v.name}" + ("[k]" if v.shape else "")
+    loop = f"for (k = 0; k < {v.size}; ++k) " if v.shape else ""
+    conditions = [re.sub(r"(?<![\w.])(\d+\.\d*|\d+e-?\d+)", r"R(\1)", text) for text in setting.conditions]
+    return [
+        f"    {loop}if (!({(above + below).format(element)})) return {place};",
+        *(f"    if (!({condition})) return {place};" for condition in conditions),
+    ]
+
+
+# --- law.c ------------------------------------------------------------------------------------------------------------
+
+# The arguments of the traced functions; other inputs are members of the instant, or parameters.
+_ARGUMENTS = {
+    "motion": ("now", "motion"),
+    "motion_of_table": ("pose", "rate", "acceleration", "motion"),
+    "motion_of_path": ("spline", "slope", "bend", "speed", "change", "pose", "rate", "acceleration"),
+    "extrapolated": ("motion", "ahead", "later"),
+    "feedforward": ("at", "force"),
+    "start": ("at", "states_at_rest"),
+    "references_watched": ("at", "expected"),
+    "law": ("at", "force"),
+    "coefficients_of_law": ("parameters", "law"),
+    "coefficients_of_force_limits": ("parameters", "force_limits"),
+    "coefficients_of_drives": ("parameters", "drives"),
+    "coefficients_of_sensors": ("parameters", "sensors"),
+    "force_limits": ("force_limits_coefficients", "command", "allowed", "force_limited"),
+    "drives": (
+        *("drives_coefficients", "drives_states", "target"),
+        *("drives_next", "actuator_force", "rate_limited"),
+    ),
+    "sensors": ("sensors_coefficients", "true", "reading"),
+}
+_WITH_STATES = {
+    "law": ("at", "force", "next"),
+    "force_limits": (
+        *("force_limits_coefficients", "force_limits_states", "command"),
+        *("force_limits_next", "allowed", "force_limited", "excess"),
+    ),
+}
+_KINDS = {"at": "const instant *", "parameters": "const controller_parameters *", "now": "moment "}
+_OF_INSTANT = ("coefficients", "motion", "measured", "excess", "feedforward", "states")
+
+
+def _law(designed: Designed, functions: Traced, single: Traced) -> str:
+    """The traced functions; those that differ in single precision twice."""
+    arrays = frozenset(s.variable.name for s in designed.settings if s.variable.shape)
+    has_motion = functions.feedforward is not None or _needs_motion(functions)
+    texts = []
+    for name in (
+        "coefficients",
+        *(("path", "motion") if has_motion else ()),
+        "extrapolated",
+        "start",
+        "expected",
+        "law",
+    ):
+        plain, of_single = getattr(functions, name), getattr(single, name)
+        if plain is None:
+            continue
+        is_of_time = name == "motion" and _uses(of_single, "time")
+        text, in_single = (_function(f, arrays) for f in (plain, of_single))
+        in_single = function_of_time(of_single) if is_of_time else in_single
+        texts.append(text if text == in_single else f"\n#if CONTROLLER_SINGLE{in_single}#else{text}#endif\n")
+    shared = [functions.feedforward, *(f for component in functions.components for f in component[:2])]
+    return "".join([*texts, *(_function(f, arrays) for f in shared if f is not None)]) + "\n"
+
+
+def _function(function: casadi.Function, arrays: frozenset[str]) -> str:
+    """A traced function in the type of the controller, with its arguments in their order.
+
+    Its other inputs are members of the instant, or parameters, of which `arrays` have several elements.
+    """
+    name, inputs, outputs = function.name(), function.name_in(), function.name_out()
+    has_states = bool({"next", "excess"} & {*outputs})
+    arguments = _WITH_STATES[name] if has_states else _ARGUMENTS[name]
+    body = function_source(function, "", Types("real", call="REAL({})"), conditions=True).partition("{\n")[2]
+    context = "" if "parameters" in arguments else "at->"
+    lines = []
+    for key in inputs:
+        if key == "time":
+            place = "&now" if "now" in arguments else "&at->time"
+        elif key in _OF_INSTANT:
+            place = f"at->{key}"
+        else:
+            place = f"{'' if key in arrays else '&'}{context}parameters->{key}"
+        if key not in arguments:
+            lines.append(f"  const real *const {key} = {place};")
+    used = {*inputs, *outputs, *(key for key in _KINDS if any(re.search(rf"= &?{key}\b", line) for line in lines))}
+    lines += [f"  (void){key};" for key in arguments if key not in used]
+    declared = [
+        f"{_KINDS[key]}{key}" if key in _KINDS else f"{'' if key in outputs else 'const '}real {key}[]"
+        for key in arguments
+    ]
+    text = "\n".join([f"\nstatic void {name}({', '.join(declared)})", "{", *lines, body])
+    return re.sub(r"\btrue\b", "exact", text)  # a word of C++
+
+
+class _Value(NamedTuple):
+    """A value of a motion in single precision: a moment, or a single number; constants are both."""
+
+    text: str
+    is_moment: bool = True
+    constant: float | None = None
+
+    @property
+    def moment(self) -> str:
+        """As a moment."""
+        if self.constant is not None:
+            return f"CONSTANT({self.constant!r})"
+        return self.text if self.is_moment else f"moment_of({self.text}, 0)"
+
+    @property
+    def single(self) -> str:
+        """As a single number."""
+        if self.constant is not None:
+            return number(self.constant)
+        return f"moment_value({self.text})" if self.is_moment else self.text
+
+
+# Sums keep the digits that one of them has, products those that both have; {a}, {b} are moments, {x}, {y} numbers.
+_SUMS = {
+    casadi.OP_ADD: "moment_sum({a}, {b})",
+    casadi.OP_SUB: "moment_sum({a}, moment_minus({b}))",
+    casadi.OP_TWICE: "moment_sum({a}, {a})",
+    casadi.OP_NEG: "moment_minus({a})",
+}
+_PRODUCTS = {
+    casadi.OP_MUL: "moment_product({a}, {b})",
+    casadi.OP_SQ: "moment_product({a}, {a})",
+    casadi.OP_DIV: "moment_quotient({a}, {b})",
+    casadi.OP_INV: "moment_quotient(CONSTANT(1.0), {a})",
+    casadi.OP_FMIN: "moment_less({a}, {b}) ? {a} : {b}",
+    casadi.OP_FMAX: "moment_less({a}, {b}) ? {b} : {a}",
+}
+_OF_MOMENTS = {
+    casadi.OP_LT: "moment_less({a}, {b}) ? 1 : 0",
+    casadi.OP_LE: "moment_less({b}, {a}) ? 0 : 1",
+    casadi.OP_SIN: "REAL(sin)(moment_angle({a}))",
+    casadi.OP_COS: "REAL(cos)(moment_angle({a}))",
+}
+_OF_NUMBERS = {
+    casadi.OP_ADD: "{x} + {y}",
+    casadi.OP_SUB: "{x} - {y}",
+    casadi.OP_TWICE: "{x} + {x}",
+    casadi.OP_NEG: "-({x})",
+    casadi.OP_MUL: "{x} * {y}",
+    casadi.OP_SQ: "{x} * {x}",
+    casadi.OP_DIV: "{x} / {y}",
+    casadi.OP_INV: "1 / {x}",
+    casadi.OP_FMIN: "{x} < {y} ? {x} : {y}",
+    casadi.OP_FMAX: "{x} > {y} ? {x} : {y}",
+    casadi.OP_LT: "{x} < {y} ? 1 : 0",
+    casadi.OP_LE: "{x} <= {y} ? 1 : 0",
+    casadi.OP_NOT: "IS_TRUE({x}) ? 0 : 1",
+    casadi.OP_AND: "IS_TRUE({x}) && IS_TRUE({y}) ? 1 : 0",
+    casadi.OP_OR: "IS_TRUE({x}) || IS_TRUE({y}) ? 1 : 0",
+    casadi.OP_IF_ELSE_ZERO: "IS_TRUE({x}) ? {y} : 0",
+    **{
+        getattr(casadi, f"OP_{name.upper()}"): f"REAL({name})({{x}})"
+        for name in ("sqrt", "sin", "cos", "tan", "atan", "asin", "acos", "tanh", "exp", "log", "fabs", "floor")
+    },
+    casadi.OP_ATAN2: "REAL(atan2)({x}, {y})",
+    casadi.OP_POW: "REAL(pow)({x}, {y})",
+    casadi.OP_CONSTPOW: "REAL(pow)({x}, {y})",
+    casadi.OP_HYPOT: "REAL(hypot)({x}, {y})",
+}
+
+
+def function_of_time(function: casadi.Function) -> str:
+    """A motion as a function of a moment, of which sums and products of constants keep 48 bits.
+
+    Raises
+    ------
+    ExportError
+        An operation for which there is no rule.
+    """
+    lines: list[str] = []
+    values: dict[int, _Value] = {}
+    for k in range(function.n_instructions()):
+        kind, written = function.instruction_id(k), function.instruction_output(k)
+        if kind == casadi.OP_CONST:
+            values[written[0]] = _Value("", constant=float(function.instruction_constant(k)))
+        elif kind == casadi.OP_INPUT:
+            values[written[0]] = _Value("now")
+        elif kind == casadi.OP_OUTPUT:
+            lines.append(f"  motion[{written[1]}] = {values[function.instruction_input(k)[0]].single};")
+        else:
+            operands = [values[place] for place in function.instruction_input(k)]
+            value = _operation(kind, operands[0], operands[-1], function.name())
+            lines.append(f"  const {'moment' if value.is_moment else 'real'} a{k} = {value.text};")
+            values[written[0]] = value._replace(text=f"a{k}")
+    return "\n".join(["\nstatic void motion(moment now, real motion[])", "{", *lines, "}\n"])
+
+
+def _operation(kind: int, a: _Value, b: _Value, name: str) -> _Value:
+    either, both = a.is_moment or b.is_moment, a.is_moment and b.is_moment
+    if kind == casadi.OP_IF_ELSE_ZERO and b.is_moment:
+        return _Value(f"IS_TRUE({a.single}) ? {b.moment} : CONSTANT(0.0)")
+    form = _SUMS.get(kind) if either else None
+    form = form or (_PRODUCTS.get(kind) if both else None)
+    is_moment = form is not None
+    form = form or (_OF_MOMENTS.get(kind) if either else None) or _OF_NUMBERS.get(kind)
+    if form is None:
+        raise ExportError(
+            f"the reference has an operation for which there is no single precision (number {kind} of CasADi in "
+            f"{name}); expected arithmetic, or an export with reference = 'inputs'"
+        )
+    return _Value(form.format(a=a.moment, b=b.moment, x=a.single, y=b.single), is_moment)
+
+
+# --- operations per step ----------------------------------------------------------------------------------------------
+
+# Not counted: CasADi's reads, writes and copies.
+_FREE = {casadi.OP_CONST, casadi.OP_INPUT, casadi.OP_OUTPUT, casadi.OP_ASSIGN, casadi.OP_PARAMETER}
+_SIMPLE = {
+    *(casadi.OP_ADD, casadi.OP_SUB, casadi.OP_MUL, casadi.OP_NEG, casadi.OP_SQ, casadi.OP_TWICE),
+    *(casadi.OP_LT, casadi.OP_LE, casadi.OP_EQ, casadi.OP_NE, casadi.OP_NOT, casadi.OP_AND, casadi.OP_OR),
+    *(casadi.OP_FMIN, casadi.OP_FMAX, casadi.OP_IF_ELSE_ZERO, casadi.OP_FABS),
+}
+_DIVISIONS = {casadi.OP_DIV, casadi.OP_SQRT, casadi.OP_INV}
+SIMPLE, DIVISIONS, OTHERS = (
+    "additions, multiplications and comparisons",
+    "divisions and square roots",
+    "other functions",
+)
+# Of the runtime for six forces: sums and checks for finite values, of which there may be many of inputs and states; and
+# the search in a table.
+_A_FORCE, _A_CHECK, _A_SEARCH, _A_PIECE = 8, 2, 40, 6 * (5 + 4 + 3) * 2
+_A_LAW = 25
+# In the written code, where several quotients of one divisor are products with its reciprocal.
+_RECIPROCAL, _PRODUCT = re.compile(r"^  r\d+=1/", re.M), re.compile(r"\*r\d+\);$", re.M)
+
+
+def operations_of(functions: Traced) -> dict[str, int]:
+    """Floating-point operations per step in double precision, at most, by kind."""
+    law, motion, motions = functions.law, functions.motion, 0
+    total = {SIMPLE: 6 * _A_FORCE, DIVISIONS: 0, OTHERS: 0}
+    if law is not None:
+        total[SIMPLE] += _A_CHECK * (
+            sum(map(law.numel_in, range(law.n_in()))) + sum(map(law.numel_out, range(law.n_out())))
+        )
+    if motion is not None:
+        motions = (functions.feedforward is not None) + (law is not None)
+        if motion.name() == "motion_of_table":
+            total[SIMPLE] += motions * (_A_SEARCH + _A_PIECE)
+        if functions.path is not None:  # at both ends of a piece
+            total[SIMPLE] += motions * 2 * (_A_SEARCH + 2 * _A_LAW + _A_PIECE)
+    for function in (
+        *(functions.extrapolated, functions.feedforward, functions.start, functions.expected, law),
+        *(component.step for component in functions.components),
+        *[motion] * motions,
+        *[functions.path] * 2 * motions,
+    ):
+        if function is None:
+            continue
+        divisions = 0
+        for k in range(function.n_instructions()):
+            kind = function.instruction_id(k)
+            divisions += kind in _DIVISIONS
+            if kind not in _FREE:
+                total[SIMPLE if kind in _SIMPLE else DIVISIONS if kind in _DIVISIONS else OTHERS] += 1
+        if divisions:
+            code = function_source(function, conditions=True)
+            products = len(_PRODUCT.findall(code))
+            total[SIMPLE] += products
+            total[DIVISIONS] += len(_RECIPROCAL.findall(code)) - products
+    return total
+
+
+# --- what single precision costs --------------------------------------------------------------------------------------
+
+# Of a run, at most [s].
+_COMPARED = 2.5
+# More than any controller's coefficients and memory [bytes].
+_ROOM = 1 << 20
+
+
+def deviation_of(experiment: Experiment, designed: Designed, prefix: str, controller: Any = None) -> str:
+    """What single precision costs, in words: forces of the code compiled here, on what a run in the harness measured.
+
+    The run is without disturbances. Both precisions are compiled; the forces of double precision are the harness's.
+    """
+    loop = experiment.loop.model_copy(update={"duration": min(experiment.loop.duration, _COMPARED)})
+    quiet: dict[str, Any] = {"change": [], "disturbance": [], "fault": [], "injection": None}
+    experiment = experiment.model_copy(update={"loop": loop, **quiet})
+    prepared = prepare(experiment, controller)
+    with prepared.law_in_a_run() as law:
+        run = simulate(ModelPlant(prepared.machine, prepared.start), law, prepared.loop)
+    samples = int(run.sample_of_row[-1]) + 1
+    names = [v.name for v in designed.measured]
+    measured = run.measured[:samples, signals.positions(names)] if names else np.zeros((samples, 0))
+    reference = None
+    if designed.reference_inputs and prepared.reference is not None:
+        reference = np.concatenate(prepared.reference(np.arange(samples) * designed.sample_time), axis=1)
+    try:
+        expected, forces = (_forces(designed, real, measured, reference) for real in ("double", "float"))
+    except BuildError as error:
+        return f"Not measured: how far forces in single precision deviate, since the code was not compiled ({error})."
+    deviation, largest = forces - expected, float(np.abs(expected).max())
+    most, mean_square = float(np.abs(deviation).max()), float((deviation**2).mean())
+    share = f"{most / largest:.2g}" if largest > 0 else "all"
+    return (
+        f"With {prefix.upper()}_REAL=float, forces deviate from those in double precision, in "
+        f"{samples * designed.sample_time:g} s of the designed loop, by at most {most:.2g} N, {share} of the largest "
+        f"force; in root mean square by {mean_square**0.5:.2g} N."
+    )
+
+
+def _forces(designed: Designed, real: str, measured: FloatArray, reference: FloatArray | None) -> FloatArray:
+    """Of the compiled code at every sample (m, 6); at its last step, if it has several."""
+    kind: Any = {"float": ctypes.c_float, "double": ctypes.c_double}[real]
+    home = home_of(designed.platform)
+    if real == "float":
+        measured = measured - _at_home(designed.measured, home)
+        reference = None if reference is None else reference - np.concatenate([home.pose, np.zeros(12)])
+    sources = controller_sources(designed)
+    flags = [*(flag for flag in FLAGS if flag != "-fvisibility=hidden"), f"-DCONTROLLER_REAL={real}"]
+    library = compile_library("controller", sources.units, sources.headers, native(), flags=flags)
+    with tempfile.TemporaryDirectory(prefix="gough-stewart-", ignore_cleanup_errors=True) as folder:
+        path = Path(folder, f"controller{native().suffix}")
+        path.write_bytes(library)
+        code = ctypes.CDLL(str(path))
+        parameters = ctypes.byref(ctypes.c_char.in_dll(code, "CONTROLLER_DEFAULTS"))
+        coefficients, memory = (ctypes.create_string_buffer(_ROOM) for _ in range(2))
+        code.controller_prepare(parameters, coefficients)
+        code.controller_start(parameters, memory)
+        force, limited = (kind * 6)(), (ctypes.c_ubyte * 6)()
+        forces = np.empty((len(measured), 6))
+        for k, row in enumerate(measured):
+            rows = [row] if reference is None else [row, reference[k]]
+            inputs = [(kind * max(1, len(values)))(*values.tolist()) for values in rows]
+            for _ in range(designed.carried.steps_a_sample):
+                code.controller_step(parameters, coefficients, memory, *inputs, force, limited)
+            forces[k] = force[:]
+    return forces
+
+
+def c_files(experiment: Experiment, designed: Designed, name: str, controller: Any = None) -> dict[str, bytes]:
+    """The C of an experiment's controller and an example program, by file name; what float costs is in the header."""
+    sources = controller_sources(designed, name, deviation_of(experiment, designed, name, controller))
+    return {
+        file: text.encode() for file, text in {**sources.units, **sources.headers, EXAMPLE: sources.example}.items()
+    }
