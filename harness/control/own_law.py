@@ -257,7 +257,7 @@ def traced_function(controller: Controller, known: KnownAhead, reference: FloatA
     if seen.states and not isinstance(controller, Maker):
         _remember(law, seen.start)
         raise ControllerError(f"{name} keeps memory; expected a class or a factory, of which each run gets its own")
-    (_, first_way), (function, way) = (_trace(made, name, seen, known) for made in (first, later))
+    (_, first_way), (function, way) = (_trace(instance, name, seen, known) for instance in (first, later))
     if first_way != way:
         ends = min(len(first_way), len(way))
         shared = next((k for k in range(ends) if first_way[k] != way[k]), ends)
@@ -287,9 +287,9 @@ def _driven(law: CalledLaw, known: KnownAhead, reference: FloatArray) -> _Seen:
     drawn, start, states, limit = np.random.default_rng(_SEED), _memory(law), dict[Place, None](), known.force_limit
     after, forces, excess = start, np.zeros((_BLOCK * len(_ERRORS), N_LEGS)), np.zeros(N_LEGS)
     for k in range(len(forces)):
-        wanted, before = reference[k % len(reference)], after
-        measured = wanted[: signals.SIZE] + _ERRORS[k // _BLOCK] * drawn.standard_normal(signals.SIZE)
-        forces[k] = law.force(k, k * known.sample_time, wanted, measured, excess)
+        row, before = reference[k % len(reference)], after
+        measured = row[: signals.SIZE] + _ERRORS[k // _BLOCK] * drawn.standard_normal(signals.SIZE)
+        forces[k] = law.force(k, k * known.sample_time, row, measured, excess)
         if not np.isfinite(limit) and k == 3 * _BLOCK:  # a limit that some of what follows passes
             limit = float(np.abs(forces[k]).max())
         excess = np.clip(law.command, -limit, limit) - law.command
@@ -300,10 +300,10 @@ def _driven(law: CalledLaw, known: KnownAhead, reference: FloatArray) -> _Seen:
 
 def _starts(seen: _Seen) -> dict[Place, FloatArray]:
     """The start values of the states that have one, in the shapes that they have later."""
-    both = [place for place in seen.states if place in seen.start and place in seen.later]
+    present = [place for place in seen.states if place in seen.start and place in seen.later]
     return {
         place: np.broadcast_to(np.asarray(seen.start[place], dtype=float), np.shape(seen.later[place]))
-        for place in both
+        for place in present
         if np.shape(seen.start[place]) in ((), np.shape(seen.later[place])) and np.ndim(seen.later[place]) <= 2
     }
 
@@ -365,9 +365,9 @@ def _trace(law: Any, name: str, seen: _Seen, known: KnownAhead) -> tuple["casadi
         ) from None
     outputs = {FORCE: force, **({MEMORY_NEXT: casadi.vertcat(*following)} if starts else {})}
     everything = casadi.vertcat(*outputs.values())
-    taken = {key: symbol for key, symbol in inputs.items() if casadi.depends_on(everything, symbol)}
-    taken |= {MEMORY: casadi.vertcat(*map(casadi.vec, changes.values()))} if starts else {}
-    function = casadi.Function("law", [*taken.values()], [*outputs.values()], [*taken], [*outputs])
+    arguments = {key: symbol for key, symbol in inputs.items() if casadi.depends_on(everything, symbol)}
+    arguments |= {MEMORY: casadi.vertcat(*map(casadi.vec, changes.values()))} if starts else {}
+    function = casadi.Function("law", [*arguments.values()], [*outputs.values()], [*arguments], [*outputs])
     constants = [k for k in range(function.n_instructions()) if function.instruction_id(k) == casadi.OP_CONST]
     if any(np.isnan(function.instruction_constant(k)) for k in constants):
         raise ControllerError(f"{name} cannot be traced: its forces are not a number; {_NUMBERS}")
