@@ -46,8 +46,8 @@ _CIRCUMSTANCES = ("rows", "duration", INTEGRATION_ERROR, INTERNAL_STEPS)
 SHORT = {"disk_margin": "margins.disk", "stable": "margins.stable"}
 # The metrics of the first table; the page shows all.
 _USUAL = (
-    *("tracking.position.norm_rms", "tracking.position.norm_peak"),
-    *("tracking.orientation.norm_rms", "tracking.orientation.norm_peak", "tracking.leg_length.peak"),
+    *(f"tracking.{pose}.norm_{kind}" for pose in ("position", "orientation") for kind in ("rms", "peak", "final")),
+    "tracking.leg_length.peak",
     *("force.peak", "power.peak", "energy.absolute_total", "stroke.margin"),
     *("saturation.force_limited.any", "saturation.rate_limited.any", "stroke.exceeded.any"),
     *("margins.stable", "margins.disk"),

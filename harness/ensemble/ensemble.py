@@ -285,6 +285,7 @@ def _assembled(
         "sampling": prepared.choice.sampling,
         "combinations": prepared.combinations,
         "groups": [[name for k in group for name in prepared.inputs[k].columns] for group in prepared.groups],
+        "outside": [varied.outside for varied in prepared.inputs if varied.outside],
         "outcomes": dict(zip(counts[OUTCOME], counts["len"], strict=True)),
         "oscillations": dict(zip(motions[OSCILLATION], motions["len"], strict=True)),
         "causes": dict(zip(first[CAUSE], first["len"], strict=True)),

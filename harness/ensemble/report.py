@@ -51,12 +51,15 @@ from gough_stewart.harness.report.words import about, at_least, at_most, listed,
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.results.bands import LEVELS
 from gough_stewart.harness.results.metric_folds import metric_of
+from gough_stewart.harness.results.run_charts import faults_of
 from gough_stewart.model.vectors import FloatArray
 
 # The share of the machines about which the verdict speaks.
 SHARE_TOLD = 0.95
-# The metric of the verdict, which also ranks the worst members: the first of these that exists.
-_WORST_BY = ("tracking.position.norm_peak", "force.peak")
+# The metric of the verdict, which also ranks the worst members: the first of these that exists. The error of a
+# reference that jumps is the jump itself at first, so that what is left of it counts.
+_PEAK, _FINAL = "tracking.position.norm_peak", "tracking.position.norm_final"
+_OTHERWISE = "force.peak"
 _MOST_CAUSES = 8
 _DRAWN = {
     "random": "drawn at random",
@@ -142,10 +145,12 @@ def read_ensemble(folder: Path | str) -> Ensemble:
 
 def worst_by(found: EnsembleData) -> str:
     """The metric that ranks the worst members: the experiment's, or that of tracking."""
-    by = ((found.metadata.get("experiment") or {}).get("ensemble") or {}).get("worst_by")
+    experiment = found.metadata.get("experiment") or {}
+    by = (experiment.get("ensemble") or {}).get("worst_by")
     if by is not None:
         return metric_name(found.members, by)
-    return next(name for name in (*_WORST_BY, *found.metrics) if name in found.metrics)
+    first = [_FINAL] if (experiment.get("reference") or {}).get("type") == "step" else []
+    return next(name for name in (*first, _PEAK, _OTHERWISE, *found.metrics) if name in found.metrics)
 
 
 def ensemble_report(
@@ -215,7 +220,7 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     # digits so that neither end is rounded to what it is not
     first, last = (percent(end, 3) for end in (low or 0.0, 1.0 if high is None else high))
     interval = f"95 % confidence: {first.removesuffix(' %')} to {last}"
-    parts: list[str | None] = [f"{sound:,} of {count(n, 'machine')} {how} ({interval})"]
+    parts: list[str | None] = [*map(str, faults_of(found.metadata)), f"{sound:,} of {count(n, 'machine')} {how} ({interval})"]
     share, method = replace(SHARE, digits=4), METHOD.format("members" if found.block == 1 else "points of the design")
     carried = [Number("", "machines that complete", sound / n, share, low, high, explanation=method)]
     values = counted(members, by)
@@ -229,8 +234,10 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
         quantity = fine(metric.quantity, fineness_in(found))
         if is_lower:
             words = f"have a {metric.text} of at least {at_least(quantity, value)}"
-        elif by == _WORST_BY[0]:
+        elif by == _PEAK:
             words = f"stay within {at_most(quantity, value)} of their reference"
+        elif by == _FINAL:
+            words = f"end within {at_most(quantity, value)} of their reference"
         else:
             words = f"have a {metric.text} of at most {at_most(quantity, value)}"
         parts.append(f"{told} {words} ({_quantile_interval(quantity, *ends)})")
@@ -244,10 +251,11 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
                 explanation="interval of the quantile between order statistics, 95 % confidence",
             )
         )
-    if known is not None and known.order:
+    if known is not None and known.order and known.explains:
         parts.append(_cause(known))
-    status: Status = "good" if sound == n else "bad" if not sound else "marginal"
-    return Verdict(sentence(parts), status, tuple(carried))
+    outside = list(found.metadata.get("outside", ()))
+    status: Status = "bad" if not sound else "good" if sound == n and not outside else "marginal"
+    return Verdict(sentence([*outside[:1], *parts]), status, tuple(carried))
 
 
 def _quantile_interval(quantity: Quantity, low: float | None, high: float | None) -> str:
@@ -419,7 +427,8 @@ def worst_table(
 
 
 def _notes(found: EnsembleData) -> tuple[Note, ...]:
-    warnings = [oscillation_warning(found.members), judgement_warning(found.members)]
+    warnings = [f"{text}; of factors, write {{ factor = … }}" for text in found.metadata.get("outside", ())]
+    warnings += [oscillation_warning(found.members), judgement_warning(found.members)]
     if found.metadata.get("substeps") is not None and "tolerance" in found.metadata:
         warnings.append(integration_warning(found.members, float(found.metadata["tolerance"])))
     notes, n = [Note(text, "warning") for text in warnings if text], found.members.height

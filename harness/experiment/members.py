@@ -14,6 +14,7 @@ from gough_stewart.harness.experiment.overrides import Place, Values, place_of
 from gough_stewart.harness.experiment.preparation import Batch, Preparation, PreparedMembers, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
+from gough_stewart.harness.quantities import PLAIN
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
 from gough_stewart.harness.sampling.correlation import correlated, correlation_of, reordered
 from gough_stewart.harness.sampling.design import SamplingDesign, in_turn
@@ -23,6 +24,8 @@ from gough_stewart.model.vectors import FloatArray
 
 # How many members are tried to find one that can run.
 _AMONG = 64
+# A value outside of all but this share of a distribution, on either side, is none of its values.
+_RARE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,32 @@ class Input:
         if self.spread.factor is not None:
             return (f"{target.name}.factor",)
         return tuple(f"{target.name}[{','.join(str(i + 1) for i in at)}]" for at in np.ndindex(target.shape))
+
+    @property
+    def outside(self) -> str:
+        """A warning if a parameter's present value, unless that is 0, is none of its distribution's; "" if it is.
+
+        That is a distribution about another value, or one of factors without the word.
+        """
+        nominal = self.place.target.nominal
+        if nominal is None or self.place.path[-2:-1] != ("parameters",) or self.spread.factor is not None:
+            return ""
+        shares = np.concatenate([[_RARE], np.linspace(0.01, 0.99, 99), [1 - _RARE]])
+        values = np.asarray(self.spread.draw(np.tile(shares[:, None], self.spread.size)), dtype=float)
+        values = values.reshape(len(shares), *self.place.target.shape)
+        low, high = values.min(axis=0), values.max(axis=0)
+        # of values that are equal but for rounding
+        room = 1e-9 * np.maximum(np.abs(low), np.abs(high))
+        is_outside = (nominal != 0) & ((nominal < low - room) | (nominal > high + room))
+        if not is_outside.any():
+            return ""
+        at = tuple(int(k) for k in np.argwhere(is_outside)[0])
+        column = self.columns[int(np.ravel_multi_index(at, nominal.shape)) if at else 0]
+        unit = "" if self.place.target.unit in (None, PLAIN) else f" {self.place.target.unit}"
+        return (
+            f"the experiment's {column} of {nominal[at]:.4g}{unit} is outside of its distribution from {low[at]:.4g} "
+            f"to {high[at]:.4g}{unit}"
+        )
 
     def table(self, u: FloatArray, values: Any) -> dict[str, Any]:
         """Columns (n,) of the drawn values."""

@@ -398,8 +398,8 @@ def write_results(
             "record.csv": record.write_csv,
             "metadata.json": record.to_metadata(),
         }
-        written = aside.submit(files.add, first)
         measured = metrics(record)
+        written = [aside.submit(files.add, part) for part in (first, {"metrics.json": metrics_json(measured)})]
         report = record.report(measured=measured, robustness=robustness, charts=page or figures or charts)
         report = replace(report, notes=(*report.notes, *notes))
         if requirements:
@@ -408,7 +408,7 @@ def write_results(
             missing = [Number(m.path, m.text, None, m.quantity) for m in METRICS if m.path in required - present]
             report = replace(report, numbers=(*report.numbers, *missing))
             report = with_requirements(report, requirements)
-        more: dict[str, Content] = {"metrics.json": metrics_json(measured)}
+        more: dict[str, Content] = {}
         if figures:
             from gough_stewart.harness.report.figures import figures as drawn
 
@@ -417,7 +417,8 @@ def write_results(
             from gough_stewart.harness.report.page import PAGE, page_of
 
             more[PAGE] = page_of(report)
-        written.result()
+        for part in written:
+            part.result()
         files.add(more)
     return Written(files.names, report)
 

@@ -61,7 +61,9 @@ def metrics(record: RecordData) -> Metrics:
       `is_growing`, `leg`, `amplitude` and `earlier` [m], `frequency` [Hz], `since` [s].
     - `rows` and `duration` [s] that the metrics below cover.
     - `tracking`: `rms` and `peak` of the errors of `position` [m], `orientation` [rad] and `leg_length` [m] by axis or
-      leg; for position and orientation also of the Euclidean `norm`, of orientation the angle of the rotation.
+      leg; for position and orientation also of the Euclidean `norm`, of orientation the angle of the rotation, and
+      `norm_final`, its largest value in the last tenth of the run: what is left when a step has settled; None if the
+      run ended early.
     - `step_response`: for each axis whose reference goes from one value to another and stays there. The response
       (y − from)/(to − from) starts at time `at` [s]: the row of a jump, or else the last row at which the reference has
       its first value.
@@ -101,6 +103,7 @@ def metrics(record: RecordData) -> Metrics:
             reference,
             finite.metadata["platform"],
             lambda name: column_of_drives(finite, name) in finite,
+            is_whole=n == record.table.height and record.metadata["outcome"]["status"] == "completed",
         )
         columns = dict[str, NDArray[Any]]()
         for name in dict.fromkeys(name for fold in folds for name in fold.needs):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from gough_stewart.harness.report.document import Section
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
 from gough_stewart.harness.report.scene import Scene
+from gough_stewart.harness.report.words import listed
 from gough_stewart.harness.results.limits import column_of_drives, shares_of_limits
 from gough_stewart.harness.results.metrics import finite_part
 from gough_stewart.harness.results.record_data import RecordData
@@ -203,12 +204,48 @@ def _limits(runs: Sequence[DrawnRun]) -> dict[str, tuple[float, ...]]:
     }
 
 
+class FaultSpan(NamedTuple):
+    """A fault of an experiment: what failed, and when."""
+
+    text: str  # "leg 3 without force"
+    begin: float  # [s]
+    end: float | None  # [s]; None if it lasts
+
+    def __str__(self) -> str:
+        return f"{self.text} from {self.begin:.4g}{'' if self.end is None else f' to {self.end:.4g}'} s"
+
+
+def faults_of(metadata: Mapping[str, Any]) -> list[FaultSpan]:
+    """The faults in the experiment of a run's or ensemble's metadata, in order of time."""
+    spans = []
+    for fault in (metadata.get("experiment") or {}).get("fault") or ():
+        cut, texts = fault.get("cut") or [], list[str]()
+        if cut:
+            texts.append(f"{'leg' if len(cut) == 1 else 'legs'} {listed(list(map(str, cut)))} without force")
+        for name, elements in (fault.get("freeze") or {}).items():
+            texts.append(f"{name} {listed(list(map(str, elements)))} frozen")
+        end = None if fault.get("duration") is None else fault["at"] + fault["duration"]
+        spans.append(FaultSpan(listed(texts), float(fault["at"]), end))
+    return sorted(spans, key=lambda span: span.begin)
+
+
+def _fault_marks(run: DrawnRun) -> list[Mark]:
+    """Where faults begin and end, in the part of the run that is drawn."""
+    last, marks = float(run.record["time"][-1]), list[Mark]()
+    for fault in faults_of(run.record.metadata):
+        marks += [Mark(fault.begin, f"{fault.text} from", "vertical", "bad")] if fault.begin <= last else []
+        if fault.end is not None and fault.end <= last:
+            marks.append(Mark(fault.end, f"{fault.text} until", "vertical", "neutral"))
+    return marks
+
+
 def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
     """The charts of runs over time, one series per run and component; and all other signals, which open if needed."""
     several, times, limits = len(runs) > 1, [run.record["time"] for run in runs], _limits(runs)
     signals = signals_of(runs)
     references = {signal.reference for signal in signals.values()}
     strips = () if several else limits_reached(runs[0].record, runs[0].machine)
+    faults = [mark for mark in _fault_marks(runs[0]) if all(mark in _fault_marks(run) for run in runs[1:])]
     charts: dict[str, Chart] = {}
     for name, signal in signals.items():
         if name in references:
@@ -238,7 +275,7 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
             tuple(series),
             "step" if signal.group in ("flags", "actuators", "controller") else "line",
             y=Axis("", labels=("no", "yes")) if signal.group == "flags" else None,
-            marks=tuple(Mark(limit, "limit") for limit in limits.get(name, ())),
+            marks=(*(Mark(limit, "limit") for limit in limits.get(name, ())), *faults),
             strips=strips,
             group=signal.group,
             detail=name not in FIRST,
