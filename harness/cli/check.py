@@ -48,6 +48,12 @@ def check_command(
             metavar=choices(Fit),
         ),
     ] = None,
+    payload: Annotated[
+        str | None, typer.Option(help="A point mass that the platform carries, such as 300kg.", metavar="MASS")
+    ] = None,
+    payload_height: Annotated[
+        str, typer.Option(help="Its height above the platform's origin, in the platform's axes.", metavar="LENGTH")
+    ] = "0 m",
     *,
     showing: Showing,
 ) -> None:
@@ -79,7 +85,7 @@ def check_command(
             from gough_stewart.model.process.files import check_output_folder, write_files
 
             check_output_folder(folder, [*FILES, PAGE, DATA])
-            found = check(chosen)
+            found = check(chosen, payload=payload, payload_height=payload_height)
             report = found.report(charts=showing.draws)
             requirements = showing.requirements(found.experiment.requirements, report.numbers)
             files = check_files(found)
@@ -90,7 +96,7 @@ def check_command(
                 bar.add_task("fitting", total=None)
                 path = _write_fitted(experiment, settings or [], found, fit.value)
                 command.written.append(path.parent)
-                found = check(str(path))
+                found = check(str(path), payload=payload, payload_height=payload_height)
             from gough_stewart.harness.report.terminal import show
 
             Terminal().say(f"\n{path.name}:")

@@ -220,7 +220,10 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     # digits so that neither end is rounded to what it is not
     first, last = (percent(end, 3) for end in (low or 0.0, 1.0 if high is None else high))
     interval = f"95 % confidence: {first.removesuffix(' %')} to {last}"
-    parts: list[str | None] = [*map(str, faults_of(found.metadata)), f"{sound:,} of {count(n, 'machine')} {how} ({interval})"]
+    parts: list[str | None] = [
+        *map(str, faults_of(found.metadata)),
+        f"{sound:,} of {count(n, 'machine')} {how} ({interval})",
+    ]
     share, method = replace(SHARE, digits=4), METHOD.format("members" if found.block == 1 else "points of the design")
     carried = [Number("", "machines that complete", sound / n, share, low, high, explanation=method)]
     values = counted(members, by)

@@ -187,8 +187,9 @@ class _Swing(AboutPose):
 class Sine(_Swing):
     """Harmonic motion: amplitude · sin(2π f t + phase), faded in by the quintic.
 
-    `position_amplitude` [m], `orientation_amplitude` [rad], `frequency` [Hz], `phase` [rad], `fade_in` [s]; about
-    `position` [m] and `orientation` [rad], home by default.
+    `position_amplitude` [m], `orientation_amplitude` [rad], `frequency` [Hz], `phase` [rad] of all axes, to which
+    `position_phase` and `orientation_phase` [rad] add one of each axis, `fade_in` [s]; about `position` [m] and
+    `orientation` [rad], home by default.
 
     Examples
     --------
@@ -200,11 +201,21 @@ class Sine(_Swing):
     type: Literal["sine"] = "sine"
     frequency: Frequency
     phase: Angle = 0.0
+    position_phase: Orientation = ZEROS
+    orientation_phase: Orientation = ZEROS
 
     def _at(self, time: Array) -> Motion:
         omega = 2 * math.pi * self.frequency
-        swing = sine(omega * time + self.phase, omega)
-        return self._by((swing.faded(time, self.fade_in), self._direction))
+        phases = self.phase + np.concatenate([self.position_phase, self.orientation_phase])
+        return self._by(
+            *(
+                (
+                    sine(omega * time + phase, omega).faded(time, self.fade_in),
+                    np.where(phases == phase, self._direction, 0.0),
+                )
+                for phase in np.unique(phases).tolist()
+            )
+        )
 
     @property
     def highest_frequency(self) -> float:

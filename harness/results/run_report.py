@@ -129,8 +129,10 @@ def _tracking(record: RecordData, measured: Mapping[str, Any], fineness: float) 
         distance = float(np.linalg.norm(position - position[0], axis=1).max())
         return [_Part(f"open loop: the platform moves up to {at_most(length, distance)} from its start")]
     # of a jump, the error is the step itself at first: what is left at the end counts
-    kind, text = ("norm_final", "ends within {} of its reference after the step") if _jumps(record, measured) else (
-        "norm_peak", "follows within {}"
+    kind, text = (
+        ("norm_final", "ends within {} of its reference after the step")
+        if _jumps(record, measured)
+        else ("norm_peak", "follows within {}")
     )
     position, orientation = tracking["position"][kind], tracking.get("orientation", {}).get(kind)
     metric = metric_of(f"tracking.position.{kind}")
