@@ -103,7 +103,7 @@ def metrics(record: RecordData) -> Metrics:
             reference,
             finite.metadata["platform"],
             lambda name: column_of_drives(finite, name) in finite,
-            is_whole=n == record.table.height and record.metadata["outcome"]["status"] == "completed",
+            is_whole=n == record.table.height and not _ended_early(record),
         )
         columns = dict[str, NDArray[Any]]()
         for name in dict.fromkeys(name for fold in folds for name in fold.needs):
@@ -132,6 +132,12 @@ def metrics(record: RecordData) -> Metrics:
         parts["stroke"].setdefault("exceeded", None)
     names = ("duration", "tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
     return Metrics(outcome=outcome_of(record), rows=n, **{name: parts.get(name) for name in names})
+
+
+def _ended_early(record: RecordData) -> bool:
+    """Whether its rows do not reach the end that the run was to have."""
+    time, planned = record["time"], record.metadata.get("duration") or 0.0
+    return bool(time[-1] - time[0] < planned * (1 - 1e-9))
 
 
 def metrics_json(metrics: dict[str, Any]) -> bytes:
@@ -182,11 +188,12 @@ def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 
             if name not in metrics["tracking"]:
                 continue
             part = metrics["tracking"][name]
-            of_axes = zip(axes, part["rms"], part["peak"], strict=True)
-            for title, *values in (*of_axes, (f"|{name}|", part["norm_rms"], part["norm_peak"])):
-                rows.append((title, *(Value(value, quantity) for value in values)))
+            for title, *values in zip(axes, part["rms"], part["peak"], strict=True):
+                rows.append((title, *(Value(value, quantity) for value in values), ""))
+            norms = (part[f"norm_{kind}"] for kind in ("rms", "peak", "final"))
+            rows.append((f"|{name}|", *(Value(value, quantity) for value in norms)))
             ends.append(len(rows) - 1)
-        columns = (Column(""), Column("RMS"), Column("peak"))
+        columns = (Column(""), Column("RMS"), Column("peak"), Column("at the end", None, "largest in the last tenth"))
         tables.append(Table("Tracking error", columns, tuple(rows), group_ends=tuple(ends[:-1])))
     if metrics["step_response"]:
         rows = []
