@@ -9,18 +9,9 @@ from typing import Any
 import numpy as np
 import polars
 
+from gough_stewart.harness.ensemble import data
 from gough_stewart.harness.ensemble.charts import ensemble_charts
 from gough_stewart.harness.ensemble.data import (
-    BANDS,
-    ENDED,
-    GROWING,
-    MARGINS,
-    MEMBER,
-    MEMBERS,
-    METADATA,
-    OUTCOME,
-    SAMPLES,
-    VARIED,
     EnsembleData,
     are_counted,
     counted,
@@ -131,13 +122,13 @@ def read_ensemble(folder: Path | str) -> Ensemble:
     """
     folder = Path(folder)
     try:
-        metadata: dict[str, Any] = json.loads((folder / METADATA).read_bytes())
+        metadata: dict[str, Any] = json.loads((folder / data.METADATA).read_bytes())
         return Ensemble(
-            read_parquet(folder / MEMBERS),
-            read_parquet(folder / BANDS),
+            read_parquet(folder / data.MEMBERS),
+            read_parquet(folder / data.BANDS),
             metadata,
             # results of older versions have none
-            read_parquet(folder / SAMPLES) if (folder / SAMPLES).is_file() else None,
+            read_parquet(folder / data.SAMPLES) if (folder / data.SAMPLES).is_file() else None,
         )
     except (OSError, ValueError, polars.exceptions.PolarsError) as error:
         raise RecordError(f"{folder} has no ensemble: {error}") from error
@@ -215,7 +206,7 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     members, n = found.members, found.members.height
     sound = int(np.count_nonzero(works(members)))
     low, high = share_interval(sound / found.block, n / found.block)
-    grows = bool(kinds_of_oscillation(members)[GROWING])
+    grows = bool(kinds_of_oscillation(members)[data.GROWING])
     how = "complete their runs without a growing loop" if grows else "complete their runs"
     # digits so that neither end is rounded to what it is not
     first, last = (percent(end, 3) for end in (low or 0.0, 1.0 if high is None else high))
@@ -293,11 +284,11 @@ def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
 
     Of a metric that is better if larger, 95 % stay above.
     """
-    completed = (found.members[OUTCOME] == "completed").to_numpy()
+    completed = (found.members[data.OUTCOME] == "completed").to_numpy()
     told = []
     for name in found.metrics:
         values = found.values(name)
-        of_members = values if name.startswith(MARGINS) else np.where(completed, values, np.nan)
+        of_members = values if name.startswith(data.MARGINS) else np.where(completed, values, np.nan)
         told.append(number_of_members(name, of_members, found.block))
     return tuple(told)
 
@@ -336,7 +327,7 @@ def quantile_table(members: polars.DataFrame, names: Sequence[str]) -> Table:
         *(Column(f"{100 * level:g} %", None, f"{100 * level:g} % of the members stay below") for level in LEVELS),
         Column("members", None, "how many members have this number"),
     )
-    counts = members[OUTCOME].value_counts().sort(OUTCOME).iter_rows()
+    counts = members[data.OUTCOME].value_counts().sort(data.OUTCOME).iter_rows()
     ended = ", ".join(f"{number} {outcome}" for outcome, number in counts)
     motions = [f"{len(which)} {kind}" for kind, which in kinds_of_oscillation(members).items() if which]
     ended += f" ({' and '.join(motions)} by themselves)" if motions else ""
@@ -351,7 +342,7 @@ def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:
     total = members.height - left_out(members)
     if time not in words or defined == total or f"{part}.at" not in members.columns:
         return []
-    at, duration = (counted(members, path) for path in (f"{part}.at", ENDED))
+    at, duration = (counted(members, path) for path in (f"{part}.at", data.ENDED))
     waited = ""
     if len(at) and len(duration):
         waited = f" {about(TIME, float(duration.max() - at.min()))} after its step, when the run ended"
@@ -365,7 +356,7 @@ def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:
 def failure_table(members: polars.DataFrame, most: int = _MOST_CAUSES, pages: Mapping[int, str] | None = None) -> Table:
     """Members that did not complete, by cause; the first of each stands for it, with its page if there is one."""
     causes, pages = failures(members), pages or {}
-    columns = (Column(MEMBER), Column("outcome"), Column("cause"), Column("members with it"))
+    columns = (Column(data.MEMBER), Column("outcome"), Column("cause"), Column("members with it"))
     rows = tuple((cause.members[0], cause.outcome, cause.cause, len(cause.members)) for cause in causes)
     links = tuple(pages.get(cause.members[0], "") for cause in causes)
     note = "The first member of each cause. `gough-stewart run EXPERIMENT --member N --open` shows member N as a run."
@@ -410,11 +401,13 @@ def worst_table(
     )
     merit = found.values(by)
     rows: list[tuple[Cell, ...]] = []
-    row_of = {int(member): k for k, member in enumerate(found.members[MEMBER].to_list())}
-    drawn = [numbers(found.members, f"{VARIED}{name}") for name in inputs]
+    row_of = {int(member): k for k, member in enumerate(found.members[data.MEMBER].to_list())}
+    drawn = [numbers(found.members, f"{data.VARIED}{name}") for name in inputs]
     for member in worst:
         k = row_of[member]
-        rows.append((member, str(found.members[OUTCOME][k]), float(merit[k]), *(float(column[k]) for column in drawn)))
+        rows.append(
+            (member, str(found.members[data.OUTCOME][k]), float(merit[k]), *(float(column[k]) for column in drawn))
+        )
     links = tuple((pages or {}).get(member, "") for member in worst)
     return Table(
         f"Worst members by {metric.text}",

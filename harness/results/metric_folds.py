@@ -43,7 +43,7 @@ from gough_stewart.harness.report.quantities import (
     TIME,
     Quantity,
 )
-from gough_stewart.harness.results.limits import DRIVE_LIMITS
+from gough_stewart.harness.results.record_data import DRIVE_LIMITS
 from gough_stewart.model.operations import greater, less, maximum, reached, where
 from gough_stewart.model.vectors import Array, FloatArray
 

@@ -13,10 +13,9 @@ from gough_stewart.harness.loop.folding import Folding
 from gough_stewart.harness.loop.folds import ERRORS
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.results.limits import column_of_drives
 from gough_stewart.harness.results.metric_folds import METRICS, CoveredRows, metric_folds, metric_kernels, metric_of
 from gough_stewart.harness.results.oscillation import is_sound, outcome_of, outcome_text
-from gough_stewart.harness.results.record_data import RecordData
+from gough_stewart.harness.results.record_data import RecordData, column_of_drives
 
 _LEGS = tuple(Column(f"{leg}") for leg in range(1, 7))
 _STEP_COLUMNS = (

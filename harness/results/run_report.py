@@ -12,13 +12,11 @@ from gough_stewart.harness.report.quantities import ANGLE, DECIBEL, FORCE, LENGT
 from gough_stewart.harness.report.small_machine import fine, fineness_of, fineness_of_record
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, plain_text, sentence
-from gough_stewart.harness.results.limits import DRIVE_LIMITS, nearness_to_limits
 from gough_stewart.harness.results.metric_folds import AXES, metric_of
 from gough_stewart.harness.results.metrics import flattened, metrics, metrics_tables
 from gough_stewart.harness.results.oscillation import Oscillation, outcome_of, outcome_text
-from gough_stewart.harness.results.record_data import RecordData
-from gough_stewart.harness.results.run_charts import faults_of, run_charts, scenes, shown
-from gough_stewart.harness.results.scene import FLAGS
+from gough_stewart.harness.results.record_data import DRIVE_LIMITS, RecordData, nearness_to_limits
+from gough_stewart.harness.results.run_charts import FLAGS, faults_of, run_charts, scenes, shown
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import first_of_largest

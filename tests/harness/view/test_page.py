@@ -14,7 +14,7 @@ from gough_stewart.harness.report.page import NEARNESS
 from gough_stewart.harness.report.table import Column, Table
 from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.results.scene import FRAMES
+from gough_stewart.harness.results.run_charts import FRAMES
 from gough_stewart.harness.view import file as view_file
 from gough_stewart.harness.view.file import view
 from gough_stewart.harness.view.page import MOST_RECORDS, names_of, view_page
