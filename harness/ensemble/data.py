@@ -267,7 +267,8 @@ def usual_metrics(members: polars.DataFrame) -> list[str]:
         values = counted(members, name)
         return len(values) > 0 and not (name.startswith(shares) and values.max() == 0)
 
-    return sorted(filter(is_worth_it, names), key=lambda name: order.get(name, 4.5))
+    after_errors = order["tracking.leg_length.peak"] + 0.5
+    return sorted(filter(is_worth_it, names), key=lambda name: order.get(name, after_errors))
 
 
 def named_signal(column: str) -> tuple[str, Quantity]:
