@@ -24,8 +24,7 @@ from gough_stewart.harness.errors import (
     SharedMemoryError,
     UnstableLoopError,
 )
-from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.plan import EnsemblePlan
+from gough_stewart.harness.experiment.members import EnsemblePlan, Members
 from gough_stewart.harness.experiment.preparation import Batch, Prepared, PreparedMembers, one_or_each
 from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folding import FoldsOfRows

@@ -29,8 +29,8 @@ from gough_stewart.harness.ensemble.workers import (
 )
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.members import EnsemblePlan, plan_from, plan_of
 from gough_stewart.harness.experiment.overrides import Settings
-from gough_stewart.harness.experiment.plan import EnsemblePlan, plan_from, plan_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.output.versions import versions
 from gough_stewart.harness.polars_paths import scan_parquet, write_to

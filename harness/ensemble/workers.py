@@ -21,7 +21,7 @@ from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.ensemble.chunk import ChunkBytes, chunk
 from gough_stewart.harness.errors import ControllerError, EnsembleError
-from gough_stewart.harness.experiment.plan import EnsemblePlan, GivenController, plan_from
+from gough_stewart.harness.experiment.members import EnsemblePlan, GivenController, plan_from
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.isolated import Isolated
 

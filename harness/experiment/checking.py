@@ -305,8 +305,8 @@ def _worst_phases(platform: Platform, reference: Sine) -> tuple[WorstPhases, ...
         largest = np.ptp(rows, axis=1) if need == "stroke" else rows.max(axis=1)
         at, leg = (int(k) for k in np.unravel_index(first_of_largest(largest[1:].ravel()), largest[1:].shape))
         names = [axis for axis, _, _ in AXES]
-        found = {names[moving[0]]: 0.0, **dict(zip((names[k] for k in moving[1:]), grid[at], strict=True))}
-        worst.append(WorstPhases(need, unit, float(largest[0].max()), float(largest[1:].max()), leg + 1, found))
+        by_axis = {names[moving[0]]: 0.0, **dict(zip((names[k] for k in moving[1:]), grid[at], strict=True))}
+        worst.append(WorstPhases(need, unit, float(largest[0].max()), float(largest[1:].max()), leg + 1, by_axis))
     return tuple(worst)
 
 

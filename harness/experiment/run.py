@@ -17,8 +17,8 @@ from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import digests, experiment_of
 from gough_stewart.harness.experiment.margins import growing_of
+from gough_stewart.harness.experiment.members import EnsemblePlan, fingerprint, plan_of
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
-from gough_stewart.harness.experiment.plan import EnsemblePlan, fingerprint, plan_of
 from gough_stewart.harness.experiment.preparation import Batch, Injection, Prepared, prepare, with_hints
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import ERRORS, error_between

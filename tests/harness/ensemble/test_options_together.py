@@ -16,7 +16,7 @@ from gough_stewart.harness.control.makers import Sample
 from gough_stewart.harness.ensemble import ensemble as runner
 from gough_stewart.harness.ensemble.workers import Range, Workers, chunks_here
 from gough_stewart.harness.experiment.file import experiment_from
-from gough_stewart.harness.experiment.plan import EnsemblePlan
+from gough_stewart.harness.experiment.members import EnsemblePlan
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.model.vectors import FloatArray
 from tests.support.metric_definitions import as_one_number, defined_metrics
