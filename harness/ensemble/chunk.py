@@ -89,7 +89,7 @@ def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
     GoughStewartError
         An error that concerns all members of this experiment.
     SharedMemoryError
-        As `check_memory`.
+        Members share the memory of their controller.
     """
     members = plan.prepared
     draws = members.draws(first, last)

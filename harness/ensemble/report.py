@@ -113,7 +113,7 @@ def read_ensemble(folder: Path | str) -> Ensemble:
     Returns
     -------
     Ensemble
-        As `ensemble` returned it.
+        Members, bands and metadata, with the samples of its members if it kept any.
 
     Raises
     ------

@@ -110,7 +110,7 @@ def sensitivity(ensemble: EnsembleData, metric: str) -> Sensitivity:
 
 
 def sensitivity_if_known(ensemble: EnsembleData, metric: str) -> Sensitivity | None:
-    """The same; None if too few members have run, or no number varies."""
+    """The shares of the inputs in a metric's variance; None if too few members have run, or no number varies."""
     try:
         return sensitivity(ensemble, metric)
     except RecordError:

@@ -186,7 +186,7 @@ class MotionCheck:
         Raises
         ------
         MotionError
-            As `settings_that_fit`.
+            The chosen kind of scale does not help.
         """
         return check(self.experiment, self.settings_that_fit(fit))
 
@@ -400,7 +400,7 @@ def _with_payload(platform: Platform, payload: float | str, height: float | str)
         raise MotionError(f"payload is {mass:g} kg at a height of {above:g} m; expected a mass > 0, finite numbers")
     places = [np.asarray(platform.platform_com), np.array([0.0, 0.0, above])]
     masses = [float(platform.platform_mass), mass]
-    com = sum(m * place for m, place in zip(masses, places, strict=True)) / sum(masses)
+    com = np.average(places, axis=0, weights=masses)
     inertia = np.array(platform.platform_inertia, dtype=float)
     for m, place in zip(masses, places, strict=True):
         arm = place - com

@@ -175,7 +175,11 @@ def test_a_payload_is_a_point_mass_on_the_platform() -> None:
 
 def test_the_worst_phases_are_those_of_a_search_among_motions_with_a_phase_for_each_axis() -> None:
     """Expected: for small amplitudes a leg's speed is linear, and its largest has all axes in phase or opposed."""
-    small = {"position_amplitude": (1e-4, 0, 2e-4), "orientation_amplitude": (0, 1e-4, 0), "frequency": 1.3}
+    small: dict[str, Any] = {
+        "position_amplitude": (1e-4, 0, 2e-4),
+        "orientation_amplitude": (0, 1e-4, 0),
+        "frequency": 1.3,
+    }
     found = gs.check("pitch_sine", {"reference": gs.Sine(**small), "loop.duration": 2})
     assert found.worst_phases is not None
     rows = {row.need: row for row in found.worst_phases}

@@ -273,10 +273,10 @@ def test_the_tables_show_each_leg_in_its_column_and_unit(said: Said) -> None:
     names = {"pitch": "pitch", "condition number": "condition_number", "singular pose": "side"}
     for label, share, leg, at in rows:
         found = values["limits"][{**names, **{text: name for name, text in NAMES.items()}}[label]]
-        shares, times = np.atleast_1d(found["share"]), np.atleast_1d(found["time"])
-        worst = int(shares.argmax())
+        by_leg, at_times = np.atleast_1d(found["share"]), np.atleast_1d(found["time"])
+        worst = int(by_leg.argmax())
         assert leg == ("" if label in names else str(worst + 1))
-        assert [float(share), float(at)] == pytest.approx([100 * shares[worst], times[worst]], rel=6e-4)
+        assert [float(share), float(at)] == pytest.approx([100 * by_leg[worst], at_times[worst]], rel=6e-4)
     assert len(rows) == len(names) + len(NAMES)
     head, *rows = said.table("Needs of each leg")
     assert head == ["leg", *"123456"]
