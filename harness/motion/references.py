@@ -206,14 +206,18 @@ class Sine(_Swing):
 
     def _at(self, time: Array) -> Motion:
         omega = 2 * math.pi * self.frequency
-        phases = self.phase + np.concatenate([self.position_phase, self.orientation_phase])
+        offsets = np.concatenate([self.position_phase, self.orientation_phase])
+        # axes of one phase share a sine; symbols, which cannot be compared, have one each
+        first, of_axis = np.arange(6), np.arange(6)
+        if offsets.dtype != object:
+            _, first, of_axis = np.unique(offsets, return_index=True, return_inverse=True)
         return self._by(
             *(
                 (
-                    sine(omega * time + phase, omega).faded(time, self.fade_in),
-                    np.where(phases == phase, self._direction, 0.0),
+                    sine(omega * time + (self.phase + offsets[axis]), omega).faded(time, self.fade_in),
+                    np.where(of_axis == k, self._direction, 0.0),
                 )
-                for phase in np.unique(phases).tolist()
+                for k, axis in enumerate(first.tolist())
             )
         )
 

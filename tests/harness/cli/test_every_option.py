@@ -335,7 +335,8 @@ def test_check(notes: Notes, kind: str) -> None:
     Path("beside").mkdir()
     checked: list[Any] = []
 
-    def check(experiment: Any) -> Checked:
+    def check(experiment: Any, **load: str | None) -> Checked:
+        assert load == {"payload": "3kg" if kind == "time" else None, "payload_height": "0 m"}
         checked.append(experiment)
         return results.pop(0)
 
@@ -343,7 +344,7 @@ def test_check(notes: Notes, kind: str) -> None:
     notes.replace("harness.experiment.checking.check_files", {"check.json": b"x" * 50})
     notes.replace("harness.experiment.file.text_with_settings", "fitted text")
     fit = {"within": "time", "near": "time", "time": "time", "amplitude": "amplitude", "misses": "amplitude"}.get(kind)
-    more = ("--set", "loop.delay=1", "--out", "o") if kind == "time" else ()
+    more = ("--set", "loop.delay=1", "--payload", "3kg", "--out", "o") if kind == "time" else ()
     done = invoke("check", "circle", *more, *(("--fit", fit) if fit else ()))
     out = "o" if kind == "time" else "results/check_circle"
     lines = ["first found", "first", f"Done in T s. Wrote to {out} ({size_of(out)}):"]

@@ -132,23 +132,25 @@ def test_who_has_not_settled_is_told_with_the_time_waited() -> None:
 
 
 @pytest.mark.parametrize(
-    ("distribution", "is_said"),
+    ("name", "distribution", "is_said"),
     [
-        ({"uniform": [0.9, 1.1]}, True),
-        ({"uniform": [1100, 1300]}, False),
-        ({"normal": [120, 10]}, True),
-        ({"grid": [900, 1000]}, True),
-        ({"choice": [1250, 1200]}, False),
-        ({"factor": {"uniform": [0.9, 1.1]}}, False),
+        ("platform_mass", {"uniform": [0.9, 1.1]}, True),
+        ("platform_mass", {"uniform": [1100, 1300]}, False),
+        ("platform_mass", {"normal": [120, 10]}, True),
+        ("platform_mass", {"grid": [900, 1000]}, True),
+        ("platform_mass", {"choice": [1250, 1200]}, False),
+        ("platform_mass", {"factor": {"uniform": [0.9, 1.1]}}, False),
+        ("platform_com", {"uniform": [0.01, 0.02]}, False),
     ],
 )
 def test_a_distribution_without_the_nominal_value_is_a_warning_in_the_verdict(
-    distribution: dict[str, object], is_said: bool
+    name: str, distribution: dict[str, object], is_said: bool
 ) -> None:
-    """Expected: motion_base has 1216.9 kg; 0.9 to 1.1 kg is a platform of one kilogram, which "completes"."""
-    few = {"members": 4, "platform_mass": distribution, "base_points": {"normal": "0.2 mm"}}
+    """Expected: motion_base has 1216.9 kg; 0.9 to 1.1 kg is one kilogram, which "completes"; 0 is no factor."""
+    few = {"members": 4, name: distribution, "base_points": {"normal": "0.2 mm"}}
     found = gs.ensemble("heave_step", {"loop.duration": 0.05, "ensemble": few}, workers=1).report(charts=False)
-    warning = "the experiment's platform_mass of 1217 kg is outside of its distribution"
+    mass = "the experiment's platform_mass of 1217 kg is "
+    warning = f"{mass if is_said else ''}outside of its distribution"
     assert (warning.casefold() in found.verdict.text.casefold()) == is_said
     assert [warning in note.text for note in found.notes if note.kind == "warning"] == [True] * is_said
     assert (found.verdict.status == "marginal") == is_said

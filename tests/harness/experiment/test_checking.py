@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from gough_stewart.harness.motion.limits import fitting
 from gough_stewart.harness.motion.limits.fitting import factor_that_fits
 from gough_stewart.harness.motion.limits.shares import shares_along
 from gough_stewart.harness.motion.motion import slower, smaller
@@ -214,8 +215,13 @@ def test_a_sine_has_a_phase_for_each_axis() -> None:
 
 
 @pytest.mark.parametrize("what", ["time_factor", "amplitude_factor"])
-def test_a_long_recording_fits_as_found_with_all_of_its_rows(what: str, tmp_path: Path) -> None:
-    """Expected: the root with every row at every step, of a motion whose peaks change places as it becomes slower."""
+def test_a_recording_fits_as_found_with_all_of_its_rows(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the root with every row at every step, found from the highest peak and two rows that decide nothing."""
+    monkeypatch.setattr(fitting, "_PEAKS", 1)
+    monkeypatch.setattr(fitting, "_NEAR", 0)
+    monkeypatch.setattr(fitting, "_SPREAD", 2)
     time = np.arange(0, 6, 0.01)
     rng = np.random.default_rng(5)
     shape = [
@@ -228,7 +234,13 @@ def test_a_long_recording_fits_as_found_with_all_of_its_rows(what: str, tmp_path
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=header, comments="")
     reference = {"type": "file", "file": str(tmp_path / "log.csv"), "at_home": "start"}
     found = gs.check(
-        "pitch_sine", {"reference": reference, "loop.duration": 5.9, "platform.parameters.leg_velocity_max": 0.3}
+        "pitch_sine",
+        {
+            "reference": reference,
+            "loop.duration": 5.9,
+            "platform.parameters.leg_velocity_max": 0.7,
+            "platform.parameters.actuator_force_max": 4700.0,
+        },
     )
     motion, worst = found._motion, found.experiment.limits.condition_number
     centre = np.concatenate([motion.position[0], motion.orientation[0]])

@@ -141,8 +141,10 @@ def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
     words = {
         "position error, RMS [mm]": (("tracking", "position", "norm_rms"), 1e3, 1),
         "position error, peak [mm]": (("tracking", "position", "norm_peak"), 1e3, 1),
+        "position error, at the end [mm]": (("tracking", "position", "norm_final"), 1e3, 1),
         "orientation error, RMS [deg]": (("tracking", "orientation", "norm_rms"), 180 / np.pi, 1),
         "orientation error, peak [deg]": (("tracking", "orientation", "norm_peak"), 180 / np.pi, 1),
+        "orientation error, at the end [deg]": (("tracking", "orientation", "norm_final"), 180 / np.pi, 1),
         "stroke margin [mm]": (("stroke", "margin"), 1e3, 1),
         "work, net [J]": (("energy", "net_total"), 1.0, None),
         "work, absolute [J]": (("energy", "absolute_total"), 1.0, 1),
@@ -156,14 +158,14 @@ def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
             [factor * value for value in values], rel=1e-3
         ), name
         assert [text.startswith("★") for text in texts] == [k == top for k in range(3)], name
-    assert list(rows)[:5] == ["outcome", *list(words)[:4]]
+    assert list(rows)[:7] == ["outcome", *list(words)[:6]]
     step = {"axis": "z", "from": 1.0, "to": 1.05, "at": 7.4, "overshoot_percent": 12.5, "rise_time": 0.1}
     stepped = {**found[0], "step_response": [{**step, "settling_time": 0.3, "final_error": 1.5e-3}]}
     cells = {name: row[0] for name, row in cells_of(side_by_side([records[0]], [stepped], ["a"])).items()}
     of_axes = [
         f"{what} error, {kind} [{unit}]"
         for what, unit in (("position", "mm"), ("orientation", "deg"))
-        for kind in ("RMS", "peak")
+        for kind in ("RMS", "peak", "at the end")
     ]
     assert list(cells) == [
         "outcome", *of_axes, "leg error, RMS [mm]", "leg error, peak [mm]",
