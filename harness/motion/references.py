@@ -214,7 +214,7 @@ class Sine(_Swing):
         return self._by(
             *(
                 (
-                    sine(omega * time + (self.phase + offsets[axis]), omega).faded(time, self.fade_in),
+                    sine(omega * time + (self.phase + offsets[axis : axis + 1]), omega).faded(time, self.fade_in),
                     np.where(of_axis == k, self._direction, 0.0),
                 )
                 for k, axis in enumerate(first.tolist())
