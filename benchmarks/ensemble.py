@@ -19,7 +19,7 @@ from gough_stewart.fmu_build.cached import cached_build
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.ensemble.workers import Workers, chunks_here
 from gough_stewart.harness.experiment.file import shipped_experiment
-from gough_stewart.harness.experiment.plan import EnsemblePlan, plan_of
+from gough_stewart.harness.experiment.members import EnsemblePlan, plan_of
 from gough_stewart.harness.experiment.preparation import prepare
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.run import observe, simulate

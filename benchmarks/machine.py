@@ -22,7 +22,7 @@ from gough_stewart.fmu_build.sources import sources
 from gough_stewart.fmu_build.toolchain import compile_library, native
 from gough_stewart.harness.ensemble.chunk import SIZE, limits_of_members
 from gough_stewart.harness.experiment.file import shipped_experiment
-from gough_stewart.harness.experiment.plan import plan_of
+from gough_stewart.harness.experiment.members import plan_of
 from gough_stewart.harness.experiment.preparation import Batch
 from gough_stewart.harness.loop.folding import FoldsOfRows
 from gough_stewart.harness.loop.run import observe

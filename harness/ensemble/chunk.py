@@ -15,23 +15,7 @@ import polars
 
 from gough_stewart.harness.control.laws_of_members import shared_by_members
 from gough_stewart.harness.control.makers import name_of
-from gough_stewart.harness.ensemble.data import (
-    AMPLITUDE,
-    CAUSE,
-    ENDED,
-    FREQUENCY,
-    GROWING,
-    IMPOSSIBLE,
-    INTEGRATION_ERROR,
-    INTERNAL_STEPS,
-    MARGINS,
-    MEMBER,
-    OSCILLATING,
-    OSCILLATION,
-    OUTCOME,
-    SHORT,
-    VARIED,
-)
+from gough_stewart.harness.ensemble import data
 from gough_stewart.harness.errors import (
     ControllerError,
     ExperimentError,
@@ -39,8 +23,7 @@ from gough_stewart.harness.errors import (
     SharedMemoryError,
     UnstableLoopError,
 )
-from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.plan import EnsemblePlan
+from gough_stewart.harness.experiment.members import EnsemblePlan, Members
 from gough_stewart.harness.experiment.preparation import Batch, Prepared, PreparedMembers, one_or_each
 from gough_stewart.harness.experiment.run import acting_columns
 from gough_stewart.harness.loop.folding import FoldsOfRows
@@ -105,7 +88,7 @@ def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
     GoughStewartError
         An error that concerns all members of this experiment.
     SharedMemoryError
-        As `check_memory`.
+        Members share the memory of their controller.
     """
     members = plan.prepared
     draws = members.draws(first, last)
@@ -120,7 +103,7 @@ def chunk(plan: EnsemblePlan, first: int, last: int, threads: int = 1) -> Chunk:
     columns, ended = run.columns, list(run.outcomes)
     if members.choice.margins:
         judged = margins_of([batch.member(k) for k in range(len(batch))])
-        for k, cause in enumerate(judged.pop(CAUSE)):
+        for k, cause in enumerate(judged.pop(data.CAUSE)):
             ended[k] = ended[k]._replace(cause=ended[k].cause or cause)
         columns |= judged
     motions = oscillations(batch, ended, errors, threads)
@@ -153,8 +136,8 @@ def reduced(
             running.plant, running.law_from, running.loop, rows, threads=threads, keeps_interrupted=False
         )
         columns = {name: values[:n] for name, values in columns_of(rows.results()).items()}
-        columns[INTEGRATION_ERROR] = running.plant.integration_error[:n]
-        columns[INTERNAL_STEPS] = running.plant.internal_steps[:n]
+        columns[data.INTEGRATION_ERROR] = running.plant.integration_error[:n]
+        columns[data.INTERNAL_STEPS] = running.plant.internal_steps[:n]
         return Reduced(outcomes[:n], columns, running.plant.features)
 
 
@@ -186,7 +169,7 @@ def check_memory(batch: Batch, run: Reduced, again: Callable[[Batch], Reduced]) 
     ]
     if differ or first.outcomes[0] != run.outcomes[0]:
         raise SharedMemoryError(
-            f"the first member gave other results when it ran again ({', '.join(differ[:3]) or OUTCOME}): "
+            f"the first member gave other results when it ran again ({', '.join(differ[:3]) or data.OUTCOME}): "
             f"{name_of(controller)} keeps memory, which all members share; use a factory: a class or function, called "
             "as make(platform, sample_time), that makes a controller for each member"
         )
@@ -230,7 +213,7 @@ def margins_of(prepared: Sequence[Prepared]) -> dict[str, Any]:
             stable[k] = 0.0
         except (GoughStewartError, np.linalg.LinAlgError) as error:
             causes[k] = f"no margins: {error}"
-    return {f"{MARGINS}stable": stable, f"{MARGINS}disk": disk, CAUSE: causes}
+    return {f"{data.MARGINS}stable": stable, f"{data.MARGINS}disk": disk, data.CAUSE: causes}
 
 
 def check_names(plan: EnsemblePlan) -> None:
@@ -247,7 +230,7 @@ def check_names(plan: EnsemblePlan) -> None:
         columns = _none(members, 0)[0]
     except RecordError as error:
         raise ExperimentError(where, "ensemble.signals", str(error)) from None
-    if choice.worst_by is not None and SHORT.get(choice.worst_by, choice.worst_by) not in columns:
+    if choice.worst_by is not None and data.SHORT.get(choice.worst_by, choice.worst_by) not in columns:
         raise ExperimentError(
             where, "ensemble.worst_by", f"no metric '{choice.worst_by}'{nearest(choice.worst_by, columns)}"
         )
@@ -262,9 +245,9 @@ def _none(members: Members, first: int) -> tuple[dict[str, FloatArray], BandSamp
     loop = batch.member(0).loop
     limits = limits_of_members(batch, 1)
     columns = {**columns_of(FoldsOfRows(loop, folds_of_loop(loop, limits)).results())}
-    columns |= {INTEGRATION_ERROR: np.zeros(1), INTERNAL_STEPS: np.zeros(1)}
+    columns |= {data.INTEGRATION_ERROR: np.zeros(1), data.INTERNAL_STEPS: np.zeros(1)}
     if members.choice.margins:
-        columns |= {f"{MARGINS}stable": np.zeros(1), f"{MARGINS}disk": np.zeros(1)}
+        columns |= {f"{data.MARGINS}stable": np.zeros(1), f"{data.MARGINS}disk": np.zeros(1)}
     return {name: values[:0] for name, values in columns.items()}, _bands(members, loop.timing, 0, first).samples()
 
 
@@ -278,22 +261,22 @@ def _rows(
 ) -> polars.DataFrame:
     """One row per member, in order of their numbers."""
     n, reasons = len(prepared.errors) + len(prepared.numbers), prepared.reasons
-    status, cause = [IMPOSSIBLE] * n, [reasons.get(k) for k in range(n)]
+    status, cause = [data.IMPOSSIBLE] * n, [reasons.get(k) for k in range(n)]
     ended: list[float | None] = [None] * n
     motions: list[Oscillation | None] = [None] * n
     for k, outcome, motion in zip(prepared.numbers[: len(outcomes)].tolist(), outcomes, of_completed, strict=True):
         status[k], ended[k], cause[k], motions[k] = outcome.status, outcome.time, outcome.cause, motion
-    columns: dict[str, Any] = {MEMBER: polars.Series(range(first, first + n), dtype=polars.Int64)}
+    columns: dict[str, Any] = {data.MEMBER: polars.Series(range(first, first + n), dtype=polars.Int64)}
     for name, values in varied.items():
-        columns[f"{VARIED}{name}"] = polars.Series(values)
-    kinds = [motion and (GROWING if motion.is_growing else OSCILLATING) for motion in motions]
+        columns[f"{data.VARIED}{name}"] = polars.Series(values)
+    kinds = [motion and (data.GROWING if motion.is_growing else data.OSCILLATING) for motion in motions]
     columns |= {
-        OUTCOME: status,
-        ENDED: polars.Series(ended, dtype=polars.Float64),
-        CAUSE: polars.Series(cause, dtype=polars.String),
-        OSCILLATION: polars.Series(kinds, dtype=polars.String),
-        AMPLITUDE: polars.Series([motion and motion.amplitude for motion in motions], dtype=polars.Float64),
-        FREQUENCY: polars.Series([motion and motion.frequency for motion in motions], dtype=polars.Float64),
+        data.OUTCOME: status,
+        data.ENDED: polars.Series(ended, dtype=polars.Float64),
+        data.CAUSE: polars.Series(cause, dtype=polars.String),
+        data.OSCILLATION: polars.Series(kinds, dtype=polars.String),
+        data.AMPLITUDE: polars.Series([motion and motion.amplitude for motion in motions], dtype=polars.Float64),
+        data.FREQUENCY: polars.Series([motion and motion.frequency for motion in motions], dtype=polars.Float64),
     }
     for name, values in metrics.items():
         of_all = np.full(n, np.nan)

@@ -46,8 +46,8 @@ _CIRCUMSTANCES = ("rows", "duration", INTEGRATION_ERROR, INTERNAL_STEPS)
 SHORT = {"disk_margin": "margins.disk", "stable": "margins.stable"}
 # The metrics of the first table; the page shows all.
 _USUAL = (
-    *("tracking.position.norm_rms", "tracking.position.norm_peak"),
-    *("tracking.orientation.norm_rms", "tracking.orientation.norm_peak", "tracking.leg_length.peak"),
+    *(f"tracking.{pose}.norm_{kind}" for pose in ("position", "orientation") for kind in ("rms", "peak", "final")),
+    "tracking.leg_length.peak",
     *("force.peak", "power.peak", "energy.absolute_total", "stroke.margin"),
     *("saturation.force_limited.any", "saturation.rate_limited.any", "stroke.exceeded.any"),
     *("margins.stable", "margins.disk"),
@@ -267,7 +267,8 @@ def usual_metrics(members: polars.DataFrame) -> list[str]:
         values = counted(members, name)
         return len(values) > 0 and not (name.startswith(shares) and values.max() == 0)
 
-    return sorted(filter(is_worth_it, names), key=lambda name: order.get(name, 4.5))
+    after_errors = order["tracking.leg_length.peak"] + 0.5
+    return sorted(filter(is_worth_it, names), key=lambda name: order.get(name, after_errors))
 
 
 def named_signal(column: str) -> tuple[str, Quantity]:

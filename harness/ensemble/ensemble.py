@@ -14,19 +14,8 @@ from typing import Any
 
 import polars
 
+from gough_stewart.harness.ensemble import data
 from gough_stewart.harness.ensemble.chunk import FOLDER, SIZE, ChunkFiles, check_names
-from gough_stewart.harness.ensemble.data import (
-    BANDS,
-    CAUSE,
-    IMPOSSIBLE,
-    INTEGRATION_ERROR,
-    MEMBER,
-    MEMBERS,
-    METADATA,
-    OSCILLATION,
-    OUTCOME,
-    SAMPLES,
-)
 from gough_stewart.harness.ensemble.report import Ensemble, read_ensemble
 from gough_stewart.harness.ensemble.workers import (
     Range,
@@ -40,8 +29,8 @@ from gough_stewart.harness.ensemble.workers import (
 )
 from gough_stewart.harness.errors import EnsembleError
 from gough_stewart.harness.experiment.file import experiment_of
+from gough_stewart.harness.experiment.members import EnsemblePlan, plan_from, plan_of
 from gough_stewart.harness.experiment.overrides import Settings
-from gough_stewart.harness.experiment.plan import EnsemblePlan, plan_from, plan_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.polars_paths import scan_parquet, write_to
 from gough_stewart.harness.report.quantities import fineness_of
@@ -132,7 +121,7 @@ def ensemble(  # noqa: PLR0915 - one road, in sections
         else:
             folder = Path(out)
             stack.enter_context(reserved(folder))
-            check_output_folder(folder, (MEMBERS, BANDS, SAMPLES, METADATA, PLAN))
+            check_output_folder(folder, (data.MEMBERS, data.BANDS, data.SAMPLES, data.METADATA, PLAN))
             remove_leftovers(folder / FOLDER)
         files = ChunkFiles(folder)
 
@@ -228,10 +217,10 @@ def _planned(
 
 def _begun(folder: Path) -> tuple[EnsemblePlan, dict[str, str], bool] | None:
     """The plan of a folder's results, the versions that made them, and whether they are complete."""
-    for name in (PLAN, METADATA):
+    for name in (PLAN, data.METADATA):
         try:
             content = json.loads((folder / name).read_bytes())
-            return plan_from(content["plan"]), dict(content["made_with"]), name == METADATA
+            return plan_from(content["plan"]), dict(content["made_with"]), name == data.METADATA
         except FileNotFoundError:
             continue
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -259,21 +248,21 @@ def _assembled(
     def write(path: Path | BytesIO) -> None:
         rows.sink_parquet(path, row_group_size=_ROWS_A_GROUP, maintain_order=True, statistics=False)
 
-    write_whole(folder / MEMBERS, lambda path: write_to(path, write))
+    write_whole(folder / data.MEMBERS, lambda path: write_to(path, write))
     joined = joined_samples(files.bands(first) for first, _ in ranges)
     bands = bands_frame(joined)
-    write_whole(folder / BANDS, lambda path: write_to(path, partial(bands.write_parquet, statistics=False)))
-    members = scan_parquet(folder / MEMBERS)
-    ran = members.filter(polars.col(OUTCOME) != IMPOSSIBLE).select(MEMBER).head(MOST_KEPT).collect()[MEMBER].to_list()
-    samples = samples_frame(joined, ran)
-    write_whole(folder / SAMPLES, lambda path: write_to(path, partial(samples.write_parquet, statistics=False)))
+    write_whole(folder / data.BANDS, lambda path: write_to(path, partial(bands.write_parquet, statistics=False)))
+    members = scan_parquet(folder / data.MEMBERS)
+    ran = members.filter(polars.col(data.OUTCOME) != data.IMPOSSIBLE).select(data.MEMBER).head(MOST_KEPT).collect()
+    samples = samples_frame(joined, ran[data.MEMBER].to_list())
+    write_whole(folder / data.SAMPLES, lambda path: write_to(path, partial(samples.write_parquet, statistics=False)))
 
     # metadata depend only on the results: no times, and no names of workers
     prepared = plan.prepared
-    counts = members.group_by(OUTCOME).len().sort(OUTCOME).collect()
-    motions = members.group_by(OSCILLATION).len().drop_nulls().sort(OSCILLATION).collect()
-    causes = members.group_by(CAUSE).len().drop_nulls().sort(["len", CAUSE], descending=[True, False])
-    largest = members.select(polars.col(INTEGRATION_ERROR).max()).collect().item()
+    counts = members.group_by(data.OUTCOME).len().sort(data.OUTCOME).collect()
+    motions = members.group_by(data.OSCILLATION).len().drop_nulls().sort(data.OSCILLATION).collect()
+    causes = members.group_by(data.CAUSE).len().drop_nulls().sort(["len", data.CAUSE], descending=[True, False])
+    largest = members.select(polars.col(data.INTEGRATION_ERROR).max()).collect().item()
     first = causes.head(_MOST_CAUSES).collect()
     metadata = {
         "title": prepared.nominal.title,
@@ -285,9 +274,10 @@ def _assembled(
         "sampling": prepared.choice.sampling,
         "combinations": prepared.combinations,
         "groups": [[name for k in group for name in prepared.inputs[k].columns] for group in prepared.groups],
-        "outcomes": dict(zip(counts[OUTCOME], counts["len"], strict=True)),
-        "oscillations": dict(zip(motions[OSCILLATION], motions["len"], strict=True)),
-        "causes": dict(zip(first[CAUSE], first["len"], strict=True)),
+        "outside": [varied.outside for varied in prepared.inputs if varied.outside],
+        "outcomes": dict(zip(counts[data.OUTCOME], counts["len"], strict=True)),
+        "oscillations": dict(zip(motions[data.OSCILLATION], motions["len"], strict=True)),
+        "causes": dict(zip(first[data.CAUSE], first["len"], strict=True)),
         **prepared.stepping._asdict(),
         "integration_error": largest,
         # one text means the same bits from all workers; several mean agreement to 1e-9
@@ -297,5 +287,5 @@ def _assembled(
         "made_with": exact_versions(),
         "versions": versions(),
     }
-    write_whole(folder / METADATA, json.dumps(metadata, indent=1).encode())
+    write_whole(folder / data.METADATA, json.dumps(metadata, indent=1).encode())
     return read_ensemble(folder)

@@ -9,18 +9,9 @@ from typing import Any
 import numpy as np
 import polars
 
+from gough_stewart.harness.ensemble import data
 from gough_stewart.harness.ensemble.charts import ensemble_charts
 from gough_stewart.harness.ensemble.data import (
-    BANDS,
-    ENDED,
-    GROWING,
-    MARGINS,
-    MEMBER,
-    MEMBERS,
-    METADATA,
-    OUTCOME,
-    SAMPLES,
-    VARIED,
     EnsembleData,
     are_counted,
     counted,
@@ -50,12 +41,15 @@ from gough_stewart.harness.report.words import about, at_least, at_most, listed,
 from gough_stewart.harness.report.words import counted as count
 from gough_stewart.harness.results.bands import LEVELS
 from gough_stewart.harness.results.metric_folds import metric_of
+from gough_stewart.harness.results.run_charts import faults_of
 from gough_stewart.model.vectors import FloatArray
 
 # The share of the machines about which the verdict speaks.
 SHARE_TOLD = 0.95
-# The metric of the verdict, which also ranks the worst members: the first of these that exists.
-_WORST_BY = ("tracking.position.norm_peak", "force.peak")
+# The metric of the verdict, which also ranks the worst members: the first of these that exists. The error of a
+# reference that jumps is the jump itself at first, so that what is left of it counts.
+_PEAK, _FINAL = "tracking.position.norm_peak", "tracking.position.norm_final"
+_OTHERWISE = "force.peak"
 _MOST_CAUSES = 8
 _DRAWN = {
     "random": "drawn at random",
@@ -118,7 +112,7 @@ def read_ensemble(folder: Path | str) -> Ensemble:
     Returns
     -------
     Ensemble
-        As `ensemble` returned it.
+        Members, bands and metadata, with the samples of its members if it kept any.
 
     Raises
     ------
@@ -127,13 +121,13 @@ def read_ensemble(folder: Path | str) -> Ensemble:
     """
     folder = Path(folder)
     try:
-        metadata: dict[str, Any] = json.loads((folder / METADATA).read_bytes())
+        metadata: dict[str, Any] = json.loads((folder / data.METADATA).read_bytes())
         return Ensemble(
-            read_parquet(folder / MEMBERS),
-            read_parquet(folder / BANDS),
+            read_parquet(folder / data.MEMBERS),
+            read_parquet(folder / data.BANDS),
             metadata,
             # results of older versions have none
-            read_parquet(folder / SAMPLES) if (folder / SAMPLES).is_file() else None,
+            read_parquet(folder / data.SAMPLES) if (folder / data.SAMPLES).is_file() else None,
         )
     except (OSError, ValueError, polars.exceptions.PolarsError) as error:
         raise RecordError(f"{folder} has no ensemble: {error}") from error
@@ -141,10 +135,12 @@ def read_ensemble(folder: Path | str) -> Ensemble:
 
 def worst_by(found: EnsembleData) -> str:
     """The metric that ranks the worst members: the experiment's, or that of tracking."""
-    by = ((found.metadata.get("experiment") or {}).get("ensemble") or {}).get("worst_by")
+    experiment = found.metadata.get("experiment") or {}
+    by = (experiment.get("ensemble") or {}).get("worst_by")
     if by is not None:
         return metric_name(found.members, by)
-    return next(name for name in (*_WORST_BY, *found.metrics) if name in found.metrics)
+    first = [_FINAL] if (experiment.get("reference") or {}).get("type") == "step" else []
+    return next(name for name in (*first, _PEAK, _OTHERWISE, *found.metrics) if name in found.metrics)
 
 
 def ensemble_report(
@@ -209,12 +205,15 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
     members, n = found.members, found.members.height
     sound = int(np.count_nonzero(works(members)))
     low, high = share_interval(sound / found.block, n / found.block)
-    grows = bool(kinds_of_oscillation(members)[GROWING])
+    grows = bool(kinds_of_oscillation(members)[data.GROWING])
     how = "complete their runs without a growing loop" if grows else "complete their runs"
     # digits so that neither end is rounded to what it is not
     first, last = (percent(end, 3) for end in (low or 0.0, 1.0 if high is None else high))
     interval = f"95 % confidence: {first.removesuffix(' %')} to {last}"
-    parts: list[str | None] = [f"{sound:,} of {count(n, 'machine')} {how} ({interval})"]
+    parts: list[str | None] = [
+        *map(str, faults_of(found.metadata)),
+        f"{sound:,} of {count(n, 'machine')} {how} ({interval})",
+    ]
     share, method = replace(SHARE, digits=4), METHOD.format("members" if found.block == 1 else "points of the design")
     carried = [Number("", "machines that complete", sound / n, share, low, high, explanation=method)]
     values = counted(members, by)
@@ -228,8 +227,10 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
         quantity = fine(metric.quantity, fineness_in(found))
         if is_lower:
             words = f"have a {metric.text} of at least {at_least(quantity, value)}"
-        elif by == _WORST_BY[0]:
+        elif by == _PEAK:
             words = f"stay within {at_most(quantity, value)} of their reference"
+        elif by == _FINAL:
+            words = f"end within {at_most(quantity, value)} of their reference"
         else:
             words = f"have a {metric.text} of at most {at_most(quantity, value)}"
         parts.append(f"{told} {words} ({_quantile_interval(quantity, *ends)})")
@@ -243,10 +244,11 @@ def ensemble_verdict(found: EnsembleData, by: str, known: Sensitivity | None = N
                 explanation="interval of the quantile between order statistics, 95 % confidence",
             )
         )
-    if known is not None and known.order:
+    if known is not None and known.order and known.explains:
         parts.append(_cause(known))
-    status: Status = "good" if sound == n else "bad" if not sound else "marginal"
-    return Verdict(sentence(parts), status, tuple(carried))
+    outside = list(found.metadata.get("outside", ()))
+    status: Status = "bad" if not sound else "good" if sound == n and not outside else "marginal"
+    return Verdict(sentence([*outside[:1], *parts]), status, tuple(carried))
 
 
 def _quantile_interval(quantity: Quantity, low: float | None, high: float | None) -> str:
@@ -281,11 +283,11 @@ def ensemble_numbers(found: EnsembleData) -> tuple[Number, ...]:
 
     Of a metric that is better if larger, 95 % stay above.
     """
-    completed = (found.members[OUTCOME] == "completed").to_numpy()
+    completed = (found.members[data.OUTCOME] == "completed").to_numpy()
     told = []
     for name in found.metrics:
         values = found.values(name)
-        of_members = values if name.startswith(MARGINS) else np.where(completed, values, np.nan)
+        of_members = values if name.startswith(data.MARGINS) else np.where(completed, values, np.nan)
         told.append(number_of_members(name, of_members, found.block))
     return tuple(told)
 
@@ -324,7 +326,7 @@ def quantile_table(members: polars.DataFrame, names: Sequence[str]) -> Table:
         *(Column(f"{100 * level:g} %", None, f"{100 * level:g} % of the members stay below") for level in LEVELS),
         Column("members", None, "how many members have this number"),
     )
-    counts = members[OUTCOME].value_counts().sort(OUTCOME).iter_rows()
+    counts = members[data.OUTCOME].value_counts().sort(data.OUTCOME).iter_rows()
     ended = ", ".join(f"{number} {outcome}" for outcome, number in counts)
     motions = [f"{len(which)} {kind}" for kind, which in kinds_of_oscillation(members).items() if which]
     ended += f" ({' and '.join(motions)} by themselves)" if motions else ""
@@ -339,7 +341,7 @@ def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:
     total = members.height - left_out(members)
     if time not in words or defined == total or f"{part}.at" not in members.columns:
         return []
-    at, duration = (counted(members, path) for path in (f"{part}.at", ENDED))
+    at, duration = (counted(members, path) for path in (f"{part}.at", data.ENDED))
     waited = ""
     if len(at) and len(duration):
         waited = f" {about(TIME, float(duration.max() - at.min()))} after its step, when the run ended"
@@ -353,7 +355,7 @@ def _undefined(members: polars.DataFrame, name: str, defined: int) -> list[str]:
 def failure_table(members: polars.DataFrame, most: int = _MOST_CAUSES, pages: Mapping[int, str] | None = None) -> Table:
     """Members that did not complete, by cause; the first of each stands for it, with its page if there is one."""
     causes, pages = failures(members), pages or {}
-    columns = (Column(MEMBER), Column("outcome"), Column("cause"), Column("members with it"))
+    columns = (Column(data.MEMBER), Column("outcome"), Column("cause"), Column("members with it"))
     rows = tuple((cause.members[0], cause.outcome, cause.cause, len(cause.members)) for cause in causes)
     links = tuple(pages.get(cause.members[0], "") for cause in causes)
     note = "The first member of each cause. `gough-stewart run EXPERIMENT --member N --open` shows member N as a run."
@@ -398,11 +400,13 @@ def worst_table(
     )
     merit = found.values(by)
     rows: list[tuple[Cell, ...]] = []
-    row_of = {int(member): k for k, member in enumerate(found.members[MEMBER].to_list())}
-    drawn = [numbers(found.members, f"{VARIED}{name}") for name in inputs]
+    row_of = {int(member): k for k, member in enumerate(found.members[data.MEMBER].to_list())}
+    drawn = [numbers(found.members, f"{data.VARIED}{name}") for name in inputs]
     for member in worst:
         k = row_of[member]
-        rows.append((member, str(found.members[OUTCOME][k]), float(merit[k]), *(float(column[k]) for column in drawn)))
+        rows.append(
+            (member, str(found.members[data.OUTCOME][k]), float(merit[k]), *(float(column[k]) for column in drawn))
+        )
     links = tuple((pages or {}).get(member, "") for member in worst)
     return Table(
         f"Worst members by {metric.text}",
@@ -418,7 +422,8 @@ def worst_table(
 
 
 def _notes(found: EnsembleData) -> tuple[Note, ...]:
-    warnings = [oscillation_warning(found.members), judgement_warning(found.members)]
+    warnings = [f"{text}; of factors, write {{ factor = … }}" for text in found.metadata.get("outside", ())]
+    warnings += [oscillation_warning(found.members), judgement_warning(found.members)]
     if found.metadata.get("substeps") is not None and "tolerance" in found.metadata:
         warnings.append(integration_warning(found.members, float(found.metadata["tolerance"])))
     notes, n = [Note(text, "warning") for text in warnings if text], found.members.height

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,11 @@ from gough_stewart.harness.ensemble.data import OUTCOME, EnsembleData, metric_na
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.model.vectors import FloatArray
 
-Method = Literal["sobol", "regression"]
+Method = Literal["sobol", "regression", "ranks"]
+_REGRESSIONS = {
+    "regression": "standardised regression",
+    "ranks": "standardised regression of the metric's rank on that of each input's distance from its median",
+}
 _CONFIDENCE = 0.95
 _SCORE = NormalDist().inv_cdf((1 + _CONFIDENCE) / 2)
 # That one input matters more than another is said with 99 % confidence.
@@ -32,6 +36,8 @@ class Sensitivity:
       half the width of its confidence interval. Requires only independent inputs.
     - `regression`: `main` is the standardised regression coefficient β, of y on all inputs, each divided by its
       standard deviation; its square is the share, as far as y is linear in the inputs, which `r2` measures.
+    - `ranks`: the same of the rank of y on the ranks of |x − median|, where that explains more: it sees what grows on
+      both sides of the middle, as an error does.
     """
 
     metric: str
@@ -58,9 +64,17 @@ class Sensitivity:
         return [int(k) for k in np.argsort(-self.size, kind="stable")]
 
     @property
+    def explains(self) -> bool:
+        """Whether it explains enough of the metric to name an input for it: by the adjusted R²."""
+        if self.r2 is None:
+            return True
+        n, p = self.used, len(self.inputs)
+        return 1 - (1 - self.r2) * (n - 1) / (n - p - 1) >= _SMALLEST_R2
+
+    @property
     def remark(self) -> str:
         """A caption with method and caveats."""
-        kind = "Sobol' indices" if self.r2 is None else f"standardised regression, R² = {self.r2:.2f},"
+        kind = "Sobol' indices" if self.r2 is None else f"{_REGRESSIONS[self.method]}, R² = {self.r2:.2f},"
         parts = [f"{kind} of {self.used} members"]
         if self.left_out:
             why = "not completed or without a value"
@@ -72,7 +86,7 @@ class Sensitivity:
             parts.append(f"which of the first {len(self.alike) + 1} matters more cannot be told")
         if self.without:
             parts.append(f"not numbers, or the same for all of these members: {', '.join(self.without)}")
-        if self.r2 is not None and self.r2 < _SMALLEST_R2:
+        if not self.explains:
             parts.append("the metric is far from linear in the inputs: use sampling = 'saltelli' for Sobol' indices")
         return "; ".join(parts)
 
@@ -96,7 +110,7 @@ def sensitivity(ensemble: EnsembleData, metric: str) -> Sensitivity:
 
 
 def sensitivity_if_known(ensemble: EnsembleData, metric: str) -> Sensitivity | None:
-    """The same; None if too few members have run, or no number varies."""
+    """The shares of the inputs in a metric's variance; None if too few members have run, or no number varies."""
     try:
         return sensitivity(ensemble, metric)
     except RecordError:
@@ -173,9 +187,12 @@ def _regression(ensemble: EnsembleData, metric: str, merit: FloatArray) -> Sensi
         raise RecordError(f"{metric}: {n} members have a value; expected at least {p + 3} for {p} inputs")
     if np.ptp(merit[usable]) == 0:
         raise RecordError(f"{metric}: is the same for all members; expected one that varies")
-    z, w = _standard(X[usable][:, usable_inputs]), _standard(merit[usable])
-    beta = np.asarray(np.linalg.lstsq(z, w, rcond=None)[0], dtype=float)
-    r2 = float(1 - np.mean((w - z @ beta) ** 2))
+    fits: dict[Method, _Fit] = {"regression": _fitted(X[usable][:, usable_inputs], merit[usable])}
+    distance = np.abs(X - np.median(X[usable], axis=0))[usable][:, usable_inputs]
+    if fits["regression"].r2 < _SMALLEST_R2 and (np.ptp(distance, axis=0) > 0).all():
+        fits["ranks"] = _fitted(_ranked(distance), _ranked(merit[usable]))
+    method = max(fits, key=lambda name: fits[name].r2)
+    z, w, r2, beta = fits[method]
     again = _resampled(z, w)
     levels = ((1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2)
     resamples = again[np.isfinite(again).all(axis=1)]
@@ -186,7 +203,29 @@ def _regression(ensemble: EnsembleData, metric: str, merit: FloatArray) -> Sensi
     names = tuple(list(columns)[k] for k in usable_inputs)
     left_out = len(merit) - n
     half = (high - low) / 2
-    return Sensitivity(metric, "regression", names, beta, half, None, None, r2, n, left_out, without, alike)
+    return Sensitivity(metric, method, names, beta, half, None, None, r2, n, left_out, without, alike)
+
+
+class _Fit(NamedTuple):
+    """Standardised inputs (n, p) and metric (n,), the share R² that their regression explains, its coefficients."""
+
+    z: FloatArray
+    w: FloatArray
+    r2: float
+    beta: FloatArray
+
+
+def _fitted(x: FloatArray, y: FloatArray) -> _Fit:
+    z, w = _standard(x), _standard(y)
+    beta = np.asarray(np.linalg.lstsq(z, w, rcond=None)[0], dtype=float)
+    return _Fit(z, w, float(1 - np.mean((w - z @ beta) ** 2)), beta)
+
+
+def _ranked(values: FloatArray) -> FloatArray:
+    """Ranks of columns (n, …), the mean of equal ones."""
+    from scipy.stats import rankdata  # slow to import, and seldom needed
+
+    return np.asarray(rankdata(values, axis=0), dtype=float)
 
 
 def _standard(values: FloatArray) -> FloatArray:

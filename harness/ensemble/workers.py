@@ -21,7 +21,7 @@ from gough_stewart.harness.control.laws import LinearController
 from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.ensemble.chunk import ChunkBytes, chunk
 from gough_stewart.harness.errors import ControllerError, EnsembleError
-from gough_stewart.harness.experiment.plan import EnsemblePlan, GivenController, plan_from
+from gough_stewart.harness.experiment.members import EnsemblePlan, GivenController, plan_from
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.isolated import Isolated
 
@@ -60,7 +60,7 @@ class Worker:
     """The object in each worker process."""
 
     def chunk(self, plan: str, first: int, last: int, controller: bytes | None = None) -> ChunkBytes:
-        """See `chunk.chunk`; a plan as `EnsemblePlan.text`, and its controller from Python as `packed`."""
+        """A chunk of a plan, which comes as its text, with its controller from Python as `packed` made it."""
         return ChunkBytes.of(chunk(unpacked(plan, controller), first, last))
 
     def close(self) -> None:
@@ -112,7 +112,7 @@ class Workers:
             worker.kill()
 
     def chunks(self, plan: EnsemblePlan, ranges: Sequence[Range]) -> Chunks:
-        """See `chunks_here`. The others begin with the first chunk, this process with the last."""
+        """Finished chunks, in any order: the other processes begin with the first range, this one with the last."""
         controller = packed(plan)
         waiting = {self._threads.submit(self._chunk, plan.text, controller, part): part for part in ranges}
         while waiting:

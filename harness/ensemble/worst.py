@@ -9,7 +9,7 @@ import numpy as np
 
 from gough_stewart.harness.ensemble.data import worst_members
 from gough_stewart.harness.ensemble.report import Ensemble, worst_by
-from gough_stewart.harness.experiment.plan import plan_from
+from gough_stewart.harness.experiment.members import plan_from
 from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
 from gough_stewart.harness.report.document import File, Report, Section

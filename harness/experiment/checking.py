@@ -2,11 +2,12 @@
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import polars
@@ -23,23 +24,42 @@ from gough_stewart.harness.experiment.preparation import (
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.timing import Timing
 from gough_stewart.harness.motion.limits.fitting import factor_near, shrinking_that_fits, slowing_that_fits
-from gough_stewart.harness.motion.limits.needs import Needs, needs_along
+from gough_stewart.harness.motion.limits.needs import LegLoads, Needs, needs_along
 from gough_stewart.harness.motion.limits.shares import DYNAMIC, LABELS, OPTIONAL, Peak, Shares, shares_along
-from gough_stewart.harness.motion.limits.shares_tables import LEGS, OF_LIMIT, finite, largest_needs, shares_tables
+from gough_stewart.harness.motion.limits.shares_tables import (
+    LEGS,
+    OF_LIMIT,
+    finite,
+    largest_needs,
+    leg_tables,
+    summary_tables,
+)
 from gough_stewart.harness.motion.motion import Motion, Reference, Scaled, centre_of
+from gough_stewart.harness.motion.references import Sine
+from gough_stewart.harness.report.versions import versions
+from gough_stewart.harness.quantities import number
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import fine, fineness_of
 from gough_stewart.harness.report.versions import versions
+from gough_stewart.harness.report.quantities import of_unit
+from gough_stewart.harness.report.quantities import fine, fineness_of
+from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import listed, percent, sentence
+from gough_stewart.harness.results.metric_folds import AXES
+from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
+from gough_stewart.model.kinematics import condition_number_bound, leg_geometry, scaled_jacobian_of_legs
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.vectors import FloatArray, first_of_largest
 
 Fit = Literal["time", "amplitude"]
 FILES = ("check.json", "needs.csv")
 _DIGITS = 9
 _ROUNDING = 1e-9
+# Combinations of phases, phases of one axis, and rows of a period, of which the worst is looked for.
+_COMBINATIONS, _MOST_PHASES, _ROWS_OF_PERIOD = 1024, 24, 60
 # A motion that needs more of a limit is done with little room.
 _NEAR = 0.9
 # Larger shares would flatten the others; tables have them.
@@ -104,13 +124,25 @@ class MotionCheck:
     @cached_property
     def time_factor(self) -> float | None:
         """The time scale at which the motion fits and leaves its margin, 1 if it does already; None if none does."""
-        return slowing_that_fits(self._less_margin, self._motion, self.experiment.limits.condition_number)
+        worst = self.experiment.limits.condition_number
+        return slowing_that_fits(self._less_margin, self._motion, worst, self._total)
 
     @cached_property
     def amplitude_factor(self) -> float | None:
         """The amplitude scale at which the motion fits and leaves its margin, 1 if it does; None if none does."""
-        centre = centre_of(self._reference)
-        return shrinking_that_fits(self._less_margin, self._motion, centre, self.experiment.limits.condition_number)
+        centre, worst = centre_of(self._reference), self.experiment.limits.condition_number
+        return shrinking_that_fits(self._less_margin, self._motion, centre, worst, self._total)
+
+    @cached_property
+    def worst_phases(self) -> "tuple[WorstPhases, ...] | None":
+        """The phases of the axes of a sine that need most of the legs; None of other motions, or of one axis.
+
+        Returns
+        -------
+        tuple
+            Stroke, speed, force and power with the phases as given, with the worst ones, and these.
+        """
+        return _worst_phases(self.platform, self._reference) if isinstance(self._reference, Sine) else None
 
     def settings_that_fit(self, fit: Fit) -> dict[str, float]:
         """Settings of the experiment with which its motion fits and leaves its margin: none if it does already.
@@ -156,7 +188,7 @@ class MotionCheck:
         Raises
         ------
         MotionError
-            As `settings_that_fit`.
+            The chosen kind of scale does not help.
         """
         return check(self.experiment, self.settings_that_fit(fit))
 
@@ -168,9 +200,11 @@ class MotionCheck:
         Report
             Verdict, largest shares by the paths `limits.NAME`, tables, and with `charts` the shares over time.
         """
-        sections = [Section("Limits and needs", tuple(shares_tables(self.shares, self.needs)))]
+        worst = [] if self.worst_phases is None else [_phases_table(self.worst_phases)]
+        sections = [Section("Needs and limits", (*summary_tables(self.shares, self.needs), *worst))]
         if charts:
             sections.append(Section("Over time", (_chart(self.shares),)))
+        sections.append(Section("Each leg", tuple(leg_tables(self.shares, self.needs))))
         duration = float(self.shares.time[-1] - self.shares.time[0])
         unchecked = listed([LABELS[name] for name in self.not_stated])
         report = Report(
@@ -199,6 +233,11 @@ class MotionCheck:
         """The tables, for a notebook."""
         return to_html(self.report(charts=False))
 
+    @property
+    def _total(self) -> FloatArray | None:
+        """The largest share in each row (n,), if no margin is reserved."""
+        return None if self.margin else self.shares.total
+
     @cached_property
     def _less_margin(self) -> Platform:
         """The platform with its dynamic limits less the margin."""
@@ -222,13 +261,82 @@ class MotionCheck:
         return float(shares_along(self._less_margin, times, motion, worst).total.max())
 
 
+class WorstPhases(NamedTuple):
+    """What a sine on several axes needs of a leg at most, over the phases between its axes."""
+
+    need: str
+    unit: str
+    as_given: float
+    worst: float
+    leg: int  # from 1
+    phases: dict[str, float]  # by axis, against the first one [rad]
+
+
+def _worst_phases(platform: Platform, reference: Sine) -> tuple[WorstPhases, ...] | None:
+    """The largest needs over a grid of the phases between the axes, in one period after the motion has faded in."""
+    amplitudes = np.concatenate([reference.position_amplitude, reference.orientation_amplitude])
+    moving = np.flatnonzero(amplitudes).tolist()
+    if len(moving) < 2:
+        return None
+    # even, so that opposite phases are on the grid
+    steps = min(_MOST_PHASES, max(4, 2 * int(_COMBINATIONS ** (1 / (len(moving) - 1)) / 2)))
+    shifts = [2 * math.pi * k / steps for k in range(steps)]
+    period = reference.time_scale / reference.frequency
+    time = reference.time_scale * reference.fade_in + np.arange(_ROWS_OF_PERIOD) / _ROWS_OF_PERIOD * period
+    grid = [*product(shifts, repeat=len(moving) - 1)]
+    motions = [reference(time)]
+    for phases_of_others in grid:
+        phases = np.zeros(6)
+        phases[moving[1:]] = phases_of_others
+        parts = {"position_phase": tuple(phases[:3]), "orientation_phase": tuple(phases[3:])}
+        motions.append(reference.model_copy(update=parts)(time))
+    motion = Motion(*(np.concatenate(parts) for parts in zip(*motions, strict=True)))
+    with np.errstate(all="ignore"):  # a leg of length 0 has no direction
+        legs = leg_geometry(platform, motion.position, motion.orientation)
+        regular = condition_number_bound(scaled_jacobian_of_legs(legs)[0]) < LARGEST_CONDITION_NUMBER
+        loads = LegLoads(platform, motion, legs, regular)
+        by_motion = {
+            "stroke": ("m", np.asarray(legs.length)),
+            "speed": ("m/s", np.abs(loads.velocity)),
+            "force": ("N", np.abs(loads.force)),
+            "power": ("W", np.maximum(loads.power, 0.0)),
+        }
+    worst = []
+    for need, (unit, values) in by_motion.items():
+        rows = values.reshape(len(motions), _ROWS_OF_PERIOD, 6)
+        largest = np.ptp(rows, axis=1) if need == "stroke" else rows.max(axis=1)
+        at, leg = (int(k) for k in np.unravel_index(first_of_largest(largest[1:].ravel()), largest[1:].shape))
+        names = [axis for axis, _, _ in AXES]
+        by_axis = {names[moving[0]]: 0.0, **dict(zip((names[k] for k in moving[1:]), grid[at], strict=True))}
+        worst.append(WorstPhases(need, unit, float(largest[0].max()), float(largest[1:].max()), leg + 1, by_axis))
+    return tuple(worst)
+
+
+def _phases_table(worst: Sequence[WorstPhases]) -> Table:
+    """The needs with the phases as given beside those with the worst."""
+    rows: list[tuple[Cell, ...]] = []
+    for row in worst:
+        quantity = replace(of_unit({"m": "mm", "m/s": "mm/s"}.get(row.unit, row.unit)), digits=3)
+        phases = ", ".join(f"{axis} {math.degrees(phase):.0f}°" for axis, phase in row.phases.items())
+        rows.append((row.need, Value(row.as_given, quantity), Value(row.worst, quantity), str(row.leg), phases))
+    columns = (Column(""), Column("as given"), Column("worst"), Column("leg"), Column("phases"))
+    note = "Over a grid of the phases between the axes, in one period after the motion has faded in."
+    return Table("Worst over the phases of the axes", columns, tuple(rows), note=note)
+
+
 def _rounded(scale: float, to: Callable[[float], int]) -> float:
     """To nine digits, on the side that fits."""
     unit = 10.0 ** (math.floor(math.log10(abs(scale))) + 1 - _DIGITS)
     return math.copysign(float(f"{to(abs(scale) / unit) * unit:.{_DIGITS}g}"), scale)
 
 
-def check(experiment: Experiment | Path | str, settings: Settings = ()) -> MotionCheck:
+def check(
+    experiment: Experiment | Path | str,
+    settings: Settings = (),
+    *,
+    payload: float | str | None = None,
+    payload_height: float | str = 0.0,
+) -> MotionCheck:
     """The share of every limit of its platform that the motion of an experiment uses, and its needs, without a run.
 
     Stroke, joint angles, distance from singular poses, leg velocity, leg acceleration, and force and power by inverse
@@ -240,6 +348,9 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
         A TOML file, the name of a shipped experiment, or an `Experiment`.
     settings
         Keys of the experiment to change, as in `load_experiment`.
+    payload, payload_height
+        A point mass [kg] that the platform carries, and its height [m] above the platform's origin, in its axes.
+        Numbers, or strings with a unit; they become parameters of the experiment's platform.
 
     Returns
     -------
@@ -261,6 +372,10 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     """
     experiment_checked = experiment_of(experiment, settings)
     nominal = nominal_platform(experiment_checked, experiment_checked.platform)
+    if payload is not None:
+        keys = _with_payload(nominal, payload, payload_height)
+        experiment_checked = experiment_of(experiment_checked, keys)
+        nominal = nominal_platform(experiment_checked, experiment_checked.platform)
     platform = limited_platform(nominal, experiment_checked.actuators.force_limit)
     timing = timing_of(experiment_checked, experiment_checked.loop)
     if experiment_checked.reference is None:
@@ -269,6 +384,31 @@ def check(experiment: Experiment | Path | str, settings: Settings = ()) -> Motio
     shares = shares_along(platform, timing.times, motion, experiment_checked.limits.condition_number)
     needs = needs_along(platform, timing.times, motion)
     return MotionCheck(experiment_checked, platform, shares, needs, reference, motion, timing)
+
+
+def _with_payload(platform: Platform, payload: float | str, height: float | str) -> dict[str, Any]:
+    """Settings of an experiment whose platform carries a point mass: mass, centre of mass, and inertia about it.
+
+    Raises
+    ------
+    MotionError
+        Not a mass and a length, or a mass of 0 or less.
+    """
+    try:
+        mass, above = number(payload, "kg"), number(height, "m")
+    except ValueError as error:
+        raise MotionError(f"payload of {payload} at a height of {height}: {error}") from None
+    if not (math.isfinite(mass) and mass > 0 and math.isfinite(above)):
+        raise MotionError(f"payload is {mass:g} kg at a height of {above:g} m; expected a mass > 0, finite numbers")
+    places = [np.asarray(platform.platform_com), np.array([0.0, 0.0, above])]
+    masses = [float(platform.platform_mass), mass]
+    com = np.average(places, axis=0, weights=masses)
+    inertia = np.array(platform.platform_inertia, dtype=float)
+    for m, place in zip(masses, places, strict=True):
+        arm = place - com
+        inertia += m * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    values = {"platform_mass": sum(masses), "platform_com": com.tolist(), "platform_inertia": inertia.tolist()}
+    return {f"platform.parameters.{name}": value for name, value in values.items()}
 
 
 def _verdict(result: MotionCheck) -> Verdict:
@@ -366,4 +506,5 @@ def as_dict(result: MotionCheck) -> dict[str, Any]:
             for name, need in result.needs.of.items()
         },
         "needs_notes": list(result.needs.notes),
+        **({} if result.worst_phases is None else {"worst_phases": [row._asdict() for row in result.worst_phases]}),
     }

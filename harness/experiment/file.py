@@ -91,7 +91,7 @@ def experiment_of(experiment: Experiment | Path | str, settings: Settings = ()) 
     Raises
     ------
     ExperimentError
-        As `load_experiment`.
+        The file cannot be read, or a key is unknown, missing, or has an invalid value.
     """
     if isinstance(experiment, Path | str):
         return load_experiment(experiment, settings)

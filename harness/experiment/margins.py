@@ -150,7 +150,7 @@ class LoopMargins(Margins):
 
     @property
     def loop(self) -> Any:
-        """The same as a python-control system."""
+        """The loop transfer L as a python-control system."""
         return control_system(self.transfer)
 
     def __repr__(self) -> str:
@@ -267,7 +267,7 @@ def margins(experiment: Experiment | Path | str, settings: Settings = (), *, con
     UnstableLoopError
         The loop is unstable in the linear model.
     ExperimentError, ReachError
-        As `run`.
+        The experiment cannot run as written, or its reference is out of the platform's reach.
 
     Examples
     --------

@@ -17,8 +17,8 @@ from gough_stewart.harness.control.makers import name_of
 from gough_stewart.harness.errors import ExperimentError, PlantError
 from gough_stewart.harness.experiment.file import digests, experiment_of
 from gough_stewart.harness.experiment.margins import growing_of
+from gough_stewart.harness.experiment.members import EnsemblePlan, fingerprint, plan_of
 from gough_stewart.harness.experiment.overrides import Settings, experiment_with
-from gough_stewart.harness.experiment.plan import EnsemblePlan, fingerprint, plan_of
 from gough_stewart.harness.experiment.preparation import Batch, Injection, Prepared, prepare, with_hints
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.loop.folds import ERRORS, error_between
@@ -398,8 +398,8 @@ def write_results(
             "record.csv": record.write_csv,
             "metadata.json": record.to_metadata(),
         }
-        written = aside.submit(files.add, first)
         measured = metrics(record)
+        written = [aside.submit(files.add, part) for part in (first, {"metrics.json": metrics_json(measured)})]
         report = record.report(measured=measured, robustness=robustness, charts=page or figures or charts)
         report = replace(report, notes=(*report.notes, *notes))
         if requirements:
@@ -408,7 +408,7 @@ def write_results(
             missing = [Number(m.path, m.text, None, m.quantity) for m in METRICS if m.path in required - present]
             report = replace(report, numbers=(*report.numbers, *missing))
             report = with_requirements(report, requirements)
-        more: dict[str, Content] = {"metrics.json": metrics_json(measured)}
+        more: dict[str, Content] = {}
         if figures:
             from gough_stewart.harness.report.figures import figures as drawn
 
@@ -417,7 +417,8 @@ def write_results(
             from gough_stewart.harness.report.page import PAGE, page_of
 
             more[PAGE] = page_of(report)
-        written.result()
+        for part in written:
+            part.result()
         files.add(more)
     return Written(files.names, report)
 

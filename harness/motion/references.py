@@ -187,8 +187,9 @@ class _Swing(AboutPose):
 class Sine(_Swing):
     """Harmonic motion: amplitude · sin(2π f t + phase), faded in by the quintic.
 
-    `position_amplitude` [m], `orientation_amplitude` [rad], `frequency` [Hz], `phase` [rad], `fade_in` [s]; about
-    `position` [m] and `orientation` [rad], home by default.
+    `position_amplitude` [m], `orientation_amplitude` [rad], `frequency` [Hz], `phase` [rad] of all axes, to which
+    `position_phase` and `orientation_phase` [rad] add one of each axis, `fade_in` [s]; about `position` [m] and
+    `orientation` [rad], home by default.
 
     Examples
     --------
@@ -200,11 +201,25 @@ class Sine(_Swing):
     type: Literal["sine"] = "sine"
     frequency: Frequency
     phase: Angle = 0.0
+    position_phase: Orientation = ZEROS
+    orientation_phase: Orientation = ZEROS
 
     def _at(self, time: Array) -> Motion:
         omega = 2 * math.pi * self.frequency
-        swing = sine(omega * time + self.phase, omega)
-        return self._by((swing.faded(time, self.fade_in), self._direction))
+        offsets = np.concatenate([self.position_phase, self.orientation_phase])
+        # axes of one phase share a sine; symbols, which cannot be compared, have one each
+        first, of_axis = np.arange(6), np.arange(6)
+        if offsets.dtype != object:
+            _, first, of_axis = np.unique(offsets, return_index=True, return_inverse=True)
+        return self._by(
+            *(
+                (
+                    sine(omega * time + (self.phase + offsets[axis : axis + 1]), omega).faded(time, self.fade_in),
+                    np.where(of_axis == k, self._direction, 0.0),
+                )
+                for k, axis in enumerate(first.tolist())
+            )
+        )
 
     @property
     def highest_frequency(self) -> float:

@@ -43,7 +43,7 @@ from gough_stewart.harness.report.quantities import (
     TIME,
     Quantity,
 )
-from gough_stewart.harness.results.limits import DRIVE_LIMITS
+from gough_stewart.harness.results.record_data import DRIVE_LIMITS
 from gough_stewart.model.operations import greater, less, maximum, reached, where
 from gough_stewart.model.vectors import Array, FloatArray
 
@@ -102,15 +102,26 @@ class CoveredRows(Fold):
 
 
 class Tracking(TermFold):
-    """RMS and peak of an error, reference − actual, and of its Euclidean norm."""
+    """RMS and peak of an error, reference − actual, and of its Euclidean norm, and what is left of that at the end.
 
-    parameters: Mapping[str, Any] = {}
+    The end is the last tenth of the rows, in which a reference that steps is at rest.
 
-    def __init__(self, name: str, text: str, size: int, quantity: Quantity, has_norm: bool) -> None:
-        self.needs, self._has_norm = (f"error.{name}",), has_norm
+    Parameters
+    ----------
+    rows
+        How many the run has if it comes to its end; None if it has ended early.
+    """
+
+    def __init__(self, name: str, text: str, size: int, quantity: Quantity, has_norm: bool, rows: int | None) -> None:
+        self.needs, self._has_norm, self._rows = (f"error.{name}",), has_norm, rows
         self.kernel, self.sizes = "tracking_norm" if has_norm else "tracking", {"error": size}
-        self.term_sizes = {"square": size, **({"norm": 1} if has_norm else {})}
-        self.reductions = {f"{kind.__name__} {term}": kind(term) for term in self.term_sizes for kind in (Largest, Sum)}
+        self.term_sizes = {"square": size, **({"norm": 1, "end": 1} if has_norm else {})}
+        squares = [term for term in self.term_sizes if term != "end"]
+        self.reductions = {f"{kind.__name__} {term}": kind(term) for term in squares for kind in (Largest, Sum)}
+        self.parameters: Mapping[str, Any] = {}
+        if has_norm:
+            self.reductions["final"] = Largest("end")
+            self.parameters = {"end": 0.0 if rows is None else float(rows - _rest_rows(rows))}
         path, element = f"tracking.{name}", "axis" if has_norm else "leg"
         of_one = " of an axis" if has_norm else ""
         declared = [
@@ -118,10 +129,11 @@ class Tracking(TermFold):
             ("peak", f"{text}, peak{of_one}", f"largest |e| of the {text}, by {element}", not has_norm),
             ("norm_rms", f"{text}, RMS", f"RMS of the {text}'s Euclidean norm", True),
             ("norm_peak", f"{text}, peak", f"largest norm of the {text}", True),
+            ("norm_final", f"{text}, at the end", f"largest norm of the {text} in the last tenth of the run", True),
         ]
         self.metrics = tuple(
             Metric(f"{path}.{kind}", title, quantity, sentence, "smaller", is_compared)
-            for kind, title, sentence, is_compared in declared[: 4 if has_norm else 2]
+            for kind, title, sentence, is_compared in declared[: 5 if has_norm else 2]
         )
 
     def terms(self, row: TermRow) -> Iterator[tuple[str, Array]]:
@@ -131,15 +143,17 @@ class Tracking(TermFold):
         yield "square", square
         if self._has_norm:
             x, y, z = (square[..., k : k + 1, :] for k in range(3))
-            yield "norm", x + y + z
+            norm = x + y + z
+            yield "norm", norm
+            yield "end", where(less(row.index, row.parameters["end"]), 0.0, norm)
 
     def result(self, state: State, rows: NDArray[np.intp]) -> dict[str, FloatArray]:
-        """RMS = √(∑ e²/n), and the largest |e|."""
-        values: list[FloatArray] = []
-        for term in self.term_sizes:
-            total, peak = state[f"Sum {term}"], state[f"Largest {term}"]
-            values += [np.sqrt(total / rows), np.sqrt(peak)]
-        return _named(self.metrics, [*values[:2], *(norm[0] for norm in values[2:])], rows > 0)
+        """RMS = √(∑ e²/n), and the largest |e|; of the norm also at the end, which a run that ended early has not."""
+        values = [np.sqrt(state["Sum square"] / rows), np.sqrt(state["Largest square"])]
+        if self._has_norm:
+            total, peak, final = (state[name][0] for name in ("Sum norm", "Largest norm", "final"))
+            values += [np.sqrt(total / rows), np.sqrt(peak), np.where(rows == self._rows, np.sqrt(final), np.nan)]
+        return _named(self.metrics, values, rows > 0)
 
 
 class DriveLoads(TermFold):
@@ -316,6 +330,11 @@ class StrokeUse(TermFold):
         return _named(self.metrics[: len(values)], values, rows > 0)
 
 
+def _rest_rows(rows: int) -> int:
+    """How many of the last rows are the end of a run."""
+    return max(2, math.ceil(_REST * rows))
+
+
 class ReferenceStep(NamedTuple):
     """The step of each reference (...)."""
 
@@ -333,7 +352,7 @@ def step_in(reference: FloatArray) -> ReferenceStep:
     n = len(reference)
     first, last = reference[0], reference[-1]
     rounding = _ROUNDING * np.maximum(1.0, np.abs(reference).max(axis=0))
-    rest = max(2, math.ceil(_REST * n))
+    rest = _rest_rows(n)
     exists = (np.abs(last - first) > rounding) & ~(np.abs(reference[-rest:] - last).max(axis=0) > rounding)
     start = n - 1 - (np.abs(reference - first) <= rounding)[::-1].argmax(axis=0)
     following = np.take_along_axis(reference, np.minimum(start + 1, n - 1)[None], axis=0)[0]
@@ -440,6 +459,7 @@ def metric_folds(
     limits: Mapping[str, Any],
     known: Callable[[str], bool] | None = None,
     wanted: Collection[str] | None = None,
+    is_whole: bool = True,
 ) -> list[Fold]:
     """The folds that compute metrics of runs.
 
@@ -456,7 +476,10 @@ def metric_folds(
         Whether the rows have a column; by default they have all, errors only with a reference.
     wanted
         Paths of metrics; others may be left out.
+    is_whole
+        Whether the last of these times is the end of the run, which may have ended before.
     """
+    rows = len(time) if is_whole else None
     stated = {name: value for name, value in limits.items() if value is not None}
     has_flags = known is not None and known(STROKE_EXCEEDED)
     steps: list[Any] = []
@@ -469,9 +492,9 @@ def metric_folds(
             if (step := step_in(pose)).exists.any()
         ]
     folds = [
-        Tracking("position", "position error", 3, LENGTH, has_norm=True),
-        Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True),
-        Tracking("leg_length", "leg error", 6, LENGTH, has_norm=False),
+        Tracking("position", "position error", 3, LENGTH, has_norm=True, rows=rows),
+        Tracking("orientation", "orientation error", 3, ANGLE, has_norm=True, rows=rows),
+        Tracking("leg_length", "leg error", 6, LENGTH, has_norm=False, rows=rows),
         *steps,
         DriveLoads(time, stated),
         Saturation("force_limited"),

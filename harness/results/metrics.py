@@ -13,10 +13,9 @@ from gough_stewart.harness.loop.folding import Folding
 from gough_stewart.harness.loop.folds import ERRORS
 from gough_stewart.harness.report.quantities import ANGLE, LENGTH, PERCENT, POSITION, SHARE, TIME, Quantity
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
-from gough_stewart.harness.results.limits import column_of_drives
 from gough_stewart.harness.results.metric_folds import METRICS, CoveredRows, metric_folds, metric_kernels, metric_of
 from gough_stewart.harness.results.oscillation import is_sound, outcome_of, outcome_text
-from gough_stewart.harness.results.record_data import RecordData
+from gough_stewart.harness.results.record_data import RecordData, column_of_drives
 
 _LEGS = tuple(Column(f"{leg}") for leg in range(1, 7))
 _STEP_COLUMNS = (
@@ -61,7 +60,9 @@ def metrics(record: RecordData) -> Metrics:
       `is_growing`, `leg`, `amplitude` and `earlier` [m], `frequency` [Hz], `since` [s].
     - `rows` and `duration` [s] that the metrics below cover.
     - `tracking`: `rms` and `peak` of the errors of `position` [m], `orientation` [rad] and `leg_length` [m] by axis or
-      leg; for position and orientation also of the Euclidean `norm`, of orientation the angle of the rotation.
+      leg; for position and orientation also of the Euclidean `norm`, of orientation the angle of the rotation, and
+      `norm_final`, its largest value in the last tenth of the run: what is left when a step has settled; None if the
+      run ended early.
     - `step_response`: for each axis whose reference goes from one value to another and stays there. The response
       (y − from)/(to − from) starts at time `at` [s]: the row of a jump, or else the last row at which the reference has
       its first value.
@@ -101,6 +102,7 @@ def metrics(record: RecordData) -> Metrics:
             reference,
             finite.metadata["platform"],
             lambda name: column_of_drives(finite, name) in finite,
+            is_whole=n == record.table.height and not _ended_early(record),
         )
         columns = dict[str, NDArray[Any]]()
         for name in dict.fromkeys(name for fold in folds for name in fold.needs):
@@ -129,6 +131,12 @@ def metrics(record: RecordData) -> Metrics:
         parts["stroke"].setdefault("exceeded", None)
     names = ("duration", "tracking", "step_response", "force", "power", "energy", "saturation", "stroke", "limits")
     return Metrics(outcome=outcome_of(record), rows=n, **{name: parts.get(name) for name in names})
+
+
+def _ended_early(record: RecordData) -> bool:
+    """Whether its rows do not reach the end that the run was to have."""
+    time, planned = record["time"], record.metadata.get("duration") or 0.0
+    return bool(time[-1] - time[0] < planned * (1 - 1e-9))
 
 
 def metrics_json(metrics: dict[str, Any]) -> bytes:
@@ -179,11 +187,12 @@ def metrics_tables(metrics: Mapping[str, Any]) -> list[Table]:  # noqa: PLR0912 
             if name not in metrics["tracking"]:
                 continue
             part = metrics["tracking"][name]
-            of_axes = zip(axes, part["rms"], part["peak"], strict=True)
-            for title, *values in (*of_axes, (f"|{name}|", part["norm_rms"], part["norm_peak"])):
-                rows.append((title, *(Value(value, quantity) for value in values)))
+            for title, *values in zip(axes, part["rms"], part["peak"], strict=True):
+                rows.append((title, *(Value(value, quantity) for value in values), ""))
+            norms = (part[f"norm_{kind}"] for kind in ("rms", "peak", "final"))
+            rows.append((f"|{name}|", *(Value(value, quantity) for value in norms)))
             ends.append(len(rows) - 1)
-        columns = (Column(""), Column("RMS"), Column("peak"))
+        columns = (Column(""), Column("RMS"), Column("peak"), Column("at the end", None, "largest in the last tenth"))
         tables.append(Table("Tracking error", columns, tuple(rows), group_ends=tuple(ends[:-1])))
     if metrics["step_response"]:
         rows = []

@@ -1,14 +1,19 @@
-"""The rows of a run as a table, one per time, in SI units; interface variables under their FMI 2.0 names."""
+"""The rows of a run as a table, one per time, in SI units, and how much they use of the limits of drives and legs."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars
 
 from gough_stewart.harness.errors import RecordError
+from gough_stewart.harness.plants.signals import AT_MOTORS
+from gough_stewart.harness.report.quantities import FORCE, POWER, VELOCITY, Quantity
 from gough_stewart.model import interface
+from gough_stewart.model.kinematics import joint_angles
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -52,3 +57,63 @@ class RecordData:
                 columns.setdefault(variable, []).append(column)
             columns[column] = [column]
         return columns
+
+
+class DriveLimit(NamedTuple):
+    """A limit of the platform on what its drives do."""
+
+    name: str  # of the platform's parameter
+    text: str
+    quantity: Quantity
+
+
+DRIVE_LIMITS = (
+    DriveLimit("leg_velocity_max", "leg velocity", VELOCITY),
+    DriveLimit("actuator_force_max", "actuator force", FORCE),
+    DriveLimit("actuator_power_max", "actuator power", POWER),
+)
+
+
+def column_of_drives(record: RecordData, name: str) -> str:
+    """The column with what the drives move, by the motors' name: `leg_length`, `leg_velocity` if legs are rigid."""
+    legs = {motor: leg for leg, motor in AT_MOTORS.items()}
+    return name if name in record else legs.get(name, name)
+
+
+def shares_of_limits(record: RecordData, platform: Mapping[str, Any]) -> dict[str, FloatArray]:
+    """Share of each stated limit that each leg uses (n, 6) [1], by the limit's name; 1 is at the limit.
+
+    Limits are those of |ṡ|, |F|, and |F ṡ|, the larger of the values at both ends of the row. The force is held over
+    its row, so ṡ at its end is that of the next row; the last row has none.
+    """
+    velocity, force = (np.abs(record[column_of_drives(record, name)]) for name in ("motor_velocity", "actuator_force"))
+    power = np.concatenate([np.maximum(velocity[:-1], velocity[1:]), velocity[-1:]]) * force
+    return {
+        limit.name: values / platform[limit.name]
+        for limit, values in zip(DRIVE_LIMITS, (velocity, force, power), strict=True)
+        if platform.get(limit.name) is not None
+    }
+
+
+def nearness_to_limits(record: RecordData, platform: Platform) -> dict[str, FloatArray]:
+    """Nearness of each leg to each limit of the platform or its actuators (n, 6) [1]; 1 is at the limit.
+
+    - `stroke`: |L − middle| over half the stroke;
+    - `force`: |F| over the limit of the actuators in the loop;
+    - `velocity`, `power`: |ṡ| and |F ṡ| of the drives over the platform's limits;
+    - `joint angle`: the larger angle of the leg's two joints from home over the largest allowed.
+    """
+    nearness: dict[str, FloatArray] = {}
+    low, high = platform.leg_length_min, platform.leg_length_max
+    if low is not None and high is not None:
+        nearness["stroke"] = np.abs(record["leg_length"] - (low + high) / 2) / ((high - low) / 2)
+    if record.metadata.get("force_limit"):
+        nearness["force"] = np.abs(record["actuator_force"]) / record.metadata["force_limit"]
+    shares = shares_of_limits(record, platform.as_dict())
+    names = {"velocity": "leg_velocity_max", "power": "actuator_power_max"}
+    nearness |= {drive: shares[name] for drive, name in names.items() if name in shares}
+    if platform.joint_angle_max is not None:
+        pose = (record["position"], record["orientation"])
+        angles = joint_angles(platform, *pose, platform.home_position, platform.home_orientation)
+        nearness["joint angle"] = np.maximum(*angles) / platform.joint_angle_max
+    return nearness

@@ -1,25 +1,102 @@
-"""Charts and scene of runs for a report: all signals over time, from columns and from kinematics."""
+"""Scene and charts of runs for a report: bodies in motion, and all signals over time."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.loop.folds import error_between
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, Strip, strip_of, time_axis
 from gough_stewart.harness.report.document import Section
 from gough_stewart.harness.report.palette import Role
 from gough_stewart.harness.report.quantities import NUMBER, Quantity, of_unit
-from gough_stewart.harness.report.scene import Scene
-from gough_stewart.harness.results.limits import column_of_drives, shares_of_limits
+from gough_stewart.harness.report.scene import Flag, Scene
+from gough_stewart.harness.report.quantities import fineness_of
+from gough_stewart.harness.report.words import listed
 from gough_stewart.harness.results.metrics import finite_part
-from gough_stewart.harness.results.record_data import RecordData
-from gough_stewart.harness.results.scene import FRAMES, scene_of
+from gough_stewart.harness.results.record_data import RecordData, column_of_drives, nearness_to_limits, shares_of_limits
 from gough_stewart.model import interface
 from gough_stewart.model.kinematics import conditioning
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.vectors import FloatArray
+
+# Frames of all records of a page together; for 10 s at 1 kHz, 200 frames per second.
+FRAMES = 2001
+FLAGS = ("force_limited", "rate_limited", "stroke_exceeded")
+# Shares by which the two parts of a leg overlap at its longest, and keep clear of the other's joint at its shortest.
+_OVERLAP, _SHORTEST = 0.06, 0.97
+
+
+def frame_rows(rows: int, frames: int) -> NDArray[np.int64]:
+    """Rows that become frames: every s-th and the last, with the smallest s that keeps to this number of frames."""
+    stride = max(1, math.ceil((rows - 1) / max(frames - 1, 1)))
+    frames_at = np.arange(0, rows, stride)
+    return frames_at if frames_at[-1] == rows - 1 else np.append(frames_at, rows - 1)
+
+
+def scene_of(record: RecordData, platform: Platform, name: str, frames: int = FRAMES, run: int | None = None) -> Scene:
+    """Geometry and frames of a record whose rows are finite.
+
+    Frames have the values of their rows: time, pose, leg lengths, forces, reference, neither interpolated nor rounded.
+    Flags cover the time from each frame to the next, and are set if they are set in any row of it.
+    """
+    rows = frame_rows(record.table.height, frames)
+    few = RecordData(record.table[rows], record.metadata)
+    lower, upper = leg_parts(record["leg_length"], platform)
+    nearness, flags = nearness_to_limits(few, platform), list[Flag]()
+    for flag in FLAGS:
+        if f"flag.{flag}" in record:
+            is_set = np.asarray(record[f"flag.{flag}"].astype(bool).any(axis=1))
+            flags.append(Flag(flag, "".join("01"[int(is_set[a:b].any())] for a, b in pairwise(rows))))
+    return Scene(
+        name,
+        platform.base_points,
+        platform.platform_points,
+        lower,
+        upper,
+        few["time"],
+        _poses(few["position"], few["orientation"]),
+        few["leg_length"],
+        home=_poses(platform.home_position, platform.home_orientation),
+        orientation=few["orientation"],
+        reference=_poses(few["reference.position"], few["reference.orientation"])
+        if "reference.position" in few
+        else None,
+        actuator_force=few["actuator_force"],
+        external_force=few["external_force"] if few["external_force"].any() else None,
+        nearness=np.max(list(nearness.values()), axis=0) if nearness else None,
+        nearness_of=tuple(nearness),
+        flags=tuple(flags),
+        rows=record.table.height,
+        run=run,
+        decimals=max(4, 3 + round(-math.log10(fineness_of(platform)))),
+    )
+
+
+def leg_parts(length: FloatArray, platform: Platform) -> tuple[float, float]:
+    """Drawn lengths of the lower and upper part [m], which overlap at all leg lengths that occur or are allowed.
+
+    No parameter sets the shape of the parts, only their centres of mass.
+    """
+    low = min(float(length.min()), platform.leg_length_min or math.inf)
+    high = max(float(length.max()), platform.leg_length_max or 0.0)
+    longest = _SHORTEST * low
+    lower = min(longest, (0.5 + _OVERLAP / 2) * high)
+    return lower, min(longest, high - lower + _OVERLAP * high)
+
+
+def _poses(position: FloatArray, orientation: FloatArray) -> FloatArray:
+    """Position and quaternion (x, y, z, w) of platforms (…, 7)."""
+    from scipy.spatial.transform import Rotation  # needed only for pages, and slow to import (0.2 s)
+
+    rotation = matrix_from_orientation(orientation)
+    return np.concatenate([position, Rotation.from_matrix(rotation).as_quat()], axis=-1)
+
 
 AXES = ("x", "y", "z")
 _ANGLES = ("roll", "pitch", "yaw")
@@ -203,12 +280,48 @@ def _limits(runs: Sequence[DrawnRun]) -> dict[str, tuple[float, ...]]:
     }
 
 
+class FaultSpan(NamedTuple):
+    """A fault of an experiment: what failed, and when."""
+
+    text: str  # "leg 3 without force"
+    begin: float  # [s]
+    end: float | None  # [s]; None if it lasts
+
+    def __str__(self) -> str:
+        return f"{self.text} from {self.begin:.4g}{'' if self.end is None else f' to {self.end:.4g}'} s"
+
+
+def faults_of(metadata: Mapping[str, Any]) -> list[FaultSpan]:
+    """The faults in the experiment of a run's or ensemble's metadata, in order of time."""
+    spans = []
+    for fault in (metadata.get("experiment") or {}).get("fault") or ():
+        cut, texts = fault.get("cut") or [], list[str]()
+        if cut:
+            texts.append(f"{'leg' if len(cut) == 1 else 'legs'} {listed(list(map(str, cut)))} without force")
+        for name, elements in (fault.get("freeze") or {}).items():
+            texts.append(f"{name} {listed(list(map(str, elements)))} frozen")
+        end = None if fault.get("duration") is None else fault["at"] + fault["duration"]
+        spans.append(FaultSpan(listed(texts), float(fault["at"]), end))
+    return sorted(spans, key=lambda span: span.begin)
+
+
+def _fault_marks(run: DrawnRun) -> list[Mark]:
+    """Where faults begin and end, in the part of the run that is drawn."""
+    last, marks = float(run.record["time"][-1]), list[Mark]()
+    for fault in faults_of(run.record.metadata):
+        marks += [Mark(fault.begin, f"{fault.text} from", "vertical", "bad")] if fault.begin <= last else []
+        if fault.end is not None and fault.end <= last:
+            marks.append(Mark(fault.end, f"{fault.text} until", "vertical", "neutral"))
+    return marks
+
+
 def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
     """The charts of runs over time, one series per run and component; and all other signals, which open if needed."""
     several, times, limits = len(runs) > 1, [run.record["time"] for run in runs], _limits(runs)
     signals = signals_of(runs)
     references = {signal.reference for signal in signals.values()}
     strips = () if several else limits_reached(runs[0].record, runs[0].machine)
+    faults = [mark for mark in _fault_marks(runs[0]) if all(mark in _fault_marks(run) for run in runs[1:])]
     charts: dict[str, Chart] = {}
     for name, signal in signals.items():
         if name in references:
@@ -238,7 +351,7 @@ def run_charts(runs: Sequence[DrawnRun]) -> tuple[Section, Section]:
             tuple(series),
             "step" if signal.group in ("flags", "actuators", "controller") else "line",
             y=Axis("", labels=("no", "yes")) if signal.group == "flags" else None,
-            marks=tuple(Mark(limit, "limit") for limit in limits.get(name, ())),
+            marks=(*(Mark(limit, "limit") for limit in limits.get(name, ())), *faults),
             strips=strips,
             group=signal.group,
             detail=name not in FIRST,

@@ -23,13 +23,11 @@ from gough_stewart.harness.report.quantities import (
 )
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
 from gough_stewart.harness.report.words import about, at_least, at_most, percent, plain_text, sentence
-from gough_stewart.harness.results.limits import DRIVE_LIMITS, nearness_to_limits
 from gough_stewart.harness.results.metric_folds import AXES, metric_of
 from gough_stewart.harness.results.metrics import flattened, metrics, metrics_tables
 from gough_stewart.harness.results.oscillation import Oscillation, outcome_of, outcome_text
-from gough_stewart.harness.results.record_data import RecordData
-from gough_stewart.harness.results.run_charts import run_charts, scenes, shown
-from gough_stewart.harness.results.scene import FLAGS
+from gough_stewart.harness.results.record_data import DRIVE_LIMITS, RecordData, nearness_to_limits
+from gough_stewart.harness.results.run_charts import FLAGS, faults_of, run_charts, scenes, shown
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import first_of_largest
@@ -72,12 +70,14 @@ class _Part(NamedTuple):
 def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Robustness | None = None) -> Verdict:
     """Whether the run follows its reference, what it uses of the drives, when it settles, how robust its loop is."""
     outcome = measured["outcome"]
+    faults = [str(fault) for fault in faults_of(record.metadata) if fault.begin <= outcome["time"]]
     if outcome["status"] != "completed":
         loop = (record.metadata.get("experiment") or {}).get("loop", {})
         planned = record.metadata.get("duration") or loop.get("duration")
         of_planned = f" of {planned:.4g} s" if planned else ""
         cause = f": {outcome['cause']}" if outcome.get("cause") else ""
-        return Verdict(sentence([f"{outcome['status']} at {outcome['time']:.4g} s{of_planned}{cause}"]), "bad")
+        ended = f"{outcome['status']} at {outcome['time']:.4g} s{of_planned}{cause}"
+        return Verdict(sentence([ended, *faults]), "bad")
     fineness = fineness_of_record(record.metadata)
     parts = [*_tracking(record, measured, fineness), *_drives(record, measured, fineness)]
     steps = measured["step_response"] or ()
@@ -113,7 +113,7 @@ def run_verdict(record: RecordData, measured: Mapping[str, Any], robustness: Rob
         status = "bad"
     elif any(part.is_marginal for part in parts):
         status = "marginal"
-    return Verdict(sentence(part.text for part in parts), status, numbers)
+    return Verdict(sentence([*faults, *(part.text for part in parts)]), status, numbers)
 
 
 def run_numbers(measured: Mapping[str, Any], robustness: Robustness | None = None) -> tuple[Number, ...]:
@@ -137,28 +137,34 @@ def _tracking(record: RecordData, measured: Mapping[str, Any], fineness: float) 
         position = record["position"]
         distance = float(np.linalg.norm(position - position[0], axis=1).max())
         return [_Part(f"open loop: the platform moves up to {at_most(length, distance)} from its start")]
-    quantities, jumps = dict[str, Quantity](), []
-    for step in measured["step_response"] or ():
-        ((signal, place),) = ((signal, place) for axis, signal, place in AXES if axis == step["axis"])
-        quantities[step["axis"]] = LENGTH if signal == "position" else ANGLE
-        changes = np.abs(np.diff(record[f"reference.{signal}"][:, place]))
-        if changes.max(initial=0.0) >= _JUMP * abs(step["to"] - step["from"]):
-            jumps.append(step)
-    if jumps:
-        # the error is the step itself at first
-        ends = [at_most(fine(quantities[step["axis"]], fineness), abs(step["final_error"])) for step in jumps]
-        step = max(jumps, key=lambda jump: abs(jump["final_error"] / (jump["to"] - jump["from"])))
-        axis, error = step["axis"], abs(step["final_error"])
-        number = Number(f"step_response.{axis}.final_error", f"{axis}: error at the end", error, quantities[axis])
-        return [_Part(f"ends {' and '.join(ends)} from its reference after the step", number=number)]
-    position, orientation = tracking["position"]["norm_peak"], tracking.get("orientation", {}).get("norm_peak")
-    number = Number("tracking.position.norm_peak", "position error, peak", position, LENGTH)
-    text = f"follows within {at_most(length, position)}"
+    # of a jump, the error is the step itself at first: what is left at the end counts
+    kind, text = (
+        ("norm_final", "ends within {} of its reference after the step")
+        if _jumps(record, measured)
+        else ("norm_peak", "follows within {}")
+    )
+    position, orientation = tracking["position"][kind], tracking.get("orientation", {}).get(kind)
+    metric = metric_of(f"tracking.position.{kind}")
+    number = Number(metric.path, metric.text, position, metric.quantity)
+    if position is None:
+        return [_Part("its error at the end is not known", True, number)]
+    size = at_most(length, position)
     # an angle matters by what it moves at the joints
     lever = float(np.linalg.norm(record.metadata["platform"]["platform_points"], axis=1).mean())
     if orientation is not None and orientation * lever > _SMALL * position:
-        text += f" and {at_most(fine(ANGLE, fineness), orientation)}"
-    return [_Part(text, number=number)]
+        size += f" and {at_most(fine(ANGLE, fineness), orientation)}"
+    return [_Part(text.format(size), number=number)]
+
+
+def _jumps(record: RecordData, measured: Mapping[str, Any]) -> bool:
+    """Whether the reference covers much of a step within one row."""
+    places = {axis: (signal, place) for axis, signal, place in AXES}
+    for step in measured["step_response"] or ():
+        signal, place = places[step["axis"]]
+        changes = np.abs(np.diff(record[f"reference.{signal}"][:, place]))
+        if changes.max(initial=0.0) >= _JUMP * abs(step["to"] - step["from"]):
+            return True
+    return False
 
 
 def _drives(record: RecordData, measured: Mapping[str, Any], fineness: float) -> list[_Part]:

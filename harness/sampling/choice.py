@@ -6,8 +6,7 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from gough_stewart.harness.quantities import Number
-from gough_stewart.harness.sampling.correlation import CorrelatedInputs
-from gough_stewart.harness.sampling.design import Sampling
+from gough_stewart.harness.sampling.design import CorrelatedInputs, Sampling
 from gough_stewart.harness.sampling.variation import Variation
 from gough_stewart.harness.section import Section, complaints
 from gough_stewart.model.interface import TOLERANCES

@@ -1,5 +1,6 @@
 """Metrics of a record written a second time, from the docstring of `gs.metrics` and docs/ensembles.md alone."""
 
+import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -50,6 +51,9 @@ def _rise_time(record: gs.Record, axis: int) -> float:
 METRICS: Mapping[str, Callable[[gs.Record], float]] = {
     "tracking.position.norm_rms": lambda r: float(np.sqrt((r["error.position"] ** 2).sum() / len(r["time"]))),
     "tracking.orientation.norm_peak": lambda r: float(np.sqrt((r["error.orientation"] ** 2).sum(axis=1)).max()),
+    "tracking.position.norm_final": lambda r: float(
+        np.linalg.norm(r["error.position"][-math.ceil(len(r["time"]) / 10) :], axis=1).max()
+    ),
     "tracking.leg_length.rms": lambda r: float(_rms(r["error.leg_length"]).max()),
     "force.peak": lambda r: float(np.abs(r["actuator_force"]).max()),
     "force.rms": lambda r: float(_rms(r["actuator_force"][:-1]).max()),

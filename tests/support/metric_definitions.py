@@ -25,7 +25,7 @@ AXES = {
 LEGS = range(1, 7)
 
 
-def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any]) -> dict[str, Any]:
+def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any], is_whole: bool = True) -> dict[str, Any]:
     """All metrics but the outcome, of a closed loop's record whose numbers are finite."""
     rows = table.to_dicts()
     held = rows[:-1] or rows  # the last row lasts for no time
@@ -40,7 +40,8 @@ def defined_metrics(table: polars.DataFrame, platform: Mapping[str, Any]) -> dic
         "rows": len(rows),
         "duration": duration,
         "tracking": {
-            name: _errors(rows, name, size) for name, size in (("position", 3), ("orientation", 3), ("leg_length", 6))
+            name: _errors(rows, name, size, is_whole)
+            for name, size in (("position", 3), ("orientation", 3), ("leg_length", 6))
         },
         "step_response": [step for axis in AXES if (step := _step(rows, axis)) is not None],
         "force": {
@@ -112,7 +113,7 @@ def _rms(values: Sequence[float]) -> float:
     return math.sqrt(math.fsum(value * value for value in values) / len(values))
 
 
-def _errors(rows: Sequence[Mapping[str, Any]], name: str, size: int) -> dict[str, Any]:
+def _errors(rows: Sequence[Mapping[str, Any]], name: str, size: int, is_whole: bool) -> dict[str, Any]:
     """Of reference minus actual, which are columns of their own; of orientations the rotation from actual to it."""
     wanted, actual = (
         [[row[f"{prefix}{name}[{k}]"] for k in range(1, size + 1)] for row in rows] for prefix in ("reference.", "")
@@ -126,7 +127,9 @@ def _errors(rows: Sequence[Mapping[str, Any]], name: str, size: int) -> dict[str
     }
     if name != "leg_length":
         norms = [math.hypot(*gap) for gap in gaps]
-        found |= {"norm_rms": _rms(norms), "norm_peak": max(norms)}
+        # the last tenth of the rows of a run that came to its end
+        last = norms[-max(2, -(-len(norms) // 10)) :]
+        found |= {"norm_rms": _rms(norms), "norm_peak": max(norms), "norm_final": max(last) if is_whole else None}
     return found
 
 

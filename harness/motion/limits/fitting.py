@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.motion.limits.shares import shares_along
 from gough_stewart.harness.motion.motion import Motion, motion_of, slower, smaller
@@ -15,6 +16,8 @@ _FULL = 1 - 1e-7
 _FIRST, _LAST = 1.1, 1e6
 _TOLERANCE = 1e-12
 _MOST = 700.0  # larger than the logarithm of any share
+# Rows that a factor is first found with: the highest local maxima, these rows about each, and some all over the motion.
+_PEAKS, _NEAR, _SPREAD = 50, 3, 500
 
 
 def factor_that_fits(share: Callable[[float], float]) -> float | None:
@@ -70,26 +73,86 @@ def _root(share: Callable[[float], float], low: float, high: float) -> float:
     return factor if share(factor) <= 1 else high
 
 
-def slowing_that_fits(platform: Platform, motion: Motion, largest_condition_number: float) -> float | None:
-    """The time scale that a motion needs, with the whole motion checked at every step; None if none fits."""
+def slowing_that_fits(
+    platform: Platform, motion: Motion, largest_condition_number: float, total: FloatArray | None = None
+) -> float | None:
+    """The time scale that a motion needs, with the whole motion checked at the end; None if none fits.
 
-    def share(factor: float) -> float:
-        return _largest_share(platform, slower(motion, factor), largest_condition_number)
-
-    # the share at rest in its poses does not depend on speed
-    return factor_that_fits(share) if share(math.inf) <= 1 else None
+    Parameters
+    ----------
+    total
+        The largest share of all limits in each of its rows (n,), if it is known.
+    """
+    return _scale_that_fits(platform, motion, slower, largest_condition_number, total)
 
 
 def shrinking_that_fits(
-    platform: Platform, motion: Motion, centre: FloatArray, largest_condition_number: float
+    platform: Platform,
+    motion: Motion,
+    centre: FloatArray,
+    largest_condition_number: float,
+    total: FloatArray | None = None,
 ) -> float | None:
-    """The amplitude scale that a motion may have about a pose (6,), with all of it checked; None if none fits."""
+    """The amplitude scale that a motion may have about a pose (6,), with all of it checked; None if none fits.
 
-    def share(factor: float) -> float:
-        return _largest_share(platform, smaller(motion, 1 / factor, centre), largest_condition_number)
+    `total` as of `slowing_that_fits`.
+    """
 
-    factor = factor_that_fits(share) if share(math.inf) <= 1 else None
+    def scaled(rows: Motion, factor: float) -> Motion:
+        return smaller(rows, 1 / factor, centre)
+
+    factor = _scale_that_fits(platform, motion, scaled, largest_condition_number, total)
     return None if factor is None else 1 / factor
+
+
+def _scale_that_fits(
+    platform: Platform,
+    motion: Motion,
+    scaled: Callable[[Motion, float], Motion],
+    largest_condition_number: float,
+    total: FloatArray | None,
+) -> float | None:
+    """The factor of `factor_that_fits`, found with the rows that decide it, and held against all of them.
+
+    Fewer rows have no larger share: if no factor fits them, none fits all, and if that which fits them fits all, it is
+    the one. Else the rows that are beyond their limits at it join them.
+    """
+
+    def shares(rows: Motion, factor: float) -> FloatArray:
+        n = np.zeros(len(rows.position))
+        return shares_along(platform, n, scaled(rows, factor), largest_condition_number).total
+
+    total = shares(motion, 1.0) if total is None else total
+    if total.max(initial=0.0) <= 1:
+        return 1.0
+    decides = _around_peaks(total)
+    while True:
+        rows = Motion(*(part[decides] for part in motion))
+
+        def share(factor: float, rows: Motion = rows) -> float:
+            return float(shares(rows, factor).max())
+
+        # the share at rest in its poses does not depend on speed
+        factor = factor_that_fits(share) if share(math.inf) <= 1 else None
+        if factor is None or decides.all():
+            return factor
+        beyond = shares(motion, factor)
+        if beyond.max() <= 1:
+            return factor
+        decides |= (beyond > 1) & (_around_peaks(beyond) | (beyond == beyond.max()))
+
+
+def _around_peaks(total: FloatArray) -> NDArray[np.bool_]:
+    """Rows (n,) near the highest of the local maxima of a share, and a few all over the motion."""
+    n = len(total)
+    inner = np.append(True, total[1:] >= total[:-1]) & np.append(total[:-1] >= total[1:], True)
+    peaks = np.flatnonzero(inner)
+    peaks = peaks[np.argsort(-total[peaks], kind="stable")[:_PEAKS]]
+    chosen = np.zeros(n, dtype=bool)
+    chosen[:: max(1, n // _SPREAD)] = True
+    for shift in range(-_NEAR, _NEAR + 1):
+        chosen[np.clip(peaks + shift, 0, n - 1)] = True
+    return chosen
 
 
 def remedy(platform: Platform, motion: Motion, centre: FloatArray, largest_condition_number: float) -> str:
@@ -113,8 +176,3 @@ def _rounded(factor: float, to: Callable[[float], int]) -> str:
     """To three digits."""
     unit = 10.0 ** (math.floor(math.log10(factor)) - 2)
     return f"{to(factor / unit) * unit:.3g}"
-
-
-def _largest_share(platform: Platform, motion: Motion, largest_condition_number: float) -> float:
-    shares = shares_along(platform, np.zeros(len(motion.position)), motion, largest_condition_number)
-    return float(shares.total.max(initial=0.0))

@@ -11,8 +11,7 @@ from gough_stewart.harness.ensemble.chunk import SIZE, Chunk, chunk
 from gough_stewart.harness.ensemble.data import INTEGRATION_ERROR, INTERNAL_STEPS
 from gough_stewart.harness.errors import ExperimentError
 from gough_stewart.harness.experiment.file import experiment_of
-from gough_stewart.harness.experiment.members import Members
-from gough_stewart.harness.experiment.plan import EnsemblePlan, plan_from, plan_of
+from gough_stewart.harness.experiment.members import EnsemblePlan, Members, plan_from, plan_of
 from gough_stewart.harness.loop.run import simulate
 from gough_stewart.harness.plants.lanes import Stepping
 from gough_stewart.harness.results.bands import MOST_MEMBERS, MOST_TIMES

@@ -17,7 +17,7 @@ from gough_stewart.harness.ensemble import ensemble as runner
 from gough_stewart.harness.ensemble.chunk import FOLDER
 from gough_stewart.harness.ensemble.workers import chunk_there, exact_versions
 from gough_stewart.harness.errors import EnsembleError
-from gough_stewart.harness.experiment.plan import plan_of
+from gough_stewart.harness.experiment.members import plan_of
 from tests.support.memory import EXPERIMENT, SHORT, Pid
 from tests.support.small_ensemble import SMALL, small
 from tools.pages.blocks import ROOT

@@ -11,7 +11,7 @@ from gough_stewart.harness.ensemble import ensemble as runner
 from gough_stewart.harness.ensemble.data import worst_members
 from gough_stewart.harness.ensemble.workers import chunks_here
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
-from gough_stewart.harness.experiment.plan import plan_from, plan_of
+from gough_stewart.harness.experiment.members import plan_from, plan_of
 from gough_stewart.harness.experiment.run import records_of
 from gough_stewart.harness.results.metrics import flattened, metrics
 from gough_stewart.harness.tuning.tuning import tuning_files

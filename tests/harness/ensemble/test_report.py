@@ -8,6 +8,7 @@ import polars
 import pytest
 from scipy.stats import binomtest
 
+import gough_stewart as gs
 from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity
 from gough_stewart.harness.report.chart import Chart
@@ -128,3 +129,44 @@ def test_who_has_not_settled_is_told_with_the_time_waited() -> None:
                          ended=[2.0] * 18 + [0.7] * 2)  # fmt: skip
     table = next(part for part in ensemble_report(found, PEAK).parts() if not isinstance(part, Chart))
     assert "In 12 of 18 members z had not settled to 2 % 1.5 s after its step" in table.note  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("name", "distribution", "is_said"),
+    [
+        ("platform_mass", {"uniform": [0.9, 1.1]}, True),
+        ("platform_mass", {"uniform": [1100, 1300]}, False),
+        ("platform_mass", {"normal": [120, 10]}, True),
+        ("platform_mass", {"grid": [900, 1000]}, True),
+        ("platform_mass", {"choice": [1250, 1200]}, False),
+        ("platform_mass", {"factor": {"uniform": [0.9, 1.1]}}, False),
+        ("platform_com", {"uniform": [0.01, 0.02]}, False),
+    ],
+)
+def test_a_distribution_without_the_nominal_value_is_a_warning_in_the_verdict(
+    name: str, distribution: dict[str, object], is_said: bool
+) -> None:
+    """Expected: motion_base has 1216.9 kg; 0.9 to 1.1 kg is one kilogram, which "completes"; 0 is no factor."""
+    few = {"members": 4, name: distribution, "base_points": {"normal": "0.2 mm"}}
+    found = gs.ensemble("heave_step", {"loop.duration": 0.05, "ensemble": few}, workers=1).report(charts=False)
+    mass = "the experiment's platform_mass of 1217 kg is "
+    warning = f"{mass if is_said else ''}outside of its distribution"
+    assert (warning.casefold() in found.verdict.text.casefold()) == is_said
+    assert [warning in note.text for note in found.notes if note.kind == "warning"] == [True] * is_said
+    assert (found.verdict.status == "marginal") == is_said
+
+
+def test_an_ensemble_of_a_step_says_what_is_left_of_it_and_its_faults() -> None:
+    """Expected: the 95 % quantile of the errors at the end, each of the records' last tenth; not the step of 50 mm."""
+    few = {"members": 8, "platform_mass": {"uniform": [1000, 1400]}}
+    settings = {"ensemble": few, "fault": [{"at": 0.6, "duration": 0.1, "cut": [3]}]}
+    found = gs.ensemble("heave_step", settings, workers=1)
+    final = found.values("tracking.position.norm_final")
+    record = gs.run("heave_step", settings, member=5)
+    error = np.linalg.norm(record["error.position"], axis=1)
+    assert final[5] == pytest.approx(error[-201:].max(), rel=1e-6)
+    assert error.max() > 0.049 > 5 * final.max()
+    verdict = found.report(charts=False).verdict
+    assert verdict.text.startswith("Leg 3 without force from 0.6 to 0.7 s; 8 of 8 machines")
+    assert "95 % of them end within " in verdict.text
+    assert verdict.numbers[1].value == pytest.approx(np.quantile(final, 0.95))

@@ -1,5 +1,7 @@
 """What is said of an ensemble, on members whose figures of merit are closed forms of what varies."""
 
+from dataclasses import replace
+
 import numpy as np
 import polars
 import pytest
@@ -9,7 +11,7 @@ from scipy.stats import sobol_indices
 from gough_stewart.harness.ensemble.charts import FIGURES
 from gough_stewart.harness.ensemble.compare import compare, comparison_report
 from gough_stewart.harness.ensemble.data import integration_warning
-from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report, sensitivity_table
+from gough_stewart.harness.ensemble.report import Ensemble, ensemble_report, ensemble_verdict, sensitivity_table
 from gough_stewart.harness.ensemble.sensitivity import Sensitivity, group_name, sensitivity
 from gough_stewart.harness.errors import RecordError
 from gough_stewart.harness.report.page import page_of
@@ -43,12 +45,28 @@ def test_standardised_coefficients_are_those_of_the_closed_form_and_their_confid
     np.testing.assert_allclose(found.main, SLOPES / np.linalg.norm(SLOPES), atol=0.03)
     assert found.r2 == pytest.approx(1.0)
     assert [INPUTS[k] for k in found.order] == list(INPUTS)
-    # y of x², of which no line knows anything
-    bent = sensitivity(ensemble_of(normal(4000)), "tracking.position.norm_rms")
-    assert bent.r2 is not None
-    assert bent.r2 < 0.05
-    assert (np.abs(bent.main) <= 2 * bent.main_confidence + 0.02).all()
-    assert "saltelli" in bent.remark
+
+
+def test_an_effect_on_both_sides_is_seen_and_what_nothing_explains_is_not_named() -> None:
+    """Expected: y of x₀² is a monotone function of |x₀ − 0|, whose rank has β = 1; y of x₀ x₁ is of neither."""
+    members = ensemble_of(normal(4000))
+    bent = sensitivity(members, "tracking.position.norm_rms")
+    assert (bent.method, bent.order[0], bent.explains) == ("ranks", 0, True)
+    np.testing.assert_allclose(bent.main, [1, 0, 0, 0], atol=0.05)
+    assert bent.r2 == pytest.approx(1.0, abs=0.01)
+    product = sensitivity(members, "power.peak")
+    assert not product.explains
+    assert "saltelli" in product.remark
+    named = [ensemble_verdict(members, metric, sensitivity(members, metric)).text for metric in (PEAK, "power.peak")]
+    assert [text.endswith("matters most") for text in named] == [True, False]
+    # 40 members of which as many columns as there are numbers of them explain much by chance
+    few = ensemble_of(normal(40))
+    noise = {f"varied.noise[{k}]": np.random.default_rng(k).normal(size=40) for k in range(25)}
+    chance = replace(few, members=few.members.with_columns(**{name: polars.Series(x) for name, x in noise.items()}))
+    by_chance = sensitivity(chance, "power.peak")
+    assert by_chance.r2 is not None
+    assert by_chance.r2 > 0.7
+    assert not by_chance.explains
 
 
 def test_all_members_count_in_the_regression_and_what_does_not_is_named() -> None:

@@ -19,7 +19,7 @@ from gough_stewart.harness.ensemble.chunk import chunk as chunk_of_plan
 from gough_stewart.harness.ensemble.data import BANDS, MEMBERS, METADATA, SAMPLES
 from gough_stewart.harness.ensemble.workers import Range, chunks_here
 from gough_stewart.harness.errors import EnsembleError, ExperimentError
-from gough_stewart.harness.experiment.plan import EnsemblePlan
+from gough_stewart.harness.experiment.members import EnsemblePlan
 from gough_stewart.harness.plants.isolated import Isolated
 from gough_stewart.harness.report.requirements import with_requirements
 from gough_stewart.model.errors import OutputError

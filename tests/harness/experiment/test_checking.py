@@ -7,6 +7,10 @@ import numpy as np
 import pytest
 
 import gough_stewart as gs
+from gough_stewart.harness.motion.limits import fitting
+from gough_stewart.harness.motion.limits.fitting import factor_that_fits
+from gough_stewart.harness.motion.limits.shares import shares_along
+from gough_stewart.harness.motion.motion import slower, smaller
 from tests.support.uneven import PARAMETERS
 
 SWAY = {
@@ -148,3 +152,103 @@ def test_limits_of_motion_warn_before_a_run_that_is_to_go_on() -> None:
     with pytest.raises(gs.GoughStewartError, match="the velocity of leg"):
         gs.run(experiment({"leg_velocity_max": 0.1}, **tables))
     assert "warnings" not in gs.run(experiment({}, **tables)).metadata
+
+
+def test_a_payload_is_a_point_mass_on_the_platform() -> None:
+    """Expected: at rest, the vertical forces carry the weight of both; inertia by the parallel axes of a dumbbell."""
+    hold = {"reference": {"type": "hold"}, "loop.duration": 0.1}
+    bare, loaded = gs.check("pitch_sine", hold), gs.check("pitch_sine", hold, payload="300 kg", payload_height="50 cm")
+    m, before, after = 300.0, bare.platform, loaded.platform
+    assert after.platform_mass == pytest.approx(before.platform_mass + m)
+    share = m / after.platform_mass
+    arm = np.array([0, 0, 0.5]) - before.platform_com
+    np.testing.assert_allclose(after.platform_com, before.platform_com + share * arm, atol=1e-12)
+    dumbbell = before.platform_mass * share * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    np.testing.assert_allclose(after.platform_inertia, before.platform_inertia + dumbbell, atol=1e-9)
+    more = loaded.needs["actuator_force_peak"] - bare.needs["actuator_force_peak"]
+    legs = before.platform_points - (before.base_points - before.home_position)
+    rise = legs[:, 2] / np.linalg.norm(legs, axis=1)
+    assert more @ rise == pytest.approx(m * 9.81, rel=1e-6)
+    for wrong in ({"payload": "3 m"}, {"payload": 0.0}, {"payload": 1.0, "payload_height": "x"}):
+        with pytest.raises(gs.GoughStewartError, match="payload"):
+            gs.check("pitch_sine", hold, **wrong)
+
+
+def test_the_worst_phases_are_those_of_a_search_among_motions_with_a_phase_for_each_axis() -> None:
+    """Expected: for small amplitudes a leg's speed is linear, and its largest has all axes in phase or opposed."""
+    small: dict[str, Any] = {
+        "position_amplitude": (1e-4, 0, 2e-4),
+        "orientation_amplitude": (0, 1e-4, 0),
+        "frequency": 1.3,
+    }
+    found = gs.check("pitch_sine", {"reference": gs.Sine(**small), "loop.duration": 2})
+    assert found.worst_phases is not None
+    rows = {row.need: row for row in found.worst_phases}
+    platform = found.platform
+    points = platform.platform_points
+    legs = platform.home_position + points - platform.base_points
+    directions = legs / np.linalg.norm(legs, axis=1)[:, None]
+    by_axis = np.stack([1e-4 * directions[:, 0], 2e-4 * directions[:, 2], 1e-4 * np.cross(points, directions)[:, 1]])
+    speeds = 2 * np.pi * 1.3 * np.abs(by_axis).sum(axis=0)
+    assert rows["speed"].worst == pytest.approx(speeds.max(), rel=1e-3)
+    assert rows["speed"].as_given <= rows["speed"].worst
+    assert rows["stroke"].worst == pytest.approx(2 * np.abs(by_axis).sum(axis=0).max(), rel=1e-3)
+    # the same by a check of its own, with these phases
+    phases = np.zeros(6)
+    phases[[0, 2, 4]] = list(rows["power"].phases.values())
+    again = {**small, "position_phase": tuple(phases[:3]), "orientation_phase": tuple(phases[3:])}
+    own = gs.check("pitch_sine", {"reference": gs.Sine(**again), "loop.duration": 2})
+    assert own.needs["motoring_power_peak"].max() == pytest.approx(rows["power"].worst, rel=1e-3)
+    assert list(rows["power"].phases) == ["x", "z", "pitch"]
+    assert gs.check("pitch_sine").worst_phases is None  # of one axis
+
+
+def test_a_sine_has_a_phase_for_each_axis() -> None:
+    """Expected: each coordinate's own sine, as a motion of that coordinate alone has it."""
+    time = np.linspace(0, 2, 41)
+    both = gs.Sine(position_amplitude=(0.1, 0, 0.2), frequency=0.7, phase=0.3, position_phase=(0.5, 0, -1.0))
+    motion = both.about(gs.load_preset("motion_base"))(time)
+    for axis, size, phase in ((0, 0.1, 0.8), (2, 0.2, -0.7)):
+        expected = size * np.sin(2 * np.pi * 0.7 * time + phase)
+        home = gs.load_preset("motion_base").home_position[axis]
+        np.testing.assert_allclose(motion.position[:, axis] - home, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("what", ["time_factor", "amplitude_factor"])
+def test_a_recording_fits_as_found_with_all_of_its_rows(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Expected: the root with every row at every step, found from the highest peak and two rows that decide nothing."""
+    monkeypatch.setattr(fitting, "_PEAKS", 1)
+    monkeypatch.setattr(fitting, "_NEAR", 0)
+    monkeypatch.setattr(fitting, "_SPREAD", 2)
+    time = np.arange(0, 6, 0.01)
+    rng = np.random.default_rng(5)
+    shape = [
+        sum(rng.normal() * np.sin(2 * np.pi * f * time + rng.uniform(0, 6)) for f in (0.3, 0.9, 2.1)) for _ in "xyz"
+    ]
+    rows = np.column_stack(
+        [time, *(0.06 * np.minimum(time, 1) ** 3 * axis for axis in shape), *np.zeros((3, len(time)))]
+    )
+    header = "time [s],x [m],y [m],z [m],roll [rad],pitch [rad],yaw [rad]"
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=header, comments="")
+    reference = {"type": "file", "file": str(tmp_path / "log.csv"), "at_home": "start"}
+    found = gs.check(
+        "pitch_sine",
+        {
+            "reference": reference,
+            "loop.duration": 5.9,
+            "platform.parameters.leg_velocity_max": 0.7,
+            "platform.parameters.actuator_force_max": 4700.0,
+        },
+    )
+    motion, worst = found._motion, found.experiment.limits.condition_number
+    centre = np.concatenate([motion.position[0], motion.orientation[0]])
+
+    def share(factor: float) -> float:
+        scaled = slower(motion, factor) if what == "time_factor" else smaller(motion, 1 / factor, centre)
+        return float(shares_along(found.platform, np.zeros(len(motion.position)), scaled, worst).total.max())
+
+    expected = factor_that_fits(share)
+    assert expected is not None
+    assert getattr(found, what) == pytest.approx(expected if what == "time_factor" else 1 / expected, rel=1e-9)

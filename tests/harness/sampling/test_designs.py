@@ -8,8 +8,7 @@ import pytest
 from scipy import stats
 from scipy.stats import qmc
 
-from gough_stewart.harness.sampling.correlation import reordered
-from gough_stewart.harness.sampling.design import SamplingDesign
+from gough_stewart.harness.sampling.design import SamplingDesign, reordered
 
 
 def test_ctrl_c_while_sobol_reads_its_table_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:

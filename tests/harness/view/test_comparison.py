@@ -153,8 +153,10 @@ def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
     words = {
         "position error, RMS [mm]": (("tracking", "position", "norm_rms"), 1e3, 1),
         "position error, peak [mm]": (("tracking", "position", "norm_peak"), 1e3, 1),
+        "position error, at the end [mm]": (("tracking", "position", "norm_final"), 1e3, 1),
         "orientation error, RMS [deg]": (("tracking", "orientation", "norm_rms"), 180 / np.pi, 1),
         "orientation error, peak [deg]": (("tracking", "orientation", "norm_peak"), 180 / np.pi, 1),
+        "orientation error, at the end [deg]": (("tracking", "orientation", "norm_final"), 180 / np.pi, 1),
         "stroke margin [mm]": (("stroke", "margin"), 1e3, 1),
         "work, net [J]": (("energy", "net_total"), 1.0, None),
         "work, absolute [J]": (("energy", "absolute_total"), 1.0, 1),
@@ -168,7 +170,7 @@ def test_runs_side_by_side_have_every_metric_and_its_best() -> None:
             [factor * value for value in values], rel=1e-3
         ), name
         assert [text.startswith("★") for text in texts] == [k == top for k in range(3)], name
-    assert list(rows)[:5] == ["outcome", *list(words)[:4]]
+    assert list(rows)[:7] == ["outcome", *list(words)[:6]]
 
 
 def test_charts_show_the_runs_over_each_other_and_each_minus_the_first() -> None:
