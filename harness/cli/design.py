@@ -48,6 +48,10 @@ def check_command(
             Fit,
         ),
     ] = None,
+    payload: Annotated[str | None, option("A point mass that the platform carries, such as 300kg.", "MASS")] = None,
+    payload_height: Annotated[
+        str, option("Its height above the platform's origin, in the platform's axes.", "LENGTH")
+    ] = "0 m",
 ) -> None:
     """Check whether the platform can follow the motion of an experiment, without running it.
 
@@ -74,7 +78,7 @@ def check_command(
     running.expect(PATHS)
     running.hold(out or results_folder("check", experiment), FILES)
     running.step("shares of all limits")
-    checked = check(loaded)
+    checked = check(loaded, payload=payload, payload_height=payload_height)
     report = checked.report(charts=running.draws)
     running.require(loaded.requirements, report.numbers)
     running.present(report, check_files(checked))
@@ -88,7 +92,7 @@ def check_command(
         text = text_with_settings(experiment, settings or [], checked.settings_that_fit(fit))
         write_whole(fitted, text.encode())
         running.command.written.append(fitted.parent)
-        checked = check(str(fitted))
+        checked = check(str(fitted), payload=payload, payload_height=payload_height)
         Terminal().say(f"\n{fitted.name}:")
         show(checked.report(charts=False), Terminal())
         next_step = f"gough-stewart run {shlex.quote(str(fitted))}"
