@@ -1,6 +1,7 @@
 """Tables in terminals of any width."""
 
 from dataclasses import replace
+from functools import partial
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -32,7 +33,7 @@ def _tables(draw: st.DrawFn) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for _ in range(draw(st.integers(1, 5))):
         unit = Quantity("", draw(st.sampled_from(["", "mm", "%"])))
-        cells = st.one_of(_numbers, st.floats(1e-2, 1e9).map(lambda value, unit=unit: Value(value, unit)))
+        cells = st.one_of(_numbers, st.floats(1e-2, 1e9).map(partial(Value, quantity=unit)))
         rows.append((draw(_names), *draw(st.lists(cells, min_size=columns, max_size=columns))))
     ends = tuple(draw(st.sets(st.integers(0, len(rows) - 1))))
     return table("T", heads, *rows, ends=ends)
