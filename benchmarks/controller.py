@@ -19,8 +19,8 @@ from rich.table import Table
 from gough_stewart.fmu_build.codegen import function_source
 from gough_stewart.fmu_build.toolchain import FLAGS, native
 from gough_stewart.harness.experiment.file import load_experiment
-from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.harness.export.design import designed
+from gough_stewart.harness.export.write import controller_sources
 from gough_stewart.model import interface, traced
 from gough_stewart.model.formulations.cases import paper_case
 from gough_stewart.model.kernel import parameter_vector
