@@ -18,7 +18,7 @@ from gough_stewart.harness.control.controllers import ControllerChoice, Feedforw
 from gough_stewart.harness.control.faults import N_FAULTS, FaultChoice
 from gough_stewart.harness.control.frequency_response import InjectionChoice
 from gough_stewart.harness.control.laws import Controller, LinearController, controller_of
-from gough_stewart.harness.control.laws_of_members import KnownAhead, LawFrom, SeparateLaws, law_of, laws_of
+from gough_stewart.harness.control.laws_of_members import KnownAhead, Law, LawFrom, SeparateLaws, law_of, laws_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import schema
@@ -119,17 +119,21 @@ class Prepared:
         """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
         return loop_kernel(Variant.of(self.machine)) if _runs_in_c([self.controller]) else None
 
+    def law(self, reference: FloatArray, measured: FloatArray) -> Law:
+        """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
+        if self.controller is None:
+            raise ControllerError("an open loop has no control law")
+        make = law_of(self.controller, self.loop.timing.sample_time, self.jacobians, self.known)
+        return make(reference, measured)
+
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
         """The factory of the control law; resources are closed at the end."""
-        controller, sample_time = self.controller, self.loop.timing.sample_time
-        if controller is None:
-            yield None
-        elif isinstance(controller, UnitController):
-            with controller.open(sample_time) as law:
+        if isinstance(self.controller, UnitController):
+            with self.controller.open(self.loop.timing.sample_time) as law:
                 yield lambda _reference, _measured: SeparateLaws([law])
         else:
-            yield law_of(controller, sample_time, self.jacobians, self.known)
+            yield None if self.controller is None else self.law
 
 
 class InParallel(NamedTuple):
