@@ -22,8 +22,6 @@ from gough_stewart.harness.control.frequency_response import InjectionChoice
 from gough_stewart.harness.control.laws import Controller, LinearController, controller_of, linear_of
 from gough_stewart.harness.control.laws_of_members import KnownAhead, Law, LawFrom, SeparateLaws, law_of, laws_of
 from gough_stewart.harness.control.own_law import LinearForm, linearised
-from gough_stewart.harness.control.laws import Controller, LinearController, controller_of
-from gough_stewart.harness.control.laws_of_members import KnownAhead, LawFrom, SeparateLaws, law_of, laws_of
 from gough_stewart.harness.control.unit_controller import UnitController
 from gough_stewart.harness.errors import ControllerError, ExperimentError, ReachError
 from gough_stewart.harness.experiment import schema
@@ -138,6 +136,13 @@ class Prepared:
         """What runs its loop in machine code, if it can: with a linear or traced controller, or feedforward alone."""
         return loop_kernel(Variant.of(self.machine)) if _runs_in_c([self.controller]) else None
 
+    def law(self, reference: FloatArray, measured: FloatArray) -> Law:
+        """The control law for a run of one member that begins with these references (30,) and signals (1, 24)."""
+        if self.controller is None:
+            raise ControllerError("an open loop has no control law")
+        make = law_of(self.controller, self.loop.timing.sample_time, self.jacobians, self.known)
+        return make(reference, measured)
+
     def linear_form(self) -> LinearForm | None:
         """The linear controller, or the small signals of another at rest in the first pose; None of loops without.
 
@@ -156,14 +161,11 @@ class Prepared:
     @contextmanager
     def law_in_a_run(self) -> Iterator[LawFrom | None]:
         """The factory of the control law; resources are closed at the end."""
-        controller, sample_time = self.controller, self.loop.timing.sample_time
-        if controller is None:
-            yield None
-        elif isinstance(controller, UnitController):
-            with controller.open(sample_time) as law:
+        if isinstance(self.controller, UnitController):
+            with self.controller.open(self.loop.timing.sample_time) as law:
                 yield lambda _reference, _measured: SeparateLaws([law])
         else:
-            yield law_of(controller, sample_time, self.jacobians, self.known)
+            yield None if self.controller is None else self.law
 
 
 class InParallel(NamedTuple):

@@ -12,8 +12,6 @@ from gough_stewart.harness.paper.open_loop import run_kernel
 from gough_stewart.harness.paper.reproduce import record_of_case
 from gough_stewart.harness.results.metrics import finite_part
 from gough_stewart.harness.results.record import Record
-from gough_stewart.harness.results.run_charts import frame_rows
-from gough_stewart.harness.view.view import view_page
 from gough_stewart.harness.results.run_charts import FRAMES, frame_rows
 from gough_stewart.harness.view.view import view_page
 from gough_stewart.model.formulations.cases import case_of, paper_case

@@ -20,7 +20,6 @@ from gough_stewart.harness.experiment.overrides import with_settings
 from gough_stewart.harness.experiment.preparation import Prepared, prepare
 from gough_stewart.harness.experiment.run import FORMAT
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.export.live.page import Live, live_machine
 from gough_stewart.harness.export.machine import (
     MOST_DELAY,
     POLES,

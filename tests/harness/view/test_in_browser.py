@@ -10,8 +10,6 @@ from playwright.sync_api import Browser, Page
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.results.run_charts import leg_parts
 from gough_stewart.harness.view.view import view_page
-from gough_stewart.harness.results.run_charts import leg_parts
-from gough_stewart.harness.view.view import view_page
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.rotations import matrix_from_orientation

@@ -15,7 +15,6 @@ from gough_stewart.harness.results.metrics import metrics
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.view import view as view_file
 from gough_stewart.harness.view.view import MOST_RECORDS, names_of, view, view_page
-from gough_stewart.harness.results.run_charts import FRAMES
 from gough_stewart.model.errors import OutputError
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
