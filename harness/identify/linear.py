@@ -119,7 +119,7 @@ def identify_linear(
         R, z = _compressed(weights[..., None] * W, weights * force[is_fitted])
         values[of_platform] = _fitted(R, z, elements, own, scale[of_platform]).values
     model = RowModel(regression, smooth, elements, names, friction)
-    rows_at = whitened(regression, _fit_at(model, values, is_fitted, used), smooth, not_excited)
+    rows_at = whitened(model, _fit_at(model, values, is_fitted, used), not_excited)
     if len(own) == len(names) and not friction:
         wide = rows_at.of(np.concatenate([W, F[..., None]], axis=2))
         R, z = _compressed(wide[:, :SIZE], wide[:, SIZE])

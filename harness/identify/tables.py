@@ -3,9 +3,9 @@
 import math
 from dataclasses import replace
 
-from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
-from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
+from gough_stewart.harness.identify.causes import Diagnosis
 from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.names import unit_of
 from gough_stewart.harness.report.quantities import NUMBER, SHARE, Quantity, of_unit
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
