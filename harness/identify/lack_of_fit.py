@@ -97,9 +97,7 @@ def basis_of(X: FloatArray, norms: FloatArray, smallest: float = 0.0) -> FloatAr
     return np.asarray(U[:, sigma > _DEPENDENT])
 
 
-def _p_values(
-    tested: list[FloatArray], z: FloatArray, variance: FloatArray | float, freedom: int
-) -> FloatArray:
+def _p_values(tested: list[FloatArray], z: FloatArray, variance: FloatArray | float, freedom: int) -> FloatArray:
     """p-values (n, families) of residuals z (n, k) by orthonormal bases (k, q)."""
     columns = [fdtrc(B.shape[1], freedom, ((z @ B) ** 2).sum(axis=1) / B.shape[1] / variance) for B in tested]
     return np.stack(columns, axis=1) if columns else np.empty((len(z), 0))

@@ -13,6 +13,7 @@ import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.checks import force_of, sample_time_of
+from gough_stewart.harness.identify.faults import noise_of
 from gough_stewart.harness.identify.movement import motion_of_lengths
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.parts import Part
@@ -27,7 +28,6 @@ from gough_stewart.harness.identify.rows.linear_parameters import (
     with_estimated,
 )
 from gough_stewart.harness.identify.rows.regression import cutoff_of
-from gough_stewart.harness.identify.screening.faults import noise_of
 from gough_stewart.harness.identify.smoothing import HALF_LENGTH, edge, smoothed
 from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.platform import Platform
