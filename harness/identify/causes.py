@@ -120,11 +120,11 @@ class Diagnosis:
             finding = self.findings[0]
             return texts if finding.cause in finding.name else f"{finding.cause}: {texts}"
         if self.cause:
-            return f"{self.cause}, of which this log does not tell {texts}"
+            return f"{self.cause}: this log does not tell which: {texts}"
         if len(self.findings) == 1:
             return texts
         if self.findings:
-            return f"one of several, between which this log does not tell: {texts}"
+            return f"one of several causes, which this log does not tell apart: {texts}"
         return "something that no hypothesis here explains"
 
     @property
@@ -138,18 +138,21 @@ class Diagnosis:
         )
         return (f"{said}. Most likely: {self.likely}",)
 
+    def moved(self, unseen: Unseen) -> list[tuple[str, float, float]]:
+        """Estimates, how far the error moves them [SI], and in how many standard errors; most first."""
+        errors = np.where(self.standard_errors > 0, self.standard_errors, np.inf)
+        sizes = np.abs(unseen.shifts) / errors
+        return [(self.names[k], float(unseen.shifts[k]), float(sizes[k])) for k in np.argsort(-sizes)]
+
     @property
     def unseen_text(self) -> str:
-        """What no residual shows, with the estimate that it moves most; empty if nothing is moved."""
-        errors = np.where(self.standard_errors > 0, self.standard_errors, np.inf)
-        parts = []
-        for error, shifts in self.unseen:
-            k = int(np.argmax(np.abs(shifts) / errors))
-            if abs(shifts[k]) > errors[k]:
-                parts.append(
-                    f"{error}, {self.names[k]} would be off by {shifts[k]:+.2g} {unit_of(self.names[k])}".rstrip()
-                )
-        return f"no residual shows what estimates absorb: {'; '.join(parts)}" if parts else ""
+        """What no residual shows, by the example that moves an estimate most; empty if none moves one."""
+        moved = [(*self.moved(unseen)[0], unseen.name) for unseen in self.unseen]
+        name, shift, size, error = max(moved, key=lambda row: row[2], default=("", 0.0, 0.0, ""))
+        if size < 1:
+            return ""
+        amount = f"{shift:+.2g} {unit_of(name)}".rstrip()
+        return f"no residual shows what is wrong alike for all legs: {error}, {name} would be off by {amount}"
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -161,10 +164,8 @@ class Diagnosis:
             said.append(f"the residuals are those of noise (p = {self.test.combined:.2g} of lack of fit)")
         elif self.findings:
             said.append(f"{self.findings[0].name} explains {100 * self.findings[0].improvement:.0f} % of the misfit")
-        if self.unseen_text:
-            said.append(
-                f"{self.unseen_text}. Weigh the platform or add a known mass, and calibrate force sensors and encoders"
-            )
+            if self.remains < _FITS:
+                said.append(f"something else is left after that (p {_p(self.remains)})")
         return tuple(said)
 
     def to_dict(self) -> dict[str, object]:
@@ -270,19 +271,15 @@ def _judged(rows: Whitened) -> tuple[str, tuple[Finding, ...], float]:
     contenders = _contenders(rows, raw)
     if not contenders:
         return "", (), 1.0
-    for _ in range(2):
-        base = _left(rows, fit.columns, raw)
-        refits = sorted((_refit(rows, one, base) for one in contenders), key=lambda one: -one.evidence)
-        best = refits[0]
-        # what only its own model describes is in the noise of the others
-        rows = rows.with_noise_of(best.raw, best.hypothesis.columns)
-        contenders = [
-            one.hypothesis for one in refits if one is best or one.evidence > _CONTENDS * best.evidence - _NEAR
-        ]
     base = _left(rows, fit.columns, raw)
     refits = sorted((_refit(rows, one, base) for one in contenders), key=lambda one: -one.evidence)
-    families = _whitened_families(rows)
-    D = rows.of(fit.columns)
+    # what only its own model describes is in the noise of the others
+    rows = rows.with_noise_of(refits[0].raw, refits[0].hypothesis.columns)
+    least = _CONTENDS * refits[0].evidence - _NEAR
+    contenders = [one.hypothesis for one in refits if one is refits[0] or one.evidence > least]
+    base = _left(rows, fit.columns, raw)
+    refits = sorted((_refit(rows, one, base) for one in contenders), key=lambda one: -one.evidence)
+    families, D = _whitened_families(rows), rows.of(fit.columns)
     before = lack_of_fit(D, families, rows.of(raw[..., None])[:, 0], fit.used)
     excess = max(base - float(fit.used.sum()), before[0].excess if before else 0.0, 1e-300)
     Q = basis_of(D, np.linalg.norm(D, axis=0))
@@ -297,8 +294,7 @@ def _judged(rows: Whitened) -> tuple[str, tuple[Finding, ...], float]:
 
     def is_part(one: _Refit, other: _Refit) -> bool:
         """Whether all that one hypothesis can do another one can do, too."""
-        parts = [Q.T @ each.columns[:, p:] for each in (one, other)]
-        own, whole = (each.columns[:, p:] - Q @ part for each, part in zip((one, other), parts, strict=True))
+        own, whole = (X - Q @ (Q.T @ X) for X in (one.columns[:, p:], other.columns[:, p:]))
         basis = basis_of(whole, np.linalg.norm(whole, axis=0))
         return float(np.linalg.norm(own - basis @ (basis.T @ own))) < _PART * float(np.linalg.norm(own))
 
