@@ -363,9 +363,8 @@ def _contenders(rows: Whitened, raw: FloatArray) -> list[_Hypothesis]:
         if best is not None and best[1].kind == "lost":
             step = float(np.ptp(rows.model.regression.rows.time)) / _TIMES
             times = rows.model.regression.rows.time[fit.is_fitted]
-            near = times[_TIMES // 8 : -_TIMES // 8]
-            near = near[np.abs(near - best[1].at) < step]
-            best = max(((evidence(one), one) for one in _lost(rows, near)), key=lambda pair: pair[0])
+            near = times[np.abs(times - best[1].at) < step]
+            best = max([best, *((evidence(one), one) for one in _lost(rows, near))], key=lambda pair: pair[0])
         if best is not None:
             found[best[1].name] = best
     most = max(value for value, _ in found.values())
