@@ -178,7 +178,7 @@ def families_of(
             "tilt of the base", ("base_tilt[1]", "base_tilt[2]"), ("°", "°"),
             of_platform("gravity[1]", "gravity[2]", "gravity[3]") @ tilt_directions(platform.gravity, tilt),
             np.full(2, _TILT), {"tilt of the base": ("tilt of the base", (0, 1))},
-            "level the base, or estimate base_tilt", True,
+            "level the base, or estimate base_tilt",
         ),
         Family(
             "friction of each leg", (*elements("leg_viscous_friction"), *elements("leg_coulomb_friction")),
