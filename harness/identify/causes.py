@@ -51,7 +51,7 @@ _ALIKE = 6.0
 _FAR = 10.0
 # Columns of which more than this share lies outside another hypothesis' are no part of it.
 _PART = 0.05
-_STEPS, _LAGS = 4, 10
+_STEPS, _LAGS, _VELOCITY = 4, 10, 0.5
 # Of columns that the fit has already, this share is left by rounding.
 _ROUNDING = 1e-4
 # Shares of the largest force at which forces may be clipped.
@@ -483,13 +483,10 @@ def _model(
 def _refit(rows: Whitened, hypothesis: _Hypothesis, base: float) -> _Refit:
     """The hypothesis fitted together with all parameters by Gauss-Newton steps; `base` is what the fit alone leaves."""
     theta, p = rows.fit.values.copy(), len(rows.fit.values)
-    sizes = hypothesis.sizes
-    if hypothesis.kind == "stribeck":
-        sizes = np.array([*sizes, 0.5])
+    # of a velocity its logarithm is fitted, too, from the second step on
+    sizes = np.array([*hypothesis.sizes, *([_VELOCITY] if hypothesis.kind == "stribeck" else [])])
     eta = np.zeros(len(sizes))
-    if hypothesis.kind == "stribeck":
-        eta[0] = 0.1 * sizes[0]
-    for _ in range(1 if hypothesis.kind == "exchange" else _STEPS):
+    for _ in range({"exchange": 1, "stribeck": _STEPS + 2}.get(hypothesis.kind, _STEPS)):
         raw, columns = _model(rows, hypothesis, theta, eta)
         white = rows.of(np.concatenate([columns, raw[..., None]], axis=2))
         A, r = white[:, :-1], white[:, -1]
@@ -498,9 +495,9 @@ def _refit(rows: Whitened, hypothesis: _Hypothesis, base: float) -> _Refit:
         stacked, target = np.concatenate([A, prior]), np.concatenate([r, -eta / sizes])
         norms = np.maximum(np.linalg.norm(stacked, axis=0), 1e-300)
         step = np.linalg.lstsq(stacked / norms, target, rcond=1e-10)[0] / norms
-        theta, eta = theta + step[:p], eta + step[p:]
         if hypothesis.kind == "stribeck":
-            eta[1] = float(np.clip(eta[1], -1.5, 1.5))
+            step[-1] = np.clip(step[-1], -_VELOCITY / 2, _VELOCITY / 2)
+        theta, eta = theta + step[:p], eta + step[p:]
     left = r - A @ step
     chi_square, cost = float(left @ left), float(((eta / sizes) ** 2).sum())
     Q = basis_of(A[:, :p], np.linalg.norm(A[:, :p], axis=0))
