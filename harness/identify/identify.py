@@ -11,7 +11,6 @@ from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import scales, with_all
 from gough_stewart.harness.identify.geometry.joints import GEOMETRY, PoseFrame, identify_geometry
-from gough_stewart.harness.identify.hypotheses import MASSES
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
@@ -23,6 +22,7 @@ from gough_stewart.harness.identify.observability import (
     motion_rows,
 )
 from gough_stewart.harness.identify.parts import VALIDATION
+from gough_stewart.harness.identify.rows.hypotheses import MASSES
 from gough_stewart.harness.identify.rows.regression import cutoff_within_noise
 from gough_stewart.harness.identify.rows.sticking import COULOMB, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.identify.screen import Screened, check_order_of_forces, screened

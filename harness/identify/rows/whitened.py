@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.identify.hypotheses import Family, families_of
 from gough_stewart.harness.identify.rows.force_derivatives import ForceDerivatives
+from gough_stewart.harness.identify.rows.hypotheses import Family, families_of
 from gough_stewart.harness.identify.rows.noise import RowNoise, TwoNoises, fitted_noise, two_noises
 from gough_stewart.harness.identify.rows.row_model import RowModel
 from gough_stewart.model.vectors import FloatArray
