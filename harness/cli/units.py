@@ -57,9 +57,9 @@ def build_command(
 ) -> None:
     """Build the platform as an FMU: self-contained, compiled, Co-Simulation and Model Exchange.
 
-    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**; `--as mjcf` **NAME.xml** for MuJoCo. The package carries the compiled code for all
-    targets. That of platforms whose legs stick or give, and all code of a checkout of the sources, is compiled at the
-    first build (Windows: two minutes) and kept.
+    Writes **gough_stewart_fmi2.fmu** and **gough_stewart_fmi3.fmu**; `--as mjcf` writes **NAME.xml** for MuJoCo. The
+    package carries the compiled code for all targets. That of platforms with stiction or elastic legs, and all code of
+    a checkout of the sources, is compiled at the first build (Windows: two minutes) and kept.
 
     The chosen platform sets the start values; parameters can change them to another platform without a new build.
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import ndtri
 
-from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
+from gough_stewart.harness.identify.causes import Diagnosis
 from gough_stewart.harness.identify.names import unit_of, value_of, with_values
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.diagnosis.diagnose import diagnosis_of
+from gough_stewart.harness.identify.causes import diagnosis_of
 from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.physical import BestFit

@@ -14,19 +14,18 @@ from gough_stewart.harness.identify.geometry.joints import GEOMETRY, PoseFrame, 
 from gough_stewart.harness.identify.linear import identify_linear
 from gough_stewart.harness.identify.log import Log, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.parts import VALIDATION
-from gough_stewart.harness.identify.rows.hypotheses import MASSES
-from gough_stewart.harness.identify.rows.regression import cutoff_within_noise
-from gough_stewart.harness.identify.rows.sticking import COULOMB, STICTION, ideal_of, resolved, sticks
-from gough_stewart.harness.identify.screening.leg_order import check_order_of_forces
-from gough_stewart.harness.identify.screening.observability import (
+from gough_stewart.harness.identify.observability import (
     MotionRows,
     check_separable,
     identifiability,
     is_linear,
     motion_rows,
 )
-from gough_stewart.harness.identify.screening.screening import Screened, screened
+from gough_stewart.harness.identify.parts import VALIDATION
+from gough_stewart.harness.identify.rows.hypotheses import MASSES
+from gough_stewart.harness.identify.rows.regression import cutoff_within_noise
+from gough_stewart.harness.identify.rows.sticking import COULOMB, STICTION, ideal_of, resolved, sticks
+from gough_stewart.harness.identify.screen import Screened, check_order_of_forces, screened
 from gough_stewart.harness.identify.springs import FAST, SPRINGS, merged, nominal_springs, springs_of, with_both_sides
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform

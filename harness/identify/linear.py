@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, rms, scales
-from gough_stewart.harness.identify.instruments import is_of_instruments
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.parts import Part, on_one_axis
 from gough_stewart.harness.identify.physical import BestFit, best_fit
@@ -26,7 +25,7 @@ from gough_stewart.harness.identify.rows.linear_parameters import (
     with_estimated,
 )
 from gough_stewart.harness.identify.rows.regression import Regression, Rows, joined, regression_of
-from gough_stewart.harness.identify.rows.row_model import RowModel
+from gough_stewart.harness.identify.rows.row_model import RowModel, is_of_instruments
 from gough_stewart.harness.identify.rows.sticking import (
     COULOMB,
     STICTION,
@@ -119,7 +118,7 @@ def identify_linear(
         R, z = _compressed(weights[..., None] * W, weights * force[is_fitted])
         values[of_platform] = _fitted(R, z, elements, own, scale[of_platform]).values
     model = RowModel(regression, smooth, elements, names, friction)
-    rows_at = whitened(regression, _fit_at(model, values, is_fitted, used), smooth, not_excited)
+    rows_at = whitened(model, _fit_at(model, values, is_fitted, used), not_excited)
     if len(own) == len(names) and not friction:
         wide = rows_at.of(np.concatenate([W, F[..., None]], axis=2))
         R, z = _compressed(wide[:, :SIZE], wide[:, SIZE])

@@ -68,6 +68,8 @@ def estimate_verdict(found: Estimate) -> Verdict:
         parts.append("the residuals are those of noise")
     else:
         parts.append("whether the model fits the log is not tested")
+    if found.diagnosis is not None and found.diagnosis.unseen_text:
+        parts.append(found.diagnosis.unseen_text)
     is_whole = len(well) == len(found.names) and found.diagnosis is not None and found.diagnosis.test is not None
     status: Status = "good" if is_whole else "marginal"
     return Verdict(sentence(parts), status, numbers[: _FEW + 1])

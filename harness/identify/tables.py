@@ -3,9 +3,9 @@
 import math
 from dataclasses import replace
 
-from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
-from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
+from gough_stewart.harness.identify.causes import Diagnosis
 from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.names import unit_of
 from gough_stewart.harness.report.quantities import NUMBER, SHARE, Quantity, of_unit
 from gough_stewart.harness.report.table import Cell, Column, Table, Value
@@ -13,6 +13,8 @@ from gough_stewart.harness.report.table import Cell, Column, Table, Value
 _TWO, _SHARE = replace(NUMBER, digits=2), replace(SHARE, digits=2)
 # Of what is known very well, also less than a thousandth of a percent is told.
 _PERCENT = "± %"
+# So many estimates that an error moves most are told.
+_SHIFTS = 3
 # Residuals of a length are micrometres.
 _MICROMETRE = Quantity("m", "µm", 1e6)
 
@@ -20,10 +22,14 @@ _MICROMETRE = Quantity("m", "µm", 1e6)
 def estimate_tables(estimate: Estimate) -> list[Table]:
     """Parameters with their intervals; identifiability; residuals; whether the model fits."""
     tables = [_parameters(estimate), _identifiability(estimate), _residuals(estimate)]
-    if estimate.diagnosis is not None and estimate.diagnosis.test is not None:
-        tables.append(_tests(estimate.diagnosis.test))
-        if estimate.diagnosis.findings:
-            tables.append(_findings(estimate.diagnosis))
+    diagnosis = estimate.diagnosis
+    if diagnosis is not None:
+        if diagnosis.test is not None:
+            tables.append(_tests(diagnosis.test))
+        if diagnosis.findings:
+            tables.append(_findings(diagnosis))
+        if diagnosis.unseen:
+            tables.append(_unseen(diagnosis))
     return tables
 
 
@@ -105,10 +111,20 @@ def _p(value: float | None) -> Cell:
 
 
 def _findings(diagnosis: Diagnosis) -> Table:
-    others = ": the first is most likely, the others are not separated from it" if len(diagnosis.findings) > 1 else ""
+    others = "" if len(diagnosis.findings) == 1 else ", between which the log does not tell"
     columns = (Column(""), Column("misfit explained", _SHARE))
     rows = tuple((finding.text, _rounded(finding.improvement)) for finding in diagnosis.findings)
-    return Table(f"Diagnosis{others}", columns, rows)
+    return Table(f"Diagnosis: {diagnosis.cause or 'no cause is sure'}{others}", columns, rows)
+
+
+def _unseen(diagnosis: Diagnosis) -> Table:
+    columns = (Column(""), Column("estimates would be off by"), Column("standard errors", _TWO, "of the first"))
+    rows = []
+    for unseen in diagnosis.unseen:
+        shifts = [(name, shift, size) for name, shift, size in diagnosis.moved(unseen) if size >= 0.1]
+        text = ", ".join(f"{name} {shift:+.2g} {unit_of(name)}".rstrip() for name, shift, _ in shifts[:_SHIFTS])
+        rows.append((unseen.name, text or "less than a tenth of their errors", shifts[0][2] if shifts else None))
+    return Table("What no residual shows, since estimates absorb it", columns, tuple(rows))
 
 
 def _rounded(share: float) -> float:

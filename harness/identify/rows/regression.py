@@ -137,6 +137,8 @@ def regression_of(log: Log, platform: Platform, cutoff: float | None = None) -> 
     # the filter's main lobe
     lobe = math.ceil(0.5 / (cutoff * h * every))
     motion_rows = (at - edge(h, wide)) // every
+    # through the rows' filter, so that derivatives at these motions have no noise that the regressor does not have
+    motion = smoothed(np.concatenate([state.to_vector(), *acceleration], axis=1), h * every, cutoff, thin)
     if sticks(platform):
         slid = sliding_rows(platform, velocity, h)
         sliding = minimum_filter1d(slid, 2 * lobe * every + 1, axis=0)[at - edge(h, wide)]
@@ -146,7 +148,6 @@ def regression_of(log: Log, platform: Platform, cutoff: float | None = None) -> 
         sliding = np.asarray(slowest > fast, dtype=float)
     assert log.time is not None  # checked by sample_time_of
     rows = Rows(log.time[at], force_if_late(0.0), whole, cutoff, sliding)
-    motion = np.concatenate([state.to_vector(), *acceleration], axis=1)[motion_rows]
     noise = _raw_noise(log, h, cutoff, every, thin)
     return Regression(rows, motion, (noise,), (len(at),), force_if_late, rate, filtered)
 

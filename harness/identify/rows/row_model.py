@@ -2,22 +2,17 @@
 
     reading(t) = g ∘ (W(tilt) φ(θ) + f(θ)) (t − delay) + o
 
-with gains g, offsets o, delay and tilt of the instruments; W is affine in gravity, which a tilt turns. f is friction
-that sticks, which is not linear in its parameters; other friction is in φ.
+with gains g, offsets o, delay and tilt of the instruments, which are not the platform's: its file does not have them. W
+is affine in gravity, which in the axes of a base out of level is Rᵀ g with R = R_y(β) R_x(α) and base_tilt = (α, β). f
+is friction that sticks, which is not linear in its parameters; other friction is in φ.
 """
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.identify.instruments import (
-    Instruments,
-    instruments_of,
-    is_of_instruments,
-    tilt_directions,
-    tilted,
-)
 from gough_stewart.harness.identify.names import place_of
 from gough_stewart.harness.identify.rows.linear_parameters import (
     gradient,
@@ -31,6 +26,54 @@ from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
+
+
+class Instruments(NamedTuple):
+    """Values of the instruments' parameters."""
+
+    gain: FloatArray  # (6,)
+    offset: FloatArray  # (6,) [N]
+    delay: float  # > 0 if forces are late [s]
+    tilt: FloatArray  # of the base about X and Y (2,) [rad]
+
+
+STEMS = ("force_gain", "force_offset", "delay", "base_tilt")
+
+
+def is_of_instruments(name: str) -> bool:
+    """Whether an element belongs to the instruments, not to the platform."""
+    return name.partition("[")[0] in STEMS
+
+
+def instruments_of(names: Sequence[str], values: FloatArray) -> Instruments:
+    """The instruments with some elements replaced; the others are right."""
+    gain, offset, tilt, delay = np.ones(6), np.zeros(6), np.zeros(2), 0.0
+    whole = {"force_gain": gain, "force_offset": offset, "base_tilt": tilt}
+    for name, value in zip(names, values, strict=True):
+        stem, index = place_of(name)
+        if stem == "delay":
+            delay = float(value)
+        elif stem in whole:
+            whole[stem][index] = value
+    return Instruments(gain, offset, delay, tilt)
+
+
+def tilted(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
+    """Gravity (3,) in the axes of a base that is turned out of level by (α, β) about X, then Y: R_x(−α) R_y(−β) g."""
+    (ca, cb), (sa, sb) = np.cos(tilt), np.sin(tilt)
+    x, y, z = gravity
+    x, z = cb * x - sb * z, sb * x + cb * z
+    return np.array([x, ca * y + sa * z, -sa * y + ca * z])
+
+
+def tilt_directions(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
+    """∂`tilted`/∂(α, β) (3, 2)."""
+    (ca, cb), (sa, sb) = np.cos(tilt), np.sin(tilt)
+    x, y, z = gravity
+    turned = sb * x + cb * z
+    by_alpha = [0.0, -sa * y + ca * turned, -ca * y - sa * turned]
+    by_beta_x, by_beta_z = -sb * x - cb * z, cb * x - sb * z
+    return np.array([by_alpha, [by_beta_x, sa * by_beta_z, ca * by_beta_z]]).T
 
 
 class RowModel:
@@ -68,31 +111,33 @@ class RowModel:
 
     def rate(self, values: FloatArray) -> FloatArray:
         """How the forces of a level platform change (n, 6) [N/s]."""
-        found = self.regression.rate(self.phi(values))
-        return found if self.friction is None else found + self._sticking(values, 1)[:, :, 0]
+        rate = self.regression.rate(self.phi(values))
+        return rate if self.friction is None else rate + self._sticking(values, 1)[:, :, 0]
 
     def by_lengths(self, values: FloatArray) -> FloatArray:
         """Of friction that sticks, the derivatives by each leg's length and velocity (n, 2, 6)."""
         assert self.friction is not None
-        friction, own = self.friction, values[self.bent]
-        found = self.regression.filtered(lambda v, h: friction.by_lengths(own, v, h), 0)
-        return found.reshape(len(found), 2, 6)
+        friction, law = self.friction, values[self.bent]
+        derivatives = self.regression.filtered(lambda v, h: friction.by_lengths(law, v, h), 0)
+        return derivatives.reshape(len(derivatives), 2, 6)
 
     def residual(self, values: FloatArray) -> FloatArray:
         """What the log reads less what it should (n, 6) [N], at times that a delay shifts."""
-        found = self.instruments(values)
-        return self.regression.force_if_late(found.delay) - (found.gain * self.force(values) + found.offset)
+        instruments = self.instruments(values)
+        return self.regression.force_if_late(instruments.delay) - (
+            instruments.gain * self.force(values) + instruments.offset
+        )
 
     def columns(self, values: FloatArray) -> FloatArray:
         """Derivatives of the reading by each parameter (n, 6, p)."""
-        found, phi = self.instruments(values), self.phi(values)
+        instruments, phi = self.instruments(values), self.phi(values)
         W = self._regressor(values)
         result = np.zeros((len(W), 6, len(self.names)))
         if self.own:
-            by_own = gradient(self._elements(values), [self.names[k] for k in self.own])
-            result[:, :, self.own] = found.gain[:, None] * (W @ by_own)
+            by_platform = gradient(self._elements(values), [self.names[k] for k in self.own])
+            result[:, :, self.own] = instruments.gain[:, None] * (W @ by_platform)
         if self.bent:
-            result[:, :, self.bent] = found.gain[:, None] * self._sticking(values)[:, :, 1:]
+            result[:, :, self.bent] = instruments.gain[:, None] * self._sticking(values)[:, :, 1:]
         for k, name in enumerate(self.names):
             stem, index = place_of(name)
             if stem == "force_gain":
@@ -100,20 +145,20 @@ class RowModel:
             elif stem == "force_offset":
                 result[:, index[0], k] = 1.0
             elif stem == "delay":
-                result[:, :, k] = -found.gain * self.rate(values)
+                result[:, :, k] = -instruments.gain * self.rate(values)
             elif stem == "base_tilt":
-                turned = tilt_directions(self.platform.gravity, found.tilt)[:, index[0]]
-                result[:, :, k] = found.gain * (np.einsum("nlpa,a->nlp", self._by_gravity, turned) @ phi)
+                turned = tilt_directions(self.platform.gravity, instruments.tilt)[:, index[0]]
+                result[:, :, k] = instruments.gain * (np.einsum("nlpa,a->nlp", self._by_gravity, turned) @ phi)
         return result
 
     def _sticking(self, values: FloatArray, derivative: int = 0) -> FloatArray:
         """Friction that sticks, and its derivatives by its parameters (n, 6, 1 + q); or their rates."""
         assert self.friction is not None
-        friction, own = self.friction, values[self.bent]
-        key = own.tobytes() + bytes([derivative])
+        friction, law = self.friction, values[self.bent]
+        key = law.tobytes() + bytes([derivative])
         if self._last[0] != key:
-            found = self.regression.filtered(lambda v, h: friction.force(own, v, h), derivative)
-            self._last = (key, found.reshape(len(found), 6, -1))
+            filtered = self.regression.filtered(lambda v, h: friction.force(law, v, h), derivative)
+            self._last = (key, filtered.reshape(len(filtered), 6, -1))
         return self._last[1]
 
     def _elements(self, values: FloatArray) -> dict[str, float]:
@@ -135,4 +180,4 @@ class RowModel:
         turned = [
             regressor(self.platform.with_parameters({"gravity": axis}), state, acceleration) for axis in np.eye(3)
         ]
-        return np.stack([each - level for each in turned], axis=-1)
+        return np.stack([by_axis - level for by_axis in turned], axis=-1)

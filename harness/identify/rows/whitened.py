@@ -8,12 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gough_stewart.harness.identify.instruments import Instruments, instruments_of
 from gough_stewart.harness.identify.rows.force_derivatives import ForceDerivatives
 from gough_stewart.harness.identify.rows.hypotheses import Family, families_of
 from gough_stewart.harness.identify.rows.noise import RowNoise, TwoNoises, fitted_noise, two_noises
-from gough_stewart.harness.identify.rows.regression import Regression
-from gough_stewart.model.platform import Platform
+from gough_stewart.harness.identify.rows.row_model import RowModel
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -36,33 +34,33 @@ class Whitened:
 
     noise: RowNoise
     fit: Fit
-    families: tuple[Family, ...]
-    regression: Regression
-    instruments: Instruments
-    platform: Platform  # the nominal one
+    families: tuple[Family, ...]  # of the fitted rows
+    model: RowModel
+    raw_noises: tuple[TwoNoises, ...]  # of each part
 
     def at(self, fit: Fit) -> "Whitened":
         """The same rows and noise for another fit."""
-        return replace(self, fit=fit, instruments=instruments_of(fit.names, fit.values))
+        return replace(self, fit=fit)
 
     def of(self, columns: FloatArray) -> FloatArray:
         """Whitened columns (6 n, k) of rows (n, 6, k)."""
         return self.noise.whitened((self.fit.used[..., None] * columns).reshape(6 * len(columns), -1))
 
-    def residual(self, model: FloatArray, instruments: Instruments) -> FloatArray:
-        """Reading less what these forces would be read as, of the fitted rows (n, 6)."""
-        read = instruments.gain * model + instruments.offset
-        return self.regression.force_if_late(instruments.delay)[self.fit.is_fitted] - read
+    def with_noise_of(self, residual: FloatArray, columns: FloatArray) -> "Whitened":
+        """The same rows with the noise of another residual (n, 6), of a fit with further columns (n, 6, q)."""
+        every = np.concatenate([self.fit.columns, columns, *(family.columns for family in self.families)], axis=2)
+        noise = fitted_noise(self.raw_noises, self.noise.sizes, every, residual, self.fit.used)
+        return replace(self, noise=noise)
 
 
-def whitened(regression: Regression, fit: Fit, platform: Platform, not_excited: Sequence[str] = ()) -> Whitened:
+def whitened(model: RowModel, fit: Fit, not_excited: Sequence[str] = ()) -> Whitened:
     """The covariance of the rows, with the shares of both noises; what extensions describe is not taken for noise."""
-    here = fit.is_fitted
-    instruments = instruments_of(fit.names, fit.values)
+    here, regression = fit.is_fitted, model.regression
+    tilt = model.instruments(fit.values).tilt
     families = tuple(
         family._replace(columns=family.columns[here])
         for family in families_of(
-            regression, fit.derivatives, fit.force, fit.rate, platform, instruments.tilt, (*fit.names, *not_excited)
+            regression, fit.derivatives, fit.force, fit.rate, model.platform, tilt, (*fit.names, *not_excited)
         )
     )
     parts: list[TwoNoises] = []
@@ -73,10 +71,8 @@ def whitened(regression: Regression, fit: Fit, platform: Platform, not_excited: 
             parts.append(two_noises(raw.correlations, fit.derivatives.by_legs[part], raw.force, raw.length, used))
             sizes.append(len(part))
     every = np.concatenate([fit.columns, *(family.columns for family in families)], axis=2)
-    read = instruments.gain * fit.force[here] + instruments.offset
-    residual = regression.force_if_late(instruments.delay)[here] - read
-    noise = fitted_noise(parts, sizes, every, residual, fit.used)
-    return Whitened(noise, fit, families, regression, instruments, platform)
+    noise = fitted_noise(parts, sizes, every, model.residual(fit.values)[here], fit.used)
+    return Whitened(noise, fit, families, model, tuple(parts))
 
 
 def _split(rows: NDArray[np.intp], sizes: Sequence[int]) -> list[NDArray[np.intp]]:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
-from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
+from gough_stewart.harness.identify.causes import Diagnosis
 from gough_stewart.harness.identify.estimate import Estimate, Residuals
+from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.report import estimate_report, estimate_verdict
 
 NAMES = ("platform_mass", "leg_viscous_friction", "platform_com[2]", "leg_coulomb_friction")
@@ -65,7 +65,7 @@ def test_an_alarm_comes_before_everything() -> None:
 
 def test_a_model_that_fits_makes_known_values_good() -> None:
     test = LackOfFit({"of phase": 0.4}, 0.4)
-    diagnosis = Diagnosis(test, (), (), 1.0, None, np.ones(6), 1e-6, np.ones(6))
+    diagnosis = Diagnosis(test, "", (), 1.0, (), NAMES[:2], np.ones(2), np.ones(6), 1e-6, np.ones(6))
     verdict = estimate_verdict(made(2, diagnosis=diagnosis))
     assert verdict.text.endswith("the residuals are those of noise")
     assert verdict.status == "good"

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.identify.instruments import tilt_directions, tilted
 from gough_stewart.harness.identify.movement import motion_of_lengths
 from gough_stewart.harness.identify.rows.force_derivatives import force_derivatives, parameter_columns
 from gough_stewart.harness.identify.rows.noise import (
@@ -16,6 +15,7 @@ from gough_stewart.harness.identify.rows.noise import (
     two_noises,
     whitening_of,
 )
+from gough_stewart.harness.identify.rows.row_model import tilt_directions, tilted
 from gough_stewart.harness.identify.smoothing import kernel_of, smoothed
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.kernel import parameter_vector
