@@ -4,10 +4,10 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import stdtrit
 
 from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
 from gough_stewart.harness.identify.names import unit_of, value_of, with_values
@@ -18,6 +18,23 @@ from gough_stewart.model.vectors import FloatArray
 CONFIDENCE = 0.95
 # Text of a combination: parts smaller than this share of the largest are left out.
 _SHOWN_PART = 0.1
+
+
+# Share of right fits whose validation raises a false alarm.
+VALIDATION_LEVEL = 0.005
+
+
+class Validation(NamedTuple):
+    """How well a fit predicts rows that were not fitted."""
+
+    rms: float  # of their residuals [N]
+    expected: float  # by their noise and the errors of the estimate [N]
+    p_value: float  # probability of residuals as large or larger if the model is right
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the fit does not predict these rows."""
+        return self.p_value < VALIDATION_LEVEL
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +74,10 @@ class Estimate:
     # how many of these combinations are observable; the others keep their nominal values
     rank: int
     residuals: Residuals
+    # of the variance that the residuals estimate; infinite if the variance is known
+    freedom: float = math.inf
+    # how well the rows that were kept for it are predicted; None if there are none
+    validation: Validation | None = None
     notes: tuple[str, ...] = ()
     # reasons not to trust the values and their intervals, one sentence each; the command ends with exit code 3
     alarms: tuple[str, ...] = ()
@@ -76,8 +97,8 @@ class Estimate:
 
     @property
     def interval(self) -> FloatArray:
-        """Lower and upper ends of the 95 % confidence intervals (p, 2) [SI]."""
-        half = ndtri((1 + CONFIDENCE) / 2) * self.standard_errors
+        """Lower and upper ends of the 95 % confidence intervals (p, 2) [SI], by Student's t."""
+        half = float(stdtrit(self.freedom, (1 + CONFIDENCE) / 2)) * self.standard_errors
         return np.stack([self.values - half, self.values + half], axis=1)
 
     @property
@@ -149,6 +170,7 @@ class Estimate:
             "not_excited": self.not_excited,
             "at_bound": self.at_bound,
             "residuals": vars(self.residuals),
+            "validation": None if self.validation is None else self.validation._asdict(),
             "alarms": self.alarms,
             "notes": self.notes,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.to_dict(),

@@ -6,9 +6,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, ReachError
-from gough_stewart.harness.identify.linear import scales_of
+from gough_stewart.harness.identify.fit import scales_of
 from gough_stewart.harness.identify.names import expanded, value_of
-from gough_stewart.harness.identify.rows.linear_parameters import (
+from gough_stewart.harness.identify.regression import Rows
+from gough_stewart.harness.identify.regressor import (
     FRICTION,
     elements_of,
     gradient,
@@ -16,7 +17,6 @@ from gough_stewart.harness.identify.rows.linear_parameters import (
     regressor,
     with_estimated,
 )
-from gough_stewart.harness.identify.rows.regression import Rows
 from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion

@@ -24,8 +24,8 @@ from gough_stewart.harness.identify.diagnosis.lack_of_fit import (
 )
 from gough_stewart.harness.identify.instruments import Instruments
 from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.noise import Whitened
 from gough_stewart.harness.identify.rows.hypotheses import FIXED, Family
-from gough_stewart.harness.identify.rows.whitened import Whitened
 from gough_stewart.model.vectors import FloatArray
 
 _STEPS = 4

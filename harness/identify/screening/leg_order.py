@@ -6,11 +6,9 @@ from itertools import combinations
 import numpy as np
 
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.checks import force_of, sample_time_of
-from gough_stewart.harness.identify.movement import motion_of_lengths
-from gough_stewart.harness.identify.parts import Part
-from gough_stewart.harness.identify.rows.regression import cutoff_of
-from gough_stewart.harness.identify.smoothing import edge, smoothed
+from gough_stewart.harness.identify.log import Part, force_of, sample_time_of
+from gough_stewart.harness.identify.regression import cutoff_of, edge, smoothed
+from gough_stewart.harness.identify.regressor import motion_of_lengths
 from gough_stewart.model.dynamics import inverse_dynamics
 from gough_stewart.model.platform import Platform
 

@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, rows_apart
-from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.parts import VALIDATION, Part
-from gough_stewart.harness.identify.rows.regression import cutoff_of
+from gough_stewart.harness.identify.log import VALIDATION, Log, Part, check_forces, check_lengths, force_of, rows_apart
+from gough_stewart.harness.identify.regression import HALF_LENGTH, cutoff_of
 from gough_stewart.harness.identify.screening.faults import (
     Mask,
     MissingRows,
@@ -24,7 +22,6 @@ from gough_stewart.harness.identify.screening.faults import (
     spikes,
 )
 from gough_stewart.harness.identify.screening.holding import without_held_rows
-from gough_stewart.harness.identify.smoothing import HALF_LENGTH
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 

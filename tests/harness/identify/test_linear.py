@@ -10,7 +10,7 @@ from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.rows.linear_parameters import (
+from gough_stewart.harness.identify.regressor import (
     elements_of,
     gradient,
     linear_parameters,

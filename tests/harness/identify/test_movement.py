@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.identify import movement
-from gough_stewart.harness.identify.movement import motion_of_lengths, poses_of
+from gough_stewart.harness.identify.regressor import motion_of_lengths, poses_of
 from gough_stewart.model.forward_kinematics import forward_kinematics
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import curve_fit
 
 from gough_stewart.harness.identify.diagnosis.lack_of_fit import whiteness
-from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of, uncertainty
+from gough_stewart.harness.identify.fit import Channels, estimate_of, uncertainty
 from gough_stewart.harness.identify.physical import BestFit
 
 

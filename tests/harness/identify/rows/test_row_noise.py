@@ -7,16 +7,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gough_stewart.harness.identify.instruments import tilt_directions, tilted
-from gough_stewart.harness.identify.movement import motion_of_lengths
-from gough_stewart.harness.identify.rows.force_derivatives import force_derivatives, parameter_columns
-from gough_stewart.harness.identify.rows.noise import (
+from gough_stewart.harness.identify.regressor import motion_of_lengths
+from gough_stewart.harness.identify.regressor import force_derivatives, parameter_columns
+from gough_stewart.harness.identify.noise import (
     KernelCorrelations,
     fitted_noise,
     kernel_correlations,
     two_noises,
     whitening_of,
 )
-from gough_stewart.harness.identify.smoothing import kernel_of, smoothed
+from gough_stewart.harness.identify.regression import kernel_of, smoothed
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.experiment.run import run
-from gough_stewart.harness.identify.checks import force_of
+from gough_stewart.harness.identify.log import force_of
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.log import Log, log_of
