@@ -25,8 +25,8 @@ from gough_stewart.harness.errors import UsageError
 class Criterion(StrEnum):
     """What is optimised."""
 
-    condition = "condition"
     determinant = "determinant"
+    trace = "trace"
 
 
 @shows
@@ -50,11 +50,13 @@ def excite_command(
     criterion: Annotated[
         Criterion,
         typer.Option(
-            help="What to optimise: the condition number of the regressor, or the determinant of its information.",
+            help="What to optimise: the determinant of the information, or the trace of its inverse.",
             metavar=choices(Criterion),
         ),
-    ] = Criterion.condition,
-    trials: Annotated[int, typer.Option(help="Number of motions to evaluate.", metavar="N", min=1)] = 150,
+    ] = Criterion.determinant,
+    trials: Annotated[
+        int, typer.Option(help="Number of motions from which the search starts.", metavar="N", min=1)
+    ] = 2,
     seed: SeedOption = 0,
     out: Annotated[Path | None, out_option("results/excite_NAME, after the platform")] = None,
     *,
@@ -76,8 +78,7 @@ def excite_command(
                 raise UsageError(f"--{name} is {value:g}; expected a number > 0")
         chosen = chosen_platform(preset, platform)
         with preparing():
-            from gough_stewart.harness.identify.excite import excite, experiment_text
-            from gough_stewart.harness.identify.excite_report import excite_report
+            from gough_stewart.harness.identify.excite import excite, excite_report, experiment_text
             from gough_stewart.harness.identify.names import expanded
             from gough_stewart.model.platform import platform_to_toml
             from gough_stewart.model.process.files import Content, check_output_folder, write_files

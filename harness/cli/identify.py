@@ -1,6 +1,7 @@
 """The command `identify`: identifies parameters of a platform from a log."""
 
 import shlex
+import warnings
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -25,7 +26,7 @@ from gough_stewart.harness.cli.options import (
 )
 from gough_stewart.harness.cli.showing import Showing, shows
 from gough_stewart.harness.cli.terminal import preparing, progress_bar
-from gough_stewart.harness.errors import UsageError
+from gough_stewart.harness.errors import IdentificationWarning, UsageError
 
 
 class Method(StrEnum):
@@ -155,7 +156,7 @@ def identify_command(
             raise UsageError("--validate and --validation exclude each other; give one")
         nominal = chosen_platform(preset, platform)
         with preparing():
-            from gough_stewart.harness.identify.files import FILES, identification_files
+            from gough_stewart.harness.identify.estimate import FILES, identification_files
             from gough_stewart.harness.identify.identify import identify
             from gough_stewart.harness.identify.log import read_log
             from gough_stewart.harness.identify.report import estimate_report
@@ -176,7 +177,8 @@ def identify_command(
                 options["validation"] = [read_log(log, force_per_current, **of_log) for log in validate]
             elif validation is not None:
                 options["validation"] = validation
-            found = identify(read, nominal, estimate, method.value, **options)
+            with warnings.catch_warnings(action="ignore", category=IdentificationWarning):  # the report says it
+                found = identify(read, nominal, estimate, method.value, **options)
             compared = None
             if chosen is not None:
                 progress.update(task, description="before and after")

@@ -202,7 +202,7 @@ def _turned(rotation: FloatArray, turn: FloatArray) -> FloatArray:
     return np.asarray(Rotation.from_rotvec(turn).as_matrix() @ rotation)
 
 
-def _guessed_frames(geometry: Geometry, poses: Poses, measured: Measured) -> Frames:
+def guessed_frames(geometry: Geometry, poses: Poses, measured: Measured) -> Frames:
     """The better of two guesses of X and (y, Y), which map poses in world to measured ones.
 
     One from the positions alone (Kabsch, Acta Cryst. A32, 1976, 922), accurate if the target is near Op; one from the
@@ -474,7 +474,7 @@ def identify_geometry(
     nominal = Geometry(platform.base_points, platform.platform_points, np.zeros(6))
     poses = _first_poses(platform, measured, pose_frame, log.where)
     is_known = pose_frame == "world"
-    frames = SAME if is_known else _guessed_frames(nominal, poses, measured)
+    frames = SAME if is_known else guessed_frames(nominal, poses, measured)
     whole = _Calibration(measured, nominal, frames, poses, unknowns, scale, is_known)
 
     kept, notes = np.arange(len(log)), list[str]()

@@ -166,7 +166,7 @@ def regressor(platform: Platform, state: State, acceleration: Acceleration) -> F
     """
     motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
     fixed = np.concatenate([np.ravel(getattr(platform, name)) for name in _FIXED])
-    columns = np.array(_wrenches_function()(motion.T, fixed)).T.reshape(len(motion), -1, 6)
+    columns = np.array(wrenches_function()(motion.T, fixed)).T.reshape(len(motion), -1, 6)
     legs = leg_geometry(platform, state.position, state.orientation)
     inertial = np.linalg.solve(transpose(jacobian_of_legs(legs)), transpose(columns))
     # friction acts along the actuator, only on its own leg
@@ -182,7 +182,7 @@ def friction_columns(platform: Platform, leg_velocity: FloatArray) -> FloatArray
 
 @cache
 @interrupts_held_back()
-def _wrenches_function() -> casadi.Function:
+def wrenches_function() -> casadi.Function:
     """CasADi Function: (motion (18), joints and gravity) -> Jᵀ F for each inertial parameter alone, in order."""
     motion, fixed = casadi.SX.sym("motion", 18), casadi.SX.sym("fixed", 39)
     numbers, joints = _symbols(motion), _symbols(fixed)

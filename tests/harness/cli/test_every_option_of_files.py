@@ -72,7 +72,7 @@ def test_build(notes: Notes, is_default: bool) -> None:
 @pytest.mark.parametrize("kind", ["default", "all", "preset"])
 def test_excite(notes: Notes, kind: str) -> None:
     found = SimpleNamespace(condition_number=12.345678, log_determinant=-3.4567891)
-    notes.replace("harness.identify.excite_report.excite_report", made_report("motion"))
+    notes.replace("harness.identify.excite.excite_report", made_report("motion"))
     notes.replace("harness.identify.excite.excite", found, steps("motion 3"))
     notes.replace("harness.identify.excite.experiment_text", "the text")
     more = {
@@ -194,7 +194,7 @@ def test_identify(notes: Notes, kind: str) -> None:  # noqa: PLR0915
         "harness.identify.retuned.before_and_after",
         SimpleNamespace(table=SimpleNamespace(title="before and after"), numbers=()),
     )
-    notes.replace("harness.identify.files.identification_files", {"platform.toml": b"x" * 3000})
+    notes.replace("harness.identify.estimate.identification_files", {"platform.toml": b"x" * 3000})
     alarms = tuple(Note(text, "warning") for text in found.alarms)
     notes.replace("harness.identify.report.estimate_report", replace(made_report("parameters"), notes=alarms))
     opened = notes.opened()

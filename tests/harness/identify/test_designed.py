@@ -55,11 +55,11 @@ def information_of(motion_of: Reference, duration: float, steps: int) -> tuple[f
 def test_what_a_motion_excites_is_told_as_by_a_lagrangian_and_the_criterion_is_the_one_asked_for() -> None:
     """Expected: both criteria by another formulation; each motion is better by its own one."""
     smooth = replace(PLATFORM, leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
-    options = {"duration": 6.0, "frequency": 0.25, "harmonics": 3, "trials": 8, "seed": 3}
+    options = {"duration": 6.0, "frequency": 0.25, "harmonics": 3, "trials": 1, "seed": 3}
     said: list[str] = []
     found = {
-        "condition": excite(smooth, NAMES, criterion="condition", status=said.append, **options),  # type: ignore[arg-type]
-        "determinant": excite(smooth, NAMES.split(","), criterion="determinant", **options),  # type: ignore[arg-type]
+        "trace": excite(smooth, NAMES, criterion="trace", status=said.append, **options),  # type: ignore[arg-type]
+        "determinant": excite(smooth, NAMES.split(","), **options),  # type: ignore[arg-type]
     }
     assert said[-1].startswith("condition number ")
     for each in found.values():
@@ -67,8 +67,11 @@ def test_what_a_motion_excites_is_told_as_by_a_lagrangian_and_the_criterion_is_t
         # accelerations by differences
         assert each.condition_number == pytest.approx(number, rel=1e-3)
         assert each.log_determinant == pytest.approx(determinant, abs=1e-2)
-    assert found["condition"].condition_number < found["determinant"].condition_number
-    assert found["determinant"].log_determinant > found["condition"].log_determinant
+    assert found["determinant"].log_determinant > found["trace"].log_determinant
+    # the trace is the sum of variances in units of scale; the best of 150 random motions had a log det of RANDOM
+    scale = np.array([PLATFORM.platform_mass, *[PLATFORM.characteristic_length] * 3])
+    of_trace, of_determinant = (float(((each.standard_errors[:4] / scale) ** 2).sum()) for each in found.values())
+    assert of_trace < of_determinant
 
 
 def test_a_motion_uses_nine_tenths_of_the_tightest_limit() -> None:

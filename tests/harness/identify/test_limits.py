@@ -9,12 +9,10 @@ from numpy.testing import assert_allclose
 
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify import checks
-from gough_stewart.harness.identify.log import force_of
 from gough_stewart.harness.identify.fit import scales
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.log import Log, Part, force_of, on_one_axis
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.log import Part, on_one_axis
 from gough_stewart.harness.identify.regressor import dependences
 from gough_stewart.harness.identify.screening import faults
 from gough_stewart.harness.identify.screening.holding import Hold, hold_of, without_held_rows

@@ -65,6 +65,12 @@ def test_both_sides_of_a_log_show_the_springs() -> None:
     alone = identify(elastic_log("both"), found.platform(rigid), ["leg_stiffness", "leg_damping"])
     shares, of_alone = found.standard_errors / found.values, alone.standard_errors / alone.values
     assert shares[4:] ** 2 - of_alone**2 == pytest.approx(shares[0] ** 2, rel=0.05)
+    assert found.correlation[0, 4] == pytest.approx(shares[0] / shares[4], rel=0.05)
+    # of the readings of each log six zeros are not known: twice n − 6 − 2 is 2 n − 12 − 2, less 2
+    twice = identify(
+        [elastic_log("both"), elastic_log("both", 1)], found.platform(rigid), ["leg_stiffness", "leg_damping"]
+    )
+    assert twice.freedom == 2 * alone.freedom + 2
 
 
 def test_intervals_of_the_springs_hold() -> None:

@@ -9,8 +9,7 @@ from scipy.stats import kstest
 from gough_stewart.harness.identify.diagnosis.lack_of_fit import lack_of_fit, projection_of
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.report import estimate_report
-from gough_stewart.harness.identify.tables import estimate_tables
+from gough_stewart.harness.identify.report import estimate_report, estimate_tables
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.model.platform import platform_to_toml
 from tests.harness.identify import machine as logs_of_another

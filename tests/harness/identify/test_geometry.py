@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify import geometry as eq
 from gough_stewart.harness.identify.estimate import Estimate
-from gough_stewart.harness.identify.geometry import equations as eq
 from gough_stewart.harness.identify.geometry import GEOMETRY, PoseAccuracy, identify_geometry
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.model.forward_kinematics import forward_kinematics
