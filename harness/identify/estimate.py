@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import stdtrit
 
-from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
+from gough_stewart.harness.identify.causes import Diagnosis
 from gough_stewart.harness.identify.names import unit_of, value_of, with_values
 from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.platform import Platform, platform_to_toml

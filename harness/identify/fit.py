@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from gough_stewart.harness.errors import IdentificationError, LogError
-from gough_stewart.harness.identify.diagnosis.diagnose import diagnosis_of
+from gough_stewart.harness.identify.causes import diagnosis_of
 from gough_stewart.harness.identify.estimate import Estimate, Residuals, Validation, combination_text, nominal_values
 from gough_stewart.harness.identify.friction import (
     COULOMB,
@@ -135,7 +135,7 @@ def identify_linear(
         weighted = np.concatenate([weights[..., None] * W, (weights * force[is_fitted])[..., None]], axis=2)
         values[linear] = _fit_of(weighted.reshape(-1, SIZE + 1), elements, linear_names, scale[linear]).values
     model = RowModel(regression, smooth, elements, names, friction)
-    whole = whitened(regression, _fit_at(model, values, is_fitted, used), smooth, not_excited)
+    whole = whitened(model, _fit_at(model, values, is_fitted, used), not_excited)
     if len(linear) == len(names) and not friction:
         fit = _fit_of(whole.of(np.concatenate([W, F[..., None]], axis=2)), elements, names, scale)
     else:
@@ -343,7 +343,7 @@ def _validated(
         Whitened columns (n, p) and residuals (n,) of the fit, and its degrees of freedom ν.
     """
     chosen = ~whole.fit.is_fitted
-    _, parts = noises_of(whole.regression, whole.fit.derivatives.by_legs, chosen, kept[chosen])
+    _, parts = noises_of(whole.model.regression, whole.fit.derivatives.by_legs, chosen, kept[chosen])
     used = kept[chosen][..., None]
     both = used * np.concatenate([columns[chosen], residual[chosen][..., None]], axis=2)
     factors = [part.factor(*whole.noise.shares) for part in parts]

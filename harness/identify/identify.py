@@ -14,10 +14,10 @@ from gough_stewart.harness.identify.estimate import Estimate, nominal_values
 from gough_stewart.harness.identify.fit import identify_linear, scales, with_all
 from gough_stewart.harness.identify.friction import COULOMB, STICTION, ideal_of, resolved, sticks
 from gough_stewart.harness.identify.geometry import GEOMETRY, PoseFrame, identify_geometry
+from gough_stewart.harness.identify.hypotheses import MASSES
 from gough_stewart.harness.identify.log import VALIDATION, Log, check_finite, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.regression import cutoff_within_noise
-from gough_stewart.harness.identify.rows.hypotheses import MASSES
 from gough_stewart.harness.identify.screening.leg_order import check_order_of_forces
 from gough_stewart.harness.identify.screening.observability import (
     MotionRows,

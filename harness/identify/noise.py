@@ -20,11 +20,10 @@ from scipy.linalg import cholesky_banded
 from scipy.linalg.lapack import dtbtrs
 from scipy.optimize import minimize_scalar
 
-from gough_stewart.harness.identify.instruments import Instruments, instruments_of
+from gough_stewart.harness.identify.hypotheses import Family, families_of
 from gough_stewart.harness.identify.regression import RawNoise, Regression
 from gough_stewart.harness.identify.regressor import ForceDerivatives
-from gough_stewart.harness.identify.rows.hypotheses import Family, families_of
-from gough_stewart.model.platform import Platform
+from gough_stewart.harness.identify.rows.row_model import RowModel
 from gough_stewart.model.vectors import FloatArray
 
 # The shares are fitted from so many windows of so many rows, spread over all parts; more would hardly improve them.
@@ -198,39 +197,36 @@ class Whitened:
 
     noise: RowNoise
     fit: Fit
-    families: tuple[Family, ...]
-    regression: Regression
-    instruments: Instruments
-    platform: Platform  # the nominal one
+    families: tuple[Family, ...]  # of the fitted rows
+    model: RowModel
+    raw: RawNoise  # of the first part
+    raw_noises: tuple[TwoNoises, ...]  # of each part
 
     def at(self, fit: Fit) -> "Whitened":
         """The same rows and noise for another fit."""
-        return replace(self, fit=fit, instruments=instruments_of(fit.names, fit.values))
+        return replace(self, fit=fit)
 
     def of(self, columns: FloatArray) -> FloatArray:
         """Whitened columns (6 n, k) of rows (n, 6, k)."""
         return self.noise.whitened((self.fit.used[..., None] * columns).reshape(6 * len(columns), -1))
 
-    def residual(self, model: FloatArray, instruments: Instruments) -> FloatArray:
-        """Reading less what these forces would be read as, of the fitted rows (n, 6)."""
-        read = instruments.gain * model + instruments.offset
-        return self.regression.force_if_late(instruments.delay)[self.fit.is_fitted] - read
+    def with_noise_of(self, residual: FloatArray, columns: FloatArray) -> "Whitened":
+        """The same rows with the noise of another residual (n, 6), of a fit with further columns (n, 6, q)."""
+        every = np.concatenate([self.fit.columns, columns, *(family.columns for family in self.families)], axis=2)
+        return replace(self, noise=fitted_noise(self.raw_noises, self.raw, every, residual, self.fit.used))
 
 
-def whitened(regression: Regression, fit: Fit, platform: Platform, not_excited: Sequence[str] = ()) -> Whitened:
+def whitened(model: RowModel, fit: Fit, not_excited: Sequence[str] = ()) -> Whitened:
     """The covariance of the rows, with the shares of both noises; what extensions describe is not taken for noise."""
-    instruments = instruments_of(fit.names, fit.values)
-    names = (*fit.names, *not_excited)
+    tilt, names = model.instruments(fit.values).tilt, (*fit.names, *not_excited)
     families = tuple(
         family._replace(columns=family.columns[fit.is_fitted])
-        for family in families_of(regression, fit.derivatives, fit.force, fit.rate, platform, instruments.tilt, names)
+        for family in families_of(model.regression, fit.derivatives, fit.force, fit.rate, model.platform, tilt, names)
     )
-    raws, parts = noises_of(regression, fit.derivatives.by_legs, fit.is_fitted, fit.used)
+    raws, parts = noises_of(model.regression, fit.derivatives.by_legs, fit.is_fitted, fit.used)
     every = np.concatenate([fit.columns, *(family.columns for family in families)], axis=2)
-    read = instruments.gain * fit.force[fit.is_fitted] + instruments.offset
-    residual = regression.force_if_late(instruments.delay)[fit.is_fitted] - read
-    noise = fitted_noise(parts, raws[0], every, residual, fit.used)
-    return Whitened(noise, fit, families, regression, instruments, platform)
+    noise = fitted_noise(parts, raws[0], every, model.residual(fit.values)[fit.is_fitted], fit.used)
+    return Whitened(noise, fit, families, model, raws[0], tuple(parts))
 
 
 def noises_of(

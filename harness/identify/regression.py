@@ -348,7 +348,8 @@ def segment_of(log: Log, platform: Platform, cutoff: float | None = None) -> Seg
     assert log.time is not None  # checked by sample_time_of
     return Segment(
         Rows(log.time[at], smoothed(force, h, cutoff, 1, 0, held)[force_rows], whole, cutoff, sliding),
-        np.concatenate([state.to_vector(), *acceleration], axis=1)[motion_rows],
+        # through the rows' filter, so that derivatives at these motions have no noise that the regressor does not have
+        smoothed(np.concatenate([state.to_vector(), *acceleration], axis=1), h * every, cutoff, thin),
         _raw_noise(log, h, cutoff, every, thin),
         h,
         force,

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
-from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
+from gough_stewart.harness.identify.causes import Diagnosis
 from gough_stewart.harness.identify.estimate import Estimate
+from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.names import unit_of
 from gough_stewart.harness.report.chart import Axis, Chart, Mark, Series, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict

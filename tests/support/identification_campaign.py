@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from gough_stewart.harness.identify.diagnosis.diagnosis import Finding
+from gough_stewart.harness.identify.causes import Finding
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.log import Log

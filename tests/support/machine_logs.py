@@ -67,11 +67,15 @@ class Swing:
     # share of each coordinate: (0, 0, 1, 0, 0, 0) is heave alone, (0, 0, 0, 0, 1, 0) pitch alone
     axes: tuple[float, ...] = (1.0,) * 6
 
-    def along(self, machine: Platform, time: FloatArray, duration: float) -> Pose:
-        """The pose at times (n,) [s], which lie in 0 … duration or a few milliseconds beside."""
+    def coefficients(self, machine: Platform) -> FloatArray:
+        """a and b (2, harmonics, 6)."""
         rng = np.random.default_rng(self.seed)
         size = self.size * np.repeat([machine.characteristic_length, 1.0], 3) * np.array(self.axes)
-        a, b = size * rng.standard_normal((2, self.harmonics, 6))
+        return np.asarray(size * rng.standard_normal((2, self.harmonics, 6)))
+
+    def along(self, machine: Platform, time: FloatArray, duration: float) -> Pose:
+        """The pose at times (n,) [s], which lie in 0 … duration or a few milliseconds beside."""
+        a, b = self.coefficients(machine)
         omega = 2 * np.pi * self.frequency * np.arange(1, self.harmonics + 1)
         s, c = np.sin(np.outer(time, omega)), np.cos(np.outer(time, omega))
         series = (s @ a + c @ b, (c * omega) @ a - (s * omega) @ b, -(s * omega**2) @ a - (c * omega**2) @ b)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gough_stewart.harness.identify.diagnosis.diagnosis import Diagnosis
-from gough_stewart.harness.identify.diagnosis.lack_of_fit import LackOfFit
+from gough_stewart.harness.identify.causes import Diagnosis
+from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.estimate import Estimate, Residuals
 from gough_stewart.harness.identify.report import estimate_report, estimate_verdict
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
-from gough_stewart.harness.identify.diagnosis.lack_of_fit import (
+from gough_stewart.harness.identify.lack_of_fit import (
     LackOfFit,
     Projection,
     beyond,

@@ -1,0 +1,607 @@
+"""What is wrong with a log that contradicts its model: the right cause, a class of causes, or none.
+
+Every hypothesis is fitted with its own model, together with all parameters, in the same rows with the same noise; what
+the families describe is not taken for noise. Hypotheses are compared by their evidence,
+
+    −2 log(evidence) = |r|² + Σ (η/σ)² + log det(1 + σ A σ) + 2 log(members)
+
+with η of size σ, A the information on η beside all parameters, and how many members a family has of that kind. The best
+one is named if it is significant by itself, if it explains most of what is left, if the log does not contradict the
+model with it, and if no other hypothesis does nearly as well; if others of its cause do, the cause alone is named.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtri
+
+from gough_stewart.harness.identify.hypotheses import (
+    FACTORS,
+    FRICTION_LAW,
+    GEOMETRY,
+    LEGS,
+    STRIBECK,
+    TIMING,
+    Family,
+    leg_motion,
+    stribeck,
+)
+from gough_stewart.harness.identify.lack_of_fit import LEVEL, LackOfFit, basis_of, lack_of_fit
+from gough_stewart.harness.identify.names import unit_of, value_of
+from gough_stewart.harness.identify.noise import Whitened
+from gough_stewart.harness.identify.regressor import parameter_columns
+from gough_stewart.harness.identify.rows.row_model import RowModel
+from gough_stewart.model.vectors import FloatArray
+
+# Residuals below this share of the forces are errors of the filters.
+_RESOLVED = 1e-5
+# Evidence over the fit alone that a named hypothesis has, and over any other that fits; in −2 log.
+_SIGNIFICANT, _APART, _NESTED = 60.0, 10.0, 3.0
+# What may be left after it: a p-value, or a share of the excess of squares; and the least share that it explains.
+_FITS, _LEFT, _EXPLAINS = 0.02, 0.005, 0.5
+# Hypotheses below this share of the best one's evidence, and by more than that, are not refitted.
+_CONTENDS, _NEAR = 0.8, 60.0
+# By how much less squares a rival of no more parameters may explain.
+_ALIKE = 6.0
+# In sizes of η: what is further off is not what its family describes, but for gains.
+_FAR = 10.0
+# Columns of which more than this share lies outside another hypothesis' are no part of it.
+_PART = 0.05
+_STEPS, _LAGS = 4, 10
+# Shares of the largest force at which forces may be clipped.
+_LEVELS = (0.98, 0.95, 0.92, 0.88, 0.84, 0.8, 0.75, 0.7)
+# Times at which rows may be lost, at first, and afterwards at every row between them.
+_TIMES = 24
+COLOURED = "coloured noise"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A hypothesis with its estimate."""
+
+    name: str
+    cause: str  # what it is one of
+    text: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]  # of the values [SI]
+    values: FloatArray  # (q,) [SI]
+    covariance: FloatArray  # (q, q)
+    improvement: float  # share of what the residuals have beyond noise, 0 to 1
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Square roots of the variances (q,) [SI]."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def interval(self) -> FloatArray:
+        """Lower and upper ends of the 95 % confidence intervals (q, 2) [SI]."""
+        half = ndtri(0.975) * self.standard_errors
+        return np.stack([self.values - half, self.values + half], axis=1)
+
+
+class Unseen(NamedTuple):
+    """An error that hardly shows in residuals, since estimates absorb it."""
+
+    name: str  # of what, and by how much
+    shifts: FloatArray  # what it does to the estimates (p,) [SI]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Whether a log contradicts the model, and what is wrong then."""
+
+    test: LackOfFit | None  # None if there is none, and why
+    cause: str  # the named one; empty without an alarm, or if the log does not tell one
+    findings: tuple[Finding, ...]  # of that cause; without one, all that are possible
+    remains: float  # p-value of what is left after the first finding
+    unseen: tuple[Unseen, ...]
+    names: tuple[str, ...]  # of the estimates (p,)
+    standard_errors: FloatArray  # of the estimates (p,) [SI]
+    force_noise: FloatArray  # standard deviation of the raw forces (6,) [N]
+    length_noise: float  # of the raw lengths [m]
+    whiteness: FloatArray  # p-values that the prewhitened residuals of the legs are white (6,)
+    untested: str = ""  # why there is no test
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the log contradicts the model."""
+        return self.test is not None and self.test.alarm
+
+    @property
+    def likely(self) -> str:
+        """The cause in words, then its hypothesis if the log separates it; what is possible if none is named."""
+        texts = "; or ".join(finding.text for finding in self.findings)
+        if self.cause and len(self.findings) == 1:
+            finding = self.findings[0]
+            return texts if finding.cause in finding.name else f"{finding.cause}: {texts}"
+        if self.cause:
+            return f"{self.cause}, of which this log does not tell {texts}"
+        if self.findings:
+            return f"one of several, between which this log does not tell: {texts}"
+        return "something that no hypothesis here explains"
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """The reason not to trust the fit, in words; empty without an alarm."""
+        if self.test is None or not self.alarm:
+            return ()
+        said = (
+            f"the log contradicts the model (p {_p(self.test.combined)}; a false alarm in {100 * LEVEL:.0f} of 100 "
+            "logs); values and intervals are not valid"
+        )
+        return (f"{said}. Most likely: {self.likely}",)
+
+    @property
+    def unseen_text(self) -> str:
+        """What no residual shows, with the estimate that it moves most; empty if nothing is moved."""
+        errors = np.where(self.standard_errors > 0, self.standard_errors, np.inf)
+        parts = []
+        for error, shifts in self.unseen:
+            k = int(np.argmax(np.abs(shifts) / errors))
+            if abs(shifts[k]) > errors[k]:
+                parts.append(
+                    f"{error}, {self.names[k]} would be off by {shifts[k]:+.2g} {unit_of(self.names[k])}".rstrip()
+                )
+        return f"no residual shows what estimates absorb: {'; '.join(parts)}" if parts else ""
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The diagnosis in words, without the alarm."""
+        said = []
+        if self.test is None:
+            said.append(f"not tested whether the model fits: {self.untested}")
+        elif not self.alarm:
+            said.append(f"the residuals are those of noise (p = {self.test.combined:.2g} of lack of fit)")
+        elif self.findings:
+            said.append(f"{self.findings[0].name} explains {100 * self.findings[0].improvement:.0f} % of the misfit")
+        if self.unseen_text:
+            said.append(
+                f"{self.unseen_text}. Weigh the platform or add a known mass, and calibrate force sensors and encoders"
+            )
+        return tuple(said)
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain data for files."""
+        return {
+            "alarm": self.alarm,
+            "p_value": None if self.test is None else self.test.combined,
+            "p_values": {} if self.test is None else self.test.p_values,
+            "cause": self.cause,
+            "findings": [
+                {
+                    "hypothesis": finding.name,
+                    "cause": finding.cause,
+                    "text": finding.text,
+                    "improvement": finding.improvement,
+                    "parameters": {
+                        name: {"value": value, "standard_error": error, "interval": ends, "unit": unit}
+                        for name, unit, value, error, ends in zip(
+                            finding.parameters, finding.units, finding.values, finding.standard_errors,
+                            finding.interval, strict=True
+                        )
+                    },
+                }
+                for finding in self.findings
+            ],
+            "p_value_of_the_rest": self.remains if self.findings else None,
+            "unseen": {
+                unseen.name: dict(zip(self.names, unseen.shifts.tolist(), strict=True)) for unseen in self.unseen
+            },
+            "noise": {"force": self.force_noise, "length": self.length_noise},
+            "sentences": self.sentences,
+        }  # fmt: skip
+
+
+def _p(value: float) -> str:
+    return f"= {value:.2g}" if value > 3e-4 else "< 0.0003"
+
+
+def diagnosis_of(rows: Whitened, covariance: FloatArray) -> Diagnosis:
+    """Test the fit, and name what is wrong if it is.
+
+    Parameters
+    ----------
+    covariance
+        Of the estimated parameters (p, p) [SI].
+    """
+    fit = rows.fit
+    D, families = rows.of(fit.columns), _whitened_families(rows)
+    raw = rows.model.residual(fit.values)[fit.is_fitted]
+    residual = rows.of(raw[..., None])[:, 0]
+    outcome = lack_of_fit(D, families, residual, fit.used)
+    error = np.sqrt(np.diag(covariance))
+    seen = _unseen(rows, D), fit.names, error, rows.noise.force, rows.noise.length
+    small = float((fit.used * raw**2).sum()) < _RESOLVED**2 * float((fit.used * fit.force[fit.is_fitted] ** 2).sum())
+    if outcome is None or small:
+        why = (
+            "the residuals are as small as what the filters themselves leave"
+            if small
+            else "too few rows; record longer"
+        )
+        return Diagnosis(None, "", (), 1.0, *seen, np.ones(6) if outcome is None else outcome[1], why)
+    test, white, rest = outcome
+    if not test.alarm:
+        return Diagnosis(test, "", (), 1.0, *seen, white)
+    cause, findings, remains = _judged(rows)
+    if not cause and (coloured := _coloured(rows, rest)) is not None:
+        cause, findings = COLOURED, (coloured,)
+    return Diagnosis(test, cause, findings, remains, *seen, white)
+
+
+def _whitened_families(rows: Whitened) -> dict[str, FloatArray]:
+    return {family.name: rows.of(family.columns * family.sizes) for family in rows.families}
+
+
+class _Hypothesis(NamedTuple):
+    name: str
+    cause: str
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    remedy: str
+    columns: FloatArray  # (n, 6, q) of the fitted rows
+    sizes: FloatArray  # (q,)
+    members: float
+    kind: str = "linear"
+    at: float = 0.0  # the velocity, force or time of one of several
+    legs: tuple[int, ...] = tuple(range(6))  # that are clipped, or whose forces are exchanged
+
+
+class _Refit(NamedTuple):
+    hypothesis: _Hypothesis
+    eta: FloatArray  # (q,)
+    covariance: FloatArray  # of η (q, q)
+    evidence: float  # over the fit alone
+    chi_square: float
+    raw: FloatArray  # residual (n, 6) [N]
+    columns: FloatArray  # whitened, of all parameters and η (6 n, p + q)
+
+
+def _judged(rows: Whitened) -> tuple[str, tuple[Finding, ...], float]:
+    """The cause, what is of it or what else is possible, and the p-value of what is left after that."""
+    fit = rows.fit
+    raw = rows.model.residual(fit.values)[fit.is_fitted]
+    contenders = _contenders(rows, raw)
+    if not contenders:
+        return "", (), 1.0
+    for _ in range(2):
+        base = _left(rows, fit.columns, raw)
+        refits = sorted((_refit(rows, one, base) for one in contenders), key=lambda one: -one.evidence)
+        best = refits[0]
+        # what only its own model describes is in the noise of the others
+        rows = rows.with_noise_of(best.raw, best.hypothesis.columns)
+        contenders = [one.hypothesis for one in refits if one.evidence > _CONTENDS * best.evidence - _NEAR]
+    base = _left(rows, fit.columns, raw)
+    refits = sorted((_refit(rows, one, base) for one in contenders), key=lambda one: -one.evidence)
+    families = _whitened_families(rows)
+    D = rows.of(fit.columns)
+    before = lack_of_fit(D, families, rows.of(raw[..., None])[:, 0], fit.used)
+    excess = max(base - float(fit.used.sum()), before[0].excess if before else 0.0, 1e-300)
+    Q = basis_of(D, np.linalg.norm(D, axis=0))
+    p = D.shape[1]
+
+    def after(one: _Refit) -> LackOfFit | None:
+        outcome = lack_of_fit(one.columns, families, rows.of(one.raw[..., None])[:, 0], fit.used)
+        return outcome[0] if outcome else None
+
+    def fits(test: LackOfFit | None) -> bool:
+        return test is not None and (test.combined >= _FITS or test.excess <= _LEFT * excess)
+
+    def is_part(one: _Refit, other: _Refit) -> bool:
+        """Whether all that one hypothesis can do another one can do, too."""
+        parts = [Q.T @ each.columns[:, p:] for each in (one, other)]
+        own, whole = (each.columns[:, p:] - Q @ part for each, part in zip((one, other), parts, strict=True))
+        basis = basis_of(whole, np.linalg.norm(whole, axis=0))
+        return float(np.linalg.norm(own - basis @ (basis.T @ own))) < _PART * float(np.linalg.norm(own))
+
+    best = refits[0]
+    for simpler in refits[1:]:
+        near = simpler.evidence > best.evidence - _NESTED and len(simpler.eta) < len(best.eta)
+        if near and is_part(simpler, best) and fits(after(simpler)):
+            best = simpler
+    test = after(best)
+    remains = 1.0 if test is None else test.combined
+    explained = [base - one.chi_square for one in refits]
+    is_far = "gain" not in best.hypothesis.name and bool((np.abs(best.eta) > _FAR * best.hypothesis.sizes).any())
+    if (
+        best.evidence < _SIGNIFICANT
+        or best.hypothesis.cause == GEOMETRY
+        or is_far
+        or not fits(test)
+        or base - best.chi_square < _EXPLAINS * max(explained)
+    ):
+        return "", (), remains
+    rivals = [
+        one
+        for one in refits
+        if one is not best
+        and (
+            one.evidence > best.evidence - _APART
+            or (one.chi_square < best.chi_square + _ALIKE and len(one.eta) <= len(best.eta))
+        )
+        and not is_part(best, one)
+        and not is_part(one, best)
+    ]
+    possible = [best, *rivals]
+    causes = {one.hypothesis.cause for one in possible}
+    findings = tuple(_finding(rows, one, (base - one.chi_square - len(one.eta)) / excess) for one in possible)
+    return best.hypothesis.cause if len(causes) == 1 else "", findings, remains
+
+
+def _left(rows: Whitened, columns: FloatArray, raw: FloatArray) -> float:
+    """The sum of squares that a fit of these columns (n, 6, p) leaves of a residual (n, 6)."""
+    white = rows.of(np.concatenate([columns, raw[..., None]], axis=2))
+    Q = basis_of(white[:, :-1], np.linalg.norm(white[:, :-1], axis=0))
+    left = white[:, -1] - Q @ (Q.T @ white[:, -1])
+    return float(left @ left)
+
+
+def _contenders(rows: Whitened, raw: FloatArray) -> list[_Hypothesis]:
+    """The hypotheses with the most evidence by their columns at the fit, of those at several places the best."""
+    fit = rows.fit
+    D = rows.of(fit.columns)
+    Q = basis_of(D, np.linalg.norm(D, axis=0))
+    r = rows.of(raw[..., None])[:, 0]
+    r = r - Q @ (Q.T @ r)
+
+    def evidence(one: _Hypothesis) -> float:
+        if one.kind == "exchange":
+            exchanged, _ = _model(rows, one, fit.values, np.zeros(0))
+            return float(r @ r) - _left(rows, fit.columns, exchanged) - 2 * math.log(one.members)
+        X = rows.of(one.columns * one.sizes)
+        norms = np.linalg.norm(X, axis=0)
+        X = X - Q @ (Q.T @ X)
+        # what is estimated already leaves rounding errors
+        X = X[:, np.linalg.norm(X, axis=0) > 1e-4 * norms]
+        precision, b = np.eye(X.shape[1]) + X.T @ X, X.T @ r
+        cost = float(np.linalg.slogdet(precision)[1]) + 2 * math.log(one.members)
+        return float(b @ np.linalg.solve(precision, b)) - cost if X.shape[1] else -np.inf
+
+    found = {one.name: (evidence(one), one) for one in _linear(rows.families)}
+    for group in _groups(rows, raw):
+        best = max(((evidence(one), one) for one in group), key=lambda pair: pair[0], default=None)
+        if best is not None and best[1].kind == "lost":
+            step = float(np.ptp(rows.model.regression.rows.time)) / _TIMES
+            times = rows.model.regression.rows.time[fit.is_fitted]
+            near = times[np.abs(times - best[1].at) < step]
+            best = max(((evidence(one), one) for one in _lost(rows, near)), key=lambda pair: pair[0])
+        if best is not None:
+            found[best[1].name] = best
+    most = max(value for value, _ in found.values())
+    return [one for value, one in found.values() if value > max(_CONTENDS * most - _NEAR, 0.0)]
+
+
+def _linear(families: Sequence[Family]) -> list[_Hypothesis]:
+    """The members of the table."""
+    return [
+        _Hypothesis(
+            name, cause, tuple(family.parameters[k] for k in chosen), tuple(family.units[k] for k in chosen),
+            family.remedy, family.columns[:, :, chosen], family.sizes[list(chosen)],
+            sum(len(other) == len(chosen) for _, other in family.members.values()),
+            "exact" if family.is_estimable and "tilt" not in name else "linear",
+        )
+        for family in families
+        for name, (cause, chosen) in family.members.items()
+    ]  # fmt: skip
+
+
+def _groups(rows: Whitened, raw: FloatArray) -> list[list[_Hypothesis]]:
+    """Hypotheses at several velocities, times or levels, of which the log tells one, and exchanged legs."""
+    model, here = rows.model, rows.fit.is_fitted
+    platform, time = model.platform, model.regression.rows.time[here]
+    read = model.regression.force_if_late(0.0)[here]
+    load = float(np.sqrt((read**2).mean()))
+    falling = [
+        _Hypothesis(
+            "friction that falls as a leg begins to slide", FRICTION_LAW, ("static minus Coulomb friction", "velocity"),
+            ("N", "m/s"), "set leg_friction_model, or leave slow motions out", _stribeck_columns(rows, width),
+            np.array([0.02 * load]), len(STRIBECK), "stribeck", platform.leg_friction_velocity * width,
+        )
+        for width in STRIBECK
+    ]  # fmt: skip
+    groups = [falling, _lost(rows, np.linspace(time[0], time[-1], _TIMES + 2)[1:-1])]
+    for legs in ((0, 1, 2, 3, 4, 5), *((leg,) for leg in range(6))):
+        most = float(np.abs(read[:, legs]).max())
+        name = "forces clipped" if len(legs) > 1 else f"force of leg {legs[0] + 1} clipped"
+        cause = "force sensors" if len(legs) > 1 else f"force sensor of leg {legs[0] + 1}"
+        levels = []
+        for level in _LEVELS:
+            beyond = np.zeros_like(read)
+            beyond[:, legs] = np.sign(read[:, legs]) * np.maximum(np.abs(read - raw)[:, legs] - level * most, 0.0)
+            levels.append(
+                _Hypothesis(
+                    name, cause, ("level",), ("N",), "use a larger range of the force sensor, or a slower motion",
+                    -beyond[..., None], np.ones(1), len(_LEVELS) * (6 if len(legs) == 1 else 1), "clip", level * most,
+                    legs,
+                )
+            )  # fmt: skip
+        groups.append(levels)
+    groups.append([
+        _Hypothesis(
+            f"forces of legs {a} and {b} exchanged", "order of the legs", (), (), "exchange their columns",
+            np.zeros((*read.shape, 0)), np.zeros(0), 15, "exchange", 0.0, (a - 1, b - 1),
+        )
+        for a, b in combinations(LEGS, 2)
+    ])  # fmt: skip
+    return groups
+
+
+def _lost(rows: Whitened, times: FloatArray) -> list[_Hypothesis]:
+    """Rows of all forces that are lost at one of these times [s]."""
+    fit = rows.fit
+    time, rate = rows.model.regression.rows.time[fit.is_fitted], fit.rate[fit.is_fitted]
+    return [
+        _Hypothesis(
+            "rows lost in the forces", TIMING, ("forces early from then on by",), ("ms",),
+            f"check the logger at {at:.4g} s",
+            (rate * (time > at)[:, None])[..., None], np.array([3e-3]), _TIMES * 4, "lost", float(at),
+        )
+        for at in times
+    ]  # fmt: skip
+
+
+def _stribeck_columns(rows: Whitened, width: float) -> FloatArray:
+    smooth = rows.model.platform.leg_friction_velocity
+    return rows.model.regression.filtered(lambda v, _h: stribeck(v, smooth, width), 0)[rows.fit.is_fitted][..., None]
+
+
+def _model(
+    rows: Whitened, hypothesis: _Hypothesis, theta: FloatArray, eta: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Residual (n, 6) and derivatives of the reading by θ and η (n, 6, p + q), by the hypothesis' own model."""
+    model, here, legs = rows.model, rows.fit.is_fitted, list(hypothesis.legs)
+    if hypothesis.kind == "exact":
+        # relative to the platform's file, and to perfect instruments
+        nominal = [value_of(model.platform, name) for name in hypothesis.parameters]
+        names = (*model.names, *hypothesis.parameters)
+        wider = RowModel(model.regression, model.platform, model.elements, names, model.friction)
+        values = np.concatenate([theta, nominal + eta])
+        return wider.residual(values)[here], wider.columns(values)[here]
+    raw, own = model.residual(theta)[here], model.columns(theta)[here]
+    match hypothesis.kind:
+        case "exchange":
+            read = model.regression.force_if_late(0.0)[here]
+            raw = raw.copy()
+            raw[:, legs] += read[:, legs[::-1]] - read[:, legs]
+            return raw, own
+        case "clip":
+            read = model.regression.force_if_late(0.0)[here]
+            force, level = read - raw, hypothesis.at + eta[0]
+            is_clipped = np.zeros(force.shape, dtype=bool)
+            is_clipped[:, legs] = np.abs(force[:, legs]) > level
+            at_level = np.sign(force) * level
+            raw = np.where(is_clipped, read - at_level, raw)
+            own = np.where(is_clipped[..., None], 0.0, own)
+            return raw, np.concatenate([own, (is_clipped * np.sign(force))[..., None]], axis=2)
+        case "stribeck":
+            smooth = model.platform.leg_friction_velocity
+            size, width = eta[0], hypothesis.at * math.exp(eta[1]) / smooth
+            X, wider_X = (_stribeck_columns(rows, width * math.exp(step)) for step in (0.0, 0.01))
+            columns = np.concatenate([own, X, size * (wider_X - X) / 0.01], axis=2)
+            return raw - size * X[..., 0], columns
+        case _:
+            X = hypothesis.columns
+            return raw - X @ eta, np.concatenate([own, X], axis=2)
+
+
+def _refit(rows: Whitened, hypothesis: _Hypothesis, base: float) -> _Refit:
+    """The hypothesis fitted together with all parameters by Gauss-Newton steps; `base` is what the fit alone leaves."""
+    theta, p = rows.fit.values.copy(), len(rows.fit.values)
+    sizes = hypothesis.sizes
+    if hypothesis.kind == "stribeck":
+        sizes = np.array([*sizes, 0.5])
+    elif hypothesis.kind == "clip":
+        sizes = np.array([0.1 * hypothesis.at])
+    eta = np.zeros(len(sizes))
+    if hypothesis.kind == "stribeck":
+        eta[0] = 0.1 * sizes[0]
+    for _ in range(1 if hypothesis.kind == "exchange" else _STEPS):
+        raw, columns = _model(rows, hypothesis, theta, eta)
+        white = rows.of(np.concatenate([columns, raw[..., None]], axis=2))
+        A, r = white[:, :-1], white[:, -1]
+        prior = np.zeros((len(sizes), p + len(sizes)))
+        prior[:, p:] = np.diag(1 / sizes)
+        whole, target = np.concatenate([A, prior]), np.concatenate([r, -eta / sizes])
+        norms = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
+        step = np.linalg.lstsq(whole / norms, target, rcond=1e-10)[0] / norms
+        theta, eta = theta + step[:p], eta + step[p:]
+        if hypothesis.kind == "stribeck":
+            eta[1] = float(np.clip(eta[1], -1.5, 1.5))
+    left = r - A @ step
+    chi_square, cost = float(left @ left), float(((eta / sizes) ** 2).sum())
+    Q = basis_of(A[:, :p], np.linalg.norm(A[:, :p], axis=0))
+    X = A[:, p:] * sizes
+    X = X - Q @ (Q.T @ X)
+    precision = np.eye(len(sizes)) + X.T @ X
+    cost += float(np.linalg.slogdet(precision)[1]) + 2 * math.log(hypothesis.members)
+    variance = max(chi_square / max(float(rows.fit.used.sum()) - A.shape[1], 1.0), 1e-300)
+    covariance = np.linalg.inv(precision) * np.outer(sizes, sizes) * variance
+    return _Refit(hypothesis, eta, covariance, base - chi_square - cost, chi_square, raw - columns @ step, A)
+
+
+def _finding(rows: Whitened, fitted: _Refit, improvement: float) -> Finding:
+    """What was found in words, and as values of parameters."""
+    hypothesis, eta, J = fitted.hypothesis, fitted.eta, np.eye(len(fitted.eta))
+    values, shown = eta.copy(), list(eta)
+    estimated = dict(zip(rows.fit.names, rows.fit.values.tolist(), strict=True))
+    for k, name in enumerate(hypothesis.parameters):
+        stem = name.partition("[")[0]
+        if hypothesis.kind == "exact" or stem in ("leg_viscous_friction", "leg_coulomb_friction"):
+            values[k] += estimated.get(stem, value_of(rows.model.platform, name))
+    if hypothesis.kind == "clip":
+        values, shown = values + hypothesis.at, [hypothesis.at + eta[0]]
+    elif hypothesis.kind == "stribeck":
+        values[1] = hypothesis.at * math.exp(eta[1])
+        J[1, 1] = shown[1] = values[1]
+    covariance = J @ fitted.covariance @ J.T
+    half = 1.96 * np.sqrt(np.diag(covariance))
+    texts = []
+    for name, unit, value, width in zip(hypothesis.parameters, hypothesis.units, shown, half, strict=True):
+        factor, label = FACTORS.get(unit, 1.0), f"{name} " if len(shown) > 1 or "lost" in hypothesis.name else ""
+        digits = 3 if not (width > 0 and math.isfinite(width)) else math.floor(math.log10(factor * width))
+        digits = int(np.clip(1 - digits, 0, 9))
+        number = f"{factor * value:+.{digits}f} ± {factor * width:.{digits}f}".replace("-", "−")
+        texts.append(f"{label}{number} {unit}".rstrip())
+    text = f"{hypothesis.name} {', '.join(texts)}".rstrip() + f"; {hypothesis.remedy}"
+    units = tuple({"%": "", "ms": "s", "mm": "m", "°": "rad"}.get(unit, unit) for unit in hypothesis.units)
+    share = float(np.clip(improvement, 0.0, 1.0))
+    return Finding(hypothesis.name, hypothesis.cause, text, hypothesis.parameters, units, values, covariance, share)
+
+
+def _coloured(rows: Whitened, rest: FloatArray) -> Finding | None:
+    """Coloured noise, if what no family describes is not white, alike in all legs and all of the log."""
+    used = rows.fit.used
+    r = rest.reshape(-1, 6) * used
+    targets = r[_LAGS:].ravel()
+    past = np.stack([r[_LAGS - lag : -lag].ravel() for lag in range(1, _LAGS + 1)], axis=1)
+    weights = np.linalg.lstsq(past, targets, rcond=None)[0]
+    before, after = float(targets @ targets), float(((targets - past @ weights) ** 2).sum())
+    if used.sum() * math.log(before / max(after, 1e-300)) - _LAGS * math.log(used.sum()) < _SIGNIFICANT:
+        return None
+    products, squares = r[1:] * r[:-1], r[1:] ** 2
+    correlation = float(products.sum() / squares.sum())
+    quarters = [[part.sum() for part in np.array_split(values, 4)] for values in (products, squares)]
+    everywhere = [np.divide(*quarters), products.sum(axis=0) / np.maximum(squares.sum(axis=0), 1e-300)]
+    if np.concatenate(everywhere).min() < 0.3 * correlation or correlation <= 0:
+        return None
+    error = 1 / math.sqrt(max(float((used[1:] * used[:-1]).sum()), 1.0))
+    spacing = float(np.median(np.diff(rows.model.regression.rows.time)))
+    narrow = math.sqrt((1 + correlation) / max(1 - correlation, 1e-3))
+    text = (
+        f"{COLOURED}: residuals {1e3 * spacing:.3g} ms apart have a correlation of {correlation:.2f} ± "
+        f"{1.96 * error:.2f}, white noise of the sensors has none; intervals are about {narrow:.1f} times too narrow"
+    )
+    name = "correlation of neighbouring residuals"
+    return Finding(
+        COLOURED, COLOURED, text, (name,), ("",), np.array([correlation]), np.array([[error**2]]), 1 - after / before
+    )
+
+
+def _unseen(rows: Whitened, D: FloatArray) -> tuple[Unseen, ...]:
+    """What errors that are alike everywhere would do to the estimates, which make up for their effect."""
+    fit, platform = rows.fit, rows.model.platform
+    by_legs, by_parameters = (values[fit.is_fitted] for values in fit.derivatives)
+    lengths = leg_motion(platform, rows.model.regression.motion[fit.is_fitted])
+    by_motion = np.einsum("nidj,dnj->dni", by_legs, lengths)  # by a common scale of L, of L̇ and of L̈
+
+    def in_proportion(*names: str) -> FloatArray:
+        return np.asarray(by_parameters @ parameter_columns(names) @ [value_of(platform, name) for name in names])
+
+    errors = {
+        "if all forces read 1 % high": 0.01 * fit.force[fit.is_fitted],
+        "if all encoders read 1 mm too much": -1e-3 * by_legs[:, :, 0].sum(axis=2),
+        "if all encoders read 0.1 % too much": -1e-3 * by_motion.sum(axis=0),
+        "if the legs were 1 % heavier": 0.01 * in_proportion("leg_lower_mass", "leg_upper_mass"),
+        "if the legs' centres of mass were 1 % further": 0.01 * in_proportion("leg_lower_com", "leg_upper_com"),
+        "if gravity were 1 % higher": 0.01 * in_proportion("gravity[1]", "gravity[2]", "gravity[3]"),
+        "if the clock were 1 % fast": 0.01 * (by_motion[1] + 2 * by_motion[2]),
+    }
+    X = rows.of(np.stack(list(errors.values()), axis=2))
+    size = np.maximum(np.linalg.norm(D, axis=0), 1e-300)
+    # where the error would raise readings, estimates rise
+    shifts = np.linalg.lstsq(D / size, X, rcond=1e-9)[0] / size[:, None]
+    return tuple(Unseen(name, shift) for name, shift in zip(errors, shifts.T, strict=True))

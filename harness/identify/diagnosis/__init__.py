@@ -1,1 +1,0 @@
-"""Whether an estimate explains its log, and what is likely if it does not."""

@@ -1,0 +1,267 @@
+"""What may be wrong with a log or with the model: the table of hypotheses.
+
+A family extends the model by parameters η, which are 0 if the model is right: its columns are ∂(reading of forces)/∂η
+at a fit, in the rows of the regression. Its members are hypotheses: a choice of its columns, such as the gain of one
+leg, each of a cause. What one cause may do is hard to separate: a cause is named first, then its member if the log
+separates it. Sizes of η are those of errors that are common, as shares of the machine's own size, load and speed.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gough_stewart.harness.identify.friction import travel_since_reversal
+from gough_stewart.harness.identify.instruments import tilt_directions
+from gough_stewart.harness.identify.names import expanded
+from gough_stewart.harness.identify.regression import Regression
+from gough_stewart.harness.identify.regressor import INERTIAL, ForceDerivatives, parameter_columns
+from gough_stewart.model.dynamics import Acceleration
+from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import FloatArray
+
+LEGS = range(1, 7)
+# Parameters of the platform that may be wrong if they are not estimated.
+MASSES = ("platform_mass", "platform_com", "platform_inertia", "leg_armature")
+# Velocities over which friction falls as a leg begins to slide, in those that smooth its sign.
+STRIBECK = np.geomspace(2.0, 200.0, 9)
+# Travel over which friction builds up after a reversal, by elastic contact [m].
+_TRAVELS = (3e-5, 1e-4, 3e-4)
+# Where the delay of the forces may change, as shares of the log: rows are lost at any time.
+_CHANGES = np.linspace(0.0, 1.0, 9)[1:-1]
+# Sizes of delays and of what lost rows add to them [s], of tilts [rad]; of gains, scales and clocks, of 1.
+_DELAY, _TILT, _GAIN, _SCALE, _CLOCK = 1.5e-3, 0.5 * np.pi / 180, 0.02, 0.005, 0.01
+# Of errors of joints and of lengths, and of centres of mass, in sizes of the platform.
+_JOINT, _OFFSET, _COM = 1.5e-3, 2e-3, 0.1
+# Of moments and of products of inertia in mass times squared size, of the armature and of a payload in masses.
+_MOMENT, _PRODUCT, _ARMATURE, _PAYLOAD = 0.08, 0.025, 1 / 12, 0.1
+# Of offsets and of friction in loads of a leg, at its usual velocity.
+_LOAD, _FRICTION = 0.01, 0.02
+# Factors of units from SI.
+FACTORS = {"%": 100.0, "ms": 1e3, "mm": 1e3, "°": 180 / np.pi}
+
+PAYLOAD = "payload, centre of mass or inertia"
+GEOMETRY = "geometry: several errors of joints and encoders, or something that is not listed"
+FRICTION_LAW = "law of friction"
+TIMING = "timing of the forces"
+_CALIBRATE = "calibrate by poses (geometry)"
+_SENSORS = "force sensors"
+_CLOCK_OR_ARMATURE = "armature or clock"
+
+
+class Family(NamedTuple):
+    """An extension of the model."""
+
+    name: str
+    parameters: tuple[str, ...]  # of η (q,); elements that can be estimated where there are such
+    units: tuple[str, ...]  # in which they are shown (q,)
+    columns: FloatArray  # (n, 6, q) [N per unit of η]
+    sizes: FloatArray  # of η (q,) [SI]
+    members: dict[str, tuple[str, tuple[int, ...]]]  # hypotheses: of which cause, and which columns
+    remedy: str
+    is_estimable: bool = False  # the parameters are elements, of which the model of the rows knows the exact effect
+
+
+def families_of(
+    regression: Regression,
+    derivatives: ForceDerivatives,
+    force: FloatArray,
+    rate: FloatArray,
+    platform: Platform,
+    tilt: FloatArray,
+    names: Sequence[str],
+) -> list[Family]:
+    """The families at a fit; what is estimated is none.
+
+    Parameters
+    ----------
+    force, rate
+        Of the platform, and its derivative, at all rows (n, 6) [N], [N/s].
+    platform
+        The nominal one, for its joints, gravity and friction velocity.
+    tilt
+        Of the base (2,) [rad].
+    names
+        What was estimated, or has columns of nothing but noise.
+    """
+    W, time = regression.rows.regressor, regression.rows.time
+    eye, by_legs, ones = np.eye(6), derivatives.by_legs, np.ones(6)
+    rho, mass = platform.characteristic_length, platform.platform_mass
+    load = float(np.sqrt((force**2).mean()))
+    viscous, coulomb = W[:, :, INERTIAL : INERTIAL + 6], W[:, :, INERTIAL + 6 :]
+    speed = max(float(np.sqrt((viscous**2).sum(axis=2).mean())), 1e-12)
+    lengths = leg_motion(platform, regression.motion)
+    elapsed = (time - time.min()) / max(float(np.ptp(time)), 1e-300)
+
+    def of_platform(*elements: str) -> FloatArray:
+        return derivatives.by_parameters @ parameter_columns(elements)
+
+    def elements(stem: str) -> tuple[str, ...]:
+        return tuple(f"{stem}[{i}]" for i in LEGS)
+
+    def each_leg(text: str, cause: str) -> dict[str, tuple[str, tuple[int, ...]]]:
+        return {f"{text} of leg {i}": (cause.format(i), (i - 1,)) for i in LEGS}
+
+    def all_legs(text: str, cause: str) -> dict[str, tuple[str, tuple[int, ...]]]:
+        return {f"{text} of all legs": (cause, tuple(range(6)))}
+
+    def of_laws(velocity: FloatArray, step: float) -> FloatArray:
+        travel = travel_since_reversal(velocity) * step
+        later = [-np.sign(velocity) * np.exp(-travel / over) for over in _TRAVELS]
+        falling = [stribeck(velocity, platform.leg_friction_velocity, width) for width in STRIBECK[[1, 4, 6]]]
+        return np.concatenate([velocity * np.abs(velocity), np.abs(velocity), *falling, *later], axis=1)
+
+    laws = regression.filtered(of_laws, 0).reshape(len(W), -1, 6).swapaxes(1, 2)
+    laws = np.concatenate([laws, (np.abs(force)[..., None] * coulomb).sum(axis=2)[..., None]], axis=2)
+    law_names = ("quadratic friction", "friction of one direction", *("",) * 6, "friction in proportion to the load")
+    joints = {
+        f"{which} joint of leg {i}": tuple(f"{which}_points[{i},{k}]" for k in (1, 2, 3))
+        for i in LEGS
+        for which in ("base", "platform")
+    }
+    of_joints = tuple(name for three in joints.values() for name in three)
+    of_sizes = {
+        "platform_mass": _PAYLOAD * mass,
+        "platform_com": _COM * rho,
+        "leg_armature": _ARMATURE * mass,
+    }
+    groups = {stem: [name for name in expanded([stem], platform) if name not in names] for stem in MASSES}
+    masses = [name for group in groups.values() for name in group]
+    where = {stem: tuple(masses.index(name) for name in group) for stem, group in groups.items() if group}
+    of_masses = {
+        f"{stem} of the platform's file": (_CLOCK_OR_ARMATURE if stem == "leg_armature" else PAYLOAD, chosen)
+        for stem, chosen in where.items()
+    }
+    both = tuple(k for stem, chosen in where.items() if stem != "leg_armature" for k in chosen)
+    if len([stem for stem in where if stem != "leg_armature"]) > 1:
+        of_masses["payload, or several of the platform's masses"] = (PAYLOAD, both)
+
+    def size_of(name: str) -> float:
+        stem, _, index = name.partition("[")
+        moment = _MOMENT if index[:1] == index[2:3] else _PRODUCT
+        return of_sizes.get(stem, moment * mass * rho**2)
+
+    steps = -rate[..., None] * (elapsed[:, None, None] > _CHANGES)
+    found = [
+        Family(
+            "gain of forces", elements("force_gain"), ("%",) * 6, force[..., None] * eye, _GAIN * ones,
+            each_leg("gain", "force sensor of leg {}") | all_legs("gains", _SENSORS),
+            "calibrate the force sensors, or estimate force_gain", True,
+        ),
+        Family(
+            "offset of forces", elements("force_offset"), ("N",) * 6, np.broadcast_to(eye, (len(W), 6, 6)),
+            _LOAD * load * ones,
+            each_leg("force offset", "force sensor of leg {}") | all_legs("force offsets", _SENSORS),
+            "zero the force sensors, or estimate force_offset", True,
+        ),
+        Family(
+            "drift of forces", elements("force_drift"), ("N",) * 6, (elapsed - 0.5)[:, None, None] * eye,
+            _LOAD * load * ones,
+            each_leg("drift", "force sensor of leg {}") | all_legs("drifts", _SENSORS),
+            "let the force sensors warm up",
+        ),
+        Family(
+            "delay of forces", ("delay",), ("ms",), -rate[..., None], np.array([_DELAY]),
+            {"delay of all forces": (TIMING, (0,))},
+            "look for filters and buses in the path of the forces, or estimate delay", True,
+        ),
+        Family(
+            "delay of a leg's force", elements("delay"), ("ms",) * 6, -rate[..., None] * eye, _DELAY * ones,
+            each_leg("delay of the force", TIMING), "look for filters and buses in the path of this force",
+        ),
+        Family("delays that change", tuple(f"at {s:.3g} of the log" for s in _CHANGES), ("ms",) * len(_CHANGES),
+               steps, np.full(len(_CHANGES), 2 * _DELAY), {}, ""),
+        Family(
+            "tilt of the base", ("base_tilt[1]", "base_tilt[2]"), ("°", "°"),
+            of_platform("gravity[1]", "gravity[2]", "gravity[3]") @ tilt_directions(platform.gravity, tilt),
+            np.full(2, _TILT), {"tilt of the base": ("tilt of the base", (0, 1))},
+            "level the base, or estimate base_tilt", True,
+        ),
+        Family(
+            "friction of each leg", (*elements("leg_viscous_friction"), *elements("leg_coulomb_friction")),
+            (*("N·s/m",) * 6, *("N",) * 6), np.concatenate([viscous, coulomb], axis=2),
+            _FRICTION * load * np.repeat([1 / speed, 1.0], 6),
+            {f"friction of leg {i}": ("friction of the legs", (i - 1, i + 5)) for i in LEGS}
+            | all_legs("viscous friction", "friction of the legs")
+            | {"Coulomb friction of all legs": ("friction of the legs", tuple(range(6, 12))),
+               "friction of all legs": ("friction of the legs", tuple(range(12)))},
+            "estimate leg_viscous_friction[1..6], leg_coulomb_friction[1..6]",
+        ),
+        Family(
+            FRICTION_LAW, tuple(f"friction_law[{k}]" for k in range(1, laws.shape[2] + 1)),
+            ("",) * laws.shape[2], laws,
+            load * np.array([_FRICTION / speed**2, _FRICTION / speed, *(_FRICTION,) * 6, _FRICTION / load]),
+            {name: (FRICTION_LAW, (k,)) for k, name in enumerate(law_names) if name}
+            | {"elastic contact after a reversal": (FRICTION_LAW, (5, 6, 7))},
+            "friction is not viscous and Coulomb alone (stiction, elastic contact, load, speed)",
+        ),
+        Family(
+            "offset of lengths", elements("leg_length_offset"), ("mm",) * 6,
+            # the motion belongs to lengths that are smaller than the readings
+            -by_legs[:, :, 0, :], _OFFSET * rho * ones,
+            each_leg("offset of the encoder", "joints and encoder of leg {}")
+            | all_legs("offsets of the encoders", "encoders"),
+            _CALIBRATE,
+        ),
+        Family(
+            "scale of lengths", elements("leg_length_scale"), ("%",) * 6,
+            -np.einsum("nidj,dnj->nij", by_legs, lengths), _SCALE * ones,
+            each_leg("scale of the encoder", "joints and encoder of leg {}"), "check the scale of the encoder",
+        ),
+        Family(
+            "joints", of_joints, ("mm",) * 36, of_platform(*of_joints), np.full(36, _JOINT * rho),
+            {f"joints of leg {i}": (f"joints and encoder of leg {i}", tuple(range(6 * i - 6, 6 * i))) for i in LEGS}
+            | {name: (f"joints and encoder of {name[-5:]}", tuple(range(3 * k, 3 * k + 3)))
+               for k, name in enumerate(joints)}
+            | {"all joints": (GEOMETRY, tuple(range(36)))},
+            _CALIBRATE,
+        ),
+        Family(
+            "clock", ("clock",), ("%",),
+            (np.einsum("nij,nj->ni", by_legs[:, :, 1], lengths[1])
+             + 2 * np.einsum("nij,nj->ni", by_legs[:, :, 2], lengths[2]))[..., None],
+            np.array([_CLOCK]), {"clock of the log": (_CLOCK_OR_ARMATURE, (0,))}, "check the times of the log",
+        ),
+        Family(
+            "parameters not estimated", tuple(masses), ("",) * len(masses), of_platform(*masses),
+            np.array([size_of(name) for name in masses]), of_masses,
+            "not what the platform's file has: estimate it, too", True,
+        ),
+    ]  # fmt: skip
+    stems = {name.partition("[")[0] for name in names} & {"delay"}
+    return [kept for family in found if (kept := _without(family, names, stems)) is not None]
+
+
+def _without(family: Family, names: Sequence[str], stems: set[str]) -> Family | None:
+    """The family without what is estimated; None if nothing is left."""
+    kept = [k for k, name in enumerate(family.parameters) if name not in names and name not in stems]
+    if len(kept) == len(family.parameters):
+        return family if kept else None
+    members = {
+        name: (cause, tuple(kept.index(k) for k in chosen))
+        for name, (cause, chosen) in family.members.items()
+        if set(chosen) <= set(kept)
+    }
+    return family._replace(
+        parameters=tuple(family.parameters[k] for k in kept),
+        units=tuple(family.units[k] for k in kept),
+        columns=family.columns[:, :, kept],
+        sizes=family.sizes[kept],
+        members=members,
+    ) if kept else None  # fmt: skip
+
+
+def stribeck(velocity: FloatArray, smooth: float, width: float) -> FloatArray:
+    """What is more than Coulomb friction while a leg begins to slide, for a unit (n, 6); widths in velocities."""
+    v = velocity / smooth
+    return np.asarray(np.tanh(v) * np.exp(-((v / width) ** 2)))
+
+
+def leg_motion(platform: Platform, motion: FloatArray) -> FloatArray:
+    """L, L̇ and L̈ (3, n, 6) of motions (n, 18)."""
+    state = State.from_vector(motion[:, :12])
+    legs = leg_geometry(platform, state.position, state.orientation)
+    acceleration = leg_accelerations(legs, state, *Acceleration(motion[:, 12:15], motion[:, 15:]))
+    return np.array([legs.length, rates_of_legs(legs, state).length_rate, acceleration])
