@@ -364,9 +364,9 @@ def _validated(
 
 
 def with_validation(estimate: Estimate, validation: Validation) -> Estimate:
-    """The estimate with the judgement of its validation, in words and as an alarm if it fails."""
+    """The estimate with the judgement of its validation, as an alarm if it fails and nothing else contradicts it."""
     said = f"{validation.rms:.3g} N where {validation.expected:.3g} N are expected (p = {validation.p_value:.2g})"
-    if not validation.alarm:
+    if not validation.alarm or estimate.alarms:
         return replace(
             estimate, validation=validation, notes=(*estimate.notes, f"rows kept for validation are off by {said}")
         )

@@ -9,7 +9,7 @@ leaves as many equations for the geometry as it has measured numbers of its pose
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -68,6 +68,11 @@ class Geometry(NamedTuple):
     base: FloatArray  # B (6, 3) [m]
     platform: FloatArray  # p (6, 3) [m]
     offset: FloatArray  # o (6,) [m], encoder reading minus length
+
+    @property
+    def numbers(self) -> FloatArray:
+        """All unknowns (42,)."""
+        return np.concatenate([self.base.ravel(), self.platform.ravel(), self.offset])
 
     def plus(self, change: FloatArray) -> "Geometry":
         """Changed by (42,) [m]."""
@@ -289,15 +294,7 @@ class _Calibration:
 
     def rows(self, chosen: NDArray[np.intp]) -> "_Calibration":
         """The same with some of the rows."""
-        return _Calibration(
-            self.measured.rows(chosen),
-            self.nominal,
-            self.frames,
-            self.poses.rows(chosen),
-            self.unknowns,
-            self.scale,
-            self.is_frame_known,
-        )
+        return replace(self, measured=self.measured.rows(chosen), poses=self.poses.rows(chosen))
 
     def fitted(self) -> GeometryFit:
         """The best fit among the geometries that differ from the nominal one in observable combinations only.
@@ -308,17 +305,16 @@ class _Calibration:
         """
         p = len(self.unknowns)
         d, frames, poses, is_near = self._minimised(np.zeros(p), self.frames, self.poses, np.eye(p), prior=1.0)
-        Z = self._equations(d, frames, poses)[3]
-        tall = np.pad(Z, ((0, max(0, p - len(Z))), (0, 0)))
+        _, _, Z, F = self._equations(d, frames, poses)
+        tall = np.pad(_beside(Z, F), ((0, max(0, p - len(Z))), (0, 0)))
         _, S, V = np.linalg.svd(np.linalg.qr(tall, mode="r"))
         rank = int((S > 1).sum())
         start = V[:rank].T @ (V[:rank] @ d)
         d, frames, poses, is_best = self._minimised(start, frames, poses, V[:rank], prior=0.0)
-        now, _, _, Z, F = self._equations(d, frames, poses)
+        now, _, Z, F = self._equations(d, frames, poses)
         if rank:
-            _, S[:rank], turned = np.linalg.svd(np.linalg.qr(Z @ V[:rank].T, mode="r"))
+            _, S[:rank], turned = np.linalg.svd(np.linalg.qr(_beside(Z, F) @ V[:rank].T, mode="r"))
             V[:rank] = turned @ V[:rank]
-        of_frames = int(np.linalg.matrix_rank(F, tol=1e-9 * np.linalg.norm(F))) if F.size else 0
         return GeometryFit(
             self._geometry(d),
             frames,
@@ -328,7 +324,7 @@ class _Calibration:
             rank,
             float((now.residual**2).sum()),
             int(self.measured.is_known[:, 6:].sum()),
-            of_frames,
+            int(np.linalg.matrix_rank(F, tol=1e-9 * np.linalg.norm(F))) if F.size else 0,
             is_near and is_best,
         )
 
@@ -344,20 +340,16 @@ class _Calibration:
             return float((now.residual**2).sum() + prior * d @ d)
 
         for _ in range(_MOST_STEPS):
-            now, reduced, z, Z, F = self._equations(d, frames, poses)
-            columns = np.concatenate([Z @ basis.T, np.sqrt(prior) * basis.T])
-            a = np.linalg.lstsq(columns, np.concatenate([z, -np.sqrt(prior) * d]), rcond=None)[0]
-            left = float(((columns @ a) ** 2).sum())
-            step, turn = a @ basis, np.zeros(_N_FRAMES)
-            if not self.is_frame_known:
-                of_step = reduced.by_geometry[:, self.unknowns] @ (self.scale * step)
-                turn = np.asarray(np.linalg.lstsq(F, reduced.residual - of_step, rcond=1e-12)[0])
-                left += float(((F @ turn) ** 2).sum())
+            now, z, Z, F = self._equations(d, frames, poses)
+            columns = np.block([[Z @ basis.T, F], [np.sqrt(prior) * basis.T, np.zeros((len(d), F.shape[1]))]])
+            x = np.linalg.lstsq(columns, np.concatenate([z, -np.sqrt(prior) * d]), rcond=1e-12)[0]
+            step, turn = x[: len(basis)] @ basis, np.zeros(_N_FRAMES)
+            turn[: F.shape[1]] = x[len(basis) :]
             change = self.scale * now.by_geometry[:, :, self.unknowns] @ step + now.by_frames @ turn
             Q, R = np.linalg.qr(now.by_pose)
             of_poses = np.swapaxes(Q, 1, 2) @ (now.residual - change)[..., None]
             move = np.linalg.solve(R, of_poses)[..., 0]
-            left += float((of_poses**2).sum())
+            left = float(((columns @ x) ** 2).sum() + (of_poses**2).sum())
             before, share = cost_of(d, now), 1.0
             for _ in range(_MOST_HALVINGS):
                 moved = d + share * step, frames.plus(share * turn), poses.plus(share * move)
@@ -379,14 +371,17 @@ class _Calibration:
 
     def _equations(
         self, d: FloatArray, frames: Frames, poses: Poses
-    ) -> tuple[Equations, "_Reduced", FloatArray, FloatArray, FloatArray]:
-        """The equations, those without poses, z (6 n,) and Z (6 n, p) without frames, too, and F (6 n, 12)."""
+    ) -> tuple[Equations, FloatArray, FloatArray, FloatArray]:
+        """The equations; and without poses their residual (6 n,), Z (6 n, p), and F (6 n, 12), or (6 n, 0) in world.
+
+        Without poses: Nᵀ times every row's equations, where Nᵀ A = 0 with A the derivatives by the pose.
+        """
         now = equations(self._geometry(d), frames, poses, self.measured)
-        reduced = _without_poses(now)
-        z, Z = reduced.residual, reduced.by_geometry[:, self.unknowns] * self.scale
-        F = reduced.by_frames[:, : 0 if self.is_frame_known else _N_FRAMES]
-        Q = orth(F, rcond=1e-10) if F.size else F
-        return now, reduced, z - Q @ (Q.T @ z), Z - Q @ (Q.T @ Z), F
+        back = np.swapaxes(np.linalg.qr(now.by_pose, mode="complete")[0][:, :, 6:], 1, 2)
+        Z = self.scale * (back @ now.by_geometry[:, :, self.unknowns])
+        F = back @ now.by_frames[:, :, : 0 if self.is_frame_known else _N_FRAMES]
+        z = (back @ now.residual[..., None]).ravel()
+        return now, z, Z.reshape(len(z), -1), F.reshape(len(z), -1)
 
     def outlier(self, fit: GeometryFit) -> tuple[int, float] | None:
         """The row that the others contradict most, and its residuals in standard errors; None if none does.
@@ -394,11 +389,10 @@ class _Calibration:
         A fit without row k has a cost that is smaller by Δ = eᵀ (1 − H)⁻¹ e, e and H = Q Qᵀ its residuals and its
         block of the hat matrix; (Δ/q)/((cost − Δ)/(ν − q)) has the distribution F(q, ν − q).
         """
-        now = equations(fit.geometry, fit.frames, fit.poses, self.measured)
-        reduced = _without_poses(now)
-        Z = reduced.by_geometry[:, self.unknowns] @ fit.directions[: fit.rank].T
-        Q = orth(np.concatenate([Z, reduced.by_frames[:, : 0 if self.is_frame_known else None]], axis=1), rcond=1e-10)
-        e = (reduced.residual - Q @ (Q.T @ reduced.residual)).reshape(len(now.residual), -1)
+        d = (fit.geometry.numbers - self.nominal.numbers)[self.unknowns] / self.scale
+        _, z, Z, F = self._equations(d, fit.frames, fit.poses)
+        Q = orth(np.concatenate([Z @ fit.directions[: fit.rank].T, F], axis=1), rcond=1e-10)
+        e = (z - Q @ (Q.T @ z)).reshape(len(self.measured.length), -1)
         Q = Q.reshape(*e.shape, -1)
         left = np.eye(e.shape[1]) - Q @ np.swapaxes(Q, 1, 2)
         decrease = (e * (np.linalg.pinv(left, rcond=1e-6, hermitian=True) @ e[..., None])[..., 0]).sum(axis=1)
@@ -411,23 +405,10 @@ class _Calibration:
         return (worst, float(np.sqrt(decrease[worst] / numbers[worst] / rest[worst]))) if is_outlier else None
 
 
-class _Reduced(NamedTuple):
-    """Equations of geometry and frames with the poses eliminated; rows of all poses."""
-
-    residual: FloatArray  # (6 n,)
-    by_geometry: FloatArray  # (6 n, 42)
-    by_frames: FloatArray  # (6 n, 12)
-
-
-def _without_poses(now: Equations) -> _Reduced:
-    """Nᵀ times every row's equations, with Nᵀ A = 0, A their derivatives with respect to the pose."""
-    N = np.linalg.qr(now.by_pose, mode="complete")[0][:, :, 6:]
-    back = np.swapaxes(N, 1, 2)
-    return _Reduced(
-        (back @ now.residual[..., None]).reshape(-1),
-        (back @ now.by_geometry).reshape(-1, _N_GEOMETRY),
-        (back @ now.by_frames).reshape(-1, _N_FRAMES),
-    )
+def _beside(Z: FloatArray, F: FloatArray) -> FloatArray:
+    """What of the columns Z the columns F do not explain."""
+    Q = orth(F, rcond=1e-10) if F.size else F
+    return np.asarray(Z - Q @ (Q.T @ Z))
 
 
 def identify_geometry(
@@ -494,12 +475,13 @@ def identify_geometry(
             f"{len(notes)} of {len(log)} rows were left out, and others are contradicted as strongly, row "
             f"{kept[worst[0]] + 1} by {worst[1]:.3g} standard errors: errors of the poses are not those of noise",
         )
-    numbers = np.concatenate([fit.geometry.base.ravel(), fit.geometry.platform.ravel(), fit.geometry.offset])
-    values, before = numbers[unknowns], nominal_values(elements, platform)
+    values, before = fit.geometry.numbers[unknowns], nominal_values(elements, platform)
     _check(fit, elements, log, used.measured, values - before, scale)
     aside = np.arange(max(1, round(_KEPT_ASIDE * len(kept))))[::-1]
     without = used.rows(np.arange(len(kept) - len(aside))).fitted()
-    validation = _length_error(without, used.measured.rows(len(kept) - 1 - aside))
+    validation = _length_error(
+        without.geometry, without.frames, without.poses, used.measured.rows(len(kept) - 1 - aside)
+    )
     V, S = fit.directions[: fit.rank], fit.singular_values[: fit.rank]
     covariance = (fit.factor * scale) ** 2 * (V.T / S**2) @ V
     is_moved = _moved_by_unseen(fit, nominal, unknowns, is_known) * scale > _MOVED * np.sqrt(np.diag(covariance))
@@ -525,7 +507,7 @@ def identify_geometry(
         residuals=Residuals(
             "length of leg",
             "m",
-            _rms(_length_error(fit, used.measured)),
+            _rms(_length_error(fit.geometry, fit.frames, fit.poses, used.measured)),
             _rms(validation) if len(validation) else None,
             used.measured.length.std(axis=0),
             None,
@@ -535,7 +517,7 @@ def identify_geometry(
         details={
             "poses": fit.poses,
             "frames": fit.frames,
-            "nominal_rms": _rms(_length_error_of(nominal, frames, fit.poses, used.measured)),
+            "nominal_rms": _rms(_length_error(nominal, frames, fit.poses, used.measured)),
             "equations": fit.redundant,
             "factor": fit.factor,
         },
@@ -642,7 +624,7 @@ def _check(
             elements,
         )
     if fit.factor > _CONTRADICTION:
-        worst = _rms(_length_error(fit, measured))
+        worst = _rms(_length_error(fit.geometry, fit.frames, fit.poses, measured))
         leg = int(worst.argmax())
         raise IdentificationError(
             f"{log.where}: contradicts any geometry near the nominal one: residuals are {fit.factor:.3g} times their "
@@ -661,12 +643,7 @@ def _check(
         )
 
 
-def _length_error(fit: GeometryFit, measured: Measured) -> FloatArray:
-    """Measured minus predicted lengths (n, 6) [m] of these rows; see `_length_error_of`."""
-    return _length_error_of(fit.geometry, fit.frames, fit.poses, measured)
-
-
-def _length_error_of(geometry: Geometry, frames: Frames, poses: Poses, measured: Measured) -> FloatArray:
+def _length_error(geometry: Geometry, frames: Frames, poses: Poses, measured: Measured) -> FloatArray:
     """Measured minus predicted lengths (n, 6) [m] in the measured poses, or in fitted ones if some are partial.
 
     Of rows that have no fitted poses, with partial ones among them, there are none (0, 6).

@@ -80,7 +80,7 @@ def test_excite(notes: Notes, kind: str) -> None:
         "preset": ("--preset", "desktop_hexapod"),
         "all": (
             *("--platform", "own.toml", "--estimate", "platform_mass", "--duration", "12.5", "--frequency", "0.3"),
-            *("--harmonics", "7", "--fade", "0.75", "--criterion", "determinant", "--trials", "9", "--seed", "4"),
+            *("--harmonics", "7", "--fade", "0.75", "--criterion", "trace", "--trials", "9", "--seed", "4"),
             *("--out", "a b"),
         ),
     }[kind]
@@ -92,9 +92,9 @@ def test_excite(notes: Notes, kind: str) -> None:
     (chosen, estimate), given = notes.one("excite")
     assert (chosen, estimate) == (platform, names)
     expected: dict[str, Any] = {"duration": 20.0, "frequency": 0.1, "harmonics": 5, "fade": 1.0}
-    expected |= {"criterion": "condition", "trials": 150, "seed": 0}
+    expected |= {"criterion": "determinant", "trials": 2, "seed": 0}
     other: dict[str, Any] = {"duration": 12.5, "frequency": 0.3, "harmonics": 7, "fade": 0.75}
-    other |= {"criterion": "determinant", "trials": 9, "seed": 4}
+    other |= {"criterion": "trace", "trials": 9, "seed": 4}
     assert given == (other if kind == "all" else expected)
     line = 'file = "platform.toml"' if kind == "all" else f'preset = "{platform.name}"'
     assert notes.one("experiment_text") == ((found, platform, line, names, 4 if kind == "all" else 0), {})
