@@ -12,7 +12,7 @@ model with it, and if no other hypothesis does nearly as well; if others of its 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ from gough_stewart.harness.identify.lack_of_fit import LEVEL, LackOfFit, basis_o
 from gough_stewart.harness.identify.names import unit_of, value_of
 from gough_stewart.harness.identify.noise import Whitened
 from gough_stewart.harness.identify.regressor import parameter_columns
-from gough_stewart.harness.identify.rows.row_model import RowModel
+from gough_stewart.harness.identify.row_model import RowModel
 from gough_stewart.model.vectors import FloatArray
 
 # Residuals below this share of the forces are errors of the filters.
@@ -121,6 +121,8 @@ class Diagnosis:
             return texts if finding.cause in finding.name else f"{finding.cause}: {texts}"
         if self.cause:
             return f"{self.cause}, of which this log does not tell {texts}"
+        if len(self.findings) == 1:
+            return texts
         if self.findings:
             return f"one of several, between which this log does not tell: {texts}"
         return "something that no hypothesis here explains"
@@ -228,7 +230,7 @@ def diagnosis_of(rows: Whitened, covariance: FloatArray) -> Diagnosis:
     if not test.alarm:
         return Diagnosis(test, "", (), 1.0, *seen, white)
     cause, findings, remains = _judged(rows)
-    if not cause and (coloured := _coloured(rows, rest)) is not None:
+    if not cause and (coloured := _coloured(rows, rest, test.excess)) is not None:
         cause, findings = COLOURED, (coloured,)
     return Diagnosis(test, cause, findings, remains, *seen, white)
 
@@ -274,7 +276,9 @@ def _judged(rows: Whitened) -> tuple[str, tuple[Finding, ...], float]:
         best = refits[0]
         # what only its own model describes is in the noise of the others
         rows = rows.with_noise_of(best.raw, best.hypothesis.columns)
-        contenders = [one.hypothesis for one in refits if one.evidence > _CONTENDS * best.evidence - _NEAR]
+        contenders = [
+            one.hypothesis for one in refits if one is best or one.evidence > _CONTENDS * best.evidence - _NEAR
+        ]
     base = _left(rows, fit.columns, raw)
     refits = sorted((_refit(rows, one, base) for one in contenders), key=lambda one: -one.evidence)
     families = _whitened_families(rows)
@@ -307,13 +311,9 @@ def _judged(rows: Whitened) -> tuple[str, tuple[Finding, ...], float]:
     remains = 1.0 if test is None else test.combined
     explained = [base - one.chi_square for one in refits]
     is_far = "gain" not in best.hypothesis.name and bool((np.abs(best.eta) > _FAR * best.hypothesis.sizes).any())
-    if (
-        best.evidence < _SIGNIFICANT
-        or best.hypothesis.cause == GEOMETRY
-        or is_far
-        or not fits(test)
-        or base - best.chi_square < _EXPLAINS * max(explained)
-    ):
+    if best.hypothesis.cause == GEOMETRY and best.evidence > _SIGNIFICANT:
+        return "", (replace(_finding(rows, best, 1.0), text=GEOMETRY),), remains
+    if best.evidence < _SIGNIFICANT or is_far or not fits(test) or base - best.chi_square < _EXPLAINS * max(explained):
         return "", (), remains
     rivals = [
         one
@@ -367,7 +367,8 @@ def _contenders(rows: Whitened, raw: FloatArray) -> list[_Hypothesis]:
         if best is not None and best[1].kind == "lost":
             step = float(np.ptp(rows.model.regression.rows.time)) / _TIMES
             times = rows.model.regression.rows.time[fit.is_fitted]
-            near = times[np.abs(times - best[1].at) < step]
+            near = times[_TIMES // 8 : -_TIMES // 8]
+            near = near[np.abs(near - best[1].at) < step]
             best = max(((evidence(one), one) for one in _lost(rows, near)), key=lambda pair: pair[0])
         if best is not None:
             found[best[1].name] = best
@@ -407,16 +408,15 @@ def _groups(rows: Whitened, raw: FloatArray) -> list[list[_Hypothesis]]:
     for legs in ((0, 1, 2, 3, 4, 5), *((leg,) for leg in range(6))):
         most = float(np.abs(read[:, legs]).max())
         name = "forces clipped" if len(legs) > 1 else f"force of leg {legs[0] + 1} clipped"
-        cause = "force sensors" if len(legs) > 1 else f"force sensor of leg {legs[0] + 1}"
         levels = []
         for level in _LEVELS:
-            beyond = np.zeros_like(read)
+            beyond, size = np.zeros_like(read), 0.1 * level * most
             beyond[:, legs] = np.sign(read[:, legs]) * np.maximum(np.abs(read - raw)[:, legs] - level * most, 0.0)
             levels.append(
                 _Hypothesis(
-                    name, cause, ("level",), ("N",), "use a larger range of the force sensor, or a slower motion",
-                    -beyond[..., None], np.ones(1), len(_LEVELS) * (6 if len(legs) == 1 else 1), "clip", level * most,
-                    legs,
+                    name, "range of the force sensors", ("level",), ("N",), "use a larger range or slower motion",
+                    -beyond[..., None] / size, np.array([size]), len(_LEVELS) * 6 / len(legs), "clip",
+                    level * most, legs,
                 )
             )  # fmt: skip
         groups.append(levels)
@@ -434,11 +434,14 @@ def _lost(rows: Whitened, times: FloatArray) -> list[_Hypothesis]:
     """Rows of all forces that are lost at one of these times [s]."""
     fit = rows.fit
     time, rate = rows.model.regression.rows.time[fit.is_fitted], fit.rate[fit.is_fitted]
+    # the filter mixes what is before and after the time
+    width = 1.5 * float(np.median(np.diff(time)))
     return [
         _Hypothesis(
-            "rows lost in the forces", TIMING, ("forces early from then on by",), ("ms",),
+            "rows lost in the forces", TIMING, ("forces early from then on by", "near it by"), ("ms", "ms"),
             f"check the logger at {at:.4g} s",
-            (rate * (time > at)[:, None])[..., None], np.array([3e-3]), _TIMES * 4, "lost", float(at),
+            rate[..., None] * np.stack([time > at, np.abs(time - at) < width], axis=1)[:, None], np.full(2, 3e-3),
+            4 * _TIMES, "lost", float(at),
         )
         for at in times
     ]  # fmt: skip
@@ -494,8 +497,6 @@ def _refit(rows: Whitened, hypothesis: _Hypothesis, base: float) -> _Refit:
     sizes = hypothesis.sizes
     if hypothesis.kind == "stribeck":
         sizes = np.array([*sizes, 0.5])
-    elif hypothesis.kind == "clip":
-        sizes = np.array([0.1 * hypothesis.at])
     eta = np.zeros(len(sizes))
     if hypothesis.kind == "stribeck":
         eta[0] = 0.1 * sizes[0]
@@ -552,21 +553,25 @@ def _finding(rows: Whitened, fitted: _Refit, improvement: float) -> Finding:
     return Finding(hypothesis.name, hypothesis.cause, text, hypothesis.parameters, units, values, covariance, share)
 
 
-def _coloured(rows: Whitened, rest: FloatArray) -> Finding | None:
-    """Coloured noise, if what no family describes is not white, alike in all legs and all of the log."""
+def _coloured(rows: Whitened, rest: FloatArray, excess: float) -> Finding | None:
+    """Coloured noise, if what no family describes is not white, alike in all legs and all of the log.
+
+    An error of the model leaves more in the families, whose `excess` of squares this is, than in the noise.
+    """
     used = rows.fit.used
     r = rest.reshape(-1, 6) * used
     targets = r[_LAGS:].ravel()
     past = np.stack([r[_LAGS - lag : -lag].ravel() for lag in range(1, _LAGS + 1)], axis=1)
     weights = np.linalg.lstsq(past, targets, rcond=None)[0]
     before, after = float(targets @ targets), float(((targets - past @ weights) ** 2).sum())
-    if used.sum() * math.log(before / max(after, 1e-300)) - _LAGS * math.log(used.sum()) < _SIGNIFICANT:
+    score = used.sum() * math.log(before / max(after, 1e-300)) - _LAGS * math.log(used.sum())
+    if score < max(_SIGNIFICANT, excess):
         return None
     products, squares = r[1:] * r[:-1], r[1:] ** 2
     correlation = float(products.sum() / squares.sum())
-    quarters = [[part.sum() for part in np.array_split(values, 4)] for values in (products, squares)]
-    everywhere = [np.divide(*quarters), products.sum(axis=0) / np.maximum(squares.sum(axis=0), 1e-300)]
-    if np.concatenate(everywhere).min() < 0.3 * correlation or correlation <= 0:
+    quarters = [np.array([part.sum() for part in np.array_split(values, 4)]) for values in (products, squares)]
+    by_leg = products.sum(axis=0) / np.maximum(squares.sum(axis=0), 1e-300)
+    if min(float((quarters[0] / quarters[1]).min()), float(by_leg.min())) < 0.3 * correlation or correlation <= 0:
         return None
     error = 1 / math.sqrt(max(float((used[1:] * used[:-1]).sum()), 1.0))
     spacing = float(np.median(np.diff(rows.model.regression.rows.time)))

@@ -21,7 +21,6 @@ from gough_stewart.harness.identify.friction import (
     sticks,
     unit_friction,
 )
-from gough_stewart.harness.identify.instruments import is_of_instruments
 from gough_stewart.harness.identify.log import Part, on_one_axis
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.noise import Fit, Whitened, noises_of, whitened, whitened_by
@@ -38,7 +37,7 @@ from gough_stewart.harness.identify.regressor import (
     linear_parameters,
     with_estimated,
 )
-from gough_stewart.harness.identify.rows.row_model import RowModel
+from gough_stewart.harness.identify.row_model import RowModel, is_of_instruments
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 

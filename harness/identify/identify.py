@@ -17,16 +17,15 @@ from gough_stewart.harness.identify.geometry import GEOMETRY, PoseFrame, identif
 from gough_stewart.harness.identify.hypotheses import MASSES
 from gough_stewart.harness.identify.log import VALIDATION, Log, check_finite, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.regression import cutoff_within_noise
-from gough_stewart.harness.identify.screening.leg_order import check_order_of_forces
-from gough_stewart.harness.identify.screening.observability import (
+from gough_stewart.harness.identify.observability import (
     MotionRows,
     check_separable,
     identifiability,
     is_linear,
     motion_rows,
 )
-from gough_stewart.harness.identify.screening.screening import Screened, screened
+from gough_stewart.harness.identify.regression import cutoff_within_noise
+from gough_stewart.harness.identify.screen import Screened, check_order_of_forces, screened
 from gough_stewart.harness.identify.springs import SPRINGS, with_both_sides, with_springs
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform

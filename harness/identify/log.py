@@ -337,6 +337,12 @@ def rows_apart(log: Log) -> tuple[NDArray[np.intp], float]:
             f"{log.where}: time goes from {log.time[k]:.9g} to {log.time[k + 1]:.9g} s in row {k + 2}; expected "
             "increasing times"
         )
+    resolution = float(np.spacing(np.float32(np.abs(log.time).max())))
+    if resolution > _JITTER * h and (log.time.astype(np.float32) == log.time).all():
+        raise LogError(
+            f"{log.where}: times are numbers of 32 bits, {resolution:.2g} s apart at {np.abs(log.time).max():.6g} s, "
+            f"where rows are {h:.2g} s apart; expected even times: write 64 bits, or count from the first row"
+        )
     number = np.rint(steps / h)
     uneven = np.flatnonzero(np.abs(steps - number * h) > _JITTER * h)
     # of a long gap, the clock's own error adds up

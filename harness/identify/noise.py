@@ -23,7 +23,7 @@ from scipy.optimize import minimize_scalar
 from gough_stewart.harness.identify.hypotheses import Family, families_of
 from gough_stewart.harness.identify.regression import RawNoise, Regression
 from gough_stewart.harness.identify.regressor import ForceDerivatives
-from gough_stewart.harness.identify.rows.row_model import RowModel
+from gough_stewart.harness.identify.row_model import RowModel
 from gough_stewart.model.vectors import FloatArray
 
 # The shares are fitted from so many windows of so many rows, spread over all parts; more would hardly improve them.

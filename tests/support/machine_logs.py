@@ -68,7 +68,7 @@ class Swing:
     axes: tuple[float, ...] = (1.0,) * 6
 
     def coefficients(self, machine: Platform) -> FloatArray:
-        """a and b (2, harmonics, 6)."""
+        """A and b (2, harmonics, 6)."""
         rng = np.random.default_rng(self.seed)
         size = self.size * np.repeat([machine.characteristic_length, 1.0], 3) * np.array(self.axes)
         return np.asarray(size * rng.standard_normal((2, self.harmonics, 6)))

@@ -13,7 +13,7 @@ import numpy as np
 import gough_stewart as gs
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
+from gough_stewart.model.kinematics import leg_jacobian
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 from tests.support.lagrangian import legs_along
@@ -28,7 +28,7 @@ class Designed(Swing):
 
     frequency: float = 0.15
 
-    def coefficients(self, machine: Platform) -> FloatArray:
+    def coefficients(self, machine: Platform) -> FloatArray:  # noqa: ARG002
         """As in the experiment's file, 0.5 to 0.9 of its size."""
         reference: Any = gs.load_experiment("excitation").reference
         size = np.random.default_rng(self.seed).uniform(0.5, 0.9)
@@ -160,7 +160,8 @@ def _leg_delay(m: Made) -> None:
     machine, course, seed = m.machine, m.course, 7 + m.leg()
     late = machine_log(machine, course, replace(m.sensing, delay=delay, force_noise=0.0), seed=seed).actuator_force
     right = machine_log(machine, course, replace(m.sensing, force_noise=0.0), seed=seed).actuator_force
-    assert late is not None and right is not None
+    assert late is not None
+    assert right is not None
     m.force(lambda force, _log: force + (late - right) * (np.arange(6) == leg))
     m.names, m.causes = {f"delay of the force of leg {leg + 1}"}, {"timing of the forces"}
     m.truth[f"delay of the force of leg {leg + 1}"] = np.array([delay])
@@ -246,7 +247,10 @@ def _rows_lost(m: Made) -> None:
         return replace(log.rows(slice(0, len(force))), actuator_force=force)
 
     m.after = lose
-    m.truth["rows lost in the forces"] = np.array([number * 1e-3])
+
+
+def _coloured(m: Made) -> None:
+    m.sensing = replace(m.sensing, coloured=m.rng.uniform(1.5, 4.0))
 
 
 def _all_joints(m: Made) -> None:
@@ -304,7 +308,7 @@ MASS, LAW = {"payload, centre of mass or inertia"}, {"law of friction"}
 # Of each kind how it is made, names of hypotheses and causes that are true of it (more by the draw itself), and whether
 # some hypothesis holds it.
 KINDS: dict[str, tuple[Callable[[Made], None], set[str], set[str]]] = {
-    "nothing": (lambda m: None, set(), set()),
+    "nothing": (lambda _made: None, set(), set()),
     "payload": (_payload, {"payload, or several of the platform's masses"}, MASS),
     "com": (_com, {"platform_com of the platform's file"}, MASS),
     "inertia": (_inertia, {"platform_inertia of the platform's file"}, MASS),
@@ -322,8 +326,9 @@ KINDS: dict[str, tuple[Callable[[Made], None], set[str], set[str]]] = {
     "stribeck": (_stribeck, {"friction that falls as a leg begins to slide"}, LAW),
     "swapped": (_swapped, set(), set()),
     "drift": (_drift, set(), {"force sensors"}),
-    "clipping": (_clipping, {"forces clipped"}, {"force sensors"} | {f"force sensor of leg {i}" for i in range(1, 7)}),
+    "clipping": (_clipping, {"forces clipped"}, {"range of the force sensors"}),
     "rows lost": (_rows_lost, {"rows lost in the forces"}, {"timing of the forces"}),
+    "coloured noise": (_coloured, {"coloured noise"}, {"coloured noise"}),
     "all joints": (_all_joints, set(), set()),
     "cable": (_cable, set(), set()),
     "soft clipping": (_soft_clipping, set(), set()),
@@ -361,8 +366,3 @@ def drawn(kind: str, seed: int, size: float | None = None) -> Case:
     """A draw of a kind: half of the motions are designed; half of the logs have all estimated."""
     names = FEW if kind in OF_MASSES or seed % 4 < 2 else NAMES
     return Case(kind, seed, size, bool(seed % 2), names)
-
-
-def home_lengths(machine: Platform) -> FloatArray:
-    """Lengths at home (6,) [m]."""
-    return np.asarray(leg_geometry(machine, machine.home_position, machine.home_orientation).length)

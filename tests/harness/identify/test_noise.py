@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.identify.instruments import tilt_directions, tilted
 from gough_stewart.harness.identify.noise import fitted_noise, two_noises, whitened_by
 from gough_stewart.harness.identify.regression import (
     KernelCorrelations,
@@ -16,6 +15,7 @@ from gough_stewart.harness.identify.regression import (
     smoothed,
 )
 from gough_stewart.harness.identify.regressor import force_derivatives, motion_of_lengths, parameter_columns
+from gough_stewart.harness.identify.row_model import tilt_directions, tilted
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs

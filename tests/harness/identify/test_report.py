@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gough_stewart.harness.identify.causes import Diagnosis
-from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.estimate import Estimate, Residuals
+from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.report import estimate_report, estimate_verdict
 
 NAMES = ("platform_mass", "leg_viscous_friction", "platform_com[2]", "leg_coulomb_friction")

@@ -14,8 +14,8 @@ from numpy.testing import assert_allclose
 
 from gough_stewart.harness.identify.causes import CommonGain, Diagnosis, Finding
 from gough_stewart.harness.identify.diagnosis.finding_text import finding_text
-from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.estimate import FILES, Estimate, Residuals, identification_files
+from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.names import unit_of
 from gough_stewart.harness.identify.report import estimate_report, estimate_tables
 from gough_stewart.harness.report.page import page_of

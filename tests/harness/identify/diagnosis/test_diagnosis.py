@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from gough_stewart.harness.identify.lack_of_fit import lack_of_fit, projection_of
 from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.lack_of_fit import lack_of_fit, projection_of
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.report import estimate_report, estimate_tables
 from gough_stewart.harness.report.page import page_of

@@ -10,7 +10,7 @@ from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.screening.observability import motion_rows
+from gough_stewart.harness.identify.observability import motion_rows
 from tests.support.machine_logs import (
     HEAVE,
     MACHINE,

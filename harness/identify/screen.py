@@ -3,16 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.log import VALIDATION, Log, Part, check_forces, check_lengths, force_of, rows_apart
-from gough_stewart.harness.identify.regression import HALF_LENGTH, cutoff_of
-from gough_stewart.harness.identify.screening.faults import (
+from gough_stewart.harness.identify.faults import (
     Mask,
     MissingRows,
     clipped,
@@ -20,8 +18,21 @@ from gough_stewart.harness.identify.screening.faults import (
     lost_rows,
     noise_of,
     spikes,
+    without_held_rows,
 )
-from gough_stewart.harness.identify.screening.holding import without_held_rows
+from gough_stewart.harness.identify.log import (
+    VALIDATION,
+    Log,
+    Part,
+    check_forces,
+    check_lengths,
+    force_of,
+    rows_apart,
+    sample_time_of,
+)
+from gough_stewart.harness.identify.regression import HALF_LENGTH, cutoff_of, edge, smoothed
+from gough_stewart.harness.identify.regressor import motion_of_lengths
+from gough_stewart.model.dynamics import inverse_dynamics
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -38,6 +49,11 @@ _ALARM, _REFUSED = (0.005, 0.15), (0.02, 0.5)
 # Length of the filters of rows in periods of the cut-off, and the least length of a segment beyond them.
 _FILTERS, _BEYOND = 3 * HALF_LENGTH, 5.0
 _EXAMPLES = 3
+# Lengths and forces are low-passed at this share of the rows' cut-off, just above the motion.
+_OF_CUTOFF = 1 / 8
+_ROWS_A_PERIOD = 10
+# Two forces are exchanged if what the motion does not explain of them falls to this share, and was at least so much.
+_FALLS_TO, _AT_LEAST = 0.25, 0.05
 
 
 class Screened(NamedTuple):
@@ -83,14 +99,14 @@ def screened(
     cutoffs: list[float] = []
     for which, log in enumerate([*logs, *validating]):
         share = 1.0 if which >= len(logs) else validation
-        found = _of_log(log, platform, cutoff)
-        assert found.log.time is not None  # checked by rows_apart
-        begin, end = float(found.log.time[0]), float(found.log.time[-1])
+        screened_log = _of_log(log, platform, cutoff)
+        assert screened_log.log.time is not None  # checked by rows_apart
+        begin, end = float(screened_log.log.time[0]), float(screened_log.log.time[-1])
         until = -math.inf if share == 1 else end - share * (end - begin) if share else math.inf
-        parts += [Part(found.log.rows(rows), until, which) for rows in found.segments]
-        notes += found.notes
-        alarms += found.alarms
-        cutoffs.append(found.cutoff)
+        parts += [Part(screened_log.log.rows(rows), until, which) for rows in screened_log.segments]
+        notes += screened_log.notes
+        alarms += screened_log.alarms
+        cutoffs.append(screened_log.cutoff)
     # short segments do not tell how fast the motion is
     return Screened(parts, notes, alarms, max(cutoffs) if len(parts) > len(cutoffs) else cutoff)
 
@@ -103,18 +119,6 @@ class _ScreenedLog(NamedTuple):
     cutoff: float
 
 
-class _Repaired(NamedTuple):
-    """Readings (n, 6) of a log with spikes replaced, and what was found."""
-
-    length: FloatArray
-    force: FloatArray
-    found: list[tuple[str, Mask, str]]  # each fault, its readings, and what was done
-    unknown_length: Mask
-    unknown_force: Mask
-    struck: Mask  # rows (n,) with spikes
-    lost: list[MissingRows]
-
-
 def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     _check_readings(log)
     check_lengths(log, platform)
@@ -123,45 +127,25 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     if not is_missing.any():
         log, notes = without_held_rows(log)
         is_missing = np.zeros(len(log), dtype=bool)
-    repaired = _repaired(log, platform, np.repeat(is_missing[:, None], 6, axis=1))
-    _check_motion(log, repaired.length)
-    notes += _texts(log, repaired)
-
-    bad = np.asarray((repaired.unknown_length | repaired.unknown_force).any(axis=1))
-    short = _runs_of(bad, _MENDED) if bad.any() else bad
-    _interpolate(repaired.length, repaired.unknown_length & short[:, None])
-    _interpolate(repaired.force, repaired.unknown_force & short[:, None])
-    log = replace(log, leg_length=repaired.length, actuator_force=repaired.force)
-    segments = _segments(bad & ~short, [each.row for each in repaired.lost])
-    longest = max(segments, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
     assert log.time is not None  # checked by rows_apart
-    h = float(np.median(np.diff(log.time)))
-    if longest.stop - longest.start > _SHORTEST:
-        cutoff = cutoff_of(repaired.length[longest], h) if cutoff is None else cutoff
-    if len(segments) > 1 and cutoff is not None:
-        least_rows = (_FILTERS + _BEYOND) / cutoff / h
-        segments = [rows for rows in segments if rows.stop - rows.start >= least_rows]
-    mended = float((repaired.struck | short).mean())
-    lost = 1 - sum(rows.stop - rows.start for rows in segments) / len(log)
-    _refuse_if_too_many(log, mended, lost, notes)
-    alarms = []
-    if mended > _ALARM[0] or lost > _ALARM[1]:
-        alarms.append(
-            f"{log.where}: {100 * mended:.2g} % of the rows were interpolated and {100 * lost:.2g} % left out; where "
-            "so many readings are wrong, others may be that do not show"
-        )
-    return _ScreenedLog(log, segments, notes, alarms, cutoff or math.inf)
 
-
-def _repaired(log: Log, platform: Platform, missing: Mask) -> _Repaired:
+    missing = np.repeat(is_missing[:, None], 6, axis=1)
     length, force = log.leg_length, force_of(log)
     # a held force is a command, which the actuator obeys at its limit, too
     beyond = np.zeros_like(missing) if log.holds_force else clipped(force, platform.actuator_force_max)
     still, silent = frozen(length, True, missing), frozen(force, False, beyond | missing)
     least = _LEAST_FORCE * float(np.sqrt((force**2).mean()))
-    off, length = spikes(length, still | missing, _LEAST_LENGTH * float(np.abs(length).max()))
-    struck, force = spikes(force, silent | beyond | missing, least)
-    found = [
+    unknown_length, unknown_force = still | missing, silent | beyond | missing
+    off, length = spikes(length, unknown_length, _LEAST_LENGTH * float(np.abs(length).max()))
+    struck, force = spikes(force, unknown_force, least)
+    lost = lost_rows(length, unknown_length)
+    travel, unsure = float(np.ptp(length, axis=0).max()), float(noise_of(length).max())
+    if len(log) > _SHORTEST and travel <= _AT_REST * unsure:
+        raise LogError(
+            f"{log.where}: the legs move by {travel:.3g} m, hardly more than the noise of their lengths, {unsure:.2g} "
+            "m; expected a motion: record one that is designed for the parameters (gough-stewart excite)"
+        )
+    for fault, readings, remedy in (
         ("spikes in the leg length", off, "interpolated; check the encoder and its cable"),
         ("spikes in the force", struck, "interpolated; check the force sensor and its cable"),
         ("frozen readings of the leg length", still, "left out; check the encoder and the logger"),
@@ -171,37 +155,56 @@ def _repaired(log: Log, platform: Platform, missing: Mask) -> _Repaired:
             beyond,
             "left out; use a larger range of the force sensor, or a slower motion",
         ),
-    ]
-    rows = np.asarray((off | struck).any(axis=1))
-    lost = lost_rows(length, still | missing)
-    return _Repaired(length, force, found, still | missing, silent | beyond | missing, rows, lost)
-
-
-def _texts(log: Log, repaired: _Repaired) -> list[str]:
-    """What was found, where and how often, and what was done."""
-    assert log.time is not None  # checked by rows_apart
-    texts = []
-    for what, bad, then in repaired.found:
-        rows = np.flatnonzero(bad.any(axis=1))
+    ):
+        rows = np.flatnonzero(readings.any(axis=1))
         if rows.size:
-            texts.append(f"{log.where}: {_legs(what, bad)}, {_when(log.time, rows)}; {then}")
-    if repaired.lost:
-        at = ", ".join(f"{log.time[each.row]:.4g} s ({each.number:+.0f})" for each in repaired.lost[:_EXAMPLES])
-        more = f" and {len(repaired.lost) - _EXAMPLES} more" if len(repaired.lost) > _EXAMPLES else ""
-        texts.append(
-            f"{log.where}: rows were lost (+) or repeated (−) though times go on, since all legs jump, at {at}{more}; "
-            "the log is divided there; check the logger"
+            notes.append(f"{log.where}: {_legs(fault, readings)}, {_when(log.time, rows)}; {remedy}")
+    of_all = [place for place in lost if len(place.legs) > 1]
+    if of_all:
+        notes.append(
+            f"{log.where}: rows were lost (+) or repeated (−) though times go on, since all legs jump, at "
+            f"{_places(log.time, of_all)}; the log is divided there; check the logger"
         )
-    return texts
+    alarms = [
+        f"{log.where}: rows of the length of leg {leg + 1} alone were lost (+) or repeated (−) at "
+        f"{_places(log.time, own)}, so that its readings belong to other times from then on; values and intervals are "
+        "not valid; check the logger"
+        for leg in range(6)
+        if (own := [place for place in lost if place.legs == (leg,)])
+    ]
 
-
-def _check_motion(log: Log, length: FloatArray) -> None:
-    travel, unsure = float(np.ptp(length, axis=0).max()), float(noise_of(length).max())
-    if len(log) > _SHORTEST and travel <= _AT_REST * unsure:
+    bad = np.asarray((unknown_length | unknown_force).any(axis=1))
+    short = _runs_of(bad, _MENDED) if bad.any() else bad
+    _interpolate(length, unknown_length & short[:, None])
+    _interpolate(force, unknown_force & short[:, None])
+    log = replace(log, leg_length=length, actuator_force=force)
+    segments = _segments(bad & ~short, [place.row for place in of_all])
+    longest = max(segments, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
+    h = float(np.median(np.diff(log.time)))
+    if longest.stop - longest.start > _SHORTEST:
+        cutoff = cutoff_of(length[longest], h) if cutoff is None else cutoff
+    if len(segments) > 1 and cutoff is not None:
+        least_rows = (_FILTERS + _BEYOND) / cutoff / h
+        segments = [rows for rows in segments if rows.stop - rows.start >= least_rows]
+    mended = float(((off | struck).any(axis=1) | short).mean())
+    left_out = 1 - sum(rows.stop - rows.start for rows in segments) / len(log)
+    if mended > _REFUSED[0] or left_out > _REFUSED[1]:
         raise LogError(
-            f"{log.where}: the legs move by {travel:.3g} m, hardly more than the noise of their lengths, {unsure:.2g} "
-            "m; expected a motion: record one that is designed for the parameters (gough-stewart excite)"
+            f"{log.where}: too many faults of its data: {100 * mended:.2g} % of the rows were to be interpolated and "
+            f"{100 * left_out:.2g} % left out; record again. Found: "
+            + "; ".join(note.removeprefix(f"{log.where}: ") for note in notes)
         )
+    if mended > _ALARM[0] or left_out > _ALARM[1]:
+        alarms.append(
+            f"{log.where}: {100 * mended:.2g} % of the rows were interpolated and {100 * left_out:.2g} % left out; "
+            "where so many readings are wrong, others may be that do not show"
+        )
+    return _ScreenedLog(log, segments, notes, alarms, cutoff or math.inf)
+
+
+def _places(time: FloatArray, lost: Sequence[MissingRows]) -> str:
+    more = f" and {len(lost) - _EXAMPLES} more" if len(lost) > _EXAMPLES else ""
+    return ", ".join(f"{time[place.row]:.4g} s ({place.number:+.0f})" for place in lost[:_EXAMPLES]) + more
 
 
 def _check_readings(log: Log) -> None:
@@ -209,7 +212,9 @@ def _check_readings(log: Log) -> None:
     force_of(log)
     if len(log) < _SHORTEST:
         raise LogError(f"{log.where}: {len(log)} rows; expected a log of some seconds")
-    for name in ("leg_length", "actuator_force"):
+    for name in ("leg_length", "actuator_force", "motor_position"):
+        if getattr(log, name) is None:
+            continue
         values = np.asarray(getattr(log, name))
         bad = np.argwhere(~np.isfinite(values))
         if len(bad):
@@ -220,7 +225,7 @@ def _check_readings(log: Log) -> None:
             )
         dead = np.flatnonzero(np.ptp(values, axis=0) == 0)
         # commands may be constant; lengths that are all constant are those of a machine at rest
-        if dead.size and (dead.size < 6 if name == "leg_length" else not log.holds_force):
+        if dead.size and (dead.size < 6 if name != "actuator_force" else not log.holds_force):
             raise LogError(
                 f"{log.where}: {name}[{dead[0] + 1}] is {values[0, dead[0]]:.6g} in all rows; expected readings of a "
                 "sensor: check its channel"
@@ -315,11 +320,37 @@ def _when(time: FloatArray, rows: NDArray[np.intp]) -> str:
     return f"at {', '.join(texts)}{more}"
 
 
-def _refuse_if_too_many(log: Log, mended: float, lost: float, notes: Sequence[str]) -> None:
-    if mended <= _REFUSED[0] and lost <= _REFUSED[1]:
+def check_order_of_forces(parts: Sequence[Part], platform: Platform, cutoff: float | None = None) -> None:
+    """Refuse logs in which two legs' forces follow each other's motion instead of their own.
+
+    The forces of the nominal platform along the motion, up to an offset and a factor, are compared with those of the
+    log, r² leg by leg. Masses that are not nominal hardly matter; legs that move alike are not told apart.
+
+    Raises
+    ------
+    LogError
+        Names the two legs.
+    """
+    measured, expected = [], []
+    for part in parts:
+        h = sample_time_of(part.log)
+        low = _OF_CUTOFF * (cutoff_of(part.log.leg_length, h) if cutoff is None else cutoff)
+        every = max(1, int(1 / (_ROWS_A_PERIOD * low * h)))
+        if len(part.log) <= 2 * edge(h, low) + 10 * every:
+            continue
+        motion = motion_of_lengths(platform, *(smoothed(part.log.leg_length, h, low, every, k) for k in range(3)))
+        expected.append(np.asarray(inverse_dynamics(platform, *motion)))
+        measured.append(smoothed(force_of(part.log), h, low, every))
+    if not measured:
         return
-    raise LogError(
-        f"{log.where}: too many faults of its data: {100 * mended:.2g} % of the rows were to be interpolated and "
-        f"{100 * lost:.2g} % left out; record again. Found: "
-        + "; ".join(n.removeprefix(f"{log.where}: ") for n in notes)
-    )
+    both = np.concatenate([np.concatenate(measured), np.concatenate(expected)], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unexplained = 1 - np.nan_to_num(np.corrcoef(both.T)[:6, 6:]) ** 2
+    for i, j in combinations(range(6), 2):
+        now, exchanged = unexplained[[i, j], [i, j]], unexplained[[i, j], [j, i]]
+        if now.min() > _AT_LEAST and exchanged.max() < _FALLS_TO * now.min():
+            raise LogError(
+                f"{parts[0].log.where}: the forces of legs {i + 1} and {j + 1} look exchanged: the motion leaves "
+                f"{100 * now.min():.0f} % and more of their changes unexplained, but {100 * exchanged.max():.2g} % and "
+                "less if each is the other's; exchange the columns of these forces, or of these lengths"
+            )

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError
+from gough_stewart.harness.identify.faults import noise_of
 from gough_stewart.harness.identify.log import Part, force_of, sample_time_of
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.regression import HALF_LENGTH, cutoff_of, edge, smoothed
@@ -26,7 +27,6 @@ from gough_stewart.harness.identify.regressor import (
     regressor,
     with_estimated,
 )
-from gough_stewart.harness.identify.screening.faults import noise_of
 from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State

@@ -2,23 +2,18 @@
 
     reading(t) = g ∘ (W(tilt) φ(θ) + f(θ)) (t − delay) + o
 
-with gains g, offsets o, delay and tilt of the instruments; W is affine in gravity, which a tilt turns. f is friction
-that sticks, which is not linear in its parameters; other friction is in φ.
+with gains g, offsets o, delay and tilt of the instruments, which are not the platform's: its file does not have them. W
+is affine in gravity, which in the axes of a base out of level is Rᵀ g with R = R_y(β) R_x(α) and base_tilt = (α, β). f
+is friction that sticks, which is not linear in its parameters; other friction is in φ.
 """
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from gough_stewart.harness.identify.friction import StickingFriction
-from gough_stewart.harness.identify.instruments import (
-    Instruments,
-    instruments_of,
-    is_of_instruments,
-    tilt_directions,
-    tilted,
-)
 from gough_stewart.harness.identify.names import place_of
 from gough_stewart.harness.identify.regression import Regression
 from gough_stewart.harness.identify.regressor import (
@@ -31,6 +26,54 @@ from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
+
+
+class Instruments(NamedTuple):
+    """Values of the instruments' parameters."""
+
+    gain: FloatArray  # (6,)
+    offset: FloatArray  # (6,) [N]
+    delay: float  # > 0 if forces are late [s]
+    tilt: FloatArray  # of the base about X and Y (2,) [rad]
+
+
+STEMS = ("force_gain", "force_offset", "delay", "base_tilt")
+
+
+def is_of_instruments(name: str) -> bool:
+    """Whether an element belongs to the instruments, not to the platform."""
+    return name.partition("[")[0] in STEMS
+
+
+def instruments_of(names: Sequence[str], values: FloatArray) -> Instruments:
+    """The instruments with some elements replaced; the others are right."""
+    gain, offset, tilt, delay = np.ones(6), np.zeros(6), np.zeros(2), 0.0
+    whole = {"force_gain": gain, "force_offset": offset, "base_tilt": tilt}
+    for name, value in zip(names, values, strict=True):
+        stem, index = place_of(name)
+        if stem == "delay":
+            delay = float(value)
+        elif stem in whole:
+            whole[stem][index] = value
+    return Instruments(gain, offset, delay, tilt)
+
+
+def tilted(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
+    """Gravity (3,) in the axes of a base that is turned out of level by (α, β) about X, then Y: R_x(−α) R_y(−β) g."""
+    (ca, cb), (sa, sb) = np.cos(tilt), np.sin(tilt)
+    x, y, z = gravity
+    x, z = cb * x - sb * z, sb * x + cb * z
+    return np.array([x, ca * y + sa * z, -sa * y + ca * z])
+
+
+def tilt_directions(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
+    """∂`tilted`/∂(α, β) (3, 2)."""
+    (ca, cb), (sa, sb) = np.cos(tilt), np.sin(tilt)
+    x, y, z = gravity
+    turned = sb * x + cb * z
+    by_alpha = [0.0, -sa * y + ca * turned, -ca * y - sa * turned]
+    by_beta_x, by_beta_z = -sb * x - cb * z, cb * x - sb * z
+    return np.array([by_alpha, [by_beta_x, sa * by_beta_z, ca * by_beta_z]]).T
 
 
 class RowModel:

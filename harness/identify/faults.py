@@ -5,11 +5,15 @@ is normal is judged from the log itself: noise from the interpolation of each re
 rows around. So an encoder that repeats its reading at rest is not frozen, and a leg that reverses is no spike.
 """
 
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gough_stewart.harness.errors import LogError
+from gough_stewart.harness.identify.log import Log, sample_time_of
+from gough_stewart.harness.identify.regression import edge, smoothed
 from gough_stewart.model.vectors import FloatArray
 
 Mask = NDArray[np.bool_]
@@ -27,6 +31,11 @@ _CLIPPED, _MORE_THAN_BELOW = 5, 5.0
 _SIDE, _SURE, _SUDDEN = 6, 12.0, 1e-6
 # Relative changes that are none, and that are motion.
 _ROUNDING, _FAR = 1e-9, 1e-4
+# Readings that change at least this often tell how long each is held, if this share of changes keeps the rhythm.
+_CHANGES, _RHYTHM = 40, 0.995
+_LONGEST = 60  # rows
+# Faster signals pass a low-pass before rows are left out: gain 1 up to half of it, 0 from the new Nyquist frequency on.
+_CUTOFF = 2 / 3
 
 
 class MissingRows(NamedTuple):
@@ -34,6 +43,7 @@ class MissingRows(NamedTuple):
 
     row: int
     number: float  # of rows; negative if rows are repeated
+    legs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)  # all, or one
 
 
 def noise_of(values: FloatArray) -> FloatArray:
@@ -193,10 +203,10 @@ def clipped(force: FloatArray, actuator_limit: float | None) -> Mask:
 
 
 def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
-    """Where lengths (n, 6) go on as if rows were missing: all legs jump by their velocity times the same duration.
+    """Where lengths (n, 6) go on as if rows were missing: legs jump by their velocity times whole samples.
 
     Quadratics through the rows on either side, extrapolated to the middle, differ by L̇ τ if a time τ is missing; their
-    slopes agree. Rows near `known_bad` readings (n, 6) are not looked at.
+    slopes agree. All legs jump alike, or one alone. Rows near `known_bad` readings (n, 6) are not looked at.
     """
     n = len(length)
     if n < 6 * _SIDE:
@@ -208,21 +218,128 @@ def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
     right = windows[_SIDE:] @ inverse[:2].T
     left = windows[: len(right)][..., ::-1] @ inverse[:2].T
     jump, velocity = right[..., 0] - left[..., 0], (right[..., 1] - left[..., 1]) / 2
-    slopes = np.linalg.norm(right[..., 1] + left[..., 1], axis=1)
+    bend = right[..., 1] + left[..., 1]
     usual = 1.4826 * float(np.median(np.abs(jump)))
     spread = max(usual, 2 * float(noise_of(length).max()), _SUDDEN * float(np.abs(length).max()))
-    rows = np.asarray(known_bad.any(axis=1))
-    bad = np.asarray(np.lib.stride_tricks.sliding_window_view(rows, 2 * _SIDE).any(axis=1))
-    speed = np.linalg.norm(velocity, axis=1)
-    along = (jump * velocity).sum(axis=1) / np.maximum(speed, 1e-300)
-    number = along / np.maximum(speed, 1e-300)
-    rest = np.linalg.norm(jump - number[:, None] * velocity, axis=1)
-    sure = (np.abs(along) > _SURE * spread) & (np.abs(number) > 0.5) & (rest < 0.3 * np.abs(along) + 6 * spread)
-    sure &= (slopes < 0.3 * speed) & ~bad[: len(sure)]
-    sure &= np.abs(number - np.rint(number)) < 0.15 + 4 * spread / np.maximum(speed, 1e-300)
+    bad = np.lib.stride_tricks.sliding_window_view(known_bad.any(axis=1), 2 * _SIDE).any(axis=1)[: len(right)]
+    others = np.sqrt(np.maximum((jump**2).sum(axis=1, keepdims=True) - jump**2, 0.0))
     found: list[MissingRows] = []
-    for k in np.flatnonzero(sure):
-        near = slice(max(0, k - _SIDE), k + _SIDE + 1)
-        if abs(along[k]) == np.abs(along[near]).max():
-            found.append(MissingRows(int(k) + _SIDE, float(number[k])))
+    for legs in ((0, 1, 2, 3, 4, 5), *((leg,) for leg in range(6))):
+        v = velocity[:, legs]
+        speed = np.maximum(np.linalg.norm(v, axis=1), 1e-300)
+        along = (jump[:, legs] * v).sum(axis=1) / speed
+        number = along / speed
+        rest = np.linalg.norm(jump[:, legs] - number[:, None] * v, axis=1)
+        size = np.abs(along)
+        # times that jitter make every row look a little early or late
+        jitter = 1.4826 * float(np.median(np.abs(number[speed >= np.median(speed)])))
+        sure = (size > _SURE * spread) & (np.abs(number) > max(0.5, _SURE * jitter))
+        sure &= (np.linalg.norm(bend[:, legs], axis=1) < 0.3 * speed) & (rest < 0.3 * size + 6 * spread) & ~bad
+        sure &= np.abs(number - np.rint(number)) < 0.15 + 4 * spread / speed
+        if len(legs) == 1:
+            sure &= (others[:, legs[0]] < 6 * spread) & (np.abs(number - np.rint(number)) < 0.1)
+        for k in np.flatnonzero(sure):
+            if size[k] == size[max(0, k - _SIDE) : k + _SIDE + 1].max():
+                found.append(MissingRows(int(k) + _SIDE, float(number[k]), legs))
     return found
+
+
+class Hold(NamedTuple):
+    """Readings change at rows `phase`, `phase` + `rows`, `phase` + 2 `rows` only."""
+
+    rows: int
+    phase: int
+
+
+def hold_of(values: FloatArray) -> Hold:
+    """How many rows each reading of a sensor (n,) is held; 1 if it may change at every row.
+
+    An encoder that moves slowly repeats its readings too, but changes them at any row; a held reading changes them at
+    every k-th row only.
+    """
+    changes = np.flatnonzero(np.diff(values)) + 1
+    if len(changes) >= _CHANGES:
+        for rows in range(_LONGEST, 1, -1):
+            count = np.bincount(changes % rows, minlength=rows)
+            if count.max() >= _RHYTHM * len(changes):
+                return Hold(rows, int(count.argmax()))
+    return Hold(1, 0)
+
+
+def without_held_rows(log: Log) -> tuple[Log, list[str]]:
+    """The log at the rows at which its slower signal was read, and notes on what was recognised.
+
+    The faster signal, lengths or forces, passes a low-pass with zero phase before rows are left out.
+
+    Raises
+    ------
+    LogError
+        The legs' sensors are held unequally, so that their common rows are unknown.
+    """
+    h = sample_time_of(log)
+    assert log.time is not None  # checked by sample_time_of
+    signals = {"leg_length": log.leg_length, "actuator_force": log.actuator_force}
+    holds = {name: _common(name, values, log.where) for name, values in signals.items() if values is not None}
+    slow = max(holds, key=lambda name: holds[name].rows)
+    rows = holds[slow].rows
+    if rows == 1:
+        return log, []
+    notes = [
+        f"{log.where}: {_TEXT[name]} change at every {hold.rows}. row only, so sensors are read every "
+        f"{1e3 * hold.rows * h:.4g} ms"
+        for name, hold in holds.items()
+        if hold.rows > 1
+    ]
+    at = np.arange(holds[slow].phase, len(log), rows)
+    values: dict[str, FloatArray] = {}
+    first, last = 0, len(at)
+    for name, each in signals.items():
+        if each is None or name == slow or holds[name] == holds[slow]:
+            continue
+        values[name], begin, end = _resampled(each, holds[name], at, h, log.holds_force and name == "actuator_force")
+        first, last = max(first, begin), min(last, end)
+    if last - first < 2:
+        raise LogError(f"{log.where}: {len(log)} rows are too few for readings that are held for {rows} of them")
+    changed: dict[str, Any] = {name: each[first:last] for name, each in values.items()}
+    # a force that was brought to other rows belongs to its row; one that is held as long as lengths are stays held
+    changed["holds_force"] = log.holds_force and "actuator_force" not in values
+    return replace(log.rows(at[first:last]), **changed), notes
+
+
+_TEXT = {"leg_length": "leg lengths", "actuator_force": "forces"}
+
+
+def _common(name: str, values: FloatArray, where: str) -> Hold:
+    found = {hold_of(column) for column in values.T}
+    # legs that hardly move have no rhythm of their own
+    held = {hold for hold in found if hold.rows > 1}
+    if len(held) > 1 and len({hold.rows for hold in held}) == 1:
+        hold = next(iter(held))
+        raise LogError(
+            f"{where}: {_TEXT[name]} are held for {hold.rows} rows, but legs change at different rows "
+            f"({', '.join(str(each.phase + 1) for each in sorted(held))}); expected sensors that are read at the same "
+            "time: log each reading once, with its own time"
+        )
+    if not held:
+        return Hold(1, 0)
+    # a longer rhythm contains the shorter one of a leg that moves more
+    return min(held)
+
+
+def _resampled(
+    values: FloatArray, hold: Hold, at: NDArray[np.intp], h: float, is_held_force: bool
+) -> tuple[FloatArray, int, int]:
+    """Values at rows `at`, NaN where the filter does not reach, and the first and the last (exclusive) that it does."""
+    own = values[hold.phase :: hold.rows]
+    step, target = hold.rows * h, int(at[1] - at[0])
+    cutoff = _CUTOFF * 0.5 / (target * h)
+    # the place of the first target between the signal's own rows
+    offset = (at[0] - hold.phase) % hold.rows
+    delay = offset * h - (step / 2 if is_held_force else 0.0)
+    found = smoothed(own, step, cutoff, 1, 0, delay)
+    index = (at - hold.phase - offset) // hold.rows - edge(step, cutoff)
+    inside = np.flatnonzero((index >= 0) & (index < len(found)))
+    result = np.full((len(at), values.shape[1]), np.nan)
+    if inside.size:
+        result[inside] = found[index[inside]]
+    return result, int(inside[0]) if inside.size else 0, int(inside[-1]) + 1 if inside.size else 0

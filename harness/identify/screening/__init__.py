@@ -1,1 +1,0 @@
-"""What is wrong with a log before a fit: faulty readings, the order of legs, parameters that it does not show."""
