@@ -53,8 +53,7 @@ def test_gradient_of_the_linear_parameters_is_that_of_differences() -> None:
 def test_payload_com_and_friction_are_found_to_half_a_percent_a_millimetre_and_three_percent() -> None:
     """Expected: the machine's own: mass to 0.5 %, centre of mass to 1 mm, friction to 3 %; joints 50 µm off."""
     log = machine_log(course=Course(joints=5e-5))
-    with pytest.warns(IdentificationWarning, match="not to be trusted: the log contradicts the model"):
-        found = identify(log, NOMINAL, NAMES)
+    found = identify(log, NOMINAL, NAMES)
     assert abs(found["platform_mass"][0] / MACHINE.platform_mass - 1) < 0.005
     np.testing.assert_allclose(found["platform_com"], MACHINE.platform_com, atol=1e-3)
     assert abs(found["leg_viscous_friction"][0] / 560.0 - 1) < 0.03
@@ -76,7 +75,7 @@ def test_intervals_are_those_of_student_s_t_and_the_order_of_logs_does_not_matte
 
 
 OTHER = Course(duration=4.0, swing=Swing(seed=9))
-NOISY = Sensing(force_noise=0.002, length_noise=2e-5)
+NOISY = Sensing(force_noise=0.002, length_noise=4e-6)
 
 
 @pytest.mark.parametrize(("offset", "is_judged_bad"), [(0.0, False), (40.0, True)])
@@ -89,7 +88,11 @@ def test_a_log_that_validates_is_judged(offset: float, is_judged_bad: bool) -> N
         found = identify(machine_log(course=Course(duration=6.0), seed=4), NOMINAL, NAMES, validation=aside)
     v = found.validation
     assert v is not None
-    assert v.alarm == is_judged_bad == any("rows kept for validation" in str(each.message) for each in caught)
+    assert (
+        v.alarm
+        == is_judged_bad
+        == any("rows kept for validation" in str(c.message) for c in caught if c.category is IdentificationWarning)
+    )
     assert v.rms == pytest.approx(np.hypot(v.expected, offset), rel=0.1)
     said = estimate_verdict(found).text
     assert f"off by {v.rms:.3g} N" in said
@@ -168,10 +171,10 @@ def test_an_inertia_that_no_body_has_is_kept_physical() -> None:
             lambda log: replace(log, time=np.where(np.arange(len(log)) == 40, 0.0, log.time)),
             "expected increasing times",
         ),
-        (lambda log: log.rows(slice(0, 40)), "are shorter than the filter"),
+        (lambda log: log.rows(slice(4000, 4040)), "are shorter than the filter"),
         (lambda log: replace(log, leg_length=log.leg_length + np.array([1, -1, 1, -1, 1, -1])), "no pose of this"),
         (
-            lambda log: replace(log, leg_length=log.leg_length[:, [1, 0, 3, 2, 5, 4]]),
+            lambda log: replace(log, actuator_force=-log.actuator_force),
             "the log contradicts this platform",
         ),
     ],
