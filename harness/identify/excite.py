@@ -54,7 +54,7 @@ _START, _FARTHEST = 0.3, 0.6
 # Rows per period of the highest harmonic: for the regressor and the search, and for the final check of limits.
 _COARSE, _FINE = 6, 40
 _BISECTIONS = 12
-_STEPS = 40  # of the search from each start
+_STEPS = 100  # of the search from each start
 # Bandwidth of the tracking loop: a few times the highest frequency of the motion.
 _ABOVE = 6.0
 # The log for which standard errors are promised: its sample time [s], noise of the forces as a share of their RMS, and
@@ -235,17 +235,25 @@ def _search_of(
     profiles[0] -= platform.home_position[0]
     home = np.concatenate([platform.home_position, platform.home_orientation, np.zeros(12)])
     rows, count, measured = row.map(len(time)), len(time), _criterion(len(names), criterion)
+    by_coefficients = np.einsum("dtk,ab->tdakb", profiles, np.eye(6)).reshape(count, 18, -1)
 
-    def evaluated(x: Any) -> tuple[Any, Any]:
+    def evaluated(x: Any) -> tuple[Any, Any, Any]:
         by_coordinate = casadi.reshape(x, 6, profiles.shape[2])
         motion = casadi.vertcat(*(casadi.mtimes(by_coordinate, profile.T) for profile in profiles))
-        columns, limited = rows(motion + np.tile(home[:, None], count))
-        return measured(casadi.mtimes(columns, columns.T) / count), limited
+        columns, limited, slopes = rows(motion + np.tile(home[:, None], count))
+        return measured(casadi.mtimes(columns, columns.T) / count), casadi.vec(limited), slopes
 
-    x = casadi.MX.sym("x", start.size)
-    programme = {"x": x, "f": evaluated(_SHARE * x)[0], "g": casadi.vec(evaluated(x)[1])}
-    ipopt = {"print_level": 0, "sb": "yes", "max_iter": _STEPS, "tol": 1e-3, "hessian_approximation": "limited-memory"}
-    solver = casadi.nlpsol("excitation", "ipopt", programme, {"print_time": False, "ipopt": ipopt})
+    x, none = casadi.MX.sym("x", start.size), casadi.MX.sym("p", 0)
+    _, limited, slopes = evaluated(x)
+    by_rows = [
+        casadi.mtimes(of_row, casadi.DM(P))
+        for of_row, P in zip(casadi.horzsplit(slopes, 18), by_coefficients, strict=True)
+    ]
+    # row by row, which takes a twentieth of the time of differentiating through all rows at once
+    jacobian = casadi.Function("jac_g", [x, none], [limited, casadi.vertcat(*by_rows)], ["x", "p"], ["g", "jac:g:x"])
+    ipopt = {"print_level": 0, "sb": "yes", "max_iter": _STEPS, "tol": 1e-4, "hessian_approximation": "limited-memory"}
+    options = {"print_time": False, "jac_g": jacobian, "ipopt": ipopt}
+    solver = casadi.nlpsol("excitation", "ipopt", {"x": x, "f": evaluated(_SHARE * x)[0], "g": limited}, options)
     cost = casadi.Function("cost", [x], [evaluated(x)[0]])
     return _Search(solver, cost, (np.tile(low, count), np.tile(high, count)))
 
@@ -262,7 +270,7 @@ def _criterion(size: int, criterion: Criterion) -> casadi.Function:
 def _row_of(
     platform: Platform, by_elements: FloatArray, phi: FloatArray
 ) -> tuple[casadi.Function, FloatArray, FloatArray]:
-    """CasADi Function of a row, (pose, rate, acceleration) (18) -> Dᵀ (p, 6), limited quantities; and their limits.
+    """CasADi Function of a row, q (18) -> Dᵀ (p, 6), limited quantities, their slopes; and the limits.
 
     Parameters
     ----------
@@ -306,7 +314,8 @@ def _row_of(
         np.concatenate([np.broadcast_to(limits[k], limits[0].shape[0]) for limits in limited]) for k in (1, 2)
     )
     columns = casadi.densify(casadi.mtimes(W, by_elements).T)
-    return casadi.Function("row", [q], [columns, quantities]), lows, highs
+    slopes = casadi.densify(casadi.jacobian(quantities, q))
+    return casadi.Function("row", [q], [columns, quantities, slopes]), lows, highs
 
 
 def _cosines(platform: Platform, legs: LegGeometry, state: State) -> Any:
