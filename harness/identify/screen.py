@@ -138,6 +138,10 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     unknown_length, unknown_force = still | missing, silent | beyond | missing
     off, length = spikes(length, unknown_length, _LEAST_LENGTH * float(np.abs(length).max()))
     struck, force = spikes(force, unknown_force, least)
+    motor, halted, bumped = log.motor_position, missing, np.zeros_like(missing)
+    if motor is not None:
+        halted = frozen(motor, True, missing) | missing
+        bumped, motor = spikes(motor, halted, _LEAST_LENGTH * float(np.abs(motor).max()))
     lost = lost_rows(length, unknown_length)
     travel, unsure = float(np.ptp(length, axis=0).max()), float(noise_of(length).max())
     if len(log) > _SHORTEST and travel <= _AT_REST * unsure:
@@ -148,6 +152,8 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     for fault, readings, remedy in (
         ("spikes in the leg length", off, "interpolated; check the encoder and its cable"),
         ("spikes in the force", struck, "interpolated; check the force sensor and its cable"),
+        ("spikes in the motor position", bumped, "interpolated; check the encoder and its cable"),
+        ("frozen readings of the motor position", halted & ~missing, "left out; check the encoder and the logger"),
         ("frozen readings of the leg length", still, "left out; check the encoder and the logger"),
         ("frozen readings of the force", silent, "left out; check the force sensor and the logger"),
         (
@@ -173,11 +179,13 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
         if (own := [place for place in lost if place.legs == (leg,)])
     ]
 
-    bad = np.asarray((unknown_length | unknown_force).any(axis=1))
+    bad = np.asarray((unknown_length | unknown_force | halted).any(axis=1))
     short = _runs_of(bad, _MENDED) if bad.any() else bad
     _interpolate(length, unknown_length & short[:, None])
     _interpolate(force, unknown_force & short[:, None])
-    log = replace(log, leg_length=length, actuator_force=force)
+    if motor is not None:
+        _interpolate(motor, halted & short[:, None])
+    log = replace(log, leg_length=length, actuator_force=force, motor_position=motor)
     segments = _segments(bad & ~short, [place.row for place in of_all])
     longest = max(segments, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
     h = float(np.median(np.diff(log.time)))
@@ -186,7 +194,7 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     if len(segments) > 1 and cutoff is not None:
         least_rows = (_FILTERS + _BEYOND) / cutoff / h
         segments = [rows for rows in segments if rows.stop - rows.start >= least_rows]
-    mended = float(((off | struck).any(axis=1) | short).mean())
+    mended = float(((off | struck | bumped).any(axis=1) | short).mean())
     left_out = 1 - sum(rows.stop - rows.start for rows in segments) / len(log)
     if mended > _REFUSED[0] or left_out > _REFUSED[1]:
         raise LogError(

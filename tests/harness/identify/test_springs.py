@@ -142,3 +142,18 @@ def test_a_log_says_its_side(tmp_path: Path) -> None:
     assert read_log(tmp_path / "lengths.csv", side="motor").side == "motor"
     with pytest.raises(LogError, match=r"has motor_position only, but side is 'leg'"):
         read_log(tmp_path / "motors.csv", side="leg")
+
+
+def test_faults_of_the_motors_encoders_are_mended_or_left_out_and_said() -> None:
+    """Expected: the stiffness of the log without faults, to a standard error; a spike and a frozen run."""
+    log = elastic_log("both")
+    assert log.motor_position is not None
+    motor = log.motor_position.copy()
+    motor[700, 2] += 5e-3
+    motor[1500:1560, 4] = motor[1500, 4]
+    names = ["leg_stiffness", "leg_damping"]
+    found, right = (identify(one, SPRUNG, names) for one in (replace(log, motor_position=motor), log))
+    assert (np.abs(found.values - right.values) < right.standard_errors).all()
+    notes = " ".join(found.notes)
+    assert "1 spike in the motor position of leg 3, at 1.4 s; interpolated" in notes
+    assert "59 frozen readings of the motor position of leg 5, at 3.002 to 3.118 s; left out" in notes
