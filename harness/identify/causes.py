@@ -51,7 +51,9 @@ _ALIKE = 6.0
 _FAR = 10.0
 # Columns of which more than this share lies outside another hypothesis' are no part of it.
 _PART = 0.05
-_STEPS, _LAGS = 4, 10
+_STEPS, _LAGS, _VELOCITY = 4, 10, 0.5
+# Of columns that the fit has already, this share is left by rounding.
+_ROUNDING = 1e-4
 # Shares of the largest force at which forces may be clipped.
 _LEVELS = (0.98, 0.95, 0.92, 0.88, 0.84, 0.8, 0.75, 0.7)
 # Times at which rows may be lost, at first, and afterwards at every row between them.
@@ -120,11 +122,11 @@ class Diagnosis:
             finding = self.findings[0]
             return texts if finding.cause in finding.name else f"{finding.cause}: {texts}"
         if self.cause:
-            return f"{self.cause}, of which this log does not tell {texts}"
+            return f"{self.cause}: this log does not tell which: {texts}"
         if len(self.findings) == 1:
             return texts
         if self.findings:
-            return f"one of several, between which this log does not tell: {texts}"
+            return f"one of several causes, which this log does not tell apart: {texts}"
         return "something that no hypothesis here explains"
 
     @property
@@ -138,18 +140,21 @@ class Diagnosis:
         )
         return (f"{said}. Most likely: {self.likely}",)
 
+    def moved(self, unseen: Unseen) -> list[tuple[str, float, float]]:
+        """Estimates, how far the error moves them [SI], and in how many standard errors; most first."""
+        errors = np.where(self.standard_errors > 0, self.standard_errors, np.inf)
+        sizes = np.abs(unseen.shifts) / errors
+        return [(self.names[k], float(unseen.shifts[k]), float(sizes[k])) for k in np.argsort(-sizes)]
+
     @property
     def unseen_text(self) -> str:
-        """What no residual shows, with the estimate that it moves most; empty if nothing is moved."""
-        errors = np.where(self.standard_errors > 0, self.standard_errors, np.inf)
-        parts = []
-        for error, shifts in self.unseen:
-            k = int(np.argmax(np.abs(shifts) / errors))
-            if abs(shifts[k]) > errors[k]:
-                parts.append(
-                    f"{error}, {self.names[k]} would be off by {shifts[k]:+.2g} {unit_of(self.names[k])}".rstrip()
-                )
-        return f"no residual shows what estimates absorb: {'; '.join(parts)}" if parts else ""
+        """What no residual shows, by the example that moves an estimate most; empty if none moves one."""
+        moved = [(*self.moved(unseen)[0], unseen.name) for unseen in self.unseen]
+        name, shift, size, error = max(moved, key=lambda row: row[2], default=("", 0.0, 0.0, ""))
+        if size < 1:
+            return ""
+        amount = f"{shift:+.2g} {unit_of(name)}".rstrip()
+        return f"no residual shows what is wrong alike for all legs: {error}, {name} would be off by {amount}"
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -161,10 +166,8 @@ class Diagnosis:
             said.append(f"the residuals are those of noise (p = {self.test.combined:.2g} of lack of fit)")
         elif self.findings:
             said.append(f"{self.findings[0].name} explains {100 * self.findings[0].improvement:.0f} % of the misfit")
-        if self.unseen_text:
-            said.append(
-                f"{self.unseen_text}. Weigh the platform or add a known mass, and calibrate force sensors and encoders"
-            )
+            if self.remains < _FITS:
+                said.append(f"something else is left after that (p {_p(self.remains)})")
         return tuple(said)
 
     def to_dict(self) -> dict[str, object]:
@@ -270,66 +273,59 @@ def _judged(rows: Whitened) -> tuple[str, tuple[Finding, ...], float]:
     contenders = _contenders(rows, raw)
     if not contenders:
         return "", (), 1.0
-    for _ in range(2):
-        base = _left(rows, fit.columns, raw)
-        refits = sorted((_refit(rows, one, base) for one in contenders), key=lambda one: -one.evidence)
-        best = refits[0]
-        # what only its own model describes is in the noise of the others
-        rows = rows.with_noise_of(best.raw, best.hypothesis.columns)
-        contenders = [
-            one.hypothesis for one in refits if one is best or one.evidence > _CONTENDS * best.evidence - _NEAR
-        ]
-    base = _left(rows, fit.columns, raw)
-    refits = sorted((_refit(rows, one, base) for one in contenders), key=lambda one: -one.evidence)
-    families = _whitened_families(rows)
-    D = rows.of(fit.columns)
-    before = lack_of_fit(D, families, rows.of(raw[..., None])[:, 0], fit.used)
-    excess = max(base - float(fit.used.sum()), before[0].excess if before else 0.0, 1e-300)
-    Q = basis_of(D, np.linalg.norm(D, axis=0))
-    p = D.shape[1]
 
-    def after(one: _Refit) -> LackOfFit | None:
-        outcome = lack_of_fit(one.columns, families, rows.of(one.raw[..., None])[:, 0], fit.used)
-        return outcome[0] if outcome else None
+    def compared() -> tuple[float, list[_Refit]]:
+        alone = _left(rows, fit.columns, raw)
+        return alone, sorted((_refit(rows, one, alone) for one in contenders), key=lambda refit: -refit.evidence)
 
-    def fits(test: LackOfFit | None) -> bool:
-        return test is not None and (test.combined >= _FITS or test.excess <= _LEFT * excess)
-
-    def is_part(one: _Refit, other: _Refit) -> bool:
-        """Whether all that one hypothesis can do another one can do, too."""
-        parts = [Q.T @ each.columns[:, p:] for each in (one, other)]
-        own, whole = (each.columns[:, p:] - Q @ part for each, part in zip((one, other), parts, strict=True))
-        basis = basis_of(whole, np.linalg.norm(whole, axis=0))
-        return float(np.linalg.norm(own - basis @ (basis.T @ own))) < _PART * float(np.linalg.norm(own))
-
+    alone, refits = compared()
+    # what only its own model describes was taken for noise
+    rows = rows.with_noise_of(refits[0].raw, refits[0].hypothesis.columns)
+    least = _CONTENDS * refits[0].evidence - _NEAR
+    contenders = [refits[0].hypothesis, *(refit.hypothesis for refit in refits[1:] if refit.evidence > least)]
+    alone, refits = compared()
     best = refits[0]
+    if best.evidence < _SIGNIFICANT:
+        return "", (), 1.0
+
+    families, D = _whitened_families(rows), rows.of(fit.columns)
+    Q, p = basis_of(D, np.linalg.norm(D, axis=0)), D.shape[1]
+
+    def tested(columns: FloatArray, residual: FloatArray) -> LackOfFit:
+        outcome = lack_of_fit(columns, families, rows.of(residual[..., None])[:, 0], fit.used)
+        return outcome[0] if outcome else LackOfFit({}, 0.0, math.inf)
+
+    def fits(test: LackOfFit) -> bool:
+        return test.combined >= _FITS or test.excess <= _LEFT * excess
+
+    def is_part(refit: _Refit, wider: _Refit) -> bool:
+        """Whether all that one hypothesis can do another one can do, too."""
+        X, Y = (X - Q @ (Q.T @ X) for X in (refit.columns[:, p:], wider.columns[:, p:]))
+        basis = basis_of(Y, np.linalg.norm(Y, axis=0))
+        return float(np.linalg.norm(X - basis @ (basis.T @ X))) < _PART * float(np.linalg.norm(X))
+
+    before = tested(D, raw).excess
+    excess = max(alone - float(fit.used.sum()), before if math.isfinite(before) else 0.0, 1e-300)
     for simpler in refits[1:]:
-        near = simpler.evidence > best.evidence - _NESTED and len(simpler.eta) < len(best.eta)
-        if near and is_part(simpler, best) and fits(after(simpler)):
+        is_near = simpler.evidence > best.evidence - _NESTED and len(simpler.eta) < len(best.eta)
+        if is_near and is_part(simpler, best) and fits(tested(simpler.columns, simpler.raw)):
             best = simpler
-    test = after(best)
-    remains = 1.0 if test is None else test.combined
-    explained = [base - one.chi_square for one in refits]
+    after = tested(best.columns, best.raw)
     is_far = "gain" not in best.hypothesis.name and bool((np.abs(best.eta) > _FAR * best.hypothesis.sizes).any())
-    if best.hypothesis.cause == GEOMETRY and best.evidence > _SIGNIFICANT:
-        return "", (replace(_finding(rows, best, 1.0), text=GEOMETRY),), remains
-    if best.evidence < _SIGNIFICANT or is_far or not fits(test) or base - best.chi_square < _EXPLAINS * max(explained):
-        return "", (), remains
-    rivals = [
-        one
-        for one in refits
-        if one is not best
-        and (
-            one.evidence > best.evidence - _APART
-            or (one.chi_square < best.chi_square + _ALIKE and len(one.eta) <= len(best.eta))
-        )
-        and not is_part(best, one)
-        and not is_part(one, best)
-    ]
-    possible = [best, *rivals]
-    causes = {one.hypothesis.cause for one in possible}
-    findings = tuple(_finding(rows, one, (base - one.chi_square - len(one.eta)) / excess) for one in possible)
-    return best.hypothesis.cause if len(causes) == 1 else "", findings, remains
+    if best.hypothesis.cause == GEOMETRY:
+        return "", (replace(_finding(rows, best, 1.0), text=GEOMETRY),), after.combined
+    most = max(alone - refit.chi_square for refit in refits)
+    if is_far or not fits(after) or alone - best.chi_square < _EXPLAINS * most:
+        return "", (), after.combined
+    possible = [best]
+    for refit in refits:
+        is_near = refit.evidence > best.evidence - _APART
+        is_alike = refit.chi_square < best.chi_square + _ALIKE and len(refit.eta) <= len(best.eta)
+        if (is_near or is_alike) and not is_part(best, refit) and not is_part(refit, best):
+            possible.append(refit)
+    findings = tuple(_finding(rows, refit, (alone - refit.chi_square - len(refit.eta)) / excess) for refit in possible)
+    is_sure = len({refit.hypothesis.cause for refit in possible}) == 1
+    return best.hypothesis.cause if is_sure else "", findings, after.combined
 
 
 def _left(rows: Whitened, columns: FloatArray, raw: FloatArray) -> float:
@@ -341,93 +337,86 @@ def _left(rows: Whitened, columns: FloatArray, raw: FloatArray) -> float:
 
 
 def _contenders(rows: Whitened, raw: FloatArray) -> list[_Hypothesis]:
-    """The hypotheses with the most evidence by their columns at the fit, of those at several places the best."""
-    fit = rows.fit
+    """The hypotheses with the most evidence by their columns at the fit; of those at several places the best."""
+    fit, time = rows.fit, rows.model.regression.rows.time[rows.fit.is_fitted]
     D = rows.of(fit.columns)
     Q = basis_of(D, np.linalg.norm(D, axis=0))
     r = rows.of(raw[..., None])[:, 0]
     r = r - Q @ (Q.T @ r)
 
-    def evidence(one: _Hypothesis) -> float:
-        if one.kind == "exchange":
-            exchanged, _ = _model(rows, one, fit.values, np.zeros(0))
-            return float(r @ r) - _left(rows, fit.columns, exchanged) - 2 * math.log(one.members)
-        X = rows.of(one.columns * one.sizes)
+    def evidence(hypothesis: _Hypothesis) -> float:
+        if hypothesis.kind == "exchange":
+            exchanged, _ = _model(rows, hypothesis, fit.values, np.zeros(0))
+            return float(r @ r) - _left(rows, fit.columns, exchanged) - 2 * math.log(hypothesis.members)
+        X = rows.of(hypothesis.columns * hypothesis.sizes)
         norms = np.linalg.norm(X, axis=0)
         X = X - Q @ (Q.T @ X)
         # what is estimated already leaves rounding errors
-        X = X[:, np.linalg.norm(X, axis=0) > 1e-4 * norms]
+        X = X[:, np.linalg.norm(X, axis=0) > _ROUNDING * norms]
         precision, b = np.eye(X.shape[1]) + X.T @ X, X.T @ r
-        cost = float(np.linalg.slogdet(precision)[1]) + 2 * math.log(one.members)
+        cost = float(np.linalg.slogdet(precision)[1]) + 2 * math.log(hypothesis.members)
         return float(b @ np.linalg.solve(precision, b)) - cost if X.shape[1] else -np.inf
 
-    found = {one.name: (evidence(one), one) for one in _linear(rows.families)}
-    for group in _groups(rows, raw):
-        best = max(((evidence(one), one) for one in group), key=lambda pair: pair[0], default=None)
-        if best is not None and best[1].kind == "lost":
-            step = float(np.ptp(rows.model.regression.rows.time)) / _TIMES
-            times = rows.model.regression.rows.time[fit.is_fitted]
-            near = times[_TIMES // 8 : -_TIMES // 8]
-            near = near[np.abs(near - best[1].at) < step]
-            best = max(((evidence(one), one) for one in _lost(rows, near)), key=lambda pair: pair[0])
-        if best is not None:
-            found[best[1].name] = best
-    most = max(value for value, _ in found.values())
-    return [one for value, one in found.values() if value > max(_CONTENDS * most - _NEAR, 0.0)]
+    def best_of(group: Sequence[_Hypothesis]) -> tuple[float, _Hypothesis]:
+        return max(((evidence(hypothesis), hypothesis) for hypothesis in group), key=lambda pair: pair[0])
+
+    found = [best_of([hypothesis]) for hypothesis in _of_table(rows.families)]
+    found += [best_of(group) for group in _at_several_places(rows, raw)]
+    lost = best_of(_lost(rows, np.linspace(time[0], time[-1], _TIMES + 2)[1:-1]))
+    near = time[np.abs(time - lost[1].at) < np.ptp(time) / _TIMES]
+    found.append(best_of([lost[1], *_lost(rows, near)]))
+    least = max(_CONTENDS * max(value for value, _ in found) - _NEAR, 0.0)
+    return [hypothesis for value, hypothesis in found if value > least]
 
 
-def _linear(families: Sequence[Family]) -> list[_Hypothesis]:
-    """The members of the table."""
+def _of_table(families: Sequence[Family]) -> list[_Hypothesis]:
+    """The members of the families."""
     return [
         _Hypothesis(
             name, cause, tuple(family.parameters[k] for k in chosen), tuple(family.units[k] for k in chosen),
             family.remedy, family.columns[:, :, chosen], family.sizes[list(chosen)],
-            sum(len(other) == len(chosen) for _, other in family.members.values()),
-            "exact" if family.is_estimable and "tilt" not in name else "linear",
+            sum(len(others) == len(chosen) for _, others in family.members.values()),
+            "exact" if family.is_estimable else "linear",
         )
         for family in families
         for name, (cause, chosen) in family.members.items()
     ]  # fmt: skip
 
 
-def _groups(rows: Whitened, raw: FloatArray) -> list[list[_Hypothesis]]:
-    """Hypotheses at several velocities, times or levels, of which the log tells one, and exchanged legs."""
-    model, here = rows.model, rows.fit.is_fitted
-    platform, time = model.platform, model.regression.rows.time[here]
-    read = model.regression.force_if_late(0.0)[here]
-    load = float(np.sqrt((read**2).mean()))
+def _at_several_places(rows: Whitened, raw: FloatArray) -> list[list[_Hypothesis]]:
+    """Hypotheses of which the log tells a velocity, a level, or two legs."""
+    smooth = rows.model.platform.leg_friction_velocity
+    read = rows.model.regression.force_if_late(0.0)[rows.fit.is_fitted]
+    force, load = np.abs(read - raw), float(np.sqrt((read**2).mean()))
     falling = [
         _Hypothesis(
             "friction that falls as a leg begins to slide", FRICTION_LAW, ("static minus Coulomb friction", "velocity"),
             ("N", "m/s"), "set leg_friction_model, or leave slow motions out", _stribeck_columns(rows, width),
-            np.array([0.02 * load]), len(STRIBECK), "stribeck", platform.leg_friction_velocity * width,
+            np.array([0.02 * load]), len(STRIBECK), "stribeck", smooth * width,
         )
         for width in STRIBECK
     ]  # fmt: skip
-    groups = [falling, _lost(rows, np.linspace(time[0], time[-1], _TIMES + 2)[1:-1])]
-    for legs in ((0, 1, 2, 3, 4, 5), *((leg,) for leg in range(6))):
+    groups = [falling]
+    for legs in (range(6), *([leg] for leg in range(6))):
         most = float(np.abs(read[:, legs]).max())
-        name = "forces clipped" if len(legs) > 1 else f"force of leg {legs[0] + 1} clipped"
-        levels = []
-        for level in _LEVELS:
-            beyond, size = np.zeros_like(read), 0.1 * level * most
-            beyond[:, legs] = np.sign(read[:, legs]) * np.maximum(np.abs(read - raw)[:, legs] - level * most, 0.0)
-            levels.append(
-                _Hypothesis(
-                    name, "range of the force sensors", ("level",), ("N",), "use a larger range or slower motion",
-                    -beyond[..., None] / size, np.array([size]), len(_LEVELS) * 6 / len(legs), "clip",
-                    level * most, legs,
-                )
-            )  # fmt: skip
-        groups.append(levels)
-    groups.append([
+        beyond = {level: np.maximum(force - level * most, 0.0) * np.isin(range(6), legs) for level in _LEVELS}
+        groups.append([
+            _Hypothesis(
+                "forces clipped" if len(legs) > 1 else f"force of leg {legs[0] + 1} clipped",
+                "range of the force sensors", ("level",), ("N",), "use a larger range or slower motion",
+                (-np.sign(read) * more / (0.1 * level * most))[..., None], np.array([0.1 * level * most]),
+                len(_LEVELS) * 6 / len(legs), "clip", level * most, tuple(legs),
+            )
+            for level, more in beyond.items()
+        ])  # fmt: skip
+    exchanged = [
         _Hypothesis(
             f"forces of legs {a} and {b} exchanged", "order of the legs", (), (), "exchange their columns",
             np.zeros((*read.shape, 0)), np.zeros(0), 15, "exchange", 0.0, (a - 1, b - 1),
         )
         for a, b in combinations(LEGS, 2)
-    ])  # fmt: skip
-    return groups
+    ]  # fmt: skip
+    return [*groups, exchanged]
 
 
 def _lost(rows: Whitened, times: FloatArray) -> list[_Hypothesis]:
@@ -456,62 +445,59 @@ def _model(
     rows: Whitened, hypothesis: _Hypothesis, theta: FloatArray, eta: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Residual (n, 6) and derivatives of the reading by θ and η (n, 6, p + q), by the hypothesis' own model."""
-    model, here, legs = rows.model, rows.fit.is_fitted, list(hypothesis.legs)
+    model, fitted, legs = rows.model, rows.fit.is_fitted, list(hypothesis.legs)
     if hypothesis.kind == "exact":
         # relative to the platform's file, and to perfect instruments
         nominal = [value_of(model.platform, name) for name in hypothesis.parameters]
         names = (*model.names, *hypothesis.parameters)
         wider = RowModel(model.regression, model.platform, model.elements, names, model.friction)
         values = np.concatenate([theta, nominal + eta])
-        return wider.residual(values)[here], wider.columns(values)[here]
-    raw, own = model.residual(theta)[here], model.columns(theta)[here]
+        return wider.residual(values)[fitted], wider.columns(values)[fitted]
+    raw, by_theta = model.residual(theta)[fitted], model.columns(theta)[fitted]
     match hypothesis.kind:
         case "exchange":
-            read = model.regression.force_if_late(0.0)[here]
+            read = model.regression.force_if_late(0.0)[fitted]
             raw = raw.copy()
             raw[:, legs] += read[:, legs[::-1]] - read[:, legs]
-            return raw, own
+            return raw, by_theta
         case "clip":
-            read = model.regression.force_if_late(0.0)[here]
+            read = model.regression.force_if_late(0.0)[fitted]
             force, level = read - raw, hypothesis.at + eta[0]
             is_clipped = np.zeros(force.shape, dtype=bool)
             is_clipped[:, legs] = np.abs(force[:, legs]) > level
             at_level = np.sign(force) * level
             raw = np.where(is_clipped, read - at_level, raw)
-            own = np.where(is_clipped[..., None], 0.0, own)
-            return raw, np.concatenate([own, (is_clipped * np.sign(force))[..., None]], axis=2)
+            by_theta = np.where(is_clipped[..., None], 0.0, by_theta)
+            return raw, np.concatenate([by_theta, (is_clipped * np.sign(force))[..., None]], axis=2)
         case "stribeck":
             smooth = model.platform.leg_friction_velocity
             size, width = eta[0], hypothesis.at * math.exp(eta[1]) / smooth
             X, wider_X = (_stribeck_columns(rows, width * math.exp(step)) for step in (0.0, 0.01))
-            columns = np.concatenate([own, X, size * (wider_X - X) / 0.01], axis=2)
+            columns = np.concatenate([by_theta, X, size * (wider_X - X) / 0.01], axis=2)
             return raw - size * X[..., 0], columns
         case _:
             X = hypothesis.columns
-            return raw - X @ eta, np.concatenate([own, X], axis=2)
+            return raw - X @ eta, np.concatenate([by_theta, X], axis=2)
 
 
 def _refit(rows: Whitened, hypothesis: _Hypothesis, base: float) -> _Refit:
     """The hypothesis fitted together with all parameters by Gauss-Newton steps; `base` is what the fit alone leaves."""
     theta, p = rows.fit.values.copy(), len(rows.fit.values)
-    sizes = hypothesis.sizes
-    if hypothesis.kind == "stribeck":
-        sizes = np.array([*sizes, 0.5])
+    # of a velocity its logarithm is fitted, too, from the second step on
+    sizes = np.array([*hypothesis.sizes, *([_VELOCITY] if hypothesis.kind == "stribeck" else [])])
     eta = np.zeros(len(sizes))
-    if hypothesis.kind == "stribeck":
-        eta[0] = 0.1 * sizes[0]
-    for _ in range(1 if hypothesis.kind == "exchange" else _STEPS):
+    for _ in range({"exchange": 1, "stribeck": _STEPS + 2}.get(hypothesis.kind, _STEPS)):
         raw, columns = _model(rows, hypothesis, theta, eta)
         white = rows.of(np.concatenate([columns, raw[..., None]], axis=2))
         A, r = white[:, :-1], white[:, -1]
         prior = np.zeros((len(sizes), p + len(sizes)))
         prior[:, p:] = np.diag(1 / sizes)
-        whole, target = np.concatenate([A, prior]), np.concatenate([r, -eta / sizes])
-        norms = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
-        step = np.linalg.lstsq(whole / norms, target, rcond=1e-10)[0] / norms
-        theta, eta = theta + step[:p], eta + step[p:]
+        stacked, target = np.concatenate([A, prior]), np.concatenate([r, -eta / sizes])
+        norms = np.maximum(np.linalg.norm(stacked, axis=0), 1e-300)
+        step = np.linalg.lstsq(stacked / norms, target, rcond=1e-10)[0] / norms
         if hypothesis.kind == "stribeck":
-            eta[1] = float(np.clip(eta[1], -1.5, 1.5))
+            step[-1] = np.clip(step[-1], -_VELOCITY / 2, _VELOCITY / 2)
+        theta, eta = theta + step[:p], eta + step[p:]
     left = r - A @ step
     chi_square, cost = float(left @ left), float(((eta / sizes) ** 2).sum())
     Q = basis_of(A[:, :p], np.linalg.norm(A[:, :p], axis=0))
@@ -543,9 +529,9 @@ def _finding(rows: Whitened, fitted: _Refit, improvement: float) -> Finding:
     texts = []
     for name, unit, value, width in zip(hypothesis.parameters, hypothesis.units, shown, half, strict=True):
         factor, label = FACTORS.get(unit, 1.0), f"{name} " if len(shown) > 1 or "lost" in hypothesis.name else ""
-        digits = 3 if not (width > 0 and math.isfinite(width)) else math.floor(math.log10(factor * width))
-        digits = int(np.clip(1 - digits, 0, 9))
-        number = f"{factor * value:+.{digits}f} ± {factor * width:.{digits}f}".replace("-", "−")
+        # the interval's second digit is the last one
+        decimals = int(np.clip(1 - math.floor(math.log10(factor * width)), 0, 9)) if width > 0 else 3
+        number = f"{factor * value:+.{decimals}f} ± {factor * width:.{decimals}f}".replace("-", "−")
         texts.append(f"{label}{number} {unit}".rstrip())
     text = f"{hypothesis.name} {', '.join(texts)}".rstrip() + f"; {hypothesis.remedy}"
     units = tuple({"%": "", "ms": "s", "mm": "m", "°": "rad"}.get(unit, unit) for unit in hypothesis.units)

@@ -221,7 +221,8 @@ def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
     bend = right[..., 1] + left[..., 1]
     usual = 1.4826 * float(np.median(np.abs(jump)))
     spread = max(usual, 2 * float(noise_of(length).max()), _SUDDEN * float(np.abs(length).max()))
-    bad = np.lib.stride_tricks.sliding_window_view(known_bad.any(axis=1), 2 * _SIDE).any(axis=1)[: len(right)]
+    bad = np.lib.stride_tricks.sliding_window_view(np.asarray(known_bad.any(axis=1)), 2 * _SIDE)
+    is_near_bad = np.asarray(bad.any(axis=1))[: len(right)]
     others = np.sqrt(np.maximum((jump**2).sum(axis=1, keepdims=True) - jump**2, 0.0))
     found: list[MissingRows] = []
     for legs in ((0, 1, 2, 3, 4, 5), *((leg,) for leg in range(6))):
@@ -234,7 +235,7 @@ def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
         # times that jitter make every row look a little early or late
         jitter = 1.4826 * float(np.median(np.abs(number[speed >= np.median(speed)])))
         sure = (size > _SURE * spread) & (np.abs(number) > max(0.5, _SURE * jitter))
-        sure &= (np.linalg.norm(bend[:, legs], axis=1) < 0.3 * speed) & (rest < 0.3 * size + 6 * spread) & ~bad
+        sure &= (np.linalg.norm(bend[:, legs], axis=1) < 0.3 * speed) & (rest < 0.3 * size + 6 * spread) & ~is_near_bad
         sure &= np.abs(number - np.rint(number)) < 0.15 + 4 * spread / speed
         if len(legs) == 1:
             sure &= (others[:, legs[0]] < 6 * spread) & (np.abs(number - np.rint(number)) < 0.1)

@@ -43,7 +43,7 @@ _LOAD, _FRICTION = 0.01, 0.02
 FACTORS = {"%": 100.0, "ms": 1e3, "mm": 1e3, "°": 180 / np.pi}
 
 PAYLOAD = "payload, centre of mass or inertia"
-GEOMETRY = "geometry: several errors of joints and encoders, or something that is not listed"
+GEOMETRY = "geometry: several errors of joints and encoders, calibrate by poses; or something that is not listed"
 FRICTION_LAW = "law of friction"
 TIMING = "timing of the forces"
 _CALIBRATE = "calibrate by poses (geometry)"
@@ -177,7 +177,7 @@ def families_of(
             "tilt of the base", ("base_tilt[1]", "base_tilt[2]"), ("°", "°"),
             of_platform("gravity[1]", "gravity[2]", "gravity[3]") @ tilt_directions(platform.gravity, tilt),
             np.full(2, _TILT), {"tilt of the base": ("tilt of the base", (0, 1))},
-            "level the base, or estimate base_tilt", True,
+            "level the base, or estimate base_tilt",
         ),
         Family(
             "friction of each leg", (*elements("leg_viscous_friction"), *elements("leg_coulomb_friction")),
@@ -202,7 +202,7 @@ def families_of(
             # the motion belongs to lengths that are smaller than the readings
             -by_legs[:, :, 0, :], _OFFSET * rho * ones,
             each_leg("offset of the encoder", "joints and encoder of leg {}")
-            | all_legs("offsets of the encoders", "encoders"),
+            | all_legs("offsets of the encoders", GEOMETRY),
             _CALIBRATE,
         ),
         Family(

@@ -23,6 +23,8 @@ _LONG = 100
 # So few parameters are told one by one.
 _FEW = 3
 _TWO, _SHARE = replace(NUMBER, digits=2), replace(SHARE, digits=2)
+# So many estimates that an error moves most are told.
+_SHIFTS = 3
 # Residuals of a length are micrometres.
 _MICROMETRE = Quantity("m", "µm", 1e6)
 _HALF_WIDTH = Column("± %", _TWO, "half of the 95 % confidence interval")
@@ -74,6 +76,8 @@ def estimate_verdict(found: Estimate) -> Verdict:
         parts.append(f"without an interval: {_some(found.without_interval)}")
     is_tested = found.diagnosis is not None and found.diagnosis.test is not None
     parts.append("the residuals are those of noise" if is_tested else "whether the model fits the log is not tested")
+    if found.diagnosis is not None and found.diagnosis.unseen_text:
+        parts.append(found.diagnosis.unseen_text)
     if found.validation is not None:
         v = found.validation
         parts.append(f"rows kept for validation are off by {v.rms:.3g} N, {v.expected:.3g} N are expected")
@@ -134,10 +138,14 @@ def _residual_quantity(estimate: Estimate) -> Quantity:
 def estimate_tables(estimate: Estimate) -> list[Table]:
     """Parameters with their intervals; identifiability; residuals; whether the model fits."""
     tables = [_parameters(estimate), _identifiability(estimate), _residuals(estimate)]
-    if estimate.diagnosis is not None and estimate.diagnosis.test is not None:
-        tables.append(_tests(estimate.diagnosis.test))
-        if estimate.diagnosis.findings:
-            tables.append(_findings(estimate.diagnosis))
+    diagnosis = estimate.diagnosis
+    if diagnosis is not None:
+        if diagnosis.test is not None:
+            tables.append(_tests(diagnosis.test))
+        if diagnosis.findings:
+            tables.append(_findings(diagnosis))
+        if diagnosis.unseen:
+            tables.append(_unseen(diagnosis))
     return tables
 
 
@@ -205,11 +213,22 @@ def _p(value: float | None) -> Cell:
 
 
 def _findings(diagnosis: Diagnosis) -> Table:
-    others = ": the first is most likely, the others are not separated from it" if len(diagnosis.findings) > 1 else ""
+    others = "" if len(diagnosis.findings) == 1 else ", between which the log does not tell"
     # what a hypothesis explains is not known better than to whole percent
     shares = [(finding.text, finding.improvement) for finding in diagnosis.findings]
     rows = tuple((text, round(share, 2) if math.isfinite(share) else share) for text, share in shares)
-    return Table(f"Diagnosis{others}", (Column(""), Column("misfit explained", _SHARE)), rows)
+    title = f"Diagnosis: {diagnosis.cause or 'no cause is sure'}{others}"
+    return Table(title, (Column(""), Column("misfit explained", _SHARE)), rows)
+
+
+def _unseen(diagnosis: Diagnosis) -> Table:
+    columns = (Column(""), Column("estimates would be off by"), Column("standard errors", _TWO, "of the first"))
+    rows = []
+    for unseen in diagnosis.unseen:
+        shifts = [(name, shift, size) for name, shift, size in diagnosis.moved(unseen) if size >= 0.1]
+        text = ", ".join(f"{name} {shift:+.2g} {unit_of(name)}".rstrip() for name, shift, _ in shifts[:_SHIFTS])
+        rows.append((unseen.name, text or "less than a tenth of their errors", shifts[0][2] if shifts else None))
+    return Table("What no residual shows, since estimates absorb it", columns, tuple(rows))
 
 
 def _parameter_charts(found: Estimate) -> list[Chart]:

@@ -128,6 +128,7 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
         log, notes = without_held_rows(log)
         is_missing = np.zeros(len(log), dtype=bool)
     assert log.time is not None  # checked by rows_apart
+    time = log.time
 
     missing = np.repeat(is_missing[:, None], 6, axis=1)
     length, force = log.leg_length, force_of(log)
@@ -164,16 +165,16 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     ):
         rows = np.flatnonzero(readings.any(axis=1))
         if rows.size:
-            notes.append(f"{log.where}: {_legs(fault, readings)}, {_when(log.time, rows)}; {remedy}")
+            notes.append(f"{log.where}: {_legs(fault, readings)}, {_when(time, rows)}; {remedy}")
     of_all = [place for place in lost if len(place.legs) > 1]
     if of_all:
         notes.append(
             f"{log.where}: rows were lost (+) or repeated (−) though times go on, since all legs jump, at "
-            f"{_places(log.time, of_all)}; the log is divided there; check the logger"
+            f"{_places(time, of_all)}; the log is divided there; check the logger"
         )
     alarms = [
         f"{log.where}: rows of the length of leg {leg + 1} alone were lost (+) or repeated (−) at "
-        f"{_places(log.time, own)}, so that its readings belong to other times from then on; values and intervals are "
+        f"{_places(time, own)}, so that its readings belong to other times from then on; values and intervals are "
         "not valid; check the logger"
         for leg in range(6)
         if (own := [place for place in lost if place.legs == (leg,)])
@@ -188,7 +189,7 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     log = replace(log, leg_length=length, actuator_force=force, motor_position=motor)
     segments = _segments(bad & ~short, [place.row for place in of_all])
     longest = max(segments, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
-    h = float(np.median(np.diff(log.time)))
+    h = float(np.median(np.diff(time)))
     if longest.stop - longest.start > _SHORTEST:
         cutoff = cutoff_of(length[longest], h) if cutoff is None else cutoff
     if len(segments) > 1 and cutoff is not None:

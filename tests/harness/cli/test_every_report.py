@@ -20,9 +20,9 @@ from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.document import Report
 from tests.harness.cli.test_identify import written
 from tests.harness.experiment.test_frf import uneven_run
-from tests.support.machine_logs import Course, machine_log
 from tests.support.commands import invoke
 from tests.support.demo import Demo
+from tests.support.machine_logs import Course, machine_log
 
 SHORT = ("--set", "loop.duration=0.3")
 FEW = ("--members", "6", "--workers", "1", *SHORT)

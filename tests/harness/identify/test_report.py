@@ -65,7 +65,7 @@ def test_an_alarm_comes_before_everything() -> None:
 
 def test_a_model_that_fits_makes_known_values_good() -> None:
     test = LackOfFit({"of phase": 0.4}, 0.4)
-    diagnosis = Diagnosis(test, "", (), 1.0, (), NAMES[:2], SIGMA[:2], np.ones(6), 1e-6, np.ones(6))
+    diagnosis = Diagnosis(test, "", (), 1.0, (), NAMES[:2], np.ones(2), np.ones(6), 1e-6, np.ones(6))
     verdict = estimate_verdict(made(2, diagnosis=diagnosis))
     assert verdict.text.endswith("the residuals are those of noise")
     assert verdict.status == "good"

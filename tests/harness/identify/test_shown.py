@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.identify.causes import CommonGain, Diagnosis, Finding
-from gough_stewart.harness.identify.diagnosis.finding_text import finding_text
+from gough_stewart.harness.identify.causes import Diagnosis, Finding, Unseen
 from gough_stewart.harness.identify.estimate import FILES, Estimate, Residuals, identification_files
 from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.names import unit_of
@@ -28,22 +27,26 @@ from tests.support.uneven import UNEVEN
 NAMES = ("platform_mass", "leg_viscous_friction[2]", "platform_com[3]", "leg_coulomb_friction", "force_gain[4]")
 NAN = float("nan")
 FINDING = Finding(
-    "gain of leg 4", "forces of leg 4 read high", ("force_gain[4]",), np.array([1.05]), np.array([[4e-6]]), 0.876
-)
+    *("gain of leg 4", "force sensor of leg 4", "gain of leg 4 +5.0 ± 0.4 %; calibrate", ("force_gain[4]",), ("",)),
+    np.array([1.05]), np.array([[4e-6]]), 0.876,
+)  # fmt: skip
 OTHER = Finding(
-    "force offsets of all legs",
-    "forces have offsets",
-    ("force_offset[1]", "force_offset[6]"),
-    np.array([3.0, -7.0]),
-    np.array([[0.25, 0.1], [0.1, 0.16]]),
-    0.432,
-)
+    *("force offsets of all legs", "force sensors", "force offsets of all legs"),
+    ("force_offset[1]", "force_offset[6]"), ("N", "N"), np.array([3.0, -7.0]),
+    np.array([[0.25, 0.1], [0.1, 0.16]]), 0.432,
+)  # fmt: skip
 DIAGNOSIS = Diagnosis(
     test=LackOfFit({"gain of forces": 1.2e-5, "joints": 0.034, "whiteness": 0.56}, 0.0042),
-    findings=(FINDING, OTHER),
-    not_separated=("force offsets of all legs", "joints: calibrate by poses (geometry)"),
-    remains=0.0031,
-    common_gain=CommonGain(0.0123, ("platform_mass", "leg_viscous_friction[2]"), np.array([17.0, 29.0])),
+    cause="force sensor of leg 4",
+    findings=(FINDING,),
+    remains=0.31,
+    unseen=(
+        Unseen("if gravity were 1 % higher", np.array([1.0, -2.5, NAN, 3.0, 0.0])),
+        Unseen("if all forces read 1 % high", np.array([12.4, 0.5, NAN, 1.0, 0.02])),
+        Unseen("if the clock were 1 % fast", np.zeros(5)),
+    ),
+    names=NAMES,
+    standard_errors=np.array([2.0, 3.0, NAN, NAN, 0.01]),
     force_noise=np.array([1.1, 2.2, 3.3, 4.4, 5.5, 6.6]),
     length_noise=7.7e-7,
     whiteness=np.array([0.11, 0.22, 0.33, 0.44, 0.55, 0.66]),
@@ -98,7 +101,7 @@ HALF = np.array([3.919928, 5.879892, NAN, NAN, 0.01959964])
 
 
 def test_tables_have_every_number_in_its_place() -> None:
-    parameters, identifiability, residuals, tests, findings = estimate_tables(ESTIMATE)
+    parameters, identifiability, residuals, tests, findings, unseen = estimate_tables(ESTIMATE)
     assert parameters.title == "Parameters, with 95 % intervals"
     assert heads_of(parameters) == ("", "before", "estimate", "±", "± %")
     assert rows_of(parameters) == [
@@ -129,9 +132,20 @@ def test_tables_have_every_number_in_its_place() -> None:
     assert tests.title == "What the residuals contain; all tests p = 0.0042"
     assert heads_of(tests) == ("tested", "p value")
     assert rows_of(tests) == [("gain of forces", "1.2e-05"), ("joints", "0.034"), ("whiteness", "0.56")]
-    assert findings.title == "Diagnosis: the first is most likely, the others are not separated from it"
+    assert findings.title == "Diagnosis: force sensor of leg 4"
     assert heads_of(findings) == ("", "misfit explained [%]")
-    assert rows_of(findings) == [("forces of leg 4 read high", "88"), ("forces have offsets", "43")]
+    assert rows_of(findings) == [("gain of leg 4 +5.0 ± 0.4 %; calibrate", "88")]
+    assert unseen.title == "What no residual shows, since estimates absorb it"
+    assert heads_of(unseen) == ("", "estimates would be off by", "standard errors")
+    assert rows_of(unseen) == [
+        ("if gravity were 1 % higher", "leg_viscous_friction[2] -2.5 N.s/m, platform_mass +1 kg", "0.83"),
+        (
+            "if all forces read 1 % high",
+            "platform_mass +12 kg, force_gain[4] +0.02, leg_viscous_friction[2] +0.5 N.s/m",
+            "6.2",
+        ),
+        ("if the clock were 1 % fast", "less than a tenth of their errors", "–"),
+    ]
 
 
 def test_a_p_value_that_underflows_is_not_zero() -> None:
@@ -145,11 +159,14 @@ def test_tables_without_validation_tests_or_findings_say_so() -> None:
     bare = replace(ESTIMATE, residuals=replace(ESTIMATE.residuals, validation_rms=None, whiteness=None))
     rows = rows_of(estimate_tables(bare)[2])
     assert [row[2:] for row in rows[:2]] == [("–", "1", "–"), ("–", "2.2", "–")]
-    one = replace(bare, diagnosis=replace(DIAGNOSIS, findings=(FINDING,)))
-    assert estimate_tables(one)[-1].title == "Diagnosis"
-    assert len(estimate_tables(replace(bare, diagnosis=replace(DIAGNOSIS, findings=())))) == 4
-    assert len(estimate_tables(replace(bare, diagnosis=replace(DIAGNOSIS, test=None)))) == 3
-    assert len(estimate_tables(replace(bare, diagnosis=None))) == 3
+    for diagnosis, tables in (
+        (replace(DIAGNOSIS, findings=()), 5),
+        (replace(DIAGNOSIS, test=None, findings=(), unseen=()), 3),
+        (None, 3),
+    ):
+        assert len(estimate_tables(replace(bare, diagnosis=diagnosis))) == tables
+    several = replace(bare, diagnosis=replace(DIAGNOSIS, cause="", findings=(FINDING, OTHER)))
+    assert estimate_tables(several)[4].title == "Diagnosis: no cause is sure, between which the log does not tell"
 
 
 def test_the_file_of_numbers_has_all_of_them() -> None:
@@ -190,18 +207,12 @@ def test_the_file_of_numbers_has_all_of_them() -> None:
     assert (found["alarms"], found["notes"]) == (["an & alarm"], ["a < note", "another"])
 
 
-SENTENCES = [
-    "most likely: forces of leg 4 read high; this explains 88 % of the misfit",
-    "not separated from it by this log: force offsets of all legs; joints: calibrate by poses (geometry)",
-    "something else is left after that (p = 0.0031)",
-    "a gain common to all forces looks like other masses: intervals assume that it is 1. Were it unknown, this log "
-    "would give it to ± 2.4 %, and platform_mass to ± 33 kg. A known added mass or a calibrated force sensor separates "
-    "them",
-]
+SENTENCES = ["gain of leg 4 explains 88 % of the misfit"]
 
 
 def test_the_diagnosis_is_in_the_file_with_its_sentences() -> None:
-    found = json.loads(ESTIMATE.to_json())["diagnosis"]
+    diagnosis = replace(DIAGNOSIS, findings=(FINDING, OTHER), names=NAMES[:1], unseen=(Unseen("if", np.ones(1)),))
+    found = json.loads(replace(ESTIMATE, diagnosis=diagnosis).to_json())["diagnosis"]
     errors = found["findings"][1]["parameters"]
     assert errors["force_offset[6]"]["interval"] == pytest.approx([-7.7839856, -6.2160144])
     del errors["force_offset[6]"]["interval"], errors["force_offset[1]"]["interval"]
@@ -211,16 +222,19 @@ def test_the_diagnosis_is_in_the_file_with_its_sentences() -> None:
         "alarm": True,
         "p_value": 0.0042,
         "p_values": {"gain of forces": 1.2e-5, "joints": 0.034, "whiteness": 0.56},
+        "cause": "force sensor of leg 4",
         "findings": [
             {
                 "hypothesis": "gain of leg 4",
-                "text": "forces of leg 4 read high",
+                "cause": "force sensor of leg 4",
+                "text": "gain of leg 4 +5.0 ± 0.4 %; calibrate",
                 "improvement": 0.876,
                 "parameters": {"force_gain[4]": {"value": 1.05, "standard_error": 0.002, "unit": ""}},
             },
             {
                 "hypothesis": "force offsets of all legs",
-                "text": "forces have offsets",
+                "cause": "force sensors",
+                "text": "force offsets of all legs",
                 "improvement": 0.432,
                 "parameters": {
                     "force_offset[1]": {"value": 3.0, "standard_error": 0.5, "unit": "N"},
@@ -228,134 +242,70 @@ def test_the_diagnosis_is_in_the_file_with_its_sentences() -> None:
                 },
             },
         ],
-        "not_separated": ["force offsets of all legs", "joints: calibrate by poses (geometry)"],
-        "p_value_of_the_rest": 0.0031,
-        "common_force_gain": {
-            "standard_error": 0.0123,
-            "standard_errors_with_it": {"platform_mass": 17.0, "leg_viscous_friction[2]": 29.0},
-        },
+        "p_value_of_the_rest": 0.31,
+        "unseen": {"if": {"platform_mass": 1.0}},
         "noise": {"force": [1.1, 2.2, 3.3, 4.4, 5.5, 6.6], "length": 7.7e-7},
         "sentences": SENTENCES,
     }
 
 
+ALARM = "the log contradicts the model (p = 0.0042; a false alarm in 5 of 100 logs); values and intervals are not valid"
+FOUND, NONE = FINDING.text, "something that no hypothesis here explains"
+RIGHT = {"cause": "", "findings": ()}
+
+
 @pytest.mark.parametrize(
-    ("change", "alarms", "sentences"),
+    ("change", "alarm", "sentences"),
     [
+        ({}, f"{ALARM}. Most likely: force sensor of leg 4: {FOUND}", SENTENCES),
+        ({"cause": "gain", "findings": (replace(FINDING, cause="gain"),)}, f"{ALARM}. Most likely: {FOUND}", SENTENCES),
         (
-            {},
-            (
-                "the log contradicts the model (p = 0.0042; a false alarm in 5 of 100 logs); values and intervals are "
-                "not valid. Most likely: forces of leg 4 read high",
-            ),
-            tuple(SENTENCES),
+            {"findings": (FINDING, replace(OTHER, text="its offset"))},
+            f"{ALARM}. Most likely: force sensor of leg 4: this log does not tell which: {FOUND}; or its offset",
+            SENTENCES,
         ),
         (
-            {"test": LackOfFit({}, 0.0002), "findings": (), "remains": 1e-9, "common_gain": None},
-            (
-                "the log contradicts the model (p < 0.0003; a false alarm in 5 of 100 logs); values and intervals are "
-                "not valid",
-            ),
-            (),
+            {"cause": "", "findings": (FINDING, OTHER), "remains": 0.0031},
+            f"{ALARM}. Most likely: one of several causes, which this log does not tell apart: {FOUND}; or "
+            f"{OTHER.text}",
+            [*SENTENCES, "something else is left after that (p = 0.0031)"],
+        ),
+        ({"cause": "", "findings": (replace(FINDING, text="geometry"),)}, f"{ALARM}. Most likely: geometry", SENTENCES),
+        (RIGHT, f"{ALARM}. Most likely: {NONE}", []),
+        (
+            {"test": LackOfFit({}, 0.0002), **RIGHT},
+            f"{ALARM.replace('= 0.0042', '< 0.0003')}. Most likely: {NONE}",
+            [],
         ),
         (
-            {"remains": 0.02, "not_separated": (), "common_gain": CommonGain(0.1, ("delay",), np.array([1.0]))},
+            {"test": LackOfFit({}, 0.051), **RIGHT},
             None,
-            (SENTENCES[0],),
+            ["the residuals are those of noise (p = 0.051 of lack of fit)"],
         ),
         (
-            {"findings": (replace(FINDING, name="coloured noise"),), "not_separated": (), "common_gain": None},
+            {"test": None, "untested": "too few rows", **RIGHT},
             None,
-            ("most likely: forces of leg 4 read high",),
-        ),
-        (
-            {"test": LackOfFit({}, 0.051), "findings": (), "common_gain": None},
-            (),
-            ("the residuals are those of noise (p = 0.051 of lack of fit)",),
-        ),
-        (
-            {"test": None, "untested": "too few rows", "findings": (), "common_gain": None},
-            (),
-            ("not tested whether the model fits: too few rows",),
+            ["not tested whether the model fits: too few rows"],
         ),
     ],
 )
-def test_the_diagnosis_says_what_it_knows(
-    change: dict[str, Any], alarms: tuple[str, ...] | None, sentences: tuple[str, ...]
-) -> None:
-    """Expected: whole sentences; 5 % is the level of an alarm, 1 % that of what is left."""
+def test_the_diagnosis_says_what_it_knows(change: dict[str, Any], alarm: str | None, sentences: list[str]) -> None:
+    """Expected: the cause first, then its hypothesis if the log separates it; 5 % is the level of an alarm."""
     found = replace(DIAGNOSIS, **change)
-    assert found.sentences == sentences
-    if alarms is not None:
-        assert found.alarms == alarms
-        assert found.alarm == bool(alarms)
+    assert found.sentences == tuple(sentences)
+    assert found.alarms == (() if alarm is None else (alarm,))
+    assert found.alarm == bool(alarm)
 
 
-def test_a_diagnosis_without_findings_has_no_rest() -> None:
-    found = replace(DIAGNOSIS, findings=(), common_gain=None, test=None).to_dict()
-    assert (found["p_value_of_the_rest"], found["common_force_gain"], found["p_value"]) == (None, None, None)
-    assert (found["alarm"], found["p_values"], found["findings"]) == (False, {}, [])
-
-
-@pytest.mark.parametrize(
-    ("family", "names", "values", "errors", "text"),
-    [
-        ("gain of forces", ["force_gain[3]"], [1.0202], [0.0003], "forces of leg 3 read 2.020 ± 0.059 % high"),
-        ("gain of forces", ["force_gain[6]"], [0.97], [0.01], "forces of leg 6 read 3.0 ± 2.0 % low"),
-        (
-            "gain of forces",
-            ["force_gain[1]", "force_gain[5]"],
-            [1.02, 0.985],
-            [0.001, 0.01],
-            "forces read high or low, relative to the mean of the legs, in %: leg 1 +2.00 ± 0.20, leg 5 −1.5 ± 2.0",
-        ),
-        ("delay of forces", ["delay"], [1.25e-3], [5e-5], "forces are 1.250 ± 0.098 ms late, relative to lengths"),
-        ("delay of forces", ["delay"], [-2e-3], [1e-3], "forces are 2.0 ± 2.0 ms early, relative to lengths"),
-        ("offset of forces", ["force_offset[2]"], [31.0], [10.0], "forces of leg 2 read 31 ± 20 N too high"),
-        ("offset of forces", ["force_offset[4]"], [-3.5], [0.5], "forces of leg 4 read 3.50 ± 0.98 N too low"),
-        (
-            "offset of forces",
-            ["force_offset[1]", "force_offset[2]"],
-            [12.0, -7.0],
-            [1.0, 2.0],
-            "forces have offsets, in N: leg 1 +12.0 ± 2.0, leg 2 −7.0 ± 3.9",
-        ),
-        (
-            "tilt of the base",
-            ["base_tilt[1]", "base_tilt[2]"],
-            [0.01, -0.02],
-            [0.001, 0.002],
-            "the base is tilted by +0.57 ± 0.11° about X, −1.15 ± 0.22° about Y",
-        ),
-        (
-            "friction of each leg",
-            ["leg_viscous_friction[2]", "leg_viscous_friction[3]", "leg_coulomb_friction[2]"],
-            [480.0, 530.0, 91.0],
-            [5.0, 10.0, 2.0],
-            "friction differs among legs: viscous leg 2 480.0 ± 9.8, leg 3 530 ± 20 N·s/m; Coulomb leg 2 91.0 ± 3.9 N",
-        ),
-        (
-            "friction of each leg",
-            ["leg_coulomb_friction[6]"],
-            [91.0],
-            [2.0],
-            "friction differs among legs: Coulomb leg 6 91.0 ± 3.9 N",
-        ),
-        (
-            "offset of lengths",
-            ["leg_length_offset[1]", "leg_length_offset[4]"],
-            [1e-3, -2.5e-3],
-            [1e-4, 2e-4],
-            "lengths have offsets, in mm: leg 1 +1.00 ± 0.20, leg 4 −2.50 ± 0.39; calibrate by poses (geometry)",
-        ),
-        ("delay of forces", ["delay"], [1e-3], [0.0], "forces are 1.000 ± 0.000 ms late, relative to lengths"),
-    ],
-)
-def test_a_finding_says_which_leg_how_much_and_which_way(
-    family: str, names: list[str], values: list[float], errors: list[float], text: str
-) -> None:
-    """Expected: 1.96 standard errors, in the unit that is said, with two digits."""
-    assert finding_text(family, names, np.array(values), np.array(errors)) == text
+def test_what_no_residual_shows_is_said_by_what_it_moves_most() -> None:
+    """Expected: 12.4 kg are 6.2 standard errors, more than any other; nothing if all shifts are below their errors."""
+    assert DIAGNOSIS.unseen_text == (
+        "no residual shows what is wrong alike for all legs: if all forces read 1 % high, platform_mass would be off "
+        "by +12 kg"
+    )
+    assert replace(DIAGNOSIS, unseen=(DIAGNOSIS.unseen[0],)).unseen_text == ""
+    assert replace(DIAGNOSIS, unseen=()).unseen_text == ""
+    assert DIAGNOSIS.unseen_text in estimate_report(replace(ESTIMATE, alarms=()), "stand").verdict.text
 
 
 def _page(estimate: Estimate, more: tuple[Table, ...] = ()) -> tuple[str, dict[str, Any]]:
@@ -398,7 +348,7 @@ def test_the_page_has_the_numbers_that_its_charts_show() -> None:
     # the alarm is the verdict, and not said twice
     assert notes == [("note", "a &lt; note"), ("note", "another")]
     assert "An &amp; alarm" in body[: body.index("<dl")]
-    for said in ("Before and after", "17.25", "1516.9", "not excited", "at its bound", "0.12", "24.5", "have offsets"):
+    for said in ("Before and after", "17.25", "1516.9", "not excited", "at its bound", "0.12", "24.5", "gain of leg 4"):
         assert said in body
     assert "intervals of 95 % if model and force gain are right" in text
 

@@ -279,6 +279,33 @@ def test_forces_that_lost_rows_are_not_believed() -> None:
     force = np.delete(force_of(log), slice(5000, 5010), axis=0)
     found = identify(replace(log.rows(slice(0, 9990)), actuator_force=force), NOMINAL, NAMES)
     assert any("contradicts the model" in alarm for alarm in found.alarms)
+    assert any("timing of the forces: rows lost in the forces" in alarm for alarm in found.alarms)
+
+
+def test_a_row_that_one_length_alone_lost_is_an_alarm_and_jitter_is_no_lost_row() -> None:
+    """Expected: leg 3 at row 4000, by one row; times that jitter by 0.3 ms shake all rows, and lose none."""
+    log = machine_log()
+    length = log.leg_length.copy()
+    length[4000:-1, 2] = log.leg_length[4001:, 2]
+    found = screened([replace(log, leg_length=length)], NOMINAL)
+    [alarm] = found.alarms
+    assert "rows of the length of leg 3 alone were lost (+) or repeated (−) at 4 s (+1)" in alarm
+    assert len(found.parts) == 1
+    late = 0.3e-3 * np.random.default_rng(1).standard_normal((len(log), 1))
+    shaken = log.leg_length + late * np.gradient(log.leg_length, 1e-3, axis=0)
+    shaken_log = screened([replace(log, leg_length=shaken)], NOMINAL)
+    assert not any("lost" in text for text in (*shaken_log.notes, *shaken_log.alarms))
+
+
+def test_times_of_32_bits_are_refused_by_that_name() -> None:
+    """Expected: at 10,000 s such numbers are 1/1024 s apart, which is no time for rows of 1 ms; at 1 s they are."""
+    log = machine_log()
+    assert log.time is not None
+    coarse = (np.asarray(log.time) + 1e4).astype(np.float32).astype(float)
+    with pytest.raises(LogError, match=r"times are numbers of 32 bits, 0\.00098 s apart at 100"):
+        screened([replace(log, time=coarse)], NOMINAL)
+    fine = np.asarray(log.time).astype(np.float32).astype(float)
+    assert len(screened([replace(log, time=fine)], NOMINAL).parts) == 1
 
 
 def test_a_gap_of_any_length_takes_no_memory() -> None:
