@@ -135,14 +135,10 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     # a held force is a command, which the actuator obeys at its limit, too
     beyond = np.zeros_like(missing) if log.holds_force else clipped(force, platform.actuator_force_max)
     still, silent = frozen(length, True, missing), frozen(force, False, beyond | missing)
-    least = _LEAST_FORCE * float(np.sqrt((force**2).mean()))
     unknown_length, unknown_force = still | missing, silent | beyond | missing
     off, length = spikes(length, unknown_length, _LEAST_LENGTH * float(np.abs(length).max()))
-    struck, force = spikes(force, unknown_force, least)
-    motor, halted, bumped = log.motor_position, missing, np.zeros_like(missing)
-    if motor is not None:
-        halted = frozen(motor, True, missing) | missing
-        bumped, motor = spikes(motor, halted, _LEAST_LENGTH * float(np.abs(motor).max()))
+    struck, force = spikes(force, unknown_force, _LEAST_FORCE * float(np.sqrt((force**2).mean())))
+    bumped, halted, motor = _motors(log, missing)
     lost = lost_rows(length, unknown_length)
     travel, unsure = float(np.ptp(length, axis=0).max()), float(noise_of(length).max())
     if len(log) > _SHORTEST and travel <= _AT_REST * unsure:
@@ -184,9 +180,10 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     short = _runs_of(bad, _MENDED) if bad.any() else bad
     _interpolate(length, unknown_length & short[:, None])
     _interpolate(force, unknown_force & short[:, None])
-    if motor is not None:
-        _interpolate(motor, halted & short[:, None])
-    log = replace(log, leg_length=length, actuator_force=force, motor_position=motor)
+    _interpolate(motor, halted & short[:, None])
+    log = replace(
+        log, leg_length=length, actuator_force=force, motor_position=None if log.motor_position is None else motor
+    )
     segments = _segments(bad & ~short, [place.row for place in of_all])
     longest = max(segments, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
     h = float(np.median(np.diff(time)))
@@ -209,6 +206,15 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
             "where so many readings are wrong, others may be that do not show"
         )
     return _ScreenedLog(log, segments, notes, alarms, cutoff or math.inf)
+
+
+def _motors(log: Log, missing: Mask) -> tuple[Mask, Mask, FloatArray]:
+    """Spikes in the motors' positions, readings that are not known, and the positions without spikes (n, 6)."""
+    if log.motor_position is None:
+        return np.zeros_like(missing), missing, np.zeros(missing.shape)
+    halted = frozen(log.motor_position, True, missing) | missing
+    bumped, motor = spikes(log.motor_position, halted, _LEAST_LENGTH * float(np.abs(log.motor_position).max()))
+    return bumped, halted, motor
 
 
 def _places(time: FloatArray, lost: Sequence[MissingRows]) -> str:

@@ -12,7 +12,6 @@ from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.report import estimate_report, estimate_tables
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.model.platform import platform_to_toml
-from tests.harness.identify import machine as logs_of_another
 from tests.support.machine_logs import NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine
 from tests.support.model_errors import FEW, Case, Designed, made
 
@@ -127,7 +126,7 @@ def test_instruments_are_estimated_with_the_platform_and_are_not_in_its_file() -
 
 def test_bristles_at_a_reversal_are_friction_of_another_law() -> None:
     """Expected: LuGre's bristles build friction up over 65 micrometres; no other family is as likely."""
-    found = identify(logs_of_another.machine_log(friction=logs_of_another.lugre(560.0, 130.0)), NOMINAL, NAMES)
+    found = identify(machine_log(), NOMINAL, NAMES)
     assert found.diagnosis is not None
     assert found.diagnosis.alarm
     assert found.diagnosis.cause in ("law of friction", "")
