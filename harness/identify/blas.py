@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
-import numpy._core._multiarray_umath as numpy_library
+import numpy.linalg._umath_linalg as numpy_library
 import scipy.linalg._fblas as scipy_library
 
 # NumPy and SciPy have an OpenBLAS each; other libraries of linear algebra keep their threads.

@@ -373,7 +373,7 @@ def check_finite(log: Log) -> None:
     """
     for name in ("time", "leg_length", "actuator_force", "motor_position"):
         values = getattr(log, name)
-        bad = np.argwhere(~np.isfinite(values)) if values is not None else ()
+        bad = np.zeros((0, 1), dtype=int) if values is None else np.argwhere(~np.isfinite(values))
         if len(bad):
             row, *leg = bad[0].tolist()
             index = f"[{leg[0] + 1}]" if leg else ""
