@@ -234,13 +234,13 @@ def _search_of(
         profiles[:, :, k] = [values[:, 0] for values in (alone.position, alone.velocity, alone.acceleration)]
     profiles[0] -= platform.home_position[0]
     home = np.concatenate([platform.home_position, platform.home_orientation, np.zeros(12)])
-    rows, count, measured = row.map(len(time)), len(time), _criterion(len(names), criterion)
+    mapped, count, measured = row.map(len(time)), len(time), _criterion(len(names), criterion)
     by_coefficients = np.einsum("dtk,ab->tdakb", profiles, np.eye(6)).reshape(count, 18, -1)
 
     def evaluated(x: Any) -> tuple[Any, Any, Any]:
         by_coordinate = casadi.reshape(x, 6, profiles.shape[2])
         motion = casadi.vertcat(*(casadi.mtimes(by_coordinate, profile.T) for profile in profiles))
-        columns, limited, slopes = rows(motion + np.tile(home[:, None], count))
+        columns, limited, slopes = mapped(motion + np.tile(home[:, None], count))
         return measured(casadi.mtimes(columns, columns.T) / count), casadi.vec(limited), slopes
 
     x, none = casadi.MX.sym("x", start.size), casadi.MX.sym("p", 0)
@@ -252,8 +252,9 @@ def _search_of(
     # row by row, which takes a twentieth of the time of differentiating through all rows at once
     jacobian = casadi.Function("jac_g", [x, none], [limited, casadi.vertcat(*by_rows)], ["x", "p"], ["g", "jac:g:x"])
     ipopt = {"print_level": 0, "sb": "yes", "max_iter": _STEPS, "tol": 1e-4, "hessian_approximation": "limited-memory"}
-    options = {"print_time": False, "jac_g": jacobian, "ipopt": ipopt}
-    solver = casadi.nlpsol("excitation", "ipopt", {"x": x, "f": evaluated(_SHARE * x)[0], "g": limited}, options)
+    options: Any = {"print_time": False, "show_eval_warnings": False, "jac_g": jacobian, "ipopt": ipopt}
+    programme: Any = {"x": x, "f": evaluated(_SHARE * x)[0], "g": limited}
+    solver = casadi.nlpsol("excitation", "ipopt", programme, options)
     cost = casadi.Function("cost", [x], [evaluated(x)[0]])
     return _Search(solver, cost, (np.tile(low, count), np.tile(high, count)))
 

@@ -469,7 +469,7 @@ def identify_geometry(
         kept = np.delete(kept, row)
         used = whole.rows(kept)
         fit = used.fitted()
-    alarms = ()
+    alarms: tuple[str, ...] = ()
     if worst is not None:
         alarms = (
             f"{len(notes)} of {len(log)} rows were left out, and others are contradicted as strongly, row "

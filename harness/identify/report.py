@@ -110,16 +110,10 @@ def _value(found: Estimate, k: int) -> str:
 
 def _numbers(found: Estimate) -> tuple[Number, ...]:
     rows = zip(found.names, found.values.tolist(), found.interval.tolist(), strict=True)
+    told = "with its interval of 95 % confidence"
     numbers = [
-        Number(
-            f"parameters.{name}",
-            name,
-            value,
-            _quantity_of(name),
-            *ends,
-            explanation="with its interval of 95 % confidence",
-        )
-        for name, value, ends in rows
+        Number(f"parameters.{name}", name, value, _quantity_of(name), low, high, explanation=told)
+        for name, value, (low, high) in rows
     ]
     condition = found.condition_number if math.isfinite(found.condition_number) else None
     return (*numbers, Number("condition_number", "condition number of the regressor", condition))
