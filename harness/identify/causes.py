@@ -184,11 +184,11 @@ class Diagnosis:
                     "text": finding.text,
                     "improvement": finding.improvement,
                     "parameters": {
-                        name: {"value": value, "standard_error": error, "interval": ends, "unit": unit}
-                        for name, unit, value, error, ends in zip(
-                            finding.parameters, finding.units, finding.values, finding.standard_errors,
-                            finding.interval, strict=True
-                        )
+                        name: {
+                            "value": finding.values[k], "standard_error": finding.standard_errors[k],
+                            "interval": finding.interval[k], "unit": finding.units[k],
+                        }
+                        for k, name in enumerate(finding.parameters)
                     },
                 }
                 for finding in self.findings
@@ -360,13 +360,13 @@ def _contenders(rows: Whitened, raw: FloatArray) -> list[_Hypothesis]:
     def best_of(group: Sequence[_Hypothesis]) -> tuple[float, _Hypothesis]:
         return max(((evidence(hypothesis), hypothesis) for hypothesis in group), key=lambda pair: pair[0])
 
-    found = [best_of([hypothesis]) for hypothesis in _of_table(rows.families)]
-    found += [best_of(group) for group in _at_several_places(rows, raw)]
+    weighed = [best_of([hypothesis]) for hypothesis in _of_table(rows.families)]
+    weighed += [best_of(group) for group in _at_several_places(rows, raw)]
     lost = best_of(_lost(rows, np.linspace(time[0], time[-1], _TIMES + 2)[1:-1]))
     near = time[np.abs(time - lost[1].at) < np.ptp(time) / _TIMES]
-    found.append(best_of([lost[1], *_lost(rows, near)]))
-    least = max(_CONTENDS * max(value for value, _ in found) - _NEAR, 0.0)
-    return [hypothesis for value, hypothesis in found if value > least]
+    weighed.append(best_of([lost[1], *_lost(rows, near)]))
+    least = max(_CONTENDS * max(value for value, _ in weighed) - _NEAR, 0.0)
+    return [hypothesis for value, hypothesis in weighed if value > least]
 
 
 def _of_table(families: Sequence[Family]) -> list[_Hypothesis]:
@@ -534,7 +534,9 @@ def _finding(rows: Whitened, fitted: _Refit, improvement: float) -> Finding:
         number = f"{factor * value:+.{decimals}f} ± {factor * width:.{decimals}f}".replace("-", "−")
         texts.append(f"{label}{number} {unit}".rstrip())
     text = f"{hypothesis.name} {', '.join(texts)}".rstrip() + f"; {hypothesis.remedy}"
-    units = tuple({"%": "", "ms": "s", "mm": "m", "°": "rad"}.get(unit, unit) for unit in hypothesis.units)
+    units = tuple(
+        {"%": "", "ms": "s", "mm": "m", "°": "rad"}.get(unit, unit.replace("·", ".")) for unit in hypothesis.units
+    )
     share = float(np.clip(improvement, 0.0, 1.0))
     return Finding(hypothesis.name, hypothesis.cause, text, hypothesis.parameters, units, values, covariance, share)
 

@@ -83,9 +83,9 @@ def spikes(values: FloatArray, known_bad: Mask, smallest: float) -> tuple[Mask, 
     smallest
         The least error that counts, in the unit of the readings.
     """
-    found, mended = np.zeros(values.shape, dtype=bool), values.copy()
+    is_spike, mended = np.zeros(values.shape, dtype=bool), values.copy()
     if len(values) < 4 * _AROUND:
-        return found, mended
+        return is_spike, mended
     limit = np.maximum(_SPIKE * noise_of(values), smallest)
     suspect = np.zeros(values.shape, dtype=bool)
     suspect[2:-2] = (np.abs(_against_neighbours(values)) > limit * _GAIN) & ~known_bad[2:-2]
@@ -96,8 +96,8 @@ def spikes(values: FloatArray, known_bad: Mask, smallest: float) -> tuple[Mask, 
             outside, expected = _outliers(values[window, leg], float(limit[leg]))
             if outside.any() and not known_bad[window, leg].any():
                 at = np.flatnonzero(outside) + window.start
-                found[at, leg], mended[at, leg] = True, expected[outside]
-    return found, mended
+                is_spike[at, leg], mended[at, leg] = True, expected[outside]
+    return is_spike, mended
 
 
 def _outliers(y: FloatArray, limit: float) -> tuple[Mask, FloatArray]:
@@ -135,7 +135,7 @@ def frozen(values: FloatArray, is_continuous: bool, not_looked_at: Mask) -> Mask
     not_looked_at
         Readings (n, 6) that repeat for another reason.
     """
-    found = np.zeros(values.shape, dtype=bool)
+    is_frozen = np.zeros(values.shape, dtype=bool)
     changes = np.abs(np.diff(values, axis=0))
     changes[changes < _ROUNDING * np.abs(values).max()] = 0.0
     steps = step_of(values)
@@ -143,7 +143,9 @@ def frozen(values: FloatArray, is_continuous: bool, not_looked_at: Mask) -> Mask
     for leg in range(values.shape[1]):
         moved = np.flatnonzero(changes[:, leg]) + 1
         starts, ends = np.append(0, moved), np.append(moved, len(values))  # of runs, ends exclusive
-        for begin, end in zip(*(each[ends - starts >= _FROZEN] for each in (starts, ends)), strict=True):
+        for begin, end in zip(
+            *(ends_of_runs[ends - starts >= _FROZEN] for ends_of_runs in (starts, ends)), strict=True
+        ):
             if not_looked_at[begin, leg]:
                 continue
             before, after = changes[max(0, begin - 12) : begin, leg], changes[end : end + 11, leg]
@@ -158,8 +160,8 @@ def frozen(values: FloatArray, is_continuous: bool, not_looked_at: Mask) -> Mask
                 others = np.delete(np.ptp(values[begin:], axis=0) > far, leg)
                 stops = others.sum() >= 4 and (before > 0).mean() > 0.5
             if jumps or silent or stops:
-                found[begin + 1 : end, leg] = True
-    return found
+                is_frozen[begin + 1 : end, leg] = True
+    return is_frozen
 
 
 def _alternates(values: FloatArray, begin: int, end: int) -> bool:
@@ -177,7 +179,7 @@ def clipped(force: FloatArray, actuator_limit: float | None) -> Mask:
     Many readings equal the largest or the smallest one, which they reach at speed, and hardly any is just below it. A
     force at the actuator's own limit is one that the actuator has.
     """
-    found = np.zeros(force.shape, dtype=bool)
+    is_clipped = np.zeros(force.shape, dtype=bool)
     spread = noise_of(force)
     for leg in range(force.shape[1]):
         for sign in (1.0, -1.0):
@@ -198,8 +200,8 @@ def clipped(force: FloatArray, actuator_limit: float | None) -> Mask:
             near = at | (mean > level - 3 * spread[leg])
             edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]])))
             for begin, end in zip(edges[::2], edges[1::2], strict=True):
-                found[begin:end, leg] |= at[begin:end].any()
-    return found
+                is_clipped[begin:end, leg] |= at[begin:end].any()
+    return is_clipped
 
 
 def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
@@ -224,7 +226,7 @@ def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
     bad = np.lib.stride_tricks.sliding_window_view(np.asarray(known_bad.any(axis=1)), 2 * _SIDE)
     is_near_bad = np.asarray(bad.any(axis=1))[: len(right)]
     others = np.sqrt(np.maximum((jump**2).sum(axis=1, keepdims=True) - jump**2, 0.0))
-    found: list[MissingRows] = []
+    places: list[MissingRows] = []
     for legs in ((0, 1, 2, 3, 4, 5), *((leg,) for leg in range(6))):
         v = velocity[:, legs]
         speed = np.maximum(np.linalg.norm(v, axis=1), 1e-300)
@@ -241,8 +243,8 @@ def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
             sure &= (others[:, legs[0]] < 6 * spread) & (np.abs(number - np.rint(number)) < 0.1)
         for k in np.flatnonzero(sure):
             if size[k] == size[max(0, k - _SIDE) : k + _SIDE + 1].max():
-                found.append(MissingRows(int(k) + _SIDE, float(number[k]), legs))
-    return found
+                places.append(MissingRows(int(k) + _SIDE, float(number[k]), legs))
+    return places
 
 
 class Hold(NamedTuple):
@@ -294,14 +296,16 @@ def without_held_rows(log: Log) -> tuple[Log, list[str]]:
     at = np.arange(holds[slow].phase, len(log), rows)
     values: dict[str, FloatArray] = {}
     first, last = 0, len(at)
-    for name, each in signals.items():
-        if each is None or name == slow or holds[name] == holds[slow]:
+    for name, readings in signals.items():
+        if readings is None or name == slow or holds[name] == holds[slow]:
             continue
-        values[name], begin, end = _resampled(each, holds[name], at, h, log.holds_force and name == "actuator_force")
+        values[name], begin, end = _resampled(
+            readings, holds[name], at, h, log.holds_force and name == "actuator_force"
+        )
         first, last = max(first, begin), min(last, end)
     if last - first < 2:
         raise LogError(f"{log.where}: {len(log)} rows are too few for readings that are held for {rows} of them")
-    changed: dict[str, Any] = {name: each[first:last] for name, each in values.items()}
+    changed: dict[str, Any] = {name: readings[first:last] for name, readings in values.items()}
     # a force that was brought to other rows belongs to its row; one that is held as long as lengths are stays held
     changed["holds_force"] = log.holds_force and "actuator_force" not in values
     return replace(log.rows(at[first:last]), **changed), notes
@@ -311,14 +315,14 @@ _TEXT = {"leg_length": "leg lengths", "actuator_force": "forces"}
 
 
 def _common(name: str, values: FloatArray, where: str) -> Hold:
-    found = {hold_of(column) for column in values.T}
+    holds = {hold_of(column) for column in values.T}
     # legs that hardly move have no rhythm of their own
-    held = {hold for hold in found if hold.rows > 1}
+    held = {hold for hold in holds if hold.rows > 1}
     if len(held) > 1 and len({hold.rows for hold in held}) == 1:
         hold = next(iter(held))
         raise LogError(
             f"{where}: {_TEXT[name]} are held for {hold.rows} rows, but legs change at different rows "
-            f"({', '.join(str(each.phase + 1) for each in sorted(held))}); expected sensors that are read at the same "
+            f"({', '.join(str(one.phase + 1) for one in sorted(held))}); expected sensors that are read at the same "
             "time: log each reading once, with its own time"
         )
     if not held:
@@ -331,16 +335,16 @@ def _resampled(
     values: FloatArray, hold: Hold, at: NDArray[np.intp], h: float, is_held_force: bool
 ) -> tuple[FloatArray, int, int]:
     """Values at rows `at`, NaN where the filter does not reach, and the first and the last (exclusive) that it does."""
-    own = values[hold.phase :: hold.rows]
+    sampled = values[hold.phase :: hold.rows]
     step, target = hold.rows * h, int(at[1] - at[0])
     cutoff = _CUTOFF * 0.5 / (target * h)
     # the place of the first target between the signal's own rows
     offset = (at[0] - hold.phase) % hold.rows
     delay = offset * h - (step / 2 if is_held_force else 0.0)
-    found = smoothed(own, step, cutoff, 1, 0, delay)
+    filtered = smoothed(sampled, step, cutoff, 1, 0, delay)
     index = (at - hold.phase - offset) // hold.rows - edge(step, cutoff)
-    inside = np.flatnonzero((index >= 0) & (index < len(found)))
+    inside = np.flatnonzero((index >= 0) & (index < len(filtered)))
     result = np.full((len(at), values.shape[1]), np.nan)
     if inside.size:
-        result[inside] = found[index[inside]]
+        result[inside] = filtered[index[inside]]
     return result, int(inside[0]) if inside.size else 0, int(inside[-1]) + 1 if inside.size else 0

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.harness.identify.friction import travel_since_reversal
-from gough_stewart.harness.identify.names import expanded
+from gough_stewart.harness.identify.names import expanded, unit_of
 from gough_stewart.harness.identify.regression import Regression
 from gough_stewart.harness.identify.regressor import INERTIAL, ForceDerivatives, parameter_columns
 from gough_stewart.harness.identify.row_model import tilt_directions
@@ -122,29 +122,27 @@ def families_of(
         for which in ("base", "platform")
     }
     of_joints = tuple(name for three in joints.values() for name in three)
-    of_sizes = {
-        "platform_mass": _PAYLOAD * mass,
-        "platform_com": _COM * rho,
-        "leg_armature": _ARMATURE * mass,
+    remaining = {stem: [name for name in expanded([stem], platform) if name not in names] for stem in MASSES}
+    masses = [name for elements_left in remaining.values() for name in elements_left]
+    where = {
+        stem: tuple(map(masses.index, elements_left)) for stem, elements_left in remaining.items() if elements_left
     }
-    groups = {stem: [name for name in expanded([stem], platform) if name not in names] for stem in MASSES}
-    masses = [name for group in groups.values() for name in group]
-    where = {stem: tuple(masses.index(name) for name in group) for stem, group in groups.items() if group}
     of_masses = {
         f"{stem} of the platform's file": (_CLOCK_OR_ARMATURE if stem == "leg_armature" else PAYLOAD, chosen)
         for stem, chosen in where.items()
     }
-    both = tuple(k for stem, chosen in where.items() if stem != "leg_armature" for k in chosen)
-    if len([stem for stem in where if stem != "leg_armature"]) > 1:
-        of_masses["payload, or several of the platform's masses"] = (PAYLOAD, both)
+    if len(where.keys() - {"leg_armature"}) > 1:
+        together = tuple(k for stem, chosen in where.items() if stem != "leg_armature" for k in chosen)
+        of_masses["payload, or several of the platform's masses"] = (PAYLOAD, together)
 
     def size_of(name: str) -> float:
         stem, _, index = name.partition("[")
-        moment = _MOMENT if index[:1] == index[2:3] else _PRODUCT
-        return of_sizes.get(stem, moment * mass * rho**2)
+        inertia = _MOMENT if index[:1] == index[2:3] else _PRODUCT
+        sizes = {"platform_mass": _PAYLOAD * mass, "platform_com": _COM * rho, "leg_armature": _ARMATURE * mass}
+        return sizes.get(stem, inertia * mass * rho**2)
 
     steps = -rate[..., None] * (elapsed[:, None, None] > _CHANGES)
-    found = [
+    families = [
         Family(
             "gain of forces", elements("force_gain"), ("%",) * 6, force[..., None] * eye, _GAIN * ones,
             each_leg("gain", "force sensor of leg {}") | all_legs("gains", _SENSORS),
@@ -191,7 +189,7 @@ def families_of(
         ),
         Family(
             FRICTION_LAW, tuple(f"friction_law[{k}]" for k in range(1, laws.shape[2] + 1)),
-            ("",) * laws.shape[2], laws,
+            ("N·s²/m²", "N·s/m", *("N",) * 6, "%"), laws,
             load * np.array([_FRICTION / speed**2, _FRICTION / speed, *(_FRICTION,) * 6, _FRICTION / load]),
             {name: (FRICTION_LAW, (k,)) for k, name in enumerate(law_names) if name}
             | {"elastic contact after a reversal": (FRICTION_LAW, (5, 6, 7))},
@@ -225,32 +223,27 @@ def families_of(
             np.array([_CLOCK]), {"clock of the log": (_CLOCK_OR_ARMATURE, (0,))}, "check the times of the log",
         ),
         Family(
-            "parameters not estimated", tuple(masses), ("",) * len(masses), of_platform(*masses),
+            "parameters not estimated", tuple(masses), tuple(map(unit_of, masses)), of_platform(*masses),
             np.array([size_of(name) for name in masses]), of_masses,
             "not what the platform's file has: estimate it, too", True,
         ),
     ]  # fmt: skip
-    stems = {name.partition("[")[0] for name in names} & {"delay"}
-    return [kept for family in found if (kept := _without(family, names, stems)) is not None]
+    kept = (_without(family, names) for family in families)
+    return [family for family in kept if family.parameters]
 
 
-def _without(family: Family, names: Sequence[str], stems: set[str]) -> Family | None:
-    """The family without what is estimated; None if nothing is left."""
-    kept = [k for k, name in enumerate(family.parameters) if name not in names and name not in stems]
-    if len(kept) == len(family.parameters):
-        return family if kept else None
+def _without(family: Family, names: Sequence[str]) -> Family:
+    """The family without what is estimated."""
+    left = [k for k, name in enumerate(family.parameters) if name not in names]
     members = {
-        name: (cause, tuple(kept.index(k) for k in chosen))
+        name: (cause, tuple(left.index(k) for k in chosen))
         for name, (cause, chosen) in family.members.items()
-        if set(chosen) <= set(kept)
+        if set(chosen) <= set(left)
     }
     return family._replace(
-        parameters=tuple(family.parameters[k] for k in kept),
-        units=tuple(family.units[k] for k in kept),
-        columns=family.columns[:, :, kept],
-        sizes=family.sizes[kept],
-        members=members,
-    ) if kept else None  # fmt: skip
+        parameters=tuple(family.parameters[k] for k in left), units=tuple(family.units[k] for k in left),
+        columns=family.columns[:, :, left], sizes=family.sizes[left], members=members,
+    )  # fmt: skip
 
 
 def stribeck(velocity: FloatArray, smooth: float, width: float) -> FloatArray:

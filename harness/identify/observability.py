@@ -72,7 +72,7 @@ def motion_rows(parts: Sequence[Part], platform: Platform, cutoff: float | None 
     cutoff
         Of the rows [Hz]; by default that of each part's motion.
     """
-    found, added, force, velocity = [], [], [], []
+    regressors, added, force, velocity = [], [], [], []
     rng = np.random.default_rng(0)
     for part in parts:
         assert part.log.time is not None  # checked by sample_time_of
@@ -80,30 +80,34 @@ def motion_rows(parts: Sequence[Part], platform: Platform, cutoff: float | None 
         if len(log) < 8:
             continue
         h = sample_time_of(log)
-        own = min(cutoff_of(part.log.leg_length, h) if cutoff is None else cutoff, 0.5 / h / 3)
-        low = max(_OF_CUTOFF * own, HALF_LENGTH / (_EDGE * len(log) * h))
-        every = max(1, int(1 / (_ROWS_A_PERIOD * 2 * own * h)))
-        thin = max(1, int(1 / (2 * own * h * every)))
-        if len(log) <= 2 * edge(h, low) + 2 * every * (edge(h * every, own) + 1) or low > own:
+        row_cutoff = min(cutoff_of(part.log.leg_length, h) if cutoff is None else cutoff, 0.5 / h / 3)
+        low = max(_OF_CUTOFF * row_cutoff, HALF_LENGTH / (_EDGE * len(log) * h))
+        every = max(1, int(1 / (_ROWS_A_PERIOD * 2 * row_cutoff * h)))
+        thin = max(1, int(1 / (2 * row_cutoff * h * every)))
+        if len(log) <= 2 * edge(h, low) + 2 * every * (edge(h * every, row_cutoff) + 1) or low > row_cutoff:
             continue
         lengths = [smoothed(log.leg_length, h, low, every, k) for k in range(3)]
-        wide = 2 * own
+        wide = 2 * row_cutoff
         rows = len(log) - 2 * (edge(h, low) - edge(h, wide))
         noise = noise_of(log.leg_length) * rng.standard_normal((rows, 6))
         noisy = [length + smoothed(noise, h, wide, every, k) for k, length in enumerate(lengths)]
-        clean, unclean = (_filtered_regressor(platform, each, h * every, own, thin) for each in (lengths, noisy))
+        clean, unclean = (
+            _filtered_regressor(platform, motion, h * every, row_cutoff, thin) for motion in (lengths, noisy)
+        )
         forces = force_of(log)
-        deviation = np.maximum(noise_of(forces) * np.sqrt(2 * own * h), _BEST_FORCE * forces.std(axis=0))
+        deviation = np.maximum(noise_of(forces) * np.sqrt(2 * row_cutoff * h), _BEST_FORCE * forces.std(axis=0))
         deviation = np.maximum(deviation, _ROUNDING * float(np.abs(forces).max()))
         # the filter's ends count as well
         share = np.sqrt(len(log) / (len(clean) * every * thin)) / np.maximum(deviation, np.finfo(float).tiny)[:, None]
-        found.append(share * clean)
+        regressors.append(share * clean)
         added.append(share * (unclean - clean))
         force.append(float(forces.std(axis=0).mean()))
         velocity.append(float(np.sqrt((lengths[1] ** 2).mean())))
-    if not found:
+    if not regressors:
         return None
-    return MotionRows(np.concatenate(found), np.concatenate(added), float(np.mean(force)), float(np.mean(velocity)))
+    return MotionRows(
+        np.concatenate(regressors), np.concatenate(added), float(np.mean(force)), float(np.mean(velocity))
+    )
 
 
 def _filtered_regressor(

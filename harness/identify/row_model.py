@@ -111,31 +111,33 @@ class RowModel:
 
     def rate(self, values: FloatArray) -> FloatArray:
         """How the forces of a level platform change (n, 6) [N/s]."""
-        found = self.regression.rate(self.phi(values))
-        return found if self.friction is None else found + self._sticking(values, 1)[:, :, 0]
+        rate = self.regression.rate(self.phi(values))
+        return rate if self.friction is None else rate + self._sticking(values, 1)[:, :, 0]
 
     def by_lengths(self, values: FloatArray) -> FloatArray:
         """Of friction that sticks, the derivatives by each leg's length and velocity (n, 2, 6)."""
         assert self.friction is not None
-        friction, own = self.friction, values[self.bent]
-        found = self.regression.filtered(lambda v, h: friction.by_lengths(own, v, h), 0)
-        return found.reshape(len(found), 2, 6)
+        friction, law = self.friction, values[self.bent]
+        derivatives = self.regression.filtered(lambda v, h: friction.by_lengths(law, v, h), 0)
+        return derivatives.reshape(len(derivatives), 2, 6)
 
     def residual(self, values: FloatArray) -> FloatArray:
         """What the log reads less what it should (n, 6) [N], at times that a delay shifts."""
-        found = self.instruments(values)
-        return self.regression.force_if_late(found.delay) - (found.gain * self.force(values) + found.offset)
+        instruments = self.instruments(values)
+        return self.regression.force_if_late(instruments.delay) - (
+            instruments.gain * self.force(values) + instruments.offset
+        )
 
     def columns(self, values: FloatArray) -> FloatArray:
         """Derivatives of the reading by each parameter (n, 6, p)."""
-        found, phi = self.instruments(values), self.phi(values)
+        instruments, phi = self.instruments(values), self.phi(values)
         W = self._regressor(values)
         result = np.zeros((len(W), 6, len(self.names)))
         if self.own:
-            by_own = gradient(self._elements(values), [self.names[k] for k in self.own])
-            result[:, :, self.own] = found.gain[:, None] * (W @ by_own)
+            by_platform = gradient(self._elements(values), [self.names[k] for k in self.own])
+            result[:, :, self.own] = instruments.gain[:, None] * (W @ by_platform)
         if self.bent:
-            result[:, :, self.bent] = found.gain[:, None] * self._sticking(values)[:, :, 1:]
+            result[:, :, self.bent] = instruments.gain[:, None] * self._sticking(values)[:, :, 1:]
         for k, name in enumerate(self.names):
             stem, index = place_of(name)
             if stem == "force_gain":
@@ -143,20 +145,20 @@ class RowModel:
             elif stem == "force_offset":
                 result[:, index[0], k] = 1.0
             elif stem == "delay":
-                result[:, :, k] = -found.gain * self.rate(values)
+                result[:, :, k] = -instruments.gain * self.rate(values)
             elif stem == "base_tilt":
-                turned = tilt_directions(self.platform.gravity, found.tilt)[:, index[0]]
-                result[:, :, k] = found.gain * (np.einsum("nlpa,a->nlp", self._by_gravity, turned) @ phi)
+                turned = tilt_directions(self.platform.gravity, instruments.tilt)[:, index[0]]
+                result[:, :, k] = instruments.gain * (np.einsum("nlpa,a->nlp", self._by_gravity, turned) @ phi)
         return result
 
     def _sticking(self, values: FloatArray, derivative: int = 0) -> FloatArray:
         """Friction that sticks, and its derivatives by its parameters (n, 6, 1 + q); or their rates."""
         assert self.friction is not None
-        friction, own = self.friction, values[self.bent]
-        key = own.tobytes() + bytes([derivative])
+        friction, law = self.friction, values[self.bent]
+        key = law.tobytes() + bytes([derivative])
         if self._last[0] != key:
-            found = self.regression.filtered(lambda v, h: friction.force(own, v, h), derivative)
-            self._last = (key, found.reshape(len(found), 6, -1))
+            filtered = self.regression.filtered(lambda v, h: friction.force(law, v, h), derivative)
+            self._last = (key, filtered.reshape(len(filtered), 6, -1))
         return self._last[1]
 
     def _elements(self, values: FloatArray) -> dict[str, float]:
@@ -178,4 +180,4 @@ class RowModel:
         turned = [
             regressor(self.platform.with_parameters({"gravity": axis}), state, acceleration) for axis in np.eye(3)
         ]
-        return np.stack([each - level for each in turned], axis=-1)
+        return np.stack([by_axis - level for by_axis in turned], axis=-1)

@@ -170,10 +170,10 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
         )
     alarms = [
         f"{log.where}: rows of the length of leg {leg + 1} alone were lost (+) or repeated (−) at "
-        f"{_places(time, own)}, so that its readings belong to other times from then on; values and intervals are "
+        f"{_places(time, of_leg)}, so that its readings belong to other times from then on; values and intervals are "
         "not valid; check the logger"
         for leg in range(6)
-        if (own := [place for place in lost if place.legs == (leg,)])
+        if (of_leg := [place for place in lost if place.legs == (leg,)])
     ]
 
     bad = np.asarray((unknown_length | unknown_force | halted).any(axis=1))
@@ -306,22 +306,22 @@ def _runs_of(bad: Mask, longest: int) -> Mask:
 def _segments(bad: Mask, cuts: Sequence[int]) -> list[slice]:
     """Runs of good rows, also divided before the rows `cuts`."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], bad, [True]])))
-    found = []
+    segments = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         inner = [int(begin), *(cut for cut in cuts if begin < cut < end), int(end)]
-        found += [slice(a, b) for a, b in pairwise(inner)]
-    return found
+        segments += [slice(a, b) for a, b in pairwise(inner)]
+    return segments
 
 
-def _legs(what: str, bad: Mask) -> str:
+def _legs(fault: str, bad: Mask) -> str:
     """The fault with the number of readings and the legs."""
     count = bad.sum(axis=0)
     if (count == count[0]).all():
-        return f"{count[0]} {what} of every leg"
+        return f"{count[0]} {fault} of every leg"
     if count.sum() == 1:
-        what = what.replace("spikes", "spike").replace("readings", "reading")
+        fault = fault.replace("spikes", "spike").replace("readings", "reading")
     legs = [k + 1 for k in np.flatnonzero(count)]
-    return f"{count.sum()} {what} of leg{'s' if len(legs) > 1 else ''} {', '.join(map(str, legs))}"
+    return f"{count.sum()} {fault} of leg{'s' if len(legs) > 1 else ''} {', '.join(map(str, legs))}"
 
 
 def _when(time: FloatArray, rows: NDArray[np.intp]) -> str:

@@ -305,14 +305,17 @@ def _quadratic(m: Made) -> None:
 
 
 MASS, LAW = {"payload, centre of mass or inertia"}, {"law of friction"}
+# Of a payload all three are not what the file has; of a small one only some show.
+_OF_FILE = {f"{name} of the platform's file" for name in ("platform_com", "platform_inertia")}
+_OF_FILE |= {"payload, or several of the platform's masses"}
 # Of each kind how it is made, names of hypotheses and causes that are true of it (more by the draw itself), and whether
 # some hypothesis holds it.
 KINDS: dict[str, tuple[Callable[[Made], None], set[str], set[str]]] = {
     "nothing": (lambda _made: None, set(), set()),
-    "payload": (_payload, {"payload, or several of the platform's masses"}, MASS),
+    "payload": (_payload, _OF_FILE, MASS),
     "com": (_com, {"platform_com of the platform's file"}, MASS),
     "inertia": (_inertia, {"platform_inertia of the platform's file"}, MASS),
-    "com and inertia": (_com_and_inertia, {"payload, or several of the platform's masses"}, MASS),
+    "com and inertia": (_com_and_inertia, _OF_FILE, MASS),
     "armature": (_armature, {"leg_armature of the platform's file"}, {"armature or clock"}),
     "friction of a leg": (_leg_friction, set(), {"friction of the legs"}),
     "gain of a leg": (_gain, set(), set()),
