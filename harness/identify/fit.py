@@ -23,7 +23,7 @@ from gough_stewart.harness.identify.friction import (
 )
 from gough_stewart.harness.identify.log import Part, on_one_axis
 from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.noise import Fit, Whitened, noises_of, whitened, whitened_by
+from gough_stewart.harness.identify.noise import RowFit, Whitened, noises_of, whitened, whitened_by
 from gough_stewart.harness.identify.physical import BestFit, best_fit
 from gough_stewart.harness.identify.regression import Regression, Rows, regression_of
 from gough_stewart.harness.identify.regressor import (
@@ -178,7 +178,7 @@ def _fit_at(
     is_fitted: NDArray[np.bool_],
     used: FloatArray,
     derivatives: ForceDerivatives | None = None,
-) -> Fit:
+) -> RowFit:
     """What diagnosis needs of a fit, at these values; derivatives of a fit nearby do."""
     force = model.force(values)
     if derivatives is None:
@@ -190,7 +190,7 @@ def _fit_at(
             legs = range(6)
             derivatives.by_legs[:, legs, :2, legs] += model.by_lengths(values).transpose(2, 0, 1)
     columns = model.columns(values)[is_fitted]
-    return Fit(model.names, values, columns, force, model.rate(values), derivatives, is_fitted, used)
+    return RowFit(model.names, values, columns, force, model.rate(values), derivatives, is_fitted, used)
 
 
 def _fit_of(white: FloatArray, elements: Mapping[str, float], names: Sequence[str], scale: FloatArray) -> BestFit:

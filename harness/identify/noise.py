@@ -178,7 +178,7 @@ def _windows(rows: int, number: int) -> list[tuple[int, int]]:
     return [(start, start + _ROWS_A_WINDOW) for start in starts]
 
 
-class Fit(NamedTuple):
+class RowFit(NamedTuple):
     """A fit of the rows by any method."""
 
     names: tuple[str, ...]
@@ -196,13 +196,13 @@ class Whitened:
     """The fitted rows with their covariance known: everything the tests and the estimates need."""
 
     noise: RowNoise
-    fit: Fit
+    fit: RowFit
     families: tuple[Family, ...]  # of the fitted rows
     model: RowModel
     raw: RawNoise  # of the first part
     raw_noises: tuple[TwoNoises, ...]  # of each part
 
-    def at(self, fit: Fit) -> "Whitened":
+    def at(self, fit: RowFit) -> "Whitened":
         """The same rows and noise for another fit."""
         return replace(self, fit=fit)
 
@@ -216,7 +216,7 @@ class Whitened:
         return replace(self, noise=fitted_noise(self.raw_noises, self.raw, every, residual, self.fit.used))
 
 
-def whitened(model: RowModel, fit: Fit, not_excited: Sequence[str] = ()) -> Whitened:
+def whitened(model: RowModel, fit: RowFit, not_excited: Sequence[str] = ()) -> Whitened:
     """The covariance of the rows, with the shares of both noises; what extensions describe is not taken for noise."""
     tilt, names = model.instruments(fit.values).tilt, (*fit.names, *not_excited)
     families = tuple(
