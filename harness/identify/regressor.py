@@ -166,7 +166,7 @@ def regressor(platform: Platform, state: State, acceleration: Acceleration) -> F
     """
     motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
     fixed = np.concatenate([np.ravel(getattr(platform, name)) for name in _FIXED])
-    columns = np.array(wrenches_function()(motion.T, fixed)).T.reshape(len(motion), -1, 6)
+    columns = _evaluated(wrenches_function(), motion, np.tile(fixed, (len(motion), 1)))[0].reshape(len(motion), -1, 6)
     legs = leg_geometry(platform, state.position, state.orientation)
     inertial = np.linalg.solve(transpose(jacobian_of_legs(legs)), transpose(columns))
     # friction acts along the actuator, only on its own leg
@@ -268,14 +268,28 @@ def force_derivatives(motion: FloatArray, parameters: FloatArray, force: FloatAr
         The forces there (n, 6) [N].
     """
     n = len(motion)
-    outputs = _equations().map(n)(motion.T, np.tile(parameters[:, None], n), force.T)
-    J, G_m, G_p, h_m, h_p = (np.array(out).reshape(out.shape[0], n, -1).swapaxes(0, 1) for out in outputs)
+    J, G_m, G_p, h_m, h_p = _evaluated(_equations(), motion, np.tile(parameters, (n, 1)), force)
     per_leg = np.linalg.solve(np.swapaxes(h_m, 1, 2), np.swapaxes(G_m, 1, 2)).swapaxes(1, 2)
     Jt = np.swapaxes(J, 1, 2)
     by_legs = np.asarray(np.linalg.solve(Jt, per_leg), dtype=float)
     by_parameters = np.asarray(np.linalg.solve(Jt, G_p), dtype=float)
     by_parameters[:, :, : h_p.shape[2]] -= by_legs @ h_p
     return ForceDerivatives(by_legs.reshape(n, 6, 3, 6), by_parameters)
+
+
+def _evaluated(function: casadi.Function, *arguments: FloatArray) -> list[FloatArray]:
+    """Results (n, rows, columns) for n rows of arguments, through buffers, which copy nothing."""
+    n = len(arguments[0])
+    buffer: Any  # its type stubs do not accept NumPy arrays
+    buffer, call = function.map(n).buffer()
+    kept = [np.ascontiguousarray(argument, dtype=float).ravel() for argument in arguments]
+    results = [np.empty((n, *function.size_out(k)[::-1])) for k in range(function.n_out())]
+    for k, argument in enumerate(kept):
+        buffer.set_arg(k, argument.data)
+    for k, result in enumerate(results):
+        buffer.set_res(k, result.reshape(-1).data)
+    call()
+    return [result.swapaxes(1, 2) for result in results]
 
 
 def kernel_parameters(platform: Platform, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
