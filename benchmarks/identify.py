@@ -1,6 +1,6 @@
-"""Time and accuracy of identification with a log of 20 s at 1 kHz, simulated by Newton–Euler: `make bench`.
+"""Time and accuracy of identification with a log of 20 s at 1 kHz, simulated by a Lagrangian: `make bench`.
 
-Encoders of 1 µm, force noise of 1 %, LuGre friction; thirteen parameters with wrong nominal values. Also the condition
+Encoders of 1 µm, force noise of 1 %; thirteen parameters with wrong nominal values. Also the condition
 number of an optimised motion against that of a circle of the same duration.
 """
 
@@ -33,9 +33,9 @@ DURATION = 20.0
 
 def identified() -> tuple[Estimate, float]:
     """The estimate and its computing time [s]."""
-    from tests.harness.identify.machine import NOMINAL, lugre, machine_log
+    from tests.support.machine_logs import NOMINAL, Course, machine_log
 
-    log = machine_log(duration=DURATION, friction=lugre(560.0, 130.0))
+    log = machine_log(course=Course(duration=DURATION))
     start = time.perf_counter()
     found = identify(log, NOMINAL, NAMES)
     return found, time.perf_counter() - start
@@ -43,18 +43,18 @@ def identified() -> tuple[Estimate, float]:
 
 def main() -> int:
     """Measure and print; 1 if the target is missed."""
-    from tests.harness.identify.machine import NOMINAL, TRUE
+    from tests.support.machine_logs import MACHINE, NOMINAL
 
     table = Table(title="identification of thirteen parameters, 20 s at 1 kHz")
     for head in ("time [s]", "target [s]", "mass error [%]", "com error [mm]", "friction error [%]"):
         table.add_column(head)
     found, seconds = identified()
     errors = {
-        name: value - value_of(TRUE, name) for name, value in zip(found.names, found.values.tolist(), strict=True)
+        name: value - value_of(MACHINE, name) for name, value in zip(found.names, found.values.tolist(), strict=True)
     }
     com = max(abs(1e3 * e) for name, e in errors.items() if name.startswith("platform_com"))
-    friction = max(abs(100 * e / value_of(TRUE, n)) for n, e in errors.items() if "friction" in n)
-    mass = 100 * abs(errors["platform_mass"]) / TRUE.platform_mass
+    friction = max(abs(100 * e / value_of(MACHINE, n)) for n, e in errors.items() if "friction" in n)
+    mass = 100 * abs(errors["platform_mass"]) / MACHINE.platform_mass
     table.add_row(f"{seconds:.2f}", f"{TARGET:g}", f"{mass:.3f}", f"{com:.3f}", f"{friction:.2f}")
     console = Console()
     console.print(table)

@@ -98,6 +98,7 @@ Errors
     GoughStewartError         base class of this package's errors
     StepError                 a step that the platform cannot complete
     UnstableLoopError         a loop without margins
+    IdentificationWarning     a reason not to trust what `identify` found
 
 All other names are internal and may change between versions.
 """

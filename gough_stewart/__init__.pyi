@@ -17,6 +17,7 @@ from gough_stewart.harness.control.pid import sampled as sampled
 from gough_stewart.harness.ensemble.ensemble import ensemble as ensemble
 from gough_stewart.harness.ensemble.report import Ensemble as Ensemble
 from gough_stewart.harness.ensemble.report import read_ensemble as read_ensemble
+from gough_stewart.harness.errors import IdentificationWarning as IdentificationWarning
 from gough_stewart.harness.errors import UnstableLoopError as UnstableLoopError
 from gough_stewart.harness.experiment.checking import MotionCheck as MotionCheck
 from gough_stewart.harness.experiment.checking import check as check

@@ -49,6 +49,10 @@ class IdentificationError(GoughStewartError, ValueError):
         self.names = tuple(names)
 
 
+class IdentificationWarning(UserWarning):
+    """A reason not to trust the values and intervals of an identification."""
+
+
 class TableError(GoughStewartError, ValueError):
     """A file that is not a table of numbers; names column and row."""
 

@@ -39,7 +39,7 @@ NAMES = [
     "sweep", "evaluate_poses",
     "identify", "Estimate", "excite", "before_and_after", "read_log", "Log",
     "reproduce",
-    "GoughStewartError", "StepError", "UnstableLoopError",
+    "GoughStewartError", "StepError", "UnstableLoopError", "IdentificationWarning",
 ]
 # fmt: on
 # What takes longer to import than all of Python; nobody pays for it who does not use it.

@@ -1,6 +1,7 @@
 """The commands `excite` and `identify`: parameters of a platform from logs."""
 
 import shlex
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -25,9 +26,9 @@ from gough_stewart.harness.cli.options import (
     platform_folder,
 )
 from gough_stewart.harness.cli.study import Running, study
-from gough_stewart.harness.errors import UsageError
+from gough_stewart.harness.errors import IdentificationWarning, UsageError
 
-Criterion = Literal["condition", "determinant"]
+Criterion = Literal["determinant", "trace"]
 
 
 @study(numbers=("condition_number", "log_determinant"), figures=("pose",))
@@ -49,11 +50,9 @@ def excite_command(
     fade: Annotated[float, option("Duration of the fade from rest and to rest [s].", "SECONDS")] = 1.0,
     criterion: Annotated[
         Criterion,
-        choice(
-            "What to optimise: the condition number of the regressor, or the determinant of its information.", Criterion
-        ),
-    ] = "condition",
-    trials: Annotated[int, option("Number of motions to evaluate.", "N", min=1)] = 150,
+        choice("What to optimise: the determinant of the information, or the trace of its inverse.", Criterion),
+    ] = "determinant",
+    trials: Annotated[int, option("Number of motions from which the search starts.", "N", min=1)] = 2,
     seed: SeedOption = 0,
     out: Annotated[Path | None, out_option("results/excite_NAME, after the platform")] = None,
 ) -> None:
@@ -71,8 +70,7 @@ def excite_command(
         if not 0 < value < float("inf"):
             raise UsageError(f"--{name} is {value:g}; expected a number > 0")
     loaded = chosen_platform(preset, platform)
-    from gough_stewart.harness.identify.excite import excite, experiment_text
-    from gough_stewart.harness.identify.excite_report import excite_report
+    from gough_stewart.harness.identify.excite import excite, excite_report, experiment_text
     from gough_stewart.harness.identify.names import expanded
     from gough_stewart.model.platform import platform_to_toml
 
@@ -190,7 +188,7 @@ def identify_command(
     if validate and validation is not None:
         raise UsageError("--validate and --validation exclude each other; give one")
     nominal = chosen_platform(preset, platform)
-    from gough_stewart.harness.identify.files import FILES, identification_files
+    from gough_stewart.harness.identify.estimate import FILES, identification_files
     from gough_stewart.harness.identify.identify import identify
     from gough_stewart.harness.identify.log import read_log
     from gough_stewart.harness.identify.report import estimate_report
@@ -212,7 +210,8 @@ def identify_command(
         options["validation"] = [read_log(log, force_per_current, **log_options) for log in validate]
     elif validation is not None:
         options["validation"] = validation
-    result = identify(fitted, nominal, estimate, method, **options)
+    with warnings.catch_warnings(action="ignore", category=IdentificationWarning):  # the report says it
+        result = identify(fitted, nominal, estimate, method, **options)
     compared = None
     if loaded is not None:
         running.step("before and after")

@@ -19,10 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from gough_stewart.harness.identify.lack_of_fit import LEVEL, LackOfFit, basis_of, lack_of_fit
-from gough_stewart.harness.identify.names import unit_of, value_of
-from gough_stewart.harness.identify.rows.force_derivatives import parameter_columns
-from gough_stewart.harness.identify.rows.hypotheses import (
+from gough_stewart.harness.identify.hypotheses import (
     FACTORS,
     FRICTION_LAW,
     GEOMETRY,
@@ -33,8 +30,11 @@ from gough_stewart.harness.identify.rows.hypotheses import (
     leg_motion,
     stribeck,
 )
-from gough_stewart.harness.identify.rows.row_model import RowModel
-from gough_stewart.harness.identify.rows.whitened import Whitened
+from gough_stewart.harness.identify.lack_of_fit import LEVEL, LackOfFit, basis_of, lack_of_fit
+from gough_stewart.harness.identify.names import unit_of, value_of
+from gough_stewart.harness.identify.noise import Whitened
+from gough_stewart.harness.identify.regressor import parameter_columns
+from gough_stewart.harness.identify.row_model import RowModel
 from gough_stewart.model.vectors import FloatArray
 
 # Residuals below this share of the forces are errors of the filters.

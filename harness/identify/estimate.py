@@ -4,20 +4,37 @@ import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import stdtrit
 
 from gough_stewart.harness.identify.causes import Diagnosis
 from gough_stewart.harness.identify.names import unit_of, value_of, with_values
 from gough_stewart.model.errors import PlatformError
-from gough_stewart.model.platform import Platform
+from gough_stewart.model.platform import Platform, platform_to_toml
 from gough_stewart.model.vectors import FloatArray
 
 CONFIDENCE = 0.95
 # Text of a combination: parts smaller than this share of the largest are left out.
 _SHOWN_PART = 0.1
+
+
+# Share of right fits whose validation raises a false alarm.
+VALIDATION_LEVEL = 0.005
+
+
+class Validation(NamedTuple):
+    """How well a fit predicts rows that were not fitted."""
+
+    rms: float  # of their residuals [N]
+    expected: float  # by their noise and the errors of the estimate [N]
+    p_value: float  # probability of residuals as large or larger if the model is right
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the fit does not predict these rows."""
+        return self.p_value < VALIDATION_LEVEL
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +74,10 @@ class Estimate:
     # how many of these combinations are observable; the others keep their nominal values
     rank: int
     residuals: Residuals
+    # of the variance that the residuals estimate; infinite if the variance is known
+    freedom: float = math.inf
+    # how well the rows that were kept for it are predicted; None if there are none
+    validation: Validation | None = None
     notes: tuple[str, ...] = ()
     # reasons not to trust the values and their intervals, one sentence each; the command ends with exit code 3
     alarms: tuple[str, ...] = ()
@@ -75,9 +96,15 @@ class Estimate:
         return np.sqrt(np.diag(self.covariance))
 
     @property
+    def without_interval(self) -> tuple[str, ...]:
+        """Elements with a value, but no interval, since combinations that no log shows move them."""
+        known = np.isfinite(self.values) & ~np.isfinite(self.standard_errors)
+        return tuple(name for name, is_it in zip(self.names, known, strict=True) if is_it and name not in self.at_bound)
+
+    @property
     def interval(self) -> FloatArray:
-        """Lower and upper ends of the 95 % confidence intervals (p, 2) [SI]."""
-        half = ndtri((1 + CONFIDENCE) / 2) * self.standard_errors
+        """Lower and upper ends of the 95 % confidence intervals (p, 2) [SI], by Student's t."""
+        half = float(stdtrit(self.freedom, (1 + CONFIDENCE) / 2)) * self.standard_errors
         return np.stack([self.values - half, self.values + half], axis=1)
 
     @property
@@ -112,16 +139,15 @@ class Estimate:
         PlatformError
             The estimated values are not possible together with the rest of this platform.
         """
-        every = zip(self.names, self.values.tolist(), strict=True)
-        found = {name: value for name, value in every if not math.isnan(value)}
+        pairs = zip(self.names, self.values.tolist(), strict=True)
+        known = {name: value for name, value in pairs if not math.isnan(value)}
         try:
-            return with_values(nominal, found)
+            return with_values(nominal, known)
         except PlatformError:
             if not any(name.startswith("platform_inertia") for name in self.not_excited):
                 raise
-            return with_values(
-                nominal, {name: value for name, value in found.items() if not name.startswith("platform_inertia")}
-            )
+            rest = {name: value for name, value in known.items() if not name.startswith("platform_inertia")}
+            return with_values(nominal, rest)
 
     def combination(self, k: int) -> str:
         """The combination of singular value k, as text; parts in units of their scale."""
@@ -149,11 +175,26 @@ class Estimate:
             "not_excited": self.not_excited,
             "at_bound": self.at_bound,
             "residuals": vars(self.residuals),
+            "validation": None if self.validation is None else self.validation._asdict(),
             "alarms": self.alarms,
             "notes": self.notes,
             "diagnosis": None if self.diagnosis is None else self.diagnosis.to_dict(),
         }
         return (json.dumps(_plain(parts), indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode()
+
+
+FILES = ("platform.toml", "estimate.json")
+
+
+def identification_files(estimate: Estimate, nominal: Platform) -> dict[str, bytes]:
+    """Contents by file name: the platform file for `run`, and the numbers.
+
+    Raises
+    ------
+    PlatformError
+        The estimated values are not possible together with the rest of the nominal platform.
+    """
+    return {"platform.toml": platform_to_toml(estimate.platform(nominal)).encode(), "estimate.json": estimate.to_json()}
 
 
 def nominal_values(names: Sequence[str], platform: Platform) -> FloatArray:
@@ -176,7 +217,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, dict):
-        return {key: _plain(each) for key, each in value.items()}
+        return {key: _plain(part) for key, part in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
+        return [_plain(part) for part in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value

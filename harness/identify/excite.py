@@ -1,45 +1,68 @@
-"""A motion that excites parameters: Fourier coefficients for the best-conditioned regressor within all limits."""
+"""A motion that excites parameters: Fourier coefficients of the largest information within all limits."""
 
 from collections.abc import Callable, Sequence
-from typing import Literal, NamedTuple
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple
 
+import casadi
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, ReachError
-from gough_stewart.harness.identify.linear import scales_of
-from gough_stewart.harness.identify.names import expanded, value_of
-from gough_stewart.harness.identify.rows.linear_parameters import (
+from gough_stewart.harness.identify.estimate import nominal_values
+from gough_stewart.harness.identify.fit import scales_of, used_rows
+from gough_stewart.harness.identify.friction import ideal_of
+from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.names import expanded, unit_of
+from gough_stewart.harness.identify.noise import noises_of, whitened_by
+from gough_stewart.harness.identify.regression import Regression, Rows, segment_of
+from gough_stewart.harness.identify.regressor import (
     FRICTION,
     elements_of,
+    force_derivatives,
+    friction_columns,
     gradient,
     linear_parameters,
     regressor,
     with_estimated,
+    wrenches_function,
 )
-from gough_stewart.harness.identify.rows.regression import Rows
 from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.limits.reach import check_reach
-from gough_stewart.harness.motion.motion import Motion
+from gough_stewart.harness.motion.motion import Motion, motion_of
+from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
+from gough_stewart.harness.report.document import Number, Report, Section, Verdict
+from gough_stewart.harness.report.quantities import ANGLE, LENGTH, NUMBER, Quantity, of_unit
+from gough_stewart.harness.report.table import Column, Table, Value
+from gough_stewart.harness.report.words import counted, sentence
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.errors import ArgumentError
+from gough_stewart.model.kernel import parameter_vector
+from gough_stewart.model.kinematics import LegGeometry, jacobian_of_legs, leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.progress import StepProgress
 from gough_stewart.model.process.toml import toml_item
+from gough_stewart.model.rotations import matrix_from_orientation
 from gough_stewart.model.state import State
-from gough_stewart.model.vectors import FloatArray
+from gough_stewart.model.vectors import FloatArray, apply, dot, transpose
 
-Criterion = Literal["condition", "determinant"]
+Criterion = Literal["determinant", "trace"]
 ESTIMATE = ("platform_mass", "platform_com", "platform_inertia", *FRICTION)
 # The motion uses at most this share of every limit; the controller needs the rest.
 _SHARE = 0.9
-# Initial amplitudes: shares of the platform's size, and of a radian.
-_LARGEST = (0.3, 0.3)
-# Rows per period of the highest harmonic: for the regressor, and for the final check of limits.
+# Amplitudes of the starts, and the largest distance from home: shares of the platform's size, and of a radian.
+_START, _FARTHEST = 0.3, 0.6
+# Rows per period of the highest harmonic: for the regressor and the search, and for the final check of limits.
 _COARSE, _FINE = 6, 40
-_BISECTIONS = 7
-_FIRST = 0.3  # share of the trials that are independent; the others vary the best one
+_BISECTIONS = 12
+_STEPS = 100  # of the search from each start
 # Bandwidth of the tracking loop: a few times the highest frequency of the motion.
 _ABOVE = 6.0
+# The log for which standard errors are promised: its sample time [s], noise of the forces as a share of their RMS, and
+# the encoders' step [m].
+_SAMPLE, _FORCE_NOISE, _ENCODER = 1e-3, 0.01, 1e-6
+# Beyond this, noise in one combination of the parameters is a hundred times that in another.
+LARGEST = 100.0
+_ROWS = 1001  # of charts
 
 
 class Excited(NamedTuple):
@@ -48,6 +71,9 @@ class Excited(NamedTuple):
     reference: Excitation
     condition_number: float  # of the regressor with scaled columns
     log_determinant: float  # of the information matrix per row, likewise
+    # (p,) [SI] of a log of this motion, all of it fitted: rows of 1 ms, forces with noise of 1 % of their RMS, encoders
+    # with steps of 1 µm
+    standard_errors: FloatArray
 
 
 def excite(
@@ -58,15 +84,16 @@ def excite(
     frequency: float = 0.1,
     harmonics: int = 5,
     fade: float = 1.0,
-    criterion: Criterion = "condition",
-    trials: int = 150,
+    criterion: Criterion = "determinant",
+    trials: int = 2,
     seed: int = 0,
     status: StepProgress | None = None,
 ) -> Excited:
     """Find Fourier coefficients whose motion excites these parameters best, within all limits of the platform.
 
-    Every trial is scaled to the limits of stroke, joint angles, velocity, force, power and condition number, less a
-    reserve of a tenth; the best trial is then varied at random in decreasing steps. Equal seeds give equal motions.
+    IPOPT maximises the information by its gradient from several random motions, under the limits of stroke, joint
+    angles, velocity, acceleration, force and power. The best motion is then scaled to all limits, looked at more
+    finely, less a reserve of a tenth. Equal seeds give equal motions.
 
     Parameters
     ----------
@@ -77,9 +104,10 @@ def excite(
     frequency, harmonics
         Frequency of the first harmonic [Hz], and number of harmonics.
     criterion
-        "condition", the regressor's condition number; or "determinant", that of its information matrix (D-optimal).
+        "determinant", that of the information matrix, is maximised (D-optimal); or "trace", that of its inverse, is
+        minimised (A-optimal): the sum of variances in units of each parameter's scale.
     trials
-        Number of motions tried.
+        Number of motions from which the search starts.
     status
         Called with the best result so far.
 
@@ -87,7 +115,7 @@ def excite(
     -------
     Excited
         `reference`, the motion as an `Excitation`; `condition_number` of the regressor with scaled columns, and
-        `log_determinant` of its information matrix per row.
+        `log_determinant` of its information matrix per row; `standard_errors` that a log of this motion promises.
 
     Raises
     ------
@@ -96,16 +124,18 @@ def excite(
 
     Examples
     --------
-    >>> found = gs.excite(gs.load_preset("liu2000"), "platform_mass,platform_com", duration=6, trials=4)
+    >>> found = gs.excite(gs.load_preset("liu2000"), "platform_mass,platform_com", duration=6, trials=1)
     >>> found.reference.duration, found.condition_number < 100
     """
     if trials < 1:
         raise ArgumentError(f"trials is {trials}; expected at least 1 motion to try")
+    platform = ideal_of(platform)
     names = expanded(estimate.split(",") if isinstance(estimate, str) else estimate, platform)
     rng = np.random.default_rng(seed)
-    size = np.repeat([_LARGEST[0] * platform.characteristic_length, _LARGEST[1]], 3)
-    steps = int(np.ceil(_COARSE * duration * frequency * harmonics)) + 1
-    time = np.linspace(0.0, duration, steps)
+    sizes = np.repeat([platform.characteristic_length, 1.0], 3)
+
+    def times(rows_a_period: int) -> FloatArray:
+        return np.linspace(0.0, duration, int(np.ceil(rows_a_period * duration * frequency * harmonics)) + 1)
 
     def reference_of(coefficients: FloatArray) -> Excitation:
         a, b = coefficients
@@ -119,44 +149,213 @@ def excite(
             orientation_cosine=b[:, 3:].tolist(),
         )
 
-    def keeps(scale: float, coefficients: FloatArray, at: FloatArray) -> bool:
-        return within_limits(platform, at, reference_of(scale / _SHARE * coefficients).about(platform)(at))
+    def within(coefficients: FloatArray, time: FloatArray) -> FloatArray:
+        """The coefficients, scaled to the limits; 0 if none are kept."""
 
-    best: tuple[float, FloatArray, float, float] | None = None
-    independent = max(1, int(_FIRST * trials))
-    for k in range(trials):
-        drawn = rng.standard_normal((2, harmonics, 6)) * size / np.sqrt(2 * harmonics)
-        if best is not None and k >= independent:
-            spread = 0.5 * 0.02 ** ((k - independent) / max(1, trials - independent))
-            drawn = best[1] + spread * np.sqrt((best[1] ** 2).mean(axis=(0, 1))) * rng.standard_normal(drawn.shape)
-        scale = _largest(lambda s, c=drawn: keeps(s, c, time))  # type: ignore[misc]
-        if scale == 0:
+        def keeps(scale: float) -> bool:
+            return within_limits(platform, time, reference_of(scale / _SHARE * coefficients).about(platform)(time))
+
+        return coefficients * _largest(keeps)
+
+    best: tuple[float, FloatArray] | None = None
+    search: _Search | None = None
+    for _ in range(trials):
+        drawn = rng.standard_normal((2, harmonics, 6)) * _START * sizes / np.sqrt(2 * harmonics)
+        start = within(drawn, times(_COARSE))
+        if not start.any():
             continue
-        coefficients = scale * drawn
-        motion = reference_of(coefficients).about(platform)(time)
-        number, determinant = criteria(platform, names, time, motion)
-        cost = number if criterion == "condition" else -determinant
-        if best is None or cost < best[0]:
-            best = (cost, coefficients, number, determinant)
-            if status is not None:
-                status(f"condition number {number:.3g}")
-    if best is None or not np.isfinite(best[2]):
+        if search is None:
+            search = _search_of(platform, names, times(_COARSE), reference_of, start, criterion)
+        for tried in (start, search.improved(start)):
+            coefficients = within(tried, times(_FINE))
+            cost = search.cost(coefficients)
+            if np.isfinite(cost) and (best is None or cost < best[0]):
+                best = cost, coefficients
+                if status is not None:
+                    at = times(_COARSE)
+                    number, _ = criteria(platform, names, at, reference_of(coefficients).about(platform)(at))
+                    status(f"condition number {number:.3g}")
+    if best is None:
         raise IdentificationError(
             f"no motion was found within the limits of {platform.name} that excites {', '.join(names)}; estimate fewer "
             "parameters, or try more motions or harmonics",
             names,
         )
-    fine = np.linspace(0.0, duration, int(np.ceil(_FINE * duration * frequency * harmonics)) + 1)
-    coefficients = best[1] * _largest(lambda s: keeps(s, best[1], fine))
-    reference = reference_of(np.round(coefficients, 6))
-    return Excited(reference, *criteria(platform, names, time, reference.about(platform)(time)))
+    reference, at = reference_of(np.round(best[1], 6)), times(_COARSE)
+    measures = criteria(platform, names, at, reference.about(platform)(at))
+    return Excited(reference, *measures, promised_errors(platform, names, reference))
+
+
+class _Search(NamedTuple):
+    """The search for coefficients of a lower cost."""
+
+    solver: casadi.Function
+    measure: casadi.Function
+    bounds: tuple[FloatArray, FloatArray]  # of the constraints
+
+    def cost(self, coefficients: FloatArray) -> float:
+        """−log det of the information, or the trace of its inverse; infinite if it is singular."""
+        cost = float(self.measure(coefficients.ravel()))
+        return cost if np.isfinite(cost) else np.inf
+
+    def improved(self, start: FloatArray) -> FloatArray:
+        """The coefficients (2, harmonics, 6) that IPOPT finds from these ones."""
+        low, high = self.bounds
+        solution = self.solver(x0=start.ravel() / _SHARE, lbg=low, ubg=high)
+        return _SHARE * np.asarray(solution["x"], dtype=float).reshape(start.shape)
+
+
+def _search_of(
+    platform: Platform,
+    names: Sequence[str],
+    time: FloatArray,
+    reference_of: Callable[[FloatArray], Excitation],
+    start: FloatArray,
+    criterion: Criterion,
+) -> _Search:
+    """The nonlinear programme of the coefficients over the reserve: limits are those of this larger motion.
+
+    The pose and its rates are linear in the coefficients, information and limits are functions of them row by row.
+    """
+    first = reference_of(start).about(platform)(time)
+    W = regressor(platform, State(*first[:4]), Acceleration(*first[4:]))
+    elements = with_estimated(elements_of(platform), names, nominal_values(names, platform))
+    rows = Rows(time, W @ linear_parameters(elements), W, 0.0, np.ones((len(time), 6)))
+    scaled = gradient(elements, names) * scales_of(rows, platform, names)
+    force = float(np.sqrt((rows.force**2).mean()))
+    row, low, high = _row_of(platform, scaled / force, np.asarray(linear_parameters(elements), dtype=float))
+
+    # the profile of each coefficient in time, which is the same in all coordinates
+    profiles = np.zeros((3, len(time), start[..., 0].size))
+    for k in range(profiles.shape[2]):
+        unit = np.zeros_like(start)
+        unit.reshape(-1, 6)[k, 0] = 1.0
+        alone = reference_of(unit).about(platform)(time)
+        profiles[:, :, k] = [values[:, 0] for values in (alone.position, alone.velocity, alone.acceleration)]
+    profiles[0] -= platform.home_position[0]
+    home = np.concatenate([platform.home_position, platform.home_orientation, np.zeros(12)])
+    mapped, count, measured = row.map(len(time)), len(time), _criterion(len(names), criterion)
+    by_coefficients = np.einsum("dtk,ab->tdakb", profiles, np.eye(6)).reshape(count, 18, -1)
+
+    def evaluated(x: Any) -> tuple[Any, Any, Any]:
+        by_coordinate = casadi.reshape(x, 6, profiles.shape[2])
+        motion = casadi.vertcat(*(casadi.mtimes(by_coordinate, profile.T) for profile in profiles))
+        columns, limited, slopes = mapped(motion + np.tile(home[:, None], count))
+        return measured(casadi.mtimes(columns, columns.T) / count), casadi.vec(limited), slopes
+
+    x, none = casadi.MX.sym("x", start.size), casadi.MX.sym("p", 0)
+    _, limited, slopes = evaluated(x)
+    by_rows = [
+        casadi.mtimes(of_row, casadi.DM(P))
+        for of_row, P in zip(casadi.horzsplit(slopes, 18), by_coefficients, strict=True)
+    ]
+    # row by row, which takes a twentieth of the time of differentiating through all rows at once
+    jacobian = casadi.Function("jac_g", [x, none], [limited, casadi.vertcat(*by_rows)], ["x", "p"], ["g", "jac:g:x"])
+    ipopt = {"print_level": 0, "sb": "yes", "max_iter": _STEPS, "tol": 1e-4, "hessian_approximation": "limited-memory"}
+    options: Any = {"print_time": False, "show_eval_warnings": False, "jac_g": jacobian, "ipopt": ipopt}
+    programme: Any = {"x": x, "f": evaluated(_SHARE * x)[0], "g": limited}
+    solver = casadi.nlpsol("excitation", "ipopt", programme, options)
+    cost = casadi.Function("cost", [x], [evaluated(x)[0]])
+    return _Search(solver, cost, (np.tile(low, count), np.tile(high, count)))
+
+
+def _criterion(size: int, criterion: Criterion) -> casadi.Function:
+    """CasADi Function: information (p, p) -> −log det, or the trace of the inverse, by its Cholesky factor."""
+    M = casadi.SX.sym("M", size, size)
+    R = casadi.chol(M)
+    if criterion == "determinant":
+        return casadi.Function("criterion", [M], [-2 * casadi.sum1(casadi.log(casadi.diag(R)))])
+    return casadi.Function("criterion", [M], [casadi.sumsqr(casadi.solve(R.T, casadi.SX.eye(size)))])
+
+
+def _row_of(
+    platform: Platform, by_elements: FloatArray, phi: FloatArray
+) -> tuple[casadi.Function, FloatArray, FloatArray]:
+    """CasADi Function of a row, q (18) -> Dᵀ (p, 6), limited quantities, their slopes; and the limits.
+
+    Parameters
+    ----------
+    by_elements, phi
+        ∂φ/∂θ in units of scale (SIZE, p), and φ (SIZE,).
+    """
+    q = casadi.SX.sym("q", 18)
+    numbers = np.array([casadi.vertsplit(q)], dtype=object)
+    motion = motion_of(numbers[:, :6], numbers[:, 6:12], numbers[:, 12:])
+    state = State(*motion[:4])
+    legs = leg_geometry(platform, state.position, state.orientation)
+    velocity = rates_of_legs(legs, state).length_rate
+    accelerations = leg_accelerations(legs, state, motion.acceleration, motion.angular_acceleration)
+    fixed = [np.ravel(getattr(platform, name)) for name in ("base_points", "platform_points", "gravity")]
+    wrenches = wrenches_function()(casadi.vertcat(*np.concatenate(motion, axis=1)[0]), np.concatenate(fixed))
+    J = casadi.vertcat(*(casadi.horzcat(*line) for line in jacobian_of_legs(legs)[0]))
+    friction = np.split(friction_columns(platform, velocity)[0], 2)
+    W = casadi.horzcat(
+        casadi.solve(J.T, casadi.reshape(wrenches, 6, -1)),
+        *(casadi.diag(casadi.vertcat(*column)) for column in friction),
+    )
+    force, speed = casadi.mtimes(W, phi), casadi.vertcat(*velocity[0])
+
+    farthest = _FARTHEST * np.repeat([platform.characteristic_length, 1.0], 3)
+    home = np.concatenate([platform.home_position, platform.home_orientation])
+    limited: list[tuple[Any, Any, Any]] = [(q[:6], home - farthest, home + farthest)]
+    low, high = platform.leg_length_min, platform.leg_length_max
+    limited.append((casadi.vertcat(*legs.length[0]), low or 0.0, np.inf if high is None else high))
+    if platform.joint_angle_max is not None:
+        limited.append((_cosines(platform, legs, state), np.cos(platform.joint_angle_max), np.inf))
+    for limit, values in (
+        (platform.leg_velocity_max, speed),
+        (platform.leg_acceleration_max, casadi.vertcat(*accelerations[0])),
+        (platform.actuator_force_max, force),
+        (platform.actuator_power_max, force * speed),
+    ):
+        if limit is not None:
+            limited.append((values / limit, -1.0, 1.0))
+    quantities = casadi.densify(casadi.vertcat(*(values for values, _, _ in limited)))
+    lows, highs = (
+        np.concatenate([np.broadcast_to(limits[k], limits[0].shape[0]) for limits in limited]) for k in (1, 2)
+    )
+    columns = casadi.densify(casadi.mtimes(W, by_elements).T)
+    slopes = casadi.densify(casadi.jacobian(quantities, q))
+    return casadi.Function("row", [q], [columns, quantities, slopes]), lows, highs
+
+
+def _cosines(platform: Platform, legs: LegGeometry, state: State) -> Any:
+    """Cosines of the angles of the joints from home (12)."""
+    at_home = leg_geometry(platform, platform.home_position, platform.home_orientation).direction
+    in_platform = apply(transpose(matrix_from_orientation(platform.home_orientation))[None], at_home)
+    turned = apply(transpose(matrix_from_orientation(state.orientation))[:, None], legs.direction)
+    return casadi.vertcat(*dot(legs.direction, at_home)[0], *dot(turned, in_platform)[0])
+
+
+def promised_errors(platform: Platform, names: Sequence[str], reference: Excitation) -> FloatArray:
+    """Standard errors (p,) [SI] of a log of this motion of which all is fitted, by the covariance of its rows.
+
+    Rows of 1 ms, forces with white noise of 1 % of their RMS, lengths with that of an encoder's steps of 1 µm.
+    """
+    time = np.arange(0.0, reference.duration + _SAMPLE / 2, _SAMPLE)
+    motion = reference.about(platform)(time)
+    state, acceleration = State(*motion[:4]), Acceleration(*motion[4:])
+    force = np.asarray(inverse_dynamics(platform, state, acceleration))
+    length = np.asarray(leg_geometry(platform, state.position, state.orientation).length)
+    segment = segment_of(Log(length, time, force), platform)
+    noise = segment.noise._replace(force=_FORCE_NOISE * np.sqrt((force**2).mean(axis=0)), length=_ENCODER / np.sqrt(12))
+    regression = Regression((replace(segment, noise=noise),))
+    elements = with_estimated(elements_of(platform), names, nominal_values(names, platform))
+    D = regression.rows.regressor @ gradient(elements, names)
+    used = used_rows(regression.rows, platform, names)
+    there = regression.rows.regressor @ linear_parameters(elements)
+    by_legs = force_derivatives(regression.motion, parameter_vector(platform), there).by_legs
+    _, parts = noises_of(regression, by_legs, np.ones(len(used), dtype=bool), used)
+    white = whitened_by([part.factor(1.0, 1.0) for part in parts], (used[..., None] * D).reshape(-1, len(names)))
+    size = np.linalg.norm(white, axis=0)
+    R = np.linalg.qr(white / size, mode="r")
+    return np.asarray(np.linalg.norm(np.linalg.pinv(R), axis=1) / size)
 
 
 def criteria(platform: Platform, names: Sequence[str], time: FloatArray, motion: Motion) -> tuple[float, float]:
     """Condition number of a motion's regressor, and log det(Dᵀ D/n), with scaled columns."""
-    state, acceleration = State(*motion[:4]), Acceleration(*motion[4:])
-    W = regressor(platform, state, acceleration)
-    elements = with_estimated(elements_of(platform), names, [value_of(platform, name) for name in names])
+    W = regressor(platform, State(*motion[:4]), Acceleration(*motion[4:]))
+    elements = with_estimated(elements_of(platform), names, nominal_values(names, platform))
     rows = Rows(time, W @ linear_parameters(elements), W, 0.0, np.ones((len(time), 6)))
     D = (W @ (gradient(elements, names) * scales_of(rows, platform, names))).reshape(-1, len(names))
     sigma = np.linalg.svd(D / np.sqrt(len(time)), compute_uv=False)
@@ -187,6 +386,56 @@ def _largest(keeps: Callable[[float], bool]) -> float:
         middle = (low + high) / 2
         low, high = (middle, high) if keeps(middle) else (low, middle)
     return low
+
+
+def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], duration: float) -> Report:
+    """The report of an excitation of these elements of parameters."""
+    condition = found.condition_number
+    number = Number(
+        "condition_number",
+        "condition number of the regressor",
+        condition,
+        limit=LARGEST,
+        margin=LARGEST - condition,
+        explanation="how much less accurately the worst combination is known than the best, relative to scale",
+    )
+    well = condition <= LARGEST
+    text = sentence(
+        [
+            f"a log of this motion {'separates' if well else 'hardly separates'} {counted(len(names), 'parameter')}",
+            f"condition number {condition:.3g}; up to {LARGEST:g} is good",
+        ]
+    )
+    promised = Table(
+        "Standard errors that a log promises, from rows of 1 ms with 1 % of noise in forces and 1 µm steps in lengths",
+        (Column(""), Column("standard error")),
+        tuple(
+            (name, Value(float(error), replace(of_unit(unit) if (unit := unit_of(name)) else NUMBER, digits=2)))
+            for name, error in zip(names, found.standard_errors, strict=True)
+        ),
+    )
+    motion = found.reference.about(platform)(np.linspace(0.0, duration, _ROWS))
+    charts = tuple(
+        _chart(what, quantity, values, components, duration)
+        for what, quantity, values, components in (
+            ("position", LENGTH, motion.position, ("x", "y", "z")),
+            ("orientation", ANGLE, motion.orientation, ("roll", "pitch", "yaw")),
+        )
+    )
+    return Report(
+        f"Excitation of {platform.name}",
+        Verdict(text, "good" if well else "marginal", (number,)),
+        (Section("Promise", (promised,)), Section("Motion", charts)),
+        study="excite",
+        lead=f"{duration:g} s within all limits of the platform",
+        numbers=(number, Number("log_determinant", "log determinant of the information", found.log_determinant)),
+    )
+
+
+def _chart(what: str, quantity: Quantity, values: np.ndarray, components: tuple[str, ...], duration: float) -> Chart:
+    time = np.linspace(0.0, duration, _ROWS)
+    series = tuple(Series(name, quantity, values[:, k], component=name) for k, name in enumerate(components))
+    return Chart(what, time_axis(time), series, y=Axis(what, quantity), group="pose")
 
 
 _TEXT = """\

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.checks import sample_time_of
-from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.smoothing import edge, smoothed
+from gough_stewart.harness.identify.log import Log, sample_time_of
+from gough_stewart.harness.identify.regression import edge, smoothed
 from gough_stewart.model.vectors import FloatArray
 
 Mask = NDArray[np.bool_]

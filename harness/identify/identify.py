@@ -1,5 +1,6 @@
 """Identify parameters from a log by any method."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -7,12 +8,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gough_stewart.harness.errors import IdentificationError, LogError
+from gough_stewart.harness.errors import IdentificationError, IdentificationWarning, LogError
+from gough_stewart.harness.identify.blas import one_blas_thread
 from gough_stewart.harness.identify.estimate import Estimate, nominal_values
-from gough_stewart.harness.identify.fit_of_log import scales, with_all
-from gough_stewart.harness.identify.geometry.joints import GEOMETRY, PoseFrame, identify_geometry
-from gough_stewart.harness.identify.linear import identify_linear
-from gough_stewart.harness.identify.log import Log, log_of, read_log
+from gough_stewart.harness.identify.fit import identify_linear, scales, with_all
+from gough_stewart.harness.identify.friction import COULOMB, STICTION, ideal_of, resolved, sticks
+from gough_stewart.harness.identify.geometry import GEOMETRY, PoseFrame, identify_geometry
+from gough_stewart.harness.identify.hypotheses import MASSES
+from gough_stewart.harness.identify.log import VALIDATION, Log, check_finite, log_of, read_log
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.identify.observability import (
     MotionRows,
@@ -21,12 +24,9 @@ from gough_stewart.harness.identify.observability import (
     is_linear,
     motion_rows,
 )
-from gough_stewart.harness.identify.parts import VALIDATION
-from gough_stewart.harness.identify.rows.hypotheses import MASSES
-from gough_stewart.harness.identify.rows.regression import cutoff_within_noise
-from gough_stewart.harness.identify.rows.sticking import COULOMB, STICTION, ideal_of, resolved, sticks
+from gough_stewart.harness.identify.regression import cutoff_within_noise
 from gough_stewart.harness.identify.screen import Screened, check_order_of_forces, screened
-from gough_stewart.harness.identify.springs import FAST, SPRINGS, merged, nominal_springs, springs_of, with_both_sides
+from gough_stewart.harness.identify.springs import SPRINGS, with_both_sides, with_springs
 from gough_stewart.harness.results.record import Record
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -66,6 +66,8 @@ def identify(
     nominal_error: float | None = None,
 ) -> Estimate:
     """Estimate parameters of a platform from a log, with confidence intervals.
+
+    Reasons not to trust the result are its `alarms`; each is also given as an `IdentificationWarning`.
 
     Parameters
     ----------
@@ -122,40 +124,61 @@ def identify(
         method = "geometry"
     options: dict[str, Any] = {"pose_frame": pose_frame, "accuracy": accuracy, "nominal_error": nominal_error}
     of_geometry = {name: value for name, value in options.items() if value is not None}
-    if method == "geometry":
-        if cutoff is not None:
-            raise IdentificationError("cutoff is an option of method linear only; this one is geometry")
-        logs = _logs(log)
-        if len(logs) != 1 or validation != VALIDATION:
-            raise IdentificationError(
-                f"method geometry takes one log of poses and no validation; found {len(logs)} logs, validation "
-                f"{'of a log' if not isinstance(validation, float) else validation}"
-            )
-        return identify_geometry(logs[0], platform, names, **of_geometry)
-    if of_geometry:
-        raise IdentificationError(f"{next(iter(of_geometry))} is an option of method geometry only; this one is linear")
-    wanted = expanded(names, platform)
-    _check_names(platform, wanted)
+    with one_blas_thread():
+        if method == "linear":
+            if of_geometry:
+                raise IdentificationError(
+                    f"{next(iter(of_geometry))} is an option of method geometry only; this one is linear"
+                )
+            result = _identified_from_forces(log, platform, names, validation, cutoff)
+        else:
+            if cutoff is not None:
+                raise IdentificationError("cutoff is an option of method linear only; this one is geometry")
+            logs = _logs(log)
+            if len(logs) != 1 or validation != VALIDATION:
+                raise IdentificationError(
+                    f"method geometry takes one log of poses and no validation; found {len(logs)} logs, validation "
+                    f"{'of a log' if not isinstance(validation, float) else validation}"
+                )
+            result = identify_geometry(logs[0], platform, names, **of_geometry)
+    for alarm in result.alarms:
+        warnings.warn(f"values and intervals are not to be trusted: {alarm}", IdentificationWarning, stacklevel=2)
+    return result
+
+
+def _identified_from_forces(
+    log: AnyLog | Sequence[AnyLog],
+    platform: Platform,
+    estimate: Sequence[str],
+    validation: float | AnyLog | Sequence[AnyLog],
+    cutoff: float | None,
+) -> Estimate:
+    """The estimate by the linear method: the logs are screened, brought to both sides of elastic legs, and fitted."""
+    names = expanded(estimate, platform)
+    _check_names(platform, names)
     logs = _logs(log)
     share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
+    for one in (*logs, *aside):
+        check_finite(one)
     # what is screened is the motion, and the forces that it needs but for friction
     smooth = ideal_of(platform)
     if cutoff is None and sticks(platform):
-        cutoff = min(cutoff_within_noise(each, smooth) for each in logs)
-    found = screened(logs, smooth, share, aside, cutoff)
-    check_order_of_forces(found.parts, smooth, found.cutoff)
-    springs = tuple(name for name in wanted if name in SPRINGS)
-    others = tuple(name for name in wanted if name not in SPRINGS)
-    measured = found.parts
-    found = found._replace(parts=with_both_sides(measured, platform, found.cutoff))
-    fit = _of_determined(found, platform, others) if others else None
-    if fit is not None and found.parts != measured and all(part.log.motor_position is None for part in measured):
-        # the other side once more, by the masses that were found
-        found = found._replace(parts=with_both_sides(measured, fit.platform(platform), found.cutoff))
-        fit = _of_determined(found, platform, others)
-    if springs or fit is None:
-        fit = _with_springs(fit, found._replace(parts=measured), platform, wanted, springs)
-    return replace(fit, notes=(*found.notes, *fit.notes), alarms=(*found.alarms, *fit.alarms))
+        cutoff = min(cutoff_within_noise(one, smooth) for one in logs)
+    usable = screened(logs, smooth, share, aside, cutoff)
+    measured = usable.parts
+    check_order_of_forces(measured, smooth, usable.cutoff)
+    without_springs = tuple(name for name in names if name not in SPRINGS)
+    fit = None
+    if without_springs:
+        both = usable._replace(parts=with_both_sides(measured, platform, usable.cutoff))
+        fit = _fit_of_determined(both, platform, without_springs)
+        if both.parts != measured and all(part.log.motor_position is None for part in measured):
+            # the other side once more, by the masses that were found
+            both = both._replace(parts=with_both_sides(measured, fit.platform(platform), usable.cutoff))
+            fit = _fit_of_determined(both, platform, without_springs)
+    if fit is None or len(without_springs) < len(names):
+        fit = with_springs(fit, measured, platform, names, usable.cutoff)
+    return replace(fit, notes=(*usable.notes, *fit.notes), alarms=(*usable.alarms, *fit.alarms))
 
 
 def _check_names(platform: Platform, names: Sequence[str]) -> None:
@@ -180,18 +203,17 @@ def _check_names(platform: Platform, names: Sequence[str]) -> None:
         )
 
 
-def _of_determined(found: Screened, platform: Platform, names: tuple[str, ...]) -> Estimate:
+def _fit_of_determined(usable: Screened, platform: Platform, names: tuple[str, ...]) -> Estimate:
     """The fit of what the motion determines; the other elements get no number."""
     linear = [name for name in names if is_linear(name, platform)]
     smooth = ideal_of(platform)
     if linear:
         check_separable(smooth, linear)
-    rows = motion_rows(found.parts, smooth, found.cutoff) if linear else None
+    rows = motion_rows(usable.parts, smooth, usable.cutoff) if linear else None
     nominal = nominal_values(names, resolved(platform))
     if rows is None:
-        fit, untold = _fit_of_shown(found, platform, names)
-        size = scales(platform, names, 1.0, 1.0)
-        return _with_note(with_all(fit, names, nominal, size, untold, np.zeros(len(names))), untold)
+        fit, hidden = _fit_of_shown(usable, platform, names)
+        return _with_note(with_all(fit, names, nominal, scales(platform, names, 1.0, 1.0), hidden), hidden)
     scale = scales(platform, names, rows.force, rows.velocity)
     at = [names.index(name) for name in linear]
     values = nominal.copy()
@@ -205,8 +227,8 @@ def _of_determined(found: Screened, platform: Platform, names: tuple[str, ...]) 
         kept = tuple(name for name in names if name not in held)
         if not kept:
             raise _not_excited(names)
-        fit, not_shown_here = _fit_of_shown(found, platform, kept, untold)
-        held |= set(not_shown_here)
+        fit, hidden = _fit_of_shown(usable, platform, kept, untold)
+        held |= set(hidden)
         values[[names.index(name) for name in fit.names]] = fit.values
         # what a motion determines of centres of mass and inertias depends on their values
         now = identifiability(rows, smooth, linear, values[at], scale[at])
@@ -215,7 +237,7 @@ def _of_determined(found: Screened, platform: Platform, names: tuple[str, ...]) 
             break
     bias = np.zeros(len(names))
     bias[at] = now.bias * scale[at]
-    hidden = [name for name in names if name in held and not is_linear(name, platform)]
+    hidden = tuple(name for name in names if name in held and not is_linear(name, platform))
     lacking = [name for name in names if name in unknown]
     if len(lacking) + len(hidden) == len(names):
         raise _not_excited(names)
@@ -230,7 +252,7 @@ def _of_determined(found: Screened, platform: Platform, names: tuple[str, ...]) 
 
 
 def _fit_of_shown(
-    found: Screened, platform: Platform, names: tuple[str, ...], not_excited: Sequence[str] = ()
+    usable: Screened, platform: Platform, names: tuple[str, ...], not_excited: Sequence[str] = ()
 ) -> tuple[Estimate, tuple[str, ...]]:
     """The fit, without static friction if the log does not show it, and the elements that so have no number.
 
@@ -241,12 +263,9 @@ def _fit_of_shown(
     IdentificationError
         Nothing is left.
     """
-
-    def fit_of(kept: tuple[str, ...]) -> Estimate:
-        return identify_linear(found.parts, platform, kept, cutoff=found.cutoff, not_excited=not_excited)
-
+    options: dict[str, Any] = {"cutoff": usable.cutoff, "not_excited": not_excited}
     try:
-        fit = fit_of(names)
+        fit = identify_linear(usable.parts, platform, names, **options)
         hidden = not_shown(fit)
     except IdentificationError as error:
         if not set(error.names) & set(STICTION):
@@ -257,7 +276,7 @@ def _fit_of_shown(
     kept = tuple(name for name in names if name not in hidden)
     if not kept:
         raise IdentificationError(f"{_NOT_SHOWN}: {', '.join(names)}. {_SLOW}", names)
-    return fit_of(kept), hidden
+    return identify_linear(usable.parts, platform, kept, **options), hidden
 
 
 def not_shown(fit: Estimate) -> tuple[str, ...]:
@@ -266,53 +285,30 @@ def not_shown(fit: Estimate) -> tuple[str, ...]:
     Static friction needs the velocity over which it falls. If it is not significantly above Coulomb friction, neither
     is shown.
     """
-    values, errors = (dict(zip(fit.names, of.tolist(), strict=True)) for of in (fit.values, fit.standard_errors))
-    of_static = tuple(name for name in fit.names if name in STICTION)
-    is_shown = all(errors[name] <= _LARGEST_ERROR * values[name] for name in of_static)
+    of_static = [k for k, name in enumerate(fit.names) if name in STICTION]
+    is_shown = bool((fit.standard_errors[of_static] <= _LARGEST_ERROR * fit.values[of_static]).all())
     coulomb = [k for k, name in enumerate(fit.names) if name.partition("[")[0] == COULOMB]
-    if STICTION[0] in values and coulomb:
+    if STICTION[0] in fit.names and coulomb:
         difference = np.zeros(len(fit.names))
         difference[coulomb] = -1 / len(coulomb)
         difference[fit.names.index(STICTION[0])] = 1.0
         spread = float(np.sqrt(difference @ fit.covariance @ difference))
         is_shown &= bool(difference @ fit.values > _SIGNIFICANT * spread)
-    return () if is_shown else of_static
+    return () if is_shown else tuple(fit.names[k] for k in of_static)
 
 
-def _with_springs(
-    fit: Estimate | None, found: Screened, platform: Platform, names: tuple[str, ...], springs: tuple[str, ...]
-) -> Estimate:
-    """The estimate of all names with the springs of the legs, under the forces of the platform that was found."""
-    nominal = nominal_values(names, resolved(platform))
-    known = dict(zip(SPRINGS, nominal_springs(platform), strict=True))
-    nominal = np.array([known.get(name, value) for name, value in zip(names, nominal.tolist(), strict=True)])
-    of_springs = nominal[[names.index(name) for name in springs]]
-    if fit is None:
-        own, hidden = springs_of(found.parts, platform, springs, of_springs, found.cutoff)
-        return _with_note(with_all(own, names, nominal, nominal, hidden, np.zeros(len(names))), hidden, FAST)
-    scale = np.array([dict(zip(fit.names, fit.scale.tolist(), strict=True)).get(name, 1.0) for name in names])
-    try:
-        own, hidden = springs_of(found.parts, fit.platform(platform), springs, of_springs, found.cutoff)
-    except IdentificationError as error:
-        every = with_all(fit, names, nominal, scale, (*fit.not_excited, *springs), np.zeros(len(names)))
-        return replace(every, notes=(*every.notes, str(error)))
-    every = with_all(fit, names, nominal, scale, (*fit.not_excited, *hidden), np.zeros(len(names)))
-    return _with_note(merged(every, own, names), hidden, FAST)
-
-
-def _with_note(fit: Estimate, hidden: Sequence[str], shows: str = _SLOW) -> Estimate:
-    """The estimate with a remark on what of friction, or of springs, its log does not show, and which would."""
-    return replace(fit, notes=(*fit.notes, f"{_NOT_SHOWN}: {', '.join(hidden)}. {shows}")) if hidden else fit
+def _with_note(fit: Estimate, hidden: Sequence[str]) -> Estimate:
+    """The estimate with a remark on what of friction its log does not show, and which would."""
+    return replace(fit, notes=(*fit.notes, f"{_NOT_SHOWN}: {', '.join(hidden)}. {_SLOW}")) if hidden else fit
 
 
 def _not_told(rows: MotionRows, platform: Platform, names: Sequence[str], scale: FloatArray) -> tuple[str, ...]:
     """What of the platform's masses the motion does not excite, estimated or not."""
     others = [name for name in expanded(MASSES, platform) if name not in names]
-    every = [*(name for name in names if is_linear(name, platform)), *others]
-    sizes = dict(zip(names, scale.tolist(), strict=True))
-    sizes |= dict(zip(others, scales(platform, others, rows.force, rows.velocity).tolist(), strict=True))
-    of_every = np.array([sizes[name] for name in every])
-    return identifiability(rows, platform, every, nominal_values(every, platform), of_every).not_excited
+    known = [k for k, name in enumerate(names) if is_linear(name, platform)]
+    every = [*(names[k] for k in known), *others]
+    sizes = np.concatenate([scale[known], scales(platform, others, rows.force, rows.velocity)])
+    return identifiability(rows, platform, every, nominal_values(every, platform), sizes).not_excited
 
 
 def _not_excited(names: Sequence[str]) -> IdentificationError:
@@ -323,14 +319,14 @@ def _not_excited(names: Sequence[str]) -> IdentificationError:
     )
 
 
-def _logs(given: AnyLog | Sequence[AnyLog]) -> list[Log]:
+def _logs(logs: AnyLog | Sequence[AnyLog]) -> list[Log]:
     """The logs of files and records; those of equal origin are told apart by a number."""
-    each = [given] if isinstance(given, Log | Record | Path | str) else list(given)
-    if not each:
+    every = [logs] if isinstance(logs, Log | Record | Path | str) else list(logs)
+    if not every:
         raise LogError("no logs; expected one or several")
-    logs = [log_of(log) if isinstance(log, Record) else log if isinstance(log, Log) else read_log(log) for log in each]
-    origins = [log.where for log in logs]
+    read = [log_of(log) if isinstance(log, Record) else log if isinstance(log, Log) else read_log(log) for log in every]
+    origins = [log.where for log in read]
     return [
         replace(log, where=f"{log.where} {k + 1}") if origins.count(log.where) > 1 else log
-        for k, log in enumerate(logs)
+        for k, log in enumerate(read)
     ]

@@ -3,10 +3,10 @@
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import polars
@@ -18,6 +18,9 @@ from gough_stewart.harness.polars_paths import readable
 from gough_stewart.harness.quantities import UNITS
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.table_file import Heading, numbers_of, read_table
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.kinematics import leg_geometry
+from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
 # A name, optionally with an index: "leg_length[1]", "leg_length_1".
@@ -36,6 +39,15 @@ _QUANTITIES = {
 # Only records of runs have it: their forces are held from row to row.
 _OF_RUNS = "controller.force[1]"
 _FORM = "expected columns time, leg_length[1..6], actuator_force[1..6] or motor_current[1..6], units in the header"
+# Tolerance of a row's time, in samples.
+_JITTER = 0.1
+_SLOWEST_SAMPLES = 0.1  # [s]
+# Factor between lengths or forces and those at home beyond which another unit is likely.
+_LENGTH_FACTOR = 3.0
+_FORCE_FACTOR = 50.0
+_OVER_LIMIT = 3.0
+# Share of each log, taken from its end, that validates the fit.
+VALIDATION = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +77,18 @@ class Log:
             values = getattr(self, name)
             kept[name] = None if values is None else values[which]
         return replace(self, **kept)
+
+
+class Part(NamedTuple):
+    """A segment of a log; its rows before `fitted_until` are fitted, the later ones validate the fit."""
+
+    log: Log
+    fitted_until: float = math.inf  # [s]
+    which: int = 0  # the log that it is from, in their order
+
+    def is_fitted(self, time: FloatArray) -> np.ndarray:
+        """Which times (n,) [s] are fitted (n,)."""
+        return np.asarray(time < self.fitted_until)
 
 
 def read_log(
@@ -269,3 +293,178 @@ def _at_samples(log: Log, metadata: Mapping[str, Any]) -> Log:
         return log
     force = log.actuator_force[: n * every].reshape(n, every, 6).mean(axis=1)
     return replace(log.rows(slice(0, n * every, every)), actuator_force=force)
+
+
+def sample_time_of(log: Log) -> float:
+    """The constant sample time of the rows [s].
+
+    Raises
+    ------
+    LogError
+        No time, times that do not increase, gaps, or rows too slow for a motion.
+    """
+    number, h = rows_apart(log)
+    assert log.time is not None  # checked by rows_apart
+    gaps = np.flatnonzero(number > 1)
+    if gaps.size:
+        k = int(gaps[0])
+        raise LogError(
+            f"{log.where}: a gap of {log.time[k + 1] - log.time[k]:.6g} s after row {k + 1} (time {log.time[k]:.6g} "
+            f"s), where rows are {h:.6g} s apart, and {gaps.size - 1} more; expected even times: use the longest part "
+            "without a gap, or record again"
+        )
+    return h
+
+
+def rows_apart(log: Log) -> tuple[NDArray[np.intp], float]:
+    """How many sample times each row is after the one before it (n − 1,), 1 without gaps; and the sample time [s].
+
+    Raises
+    ------
+    LogError
+        No time, times that do not increase or are uneven, or rows too slow for a motion.
+    """
+    if log.time is None:
+        raise LogError(f"{log.where}: no column time; expected one, since the motion between rows is needed")
+    if len(log) < 2:
+        raise LogError(f"{log.where}: {len(log)} rows; expected a log of some seconds")
+    steps = np.diff(log.time)
+    h = float(np.median(steps))
+    back = np.flatnonzero(steps <= 0)
+    if back.size:
+        k = int(back[0])
+        raise LogError(
+            f"{log.where}: time goes from {log.time[k]:.9g} to {log.time[k + 1]:.9g} s in row {k + 2}; expected "
+            "increasing times"
+        )
+    resolution = float(np.spacing(np.float32(np.abs(log.time).max())))
+    if resolution > _JITTER * h and (log.time.astype(np.float32) == log.time).all():
+        raise LogError(
+            f"{log.where}: times are numbers of 32 bits, {resolution:.2g} s apart at {np.abs(log.time).max():.6g} s, "
+            f"where rows are {h:.2g} s apart; expected even times: write 64 bits, or count from the first row"
+        )
+    number = np.rint(steps / h)
+    uneven = np.flatnonzero(np.abs(steps - number * h) > _JITTER * h)
+    # of a long gap, the clock's own error adds up
+    uneven = uneven[np.abs(steps - number * h)[uneven] > 1e-3 * steps[uneven]]
+    if uneven.size:
+        k = int(uneven[0])
+        raise LogError(
+            f"{log.where}: a step of {steps[k]:.6g} s after row {k + 1} (time {log.time[k]:.6g} s), where rows are "
+            f"{h:.6g} s apart, and {uneven.size - 1} more; expected even times, or gaps of whole rows: record "
+            "again, or interpolate to even times"
+        )
+    if h > _SLOWEST_SAMPLES:
+        raise LogError(
+            f"{log.where}: rows are {h:g} s apart; expected at most {_SLOWEST_SAMPLES:g} s for a motion. If time is "
+            "in ms, name the column 'time [ms]'"
+        )
+    number = np.maximum(number, 1)
+    return number.astype(np.intp), float(log.time[-1] - log.time[0]) / float(number.sum())
+
+
+def check_finite(log: Log) -> None:
+    """Refuse a log of a motion with readings that are no numbers.
+
+    Raises
+    ------
+    LogError
+        Names the signal and the row.
+    """
+    for name in ("time", "leg_length", "actuator_force", "motor_position"):
+        values = getattr(log, name)
+        bad = np.zeros((0, 1), dtype=int) if values is None else np.argwhere(~np.isfinite(values))
+        if len(bad):
+            row, *leg = bad[0].tolist()
+            index = f"[{leg[0] + 1}]" if leg else ""
+            raise LogError(
+                f"{log.where}: {name}{index} in row {row + 1} is {values[tuple(bad[0])]}; expected a finite number: "
+                "cut the log there, or fill the gap where it was recorded"
+            )
+
+
+def force_of(log: Log) -> FloatArray:
+    """The actuator forces (n, 6) [N].
+
+    Raises
+    ------
+    LogError
+        There are none.
+    """
+    if log.actuator_force is None:
+        raise LogError(
+            f"{log.where}: no forces; expected columns actuator_force[1..6], or motor_current[1..6] with "
+            "force_per_current"
+        )
+    return log.actuator_force
+
+
+def check_lengths(log: Log, platform: Platform) -> None:
+    """Refuse leg lengths in another unit, or of another platform.
+
+    Raises
+    ------
+    LogError
+        Names the leg, its length, and what was expected.
+    """
+    home = np.asarray(leg_geometry(platform, platform.home_position, platform.home_orientation).length)
+    found = np.median(log.leg_length, axis=0)
+    ratio = found / home
+    k = int(np.argmax(np.abs(np.log(np.maximum(ratio, 1e-9)))))
+    if not 1 / _LENGTH_FACTOR < ratio[k] < _LENGTH_FACTOR:
+        unit = _unit_for(ratio[k], {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6})
+        raise LogError(
+            f"{log.where}: leg {k + 1} has a median length of {found[k]:.6g} m, but {home[k]:.6g} m at home; expected "
+            f"similar lengths. {unit}If encoders count from home, add the length at home"
+        )
+
+
+def check_forces(log: Log, platform: Platform) -> None:
+    """Refuse forces in another unit, or beyond the actuators' limit.
+
+    Raises
+    ------
+    LogError
+        Names the forces, and what was expected.
+    """
+    force = force_of(log)
+    weight = float(np.linalg.norm(static_leg_forces(platform, platform.home_position, platform.home_orientation)))
+    found = float(np.median(np.linalg.norm(force, axis=1)))
+    limit = platform.actuator_force_max
+    strongest = float(np.abs(force).max())
+    ratio = found / weight if weight > 0 else 1.0
+    if not 1 / _FORCE_FACTOR < ratio < _FORCE_FACTOR:
+        unit = _unit_for(ratio, {"N": 1.0, "kN": 1e-3, "mN": 1e3})
+        raise LogError(
+            f"{log.where}: the six forces have a median norm of {found:.4g} N, but those that hold the platform at "
+            f"home have {weight:.4g} N; expected similar forces. {unit}Otherwise check force_per_current"
+        )
+    if limit is not None and strongest > _OVER_LIMIT * limit:
+        raise LogError(
+            f"{log.where}: a force of {strongest:.6g} N exceeds actuator_force_max, {limit:g} N; check the unit, "
+            "force_per_current, and the platform's limit"
+        )
+
+
+def _unit_for(ratio: float, units: dict[str, float]) -> str:
+    """A sentence with the unit that would explain a ratio."""
+    for unit, factor in units.items():
+        if unit not in ("m", "N") and 1 / _LENGTH_FACTOR < ratio / factor < _LENGTH_FACTOR:
+            return f"They look like {unit}: write the unit into the column names, such as 'name[1] [{unit}]'. "
+    return ""
+
+
+def on_one_axis(parts: Sequence[Part], times: Sequence[FloatArray]) -> tuple[FloatArray, list[tuple[float, float]]]:
+    """Times (n,) of the rows of all parts for one chart, logs after each other, and the spans that validate [s]."""
+    shifted, spans, end, shift = [], [], -math.inf, 0.0
+    for k, (part, time) in enumerate(zip(parts, times, strict=True)):
+        if not len(time):
+            continue
+        if k and part.which != parts[k - 1].which:
+            shift = end - float(time[0]) + (float(np.median(np.diff(time))) if len(time) > 1 else 0.0)
+        shifted.append(time + shift)
+        end = float(shifted[-1][-1])
+        aside = np.flatnonzero(~part.is_fitted(time))
+        if aside.size:
+            spans.append((float(shifted[-1][aside[0]]), end))
+    return np.concatenate(shifted), spans

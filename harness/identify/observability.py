@@ -12,23 +12,21 @@ from typing import NamedTuple
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.checks import force_of, sample_time_of
 from gough_stewart.harness.identify.faults import noise_of
-from gough_stewart.harness.identify.movement import motion_of_lengths
+from gough_stewart.harness.identify.log import Part, force_of, sample_time_of
 from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.parts import Part
-from gough_stewart.harness.identify.rows.linear_parameters import (
+from gough_stewart.harness.identify.regression import HALF_LENGTH, cutoff_of, edge, smoothed
+from gough_stewart.harness.identify.regressor import (
     COM,
     FRICTION,
     dependences,
     elements_of,
     gradient,
     linear_parameters,
+    motion_of_lengths,
     regressor,
     with_estimated,
 )
-from gough_stewart.harness.identify.rows.regression import cutoff_of
-from gough_stewart.harness.identify.smoothing import HALF_LENGTH, edge, smoothed
 from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State

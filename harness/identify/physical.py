@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from gough_stewart.harness.identify.rows.linear_parameters import (
+from gough_stewart.harness.identify.regressor import (
     INERTIA,
     PAIRS,
     with_estimated,

@@ -56,13 +56,12 @@ class Compared:
     def table(self) -> Table:
         """Errors, feedback and margins side by side."""
         rows: list[tuple[Cell, ...]] = [
-            (name, *(Value(value(each), quantity) for each in (self.before, self.after)))
+            (name, *(Value(value(record), quantity) for record in (self.before, self.after)))
             for name, quantity, value in _MEASURES
         ]
-        found = [_margins(experiment) for experiment in self.experiments]
+        margins = [_margins(experiment) for experiment in self.experiments]
         for name, quantity in _MARGINS.items():
-            cells = (each if isinstance(each, str) else each[name] for each in found)
-            rows.append((name, *(each if isinstance(each, str) else Value(each, quantity) for each in cells)))
+            rows.append((name, *(m if isinstance(m, str) else Value(m[name], quantity) for m in margins)))
         title = f"{self.experiments[0].title}: before and after"
         return Table(title, (Column(""), Column("before"), Column("after")), tuple(rows))
 
@@ -130,8 +129,7 @@ def _margins(experiment: Experiment) -> dict[str, float] | str:
         return "unstable"
     if loop.doubt:
         return "not known"
-    found = loop.margins
-    disk, crossover = found.disk, max(leg.crossover for leg in found.legs)
+    disk, crossover = loop.margins.disk, max(leg.crossover for leg in loop.margins.legs)
     # the two gains of a disk margin are inverse to each other
     numbers = (disk.alpha, float(20 * np.log10(disk.gain[1])), float(disk.phase), crossover)
     return dict(zip(_MARGINS, numbers, strict=True))

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify.checks import check_forces, check_lengths, force_of, rows_apart, sample_time_of
 from gough_stewart.harness.identify.faults import (
     Mask,
     MissingRows,
@@ -21,11 +20,18 @@ from gough_stewart.harness.identify.faults import (
     spikes,
     without_held_rows,
 )
-from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.movement import motion_of_lengths
-from gough_stewart.harness.identify.parts import VALIDATION, Part
-from gough_stewart.harness.identify.rows.regression import cutoff_of
-from gough_stewart.harness.identify.smoothing import HALF_LENGTH, edge, smoothed
+from gough_stewart.harness.identify.log import (
+    VALIDATION,
+    Log,
+    Part,
+    check_forces,
+    check_lengths,
+    force_of,
+    rows_apart,
+    sample_time_of,
+)
+from gough_stewart.harness.identify.regression import HALF_LENGTH, cutoff_of, edge, smoothed
+from gough_stewart.harness.identify.regressor import motion_of_lengths
 from gough_stewart.model.dynamics import inverse_dynamics
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -129,10 +135,10 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     # a held force is a command, which the actuator obeys at its limit, too
     beyond = np.zeros_like(missing) if log.holds_force else clipped(force, platform.actuator_force_max)
     still, silent = frozen(length, True, missing), frozen(force, False, beyond | missing)
-    least = _LEAST_FORCE * float(np.sqrt((force**2).mean()))
     unknown_length, unknown_force = still | missing, silent | beyond | missing
     off, length = spikes(length, unknown_length, _LEAST_LENGTH * float(np.abs(length).max()))
-    struck, force = spikes(force, unknown_force, least)
+    struck, force = spikes(force, unknown_force, _LEAST_FORCE * float(np.sqrt((force**2).mean())))
+    bumped, halted, motor = _motors(log, missing)
     lost = lost_rows(length, unknown_length)
     travel, unsure = float(np.ptp(length, axis=0).max()), float(noise_of(length).max())
     if len(log) > _SHORTEST and travel <= _AT_REST * unsure:
@@ -143,6 +149,8 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     for fault, readings, remedy in (
         ("spikes in the leg length", off, "interpolated; check the encoder and its cable"),
         ("spikes in the force", struck, "interpolated; check the force sensor and its cable"),
+        ("spikes in the motor position", bumped, "interpolated; check the encoder and its cable"),
+        ("frozen readings of the motor position", halted & ~missing, "left out; check the encoder and the logger"),
         ("frozen readings of the leg length", still, "left out; check the encoder and the logger"),
         ("frozen readings of the force", silent, "left out; check the force sensor and the logger"),
         (
@@ -168,11 +176,14 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
         if (of_leg := [place for place in lost if place.legs == (leg,)])
     ]
 
-    bad = np.asarray((unknown_length | unknown_force).any(axis=1))
+    bad = np.asarray((unknown_length | unknown_force | halted).any(axis=1))
     short = _runs_of(bad, _MENDED) if bad.any() else bad
     _interpolate(length, unknown_length & short[:, None])
     _interpolate(force, unknown_force & short[:, None])
-    log = replace(log, leg_length=length, actuator_force=force)
+    _interpolate(motor, halted & short[:, None])
+    log = replace(
+        log, leg_length=length, actuator_force=force, motor_position=None if log.motor_position is None else motor
+    )
     segments = _segments(bad & ~short, [place.row for place in of_all])
     longest = max(segments, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
     h = float(np.median(np.diff(time)))
@@ -181,7 +192,7 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     if len(segments) > 1 and cutoff is not None:
         least_rows = (_FILTERS + _BEYOND) / cutoff / h
         segments = [rows for rows in segments if rows.stop - rows.start >= least_rows]
-    mended = float(((off | struck).any(axis=1) | short).mean())
+    mended = float(((off | struck | bumped).any(axis=1) | short).mean())
     left_out = 1 - sum(rows.stop - rows.start for rows in segments) / len(log)
     if mended > _REFUSED[0] or left_out > _REFUSED[1]:
         raise LogError(
@@ -195,6 +206,15 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
             "where so many readings are wrong, others may be that do not show"
         )
     return _ScreenedLog(log, segments, notes, alarms, cutoff or math.inf)
+
+
+def _motors(log: Log, missing: Mask) -> tuple[Mask, Mask, FloatArray]:
+    """Spikes in the motors' positions, readings that are not known, and the positions without spikes (n, 6)."""
+    if log.motor_position is None:
+        return np.zeros_like(missing), missing, np.zeros(missing.shape)
+    halted = frozen(log.motor_position, True, missing) | missing
+    bumped, motor = spikes(log.motor_position, halted, _LEAST_LENGTH * float(np.abs(log.motor_position).max()))
+    return bumped, halted, motor
 
 
 def _places(time: FloatArray, lost: Sequence[MissingRows]) -> str:

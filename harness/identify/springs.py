@@ -1,4 +1,4 @@
-"""Legs that give in logs: lengths at the motors' side and at the platform's, and the springs between them.
+"""Elastic legs in logs: lengths at the motors' side and at the platform's, and the springs between them.
 
 A log has the lengths of one side, or of both. The other side follows from the force on a leg's platform end, N, by the
 inverse dynamics of the platform's side [model.dynamics]:
@@ -10,28 +10,28 @@ the encoders do not matter. One side alone hardly shows them, near resonances on
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.checks import sample_time_of
-from gough_stewart.harness.identify.estimate import Estimate
-from gough_stewart.harness.identify.fit_of_log import Channels, estimate_of
-from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.movement import motion_of_lengths
-from gough_stewart.harness.identify.parts import Part, on_one_axis
+from gough_stewart.harness.identify.estimate import Estimate, nominal_values
+from gough_stewart.harness.identify.fit import Channels, estimate_of, with_all
+from gough_stewart.harness.identify.friction import resolved
+from gough_stewart.harness.identify.log import Log, Part, on_one_axis, sample_time_of
+from gough_stewart.harness.identify.names import with_values
 from gough_stewart.harness.identify.physical import BestFit
-from gough_stewart.harness.identify.rows.regression import cutoff_of
-from gough_stewart.harness.identify.smoothing import edge, smoothed
-from gough_stewart.model.dynamics import inverse_dynamics, leg_damping, platform_side
+from gough_stewart.harness.identify.regression import cutoff_of, edge, smoothed
+from gough_stewart.harness.identify.regressor import FRICTION, motion_of_lengths
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics, leg_damping, platform_side
 from gough_stewart.model.interface import Variant
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 SPRINGS = ("leg_stiffness", "leg_damping")
-FAST = "Fast motions show the damping of a spring: it delays the stretch behind the force by c/k"
+_FAST = "Fast motions show the damping of a spring: it delays the stretch behind the force by c/k"
 # Rows of the motion per period of the filter; splines of fifth degree between them are exact to 1e-5.
 _ROWS_A_PERIOD = 8
 # Standard error of the damping beyond which it is not shown, as a share of its value; rows per period of the cut-off.
@@ -43,6 +43,34 @@ _ITERATIONS = 4
 _OF_MOTION = 1 / 4
 # Encoders that differ by no more than this are two readings of one side [m].
 _NO_STRETCH = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class LegForces:
+    """The motion of a log's platform, from which the forces on the ends of its legs follow."""
+
+    state: State
+    acceleration: Acceleration
+    knots: FloatArray  # their times [s]
+    reached: slice  # rows of the log within their reach
+    cutoff: float  # of the low-pass on the lengths [Hz]
+
+    def terms(self, platform: Platform, time: FloatArray) -> FloatArray:
+        """N, Ṅ and N̈ (3, n, 6) at these times (n,) [s]."""
+        force = inverse_dynamics(platform_side(Variant(springs=True), platform), self.state, self.acceleration)
+        spline = make_interp_spline(self.knots, np.asarray(force), k=5)
+        return np.stack([spline(time, d) for d in range(3)])
+
+
+def leg_forces_of(log: Log, platform: Platform, cutoff: float | None) -> LegForces:
+    """The motion of a log, low-passed just above it, in a platform with these joints."""
+    h = sample_time_of(log)
+    cutoff = min(_OF_MOTION * (cutoff_of(log.leg_length, h) if cutoff is None else cutoff), 0.25 / h)
+    every, first = max(1, int(1 / (_ROWS_A_PERIOD * cutoff * h))), edge(h, cutoff)
+    lengths = [smoothed(log.leg_length, h, cutoff, every, k) for k in range(3)]
+    assert log.time is not None  # checked by sample_time_of
+    reached = slice(first, first + every * (len(lengths[0]) - 1) + 1)
+    return LegForces(*motion_of_lengths(platform, *lengths), log.time[reached][::every], reached, cutoff)
 
 
 def with_both_sides(parts: Sequence[Part], platform: Platform, cutoff: float | None) -> list[Part]:
@@ -58,128 +86,243 @@ def with_both_sides(parts: Sequence[Part], platform: Platform, cutoff: float | N
 def _on_both_sides(log: Log, platform: Platform, cutoff: float | None) -> Log:
     if log.motor_position is not None:
         return log
-    force, reached = _leg_force(log, platform, _cutoff(log, cutoff))
-    inner = log.rows(reached)
+    forces = leg_forces_of(log, platform, cutoff)
+    inner = log.rows(forces.reached)
     assert inner.time is not None  # checked by sample_time_of
-    k, c = platform.leg_stiffness, float(np.asarray(leg_damping(platform))[0])
-    stretch = stretch_of(k, c, *(force(inner.time, d) for d in range(3)))
+    stretch = _stretch_of(*_nominal_springs(platform), forces.terms(platform, inner.time))
     if log.side == "motor":
         return replace(inner, leg_length=inner.leg_length - stretch, motor_position=inner.leg_length, side="leg")
     return replace(inner, motor_position=inner.leg_length + stretch)
 
 
-def _leg_force(log: Log, platform: Platform, cutoff: float) -> tuple[BSpline, slice]:
-    """N through a low-pass as a spline of six over time, and the rows that it reaches."""
-    h = sample_time_of(log)
-    every, first = max(1, int(1 / (_ROWS_A_PERIOD * cutoff * h))), edge(h, cutoff)
-    state, acceleration = motion_of_lengths(
-        platform, *(smoothed(log.leg_length, h, cutoff, every, k) for k in range(3))
-    )
-    force = inverse_dynamics(platform_side(Variant(springs=True), platform), state, acceleration)
-    assert log.time is not None  # checked by sample_time_of
-    reached = slice(first, first + every * (len(force) - 1) + 1)
-    return make_interp_spline(log.time[reached][::every], np.asarray(force), k=5), reached
-
-
-def _cutoff(log: Log, cutoff: float | None) -> float:
-    """A cut-off just above the motion, within what the sample time allows."""
-    h = sample_time_of(log)
-    return min(_OF_MOTION * (cutoff_of(log.leg_length, h) if cutoff is None else cutoff), 0.25 / h)
-
-
-def springs_of(
-    parts: Sequence[Part], platform: Platform, names: Sequence[str], nominal: FloatArray, cutoff: float | None
-) -> tuple[Estimate, tuple[str, ...]]:
-    """The springs' estimate from logs with both sides, and those of these names that the logs do not show.
-
-    Parameters
-    ----------
-    platform
-        With the masses that were found: they make N.
-    nominal
-        Values before the fit (p,).
-
-    Raises
-    ------
-    IdentificationError
-        Lengths of one side only, or legs whose stretch does not change.
-    """
-    lacking = [part.log.where for part in parts if part.log.motor_position is None]
-    if lacking:
-        raise IdentificationError(
-            f"{', '.join(names)}: not shown by {lacking[0]}, which has lengths on one side of the legs only; expected "
-            "motor_position[1..6] beside leg_length[1..6]",
-            names,
-        )
-    rows = [_rows(part, platform, cutoff) for part in parts]
-    stretch, *terms = (np.concatenate([each[k] for each in rows]) for k in range(1, 5))
-    is_fitted = np.concatenate([part.is_fitted(each[0]) for part, each in zip(parts, rows, strict=True)])
-    # zeros of the encoders, of each leg and log
-    which = np.concatenate([np.full(len(each[0]), part.which) for part, each in zip(parts, rows, strict=True)])
-    for of in (stretch, *terms):
-        for log in np.unique(which):
-            of[which == log] -= of[(which == log) & is_fitted].mean(axis=0)
-    S, *fitted = (each[is_fitted] for each in (stretch, *terms))
-    if float(np.abs(S).max()) < _NO_STRETCH:
-        raise IdentificationError(
-            f"{', '.join(names)}: motor_position and leg_length of this log do not differ; expected readings of both "
-            "sides of the legs",
-            names,
-        )
-    a, b, errors, sigma = _least_squares(S, fitted, True)
-    shown = b < 0 and errors[1] < _LARGEST_ERROR * abs(b)
-    if not shown:
-        a, b, errors, sigma = _least_squares(S, fitted, False)
-    if not errors[0] < _LARGEST_ERROR * a:
-        raise IdentificationError(
-            f"{', '.join(names)}: not shown by this log: the legs' stretch does not follow their force; record a "
-            "motion that changes the forces more, with finer encoders",
-            names,
-        )
-    k, c = 1 / a, -b / a**2
-    values = {"leg_stiffness": k, "leg_damping": c}
-    # the first two terms, differentiated
-    N, dN, _ = fitted
-    columns = {"leg_stiffness": -N / k**2 + 2 * c / k**3 * dN, "leg_damping": -dN / k**2}
-    kept = tuple(name for name in names if name != "leg_damping" or shown)
-    if not kept:
-        raise IdentificationError(f"{', '.join(names)}: not shown by this log; record faster motions", names)
-    scale = np.array([values[name] for name in kept])
-    D = np.stack([columns[name] * values[name] for name in kept], axis=-1) / sigma
-    residual = stretch - stretch_of(k, c, *terms)
-    at, spans = on_one_axis(parts, [each[0] for each in rows])
-    k0, c0 = nominal_springs(platform)
-    before = stretch_of(k0, c0, *terms) if k0 > 0 else 0.0 * stretch
-    channels = Channels("stretch of leg", "m", at, stretch, residual, before, is_fitted, spans)
-    found = estimate_of(
-        kept,
-        nominal[[list(names).index(name) for name in kept]],
-        scale,
-        BestFit(scale, ()),
-        (D, residual[is_fitted] / sigma),
-        channels,
-        (),
-    )
-    return found, tuple(name for name in names if name not in kept)
-
-
-def nominal_springs(platform: Platform) -> tuple[float, float]:
+def _nominal_springs(platform: Platform) -> tuple[float, float]:
     """K and c of a platform, 0 of a rigid one."""
     if not platform.leg_stiffness > 0:
         return 0.0, 0.0
     return platform.leg_stiffness, float(np.asarray(leg_damping(platform))[0])
 
 
-def stretch_of(k: float, c: float, force: FloatArray, rate: FloatArray, curvature: FloatArray) -> FloatArray:
-    """The stretch s − L [m] under a leg force with these derivatives."""
-    return np.asarray(force / k - c / k**2 * rate + c**2 / k**3 * curvature)
+def _stretch_of(k: float, c: float, terms: FloatArray) -> FloatArray:
+    """The stretch s − L [m] under leg forces with these derivatives; none of rigid legs."""
+    return np.tensordot((1 / k, -c / k**2, c**2 / k**3), terms, 1) if k > 0 else 0.0 * terms[0]
+
+
+def with_springs(
+    masses: Estimate | None,
+    parts: Sequence[Part],
+    platform: Platform,
+    names: tuple[str, ...],
+    cutoff: float | None,
+) -> Estimate:
+    """The estimate of all names with the springs of the legs, under the forces of the platform that was found.
+
+    Parameters
+    ----------
+    masses
+        The estimate of all other names; None if there are none, and the masses are the platform's.
+    parts
+        Of logs as they were measured.
+
+    Raises
+    ------
+    IdentificationError
+        Springs alone are estimated, and the logs do not show them.
+    """
+    wanted = tuple(name for name in names if name in SPRINGS)
+    known = dict(zip(SPRINGS, _nominal_springs(platform), strict=True))
+    nominal = np.array([known.get(name, value) for name, value in _nominal(names, platform).items()])
+    at = [names.index(name) for name in wanted]
+    if masses is None:
+        springs, _ = _springs_of(parts, platform, wanted, nominal[at], cutoff)
+        whole = with_all(springs, names, nominal, nominal, [name for name in wanted if name not in springs.names])
+    else:
+        sizes = dict(zip(masses.names, masses.scale.tolist(), strict=True))
+        scale = np.array([sizes.get(name, 1.0) for name in names])
+        whole = with_all(masses, names, nominal, scale, (*masses.not_excited, *wanted))
+        try:
+            springs, by_masses = _springs_of(parts, platform, wanted, nominal[at], cutoff, masses)
+        except IdentificationError as error:
+            return replace(whole, notes=(*whole.notes, str(error)))
+        whole = _merged(whole, springs, by_masses, masses)
+    hidden = [name for name in wanted if name not in springs.names]
+    note = f"not shown by this log, so without a number: {', '.join(hidden)}. {_FAST}"
+    return replace(whole, notes=(*whole.notes, note)) if hidden else whole
+
+
+def _nominal(names: Sequence[str], platform: Platform) -> dict[str, float]:
+    return dict(zip(names, nominal_values(names, resolved(platform)).tolist(), strict=True))
+
+
+def _merged(whole: Estimate, springs: Estimate, by_masses: FloatArray, masses: Estimate) -> Estimate:
+    """The estimate of all names with the springs' values and their covariance with the masses, which make N.
+
+    Parameters
+    ----------
+    by_masses
+        ∂(springs)/∂(masses) (q, p); 0 by elements without a variance.
+    """
+    names = whole.names
+    at, of_masses = ([names.index(name) for name in fit.names] for fit in (springs, masses))
+    values, covariance, scale = whole.values.copy(), whole.covariance.copy(), whole.scale.copy()
+    values[at], scale[at] = springs.values, springs.scale
+    known = np.nan_to_num(masses.covariance)
+    covariance[np.ix_(at, of_masses)] = by_masses @ known
+    covariance[np.ix_(of_masses, at)] = (by_masses @ known).T
+    lacking = {*whole.not_excited, *whole.at_bound} - set(springs.names)
+    without = [name in lacking for name in names]
+    covariance[without] = covariance[:, without] = np.nan
+    covariance[np.ix_(at, at)] = springs.covariance + by_masses @ known @ by_masses.T
+    directions = np.zeros((len(springs.names), len(names)))
+    directions[:, at] = springs.directions
+    sigma = np.concatenate([whole.singular_values, springs.singular_values])
+    order = np.argsort(-sigma)
+    note = f"the legs' stretch is explained to {1e6 * float(springs.residuals.rms.max()):.2g} µm RMS"
+    return replace(
+        whole,
+        values=values,
+        covariance=covariance,
+        freedom=min(whole.freedom, springs.freedom),
+        scale=scale,
+        singular_values=sigma[order],
+        directions=np.concatenate([whole.directions, directions])[order],
+        rank=whole.rank + springs.rank,
+        not_excited=tuple(name for name in whole.not_excited if name not in springs.names),
+        notes=(*whole.notes, note),
+    )
+
+
+def _springs_of(
+    parts: Sequence[Part],
+    nominal_platform: Platform,
+    names: tuple[str, ...],
+    nominal: FloatArray,
+    cutoff: float | None,
+    masses: Estimate | None = None,
+) -> tuple[Estimate, FloatArray]:
+    """The springs' estimate from logs with both sides, of those of these names that the logs show; and its slopes.
+
+    Parameters
+    ----------
+    nominal
+        Values before the fit (q,).
+    masses
+        The estimate of the other parameters (p,), whose values make N.
+
+    Returns
+    -------
+    Estimate, FloatArray
+        The springs', and their derivatives by the masses (q, p).
+
+    Raises
+    ------
+    IdentificationError
+        Lengths of one side only, or legs whose stretch does not change.
+    """
+    what = ", ".join(names)
+    lacking = [part.log.where for part in parts if part.log.motor_position is None]
+    if lacking:
+        raise IdentificationError(
+            f"{what}: not shown by {lacking[0]}, which has lengths on one side of the legs only; expected "
+            "motor_position[1..6] beside leg_length[1..6]",
+            names,
+        )
+    platform = nominal_platform if masses is None else masses.platform(nominal_platform)
+    forces = [leg_forces_of(part.log, platform, cutoff) for part in parts]
+    readings = [_stretch_in(part.log, of_log) for part, of_log in zip(parts, forces, strict=True)]
+    times = [time for time, _ in readings]
+    is_fitted = np.concatenate([part.is_fitted(time) for part, time in zip(parts, times, strict=True)])
+    which = np.concatenate([np.full(len(time), part.which) for part, time in zip(parts, times, strict=True)])
+    fitted_logs = np.unique(which[is_fitted])
+
+    def about_zeros(signals: FloatArray) -> FloatArray:
+        # the encoders of each leg count from a zero of their own in each log
+        for log in np.unique(which):
+            chosen = (which == log) & (is_fitted if log in fitted_logs else True)
+            signals[..., which == log, :] -= signals[..., chosen, :].mean(axis=-2, keepdims=True)
+        return signals
+
+    def terms_of(machine: Platform) -> FloatArray:
+        every = [of_log.terms(machine, time) for of_log, time in zip(forces, times, strict=True)]
+        return about_zeros(np.concatenate(every, axis=1))
+
+    stretch, terms = about_zeros(np.concatenate([length for _, length in readings])), terms_of(platform)
+    S, fitted = stretch[is_fitted], terms[:, is_fitted]
+    if float(np.abs(S).max()) < _NO_STRETCH:
+        raise IdentificationError(
+            f"{what}: motor_position and leg_length of this log do not differ; expected readings of both sides of the "
+            "legs",
+            names,
+        )
+    freedom = S.size - 6 * len(fitted_logs)
+    a, b, errors, sigma = _least_squares(S, fitted, True, freedom)
+    shown = b < 0 and errors[1] < _LARGEST_ERROR * abs(b)
+    if not shown:
+        a, b, errors, sigma = _least_squares(S, fitted, False, freedom)
+    if not errors[0] < _LARGEST_ERROR * a:
+        raise IdentificationError(
+            f"{what}: not shown by this log: the legs' stretch does not follow their force; record a motion that "
+            "changes the forces more, with finer encoders",
+            names,
+        )
+    kept = tuple(name for name in names if name != "leg_damping" or shown)
+    if not kept:
+        raise IdentificationError(f"{what}: not shown by this log; record faster motions", names)
+
+    def springs(a: float, b: float) -> FloatArray:
+        return np.array([{"leg_stiffness": 1 / a, "leg_damping": -b / a**2}[name] for name in kept])
+
+    k, c = 1 / a, -b / a**2
+    scale = springs(a, b)
+    # the first two terms, differentiated
+    N, dN, _ = fitted
+    columns = {"leg_stiffness": -N / k**2 + 2 * c / k**3 * dN, "leg_damping": -dN / k**2}
+    D = np.stack([(columns[name] * value).ravel() for name, value in zip(kept, scale, strict=True)], axis=1) / sigma
+    residual = stretch - _stretch_of(k, c, terms)
+    time, spans = on_one_axis(parts, times)
+    before = _stretch_of(*_nominal_springs(platform), terms)
+    estimate = estimate_of(
+        kept,
+        nominal[[names.index(name) for name in kept]],
+        scale,
+        BestFit(scale, ()),
+        (D, residual[is_fitted].ravel() / sigma, freedom - len(kept)),
+        Channels("stretch of leg", "m", time, stretch, residual, before, is_fitted, spans),
+        (),
+    )
+    slopes = np.zeros((len(kept), 0 if masses is None else len(masses.names)))
+    for j, name in enumerate(() if masses is None else masses.names):
+        step = float(masses.standard_errors[j]) if masses is not None else 0.0
+        # friction and armature are on the motors' side, and make no N
+        if not step > 0 or name.partition("[")[0] in (*FRICTION, "leg_armature"):
+            continue
+        values = dict(zip(masses.names, masses.values.tolist(), strict=True))  # type: ignore[union-attr]
+        moved = terms_of(with_values(platform, {name: values[name] + step}))[:, is_fitted]
+        slopes[:, j] = (springs(*_least_squares(S, moved, shown, freedom)[:2]) - scale) / step
+    return estimate, slopes
+
+
+def _stretch_in(log: Log, forces: LegForces) -> tuple[FloatArray, FloatArray]:
+    """Times (n,) and measured stretch (n, 6), at rows whose filtered noise is hardly correlated."""
+    assert log.time is not None  # checked by sample_time_of
+    assert log.motor_position is not None  # checked by _springs_of
+    h, reached = sample_time_of(log), forces.reached
+    # the same low-pass for the stretch and for the force that makes it
+    thin = max(1, int(1 / (_PER_PERIOD * forces.cutoff * h)))
+    stretch = smoothed(log.motor_position - log.leg_length, h, forces.cutoff)[: reached.stop - reached.start : thin]
+    return log.time[reached][::thin], stretch
 
 
 def _least_squares(
-    stretch: FloatArray, terms: Sequence[FloatArray], has_damping: bool
+    stretch: FloatArray, terms: FloatArray, has_damping: bool, freedom: int
 ) -> tuple[float, float, FloatArray, float]:
-    """1/k, −c/k², their standard errors, and the standard deviation of the residual."""
-    force, rate, curvature = (each.ravel() for each in terms)
+    """1/k, −c/k², their standard errors, and the standard deviation of the residual.
+
+    Parameters
+    ----------
+    freedom
+        Readings less zeros that were subtracted.
+    """
+    force, rate, curvature = terms.reshape(3, -1)
     D = np.stack([force, rate][: 1 + has_damping], axis=1)
     size = np.linalg.norm(D, axis=0)
     small = np.zeros_like(force)
@@ -188,55 +331,6 @@ def _least_squares(
         if has_damping:
             small = x[1] ** 2 / x[0] * curvature
     left = stretch.ravel() - small - D @ x
-    variance = float(left @ left) / max(len(left) - D.shape[1] - 6, 1)
+    variance = float(left @ left) / max(freedom - D.shape[1], 1)
     errors = np.sqrt(variance * np.diag(np.linalg.inv(D.T @ D / np.outer(size, size)))) / size
     return float(x[0]), float(x[1]) if has_damping else 0.0, errors, max(float(np.sqrt(variance)), 1e-15)
-
-
-def _rows(part: Part, platform: Platform, cutoff: float | None) -> tuple[FloatArray, ...]:
-    """Time (n,), stretch, leg force and its derivatives (n, 6), at rows whose filtered noise is hardly correlated."""
-    log, h = part.log, sample_time_of(part.log)
-    own = _cutoff(log, cutoff)
-    force, reached = _leg_force(log, platform, own)
-    assert log.time is not None  # checked by sample_time_of
-    assert log.motor_position is not None  # checked by springs_of
-    # the same low-pass for the stretch and for the force that makes it
-    thin = max(1, int(1 / (_PER_PERIOD * own * h)))
-    stretch = smoothed(log.motor_position - log.leg_length, h, own)[: reached.stop - reached.start : thin]
-    time = log.time[reached][::thin]
-    return time, stretch, *(force(time, d) for d in range(3))
-
-
-def merged(estimate: Estimate, springs: Estimate, names: tuple[str, ...]) -> Estimate:
-    """The estimate with the springs' values, which are not correlated with the others, in the order of `names`.
-
-    Parameters
-    ----------
-    estimate
-        Of all names, without numbers for the springs.
-    """
-    values, covariance = estimate.values.copy(), estimate.covariance.copy()
-    at = [names.index(name) for name in springs.names]
-    values[at] = springs.values
-    covariance[at] = covariance[:, at] = 0.0
-    # N is nearly in proportion to the mass, and so are the springs
-    mass = names.index("platform_mass") if "platform_mass" in names else None
-    share = 0.0 if mass is None or np.isnan(covariance[mass, mass]) else covariance[mass, mass] / values[mass] ** 2
-    covariance[np.ix_(at, at)] = springs.covariance + share * np.outer(springs.values, springs.values)
-    scale = estimate.scale.copy()
-    scale[at] = springs.scale
-    none = np.zeros((len(springs.names), len(names)))
-    none[:, at] = springs.directions
-    sigma = np.concatenate([estimate.singular_values, springs.singular_values])
-    order = np.argsort(-sigma)
-    note = f"the legs' stretch is explained to {1e6 * float(springs.residuals.rms.max()):.2g} µm RMS"
-    return replace(
-        estimate,
-        values=values,
-        covariance=covariance,
-        scale=scale,
-        singular_values=sigma[order],
-        directions=np.concatenate([estimate.directions, none])[order],
-        rank=estimate.rank + springs.rank,
-        notes=(*estimate.notes, note),
-    )

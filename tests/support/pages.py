@@ -13,8 +13,8 @@ from gough_stewart.harness.view.view import view_page
 from gough_stewart.harness.workspace.workspace_report import workspace_report
 from gough_stewart.model.platform import load_preset
 from gough_stewart.model.workspace import sweep
-from tests.harness.identify.machine import NOMINAL, machine_log
 from tests.support.ensembles import ensemble_of
+from tests.support.machine_logs import NOMINAL, Course, machine_log
 from tests.support.records import waving_record
 
 _PEAK = "tracking.position.norm_peak"
@@ -30,7 +30,7 @@ def _ensemble() -> bytes:
 
 def _identification() -> bytes:
     names = ["platform_mass", "platform_com", "leg_viscous_friction", "leg_coulomb_friction"]
-    return page_of(estimate_report(identify(machine_log(duration=8.0), NOMINAL, names), NOMINAL.name))
+    return page_of(estimate_report(identify(machine_log(course=Course(duration=8.0)), NOMINAL, names), NOMINAL.name))
 
 
 def _runs(number: int) -> bytes:

@@ -21,9 +21,9 @@ from gough_stewart.harness.report.codec import from_json
 from gough_stewart.harness.report.document import Report
 from tests.harness.cli.test_identify import written
 from tests.harness.experiment.test_frf import uneven_run
-from tests.harness.identify.machine import machine_log
 from tests.support.commands import invoke
 from tests.support.demo import Demo
+from tests.support.machine_logs import Course, machine_log
 
 SHORT = ("--set", "loop.duration=0.3")
 FEW = ("--members", "6", "--workers", "1", *SHORT)
@@ -87,7 +87,7 @@ def prepared(use: str) -> None:
         injection = {"type": "multisine", "leg": 4, "amplitude": 0.2, "band": [2, 100], "lines_at_most": 9, "settle": 1}
         save_record(uneven_run(injection, loop={"duration": 1.5, "sample_time": 4e-3, "delay": 1}), Path("injected"))
     elif use == "identify":
-        written(machine_log(duration=8.0), Path("log.csv"))
+        written(machine_log(course=Course(duration=8.0)), Path("log.csv"))
     elif use == "ensemble --compare":
         Path("slower.toml").write_text(invoke("experiments", "heave_tolerances").stdout)
 

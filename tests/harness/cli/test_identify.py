@@ -55,7 +55,7 @@ def test_several_logs_are_fitted_another_validates_and_what_is_missing_is_propos
     proposed = shlex.split(next_line.removeprefix("Next: gough-stewart "))
     assert proposed == ["excite", "--preset", "motion_base", "--estimate", NAMES]
     # it does excite: every combination by more than a thousandth of what the strongest does
-    assert excite(NOMINAL, NAMES, duration=6.0, frequency=0.3, trials=3).condition_number < 1e3
+    assert excite(NOMINAL, NAMES, duration=6.0, frequency=0.3, harmonics=3, trials=1).condition_number < 1e3
 
 
 def test_a_log_that_contradicts_the_model_is_written_with_an_alarm_and_exit_code_3(tmp_path: Path) -> None:

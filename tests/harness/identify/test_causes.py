@@ -8,13 +8,12 @@ import pytest
 
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.log import force_of
 from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.report import estimate_report
-from gough_stewart.harness.identify.tables import estimate_tables
+from gough_stewart.harness.identify.report import estimate_report, estimate_tables
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.model.platform import platform_to_toml
-from tests.harness.identify import machine as logs_of_another
-from tests.support.machine_logs import NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine
+from tests.support.machine_logs import MACHINE, NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine
 from tests.support.model_errors import FEW, Case, Designed, made
 
 
@@ -127,8 +126,16 @@ def test_instruments_are_estimated_with_the_platform_and_are_not_in_its_file() -
 
 
 def test_bristles_at_a_reversal_are_friction_of_another_law() -> None:
-    """Expected: LuGre's bristles build friction up over 65 micrometres; no other family is as likely."""
-    found = identify(logs_of_another.machine_log(friction=logs_of_another.lugre(560.0, 130.0)), NOMINAL, NAMES)
+    """Expected: LuGre's bristles build friction up over micrometres; no other family is as likely."""
+    slick, course = replace(MACHINE, leg_coulomb_friction=0.0), Course(Swing(seed=3))
+    length = machine_log(slick, course, Sensing(length_noise=0.0, encoder=0.0)).leg_length
+    z, friction = np.zeros(6), np.zeros_like(length)
+    for k, v in enumerate(np.gradient(length, 1e-3, axis=0)):
+        decay = np.exp(-2e6 * np.abs(v) * 1e-3 / 130.0)
+        z = z * decay + np.sign(v) * 130.0 / 2e6 * (1 - decay)
+        friction[k] = 2e6 * z
+    log = machine_log(slick, course)
+    found = identify(replace(log, actuator_force=force_of(log) + friction), NOMINAL, NAMES)
     assert found.diagnosis is not None
     assert found.diagnosis.alarm
     assert found.diagnosis.cause in ("law of friction", "")

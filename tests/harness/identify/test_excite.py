@@ -4,20 +4,33 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import make_interp_spline
 
 from gough_stewart.harness.errors import IdentificationError, MotionError
 from gough_stewart.harness.identify.excite import criteria, excite, within_limits
+from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.references import Circle
 from gough_stewart.model.platform import load_preset
-from tests.harness.identify.machine import excitation
+from tests.support.lagrangian import Pose, forces_along, legs_along
+from tests.support.machine_logs import Course, friction
 from tests.support.uneven import UNEVEN
+
+SERIES = Excitation(
+    frequency=0.5,
+    duration=8,
+    position_sine=[[0.1, 0, 0], [0, 0.2, 0]],
+    position_cosine=[[0, 0, 0.3], [0.4, 0, 0]],
+    orientation_sine=[[0, 0, 0.05], [0, 0, 0]],
+    orientation_cosine=[[0, 0, 0], [0, 0.06, 0]],
+)
 
 
 def test_it_rests_before_and_after() -> None:
     """Expected: home, with neither velocity nor acceleration, at both ends and beyond."""
-    motion = excitation(6.0).about(UNEVEN)(np.array([0.0, 6.0, 7.5]))
+    motion = SERIES.about(UNEVEN)(np.array([0.0, 8.0, 9.5]))
     np.testing.assert_allclose(motion.position, np.tile(UNEVEN.home_position, (3, 1)), atol=1e-12)
     for part in motion[2:]:
         np.testing.assert_allclose(part, 0.0, atol=1e-12)
@@ -25,8 +38,8 @@ def test_it_rests_before_and_after() -> None:
 
 def test_its_rates_are_those_of_its_poses() -> None:
     """Expected: central differences of positions, first and second."""
-    reference, t, h = excitation(6.0).about(UNEVEN), np.array([0.4, 1.7, 3.2, 5.6]), 1e-4
-    before, at, after = (reference(t + e) for e in (-h, 0.0, h))
+    reference, time, h = SERIES.about(UNEVEN), np.array([0.4, 1.7, 3.2, 7.6]), 1e-4
+    before, at, after = (reference(time + e) for e in (-h, 0.0, h))
     np.testing.assert_allclose(at.velocity, (after.position - before.position) / (2 * h), atol=1e-6)
     second = (after.position - 2 * at.position + before.position) / h**2
     np.testing.assert_allclose(at.acceleration, second, atol=1e-5)
@@ -34,16 +47,8 @@ def test_its_rates_are_those_of_its_poses() -> None:
 
 def test_in_the_middle_it_is_the_series() -> None:
     """Expected: Σ a sin(2π k f t) + b cos(2π k f t), written out."""
-    series = Excitation(
-        frequency=0.5,
-        duration=8,
-        position_sine=[[0.1, 0, 0], [0, 0.2, 0]],
-        position_cosine=[[0, 0, 0.3], [0.4, 0, 0]],
-        orientation_sine=[[0, 0, 0.05], [0, 0, 0]],
-        orientation_cosine=[[0, 0, 0], [0, 0.06, 0]],
-    )
     t, w = 3.3, np.pi
-    motion = series.about(UNEVEN)(np.array([t]))
+    motion = SERIES.about(UNEVEN)(np.array([t]))
     moved = np.array([0.1 * np.sin(w * t) + 0.4 * np.cos(2 * w * t), 0.2 * np.sin(2 * w * t), 0.3 * np.cos(w * t)])
     np.testing.assert_allclose(motion.position[0] - UNEVEN.home_position, moved, rtol=1e-12)
     turned = np.array([0.0, 0.06 * np.cos(2 * w * t), 0.05 * np.sin(w * t)])
@@ -66,7 +71,7 @@ def test_the_best_motion_keeps_all_limits_and_tells_ten_times_more_than_a_circle
     """Expected: limits looked at ten times as finely as the search did; condition numbers of one measure."""
     platform = replace(load_preset("motion_base"), actuator_force_max=9000.0)
     everything = "platform_mass,platform_com,platform_inertia"
-    found = excite(platform, everything, duration=10.0, trials=5, seed=2).reference.about(platform)
+    found = excite(platform, everything, duration=10.0, trials=1, seed=2).reference.about(platform)
     time = np.linspace(0, 10, 3000)
     assert within_limits(platform, time, found(time))
     circle = Circle(radius=0.2, frequency=0.4, fade_in=1.0).about(platform)
@@ -77,7 +82,7 @@ def test_the_best_motion_keeps_all_limits_and_tells_ten_times_more_than_a_circle
 
 def test_the_same_seed_gives_the_same_motion_and_another_another() -> None:
     platform = load_preset("liu2000")
-    first, second, other = (excite(platform, "platform_mass", duration=5.0, trials=3, seed=s) for s in (4, 4, 5))
+    first, second, other = (excite(platform, "platform_mass", duration=5.0, trials=1, seed=s) for s in (4, 4, 5))
     np.testing.assert_array_equal(first.reference.coefficients, second.reference.coefficients)
     assert np.abs(np.subtract(first.reference.coefficients, other.reference.coefficients)).max() > 1e-3
 
@@ -87,3 +92,30 @@ def test_a_platform_that_cannot_hold_itself_has_no_motion() -> None:
     weak = replace(UNEVEN, actuator_force_max=1.0)
     with pytest.raises(IdentificationError, match="no motion was found within the limits of uneven that excites plat"):
         excite(weak, "platform_mass", duration=3.0, trials=2)
+
+
+def test_promised_errors_are_those_of_a_log() -> None:
+    """Expected: standard errors of a log of the motion, by a Lagrangian, with the noise that the promise states."""
+    platform = load_preset("motion_base")
+    names = "platform_mass,platform_com,platform_inertia,leg_viscous_friction,leg_coulomb_friction"
+    found = excite(platform, names, duration=8.0, frequency=0.25, harmonics=3, trials=1, seed=1)
+    time, reference, h = np.arange(8000) / 1000, found.reference.about(platform), 1e-4
+
+    def pose(at: np.ndarray) -> np.ndarray:
+        motion = reference(at)
+        return np.concatenate([motion.position, motion.orientation], axis=1)
+
+    coarse = np.arange(-0.05, 8.06, 0.01)
+    q, after, before = pose(coarse), pose(coarse + h), pose(coarse - h)
+    smooth = replace(platform, leg_viscous_friction=0.0, leg_coulomb_friction=0.0)
+    along = Pose(q, (after - before) / (2 * h), (after - 2 * q + before) / h**2)
+    force = make_interp_spline(coarse, forces_along(smooth, along), k=3)(time)
+    length, velocity = legs_along(
+        platform, Pose(pose(time), (pose(time + h) - pose(time - h)) / (2 * h), 0 * pose(time))
+    )
+    force = force + friction(platform, Course(), velocity)
+    rng = np.random.default_rng(3)
+    force = force + 0.01 * np.sqrt((force**2).mean(axis=0)) * rng.standard_normal(force.shape)
+    log = Log(1e-6 * np.rint(length / 1e-6), time, force)
+    errors = identify(log, platform, names, validation=0.0).standard_errors
+    np.testing.assert_allclose(found.standard_errors, errors, rtol=0.1)

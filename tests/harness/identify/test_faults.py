@@ -16,11 +16,10 @@ from scipy.stats import chi2
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.experiment.run import run
 from gough_stewart.harness.identify import faults
-from gough_stewart.harness.identify.checks import force_of
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.faults import hold_of, without_held_rows
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import Log, log_of
+from gough_stewart.harness.identify.log import Log, force_of, log_of
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.screen import screened
 from tests.support.machine_logs import (

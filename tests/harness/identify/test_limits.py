@@ -8,15 +8,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gough_stewart.harness.errors import IdentificationError, LogError
-from gough_stewart.harness.identify import checks, faults
-from gough_stewart.harness.identify.checks import force_of
+from gough_stewart.harness.identify import faults
+from gough_stewart.harness.identify import log as checks
 from gough_stewart.harness.identify.faults import Hold, hold_of, without_held_rows
-from gough_stewart.harness.identify.fit_of_log import scales
+from gough_stewart.harness.identify.fit import scales
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.log import Log
+from gough_stewart.harness.identify.log import Log, Part, force_of, on_one_axis
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.identify.parts import Part, on_one_axis
-from gough_stewart.harness.identify.rows.linear_parameters import dependences
+from gough_stewart.harness.identify.regressor import dependences
 from gough_stewart.harness.identify.screen import check_order_of_forces, screened
 from gough_stewart.model.kinematics import leg_geometry
 from tests.support.machine_logs import (

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart.harness.identify.checks import force_of
 from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.log import force_of
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.formulations import newton_euler
 from gough_stewart.model.platform import Platform

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from gough_stewart.harness.errors import LogError
-from gough_stewart.harness.identify import movement
-from gough_stewart.harness.identify.movement import motion_of_lengths, poses_of
+from gough_stewart.harness.identify import regressor
+from gough_stewart.harness.identify.regressor import motion_of_lengths, poses_of
 from gough_stewart.model.forward_kinematics import forward_kinematics
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
@@ -34,14 +34,14 @@ def far(n: int) -> FloatArray:
 def test_newtons_steps_alone_find_poses_far_from_home() -> None:
     """Expected: the poses of the lengths, in the twelve steps of all rows at once; no row needs another search."""
     poses = far(300)
-    with patch.object(movement, "forward_kinematics", side_effect=AssertionError("searched row by row")):
+    with patch.object(regressor, "forward_kinematics", side_effect=AssertionError("searched row by row")):
         position, orientation = poses_of(UNEVEN, lengths(poses))
     np.testing.assert_allclose(np.hstack([position, orientation]), poses, atol=1e-9)
     # quadratically: from a decimetre, four steps reach the rounding
     near = HOME + 0.1 * (far(50) - HOME)
     with (
-        patch.object(movement, "forward_kinematics", side_effect=AssertionError("searched row by row")),
-        patch.object(movement, "_ITERATIONS", 4),
+        patch.object(regressor, "forward_kinematics", side_effect=AssertionError("searched row by row")),
+        patch.object(regressor, "_ITERATIONS", 4),
     ):
         position, orientation = poses_of(UNEVEN, lengths(near))
     np.testing.assert_allclose(np.hstack([position, orientation]), near, atol=1e-9)
@@ -56,7 +56,7 @@ def test_rows_that_newton_does_not_find_are_searched_from_the_row_before() -> No
         guesses.append(np.concatenate([position, orientation]))
         return forward_kinematics(platform, length, position, orientation)
 
-    with patch.object(movement, "_ITERATIONS", 1), patch.object(movement, "forward_kinematics", noted):
+    with patch.object(regressor, "_ITERATIONS", 1), patch.object(regressor, "forward_kinematics", noted):
         position, orientation = poses_of(UNEVEN, lengths(poses))
     np.testing.assert_allclose(np.hstack([position, orientation]), poses, atol=1e-8)
     np.testing.assert_allclose(guesses, [HOME, *poses[:-1]], atol=1e-8)

@@ -8,9 +8,9 @@ import pytest
 
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.identify import identify
+from gough_stewart.harness.identify.log import Part
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.observability import motion_rows
-from gough_stewart.harness.identify.parts import Part
 from tests.support.machine_logs import (
     HEAVE,
     MACHINE,

@@ -13,12 +13,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from gough_stewart.harness.identify.causes import Diagnosis, Finding, Unseen
-from gough_stewart.harness.identify.estimate import Estimate, Residuals
-from gough_stewart.harness.identify.files import FILES, identification_files
+from gough_stewart.harness.identify.estimate import FILES, Estimate, Residuals, identification_files
 from gough_stewart.harness.identify.lack_of_fit import LackOfFit
 from gough_stewart.harness.identify.names import unit_of
-from gough_stewart.harness.identify.report import estimate_report
-from gough_stewart.harness.identify.tables import estimate_tables
+from gough_stewart.harness.identify.report import estimate_report, estimate_tables
 from gough_stewart.harness.report.page import page_of
 from gough_stewart.harness.report.table import Column, Table
 from gough_stewart.model.platform import platform_from_toml
@@ -175,7 +173,7 @@ def test_the_file_of_numbers_has_all_of_them() -> None:
     found = json.loads(ESTIMATE.to_json())
     assert list(found) == [
         *("method", "parameters", "covariance", "correlation", "singular_values", "combinations", "rank"),
-        *("not_excited", "at_bound", "residuals", "alarms", "notes", "diagnosis"),
+        *("not_excited", "at_bound", "residuals", "validation", "alarms", "notes", "diagnosis"),
     ]
     assert found["method"] == "linear"
     assert list(found["parameters"]) == list(NAMES)

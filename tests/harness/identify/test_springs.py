@@ -61,10 +61,16 @@ def test_both_sides_of_a_log_show_the_springs() -> None:
     assert (np.abs(found.values - truth) < 4 * found.standard_errors).all()
     assert found.standard_errors[4] < 0.005 * K
     assert found.platform(rigid).leg_stiffness == found["leg_stiffness"][0]
-    # the force on a spring is in proportion to the mass, which is not known either: the variances of both add up
-    alone = identify(elastic_log("both"), found.platform(rigid), ["leg_stiffness", "leg_damping"])
-    shares, of_alone = found.standard_errors / found.values, alone.standard_errors / alone.values
-    assert shares[4:] ** 2 - of_alone**2 == pytest.approx(shares[0] ** 2, rel=0.05)
+    # the mass, which is not known either, makes the force on a spring: its share is that of a fit with another mass
+    platform = found.platform(rigid)
+    heavier = replace(platform, platform_mass=platform.platform_mass + 1.0)
+    alone, other = (identify(elastic_log("both"), p, ["leg_stiffness", "leg_damping"]) for p in (platform, heavier))
+    by_mass = (other.values - alone.values) * found.standard_errors[0]
+    np.testing.assert_allclose(found.standard_errors[4:] ** 2, alone.standard_errors**2 + by_mass**2, rtol=1e-3)
+    np.testing.assert_allclose(found.correlation[0, 4:], by_mass / found.standard_errors[4:], rtol=0.01)
+    # of the readings of each log six zeros are not known: twice n − 6 − 2 is 2 n − 12 − 2, less 2
+    twice = identify([elastic_log("both"), elastic_log("both", 1)], platform, ["leg_stiffness", "leg_damping"])
+    assert twice.freedom == 2 * alone.freedom + 2
 
 
 def test_intervals_of_the_springs_hold() -> None:
@@ -136,3 +142,18 @@ def test_a_log_says_its_side(tmp_path: Path) -> None:
     assert read_log(tmp_path / "lengths.csv", side="motor").side == "motor"
     with pytest.raises(LogError, match=r"has motor_position only, but side is 'leg'"):
         read_log(tmp_path / "motors.csv", side="leg")
+
+
+def test_faults_of_the_motors_encoders_are_mended_or_left_out_and_said() -> None:
+    """Expected: the stiffness of the log without faults, to a standard error; a spike and a frozen run."""
+    log = elastic_log("both")
+    assert log.motor_position is not None
+    motor = log.motor_position.copy()
+    motor[700, 2] += 5e-3
+    motor[1500:1560, 4] = motor[1500, 4]
+    names = ["leg_stiffness", "leg_damping"]
+    found, right = (identify(one, SPRUNG, names) for one in (replace(log, motor_position=motor), log))
+    assert (np.abs(found.values - right.values) < right.standard_errors).all()
+    notes = " ".join(found.notes)
+    assert "1 spike in the motor position of leg 3, at 1.4 s; interpolated" in notes
+    assert "59 frozen readings of the motor position of leg 5, at 3.002 to 3.118 s; left out" in notes

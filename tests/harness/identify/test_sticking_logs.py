@@ -11,8 +11,7 @@ from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.identify import identify, not_shown
 from gough_stewart.harness.identify.log import Log
-from gough_stewart.harness.identify.rows.regression import cutoff_of, cutoff_within_noise
-from gough_stewart.harness.identify.smoothing import smoothed
+from gough_stewart.harness.identify.regression import cutoff_of, cutoff_within_noise, smoothed
 from tests.support.machine_logs import MACHINE, Swing
 from tests.support.sticking_logs import LEGS, RATE, Law, sticking_log
 

@@ -6,17 +6,16 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from gough_stewart.harness.identify.movement import motion_of_lengths
-from gough_stewart.harness.identify.rows.force_derivatives import force_derivatives, parameter_columns
-from gough_stewart.harness.identify.rows.noise import (
+from gough_stewart.harness.identify.noise import fitted_noise, two_noises, whitened_by
+from gough_stewart.harness.identify.regression import (
     KernelCorrelations,
-    fitted_noise,
+    RawNoise,
     kernel_correlations,
-    two_noises,
-    whitening_of,
+    kernel_of,
+    smoothed,
 )
-from gough_stewart.harness.identify.rows.row_model import tilt_directions, tilted
-from gough_stewart.harness.identify.smoothing import kernel_of, smoothed
+from gough_stewart.harness.identify.regressor import force_derivatives, motion_of_lengths, parameter_columns
+from gough_stewart.harness.identify.row_model import tilt_directions, tilted
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.kernel import parameter_vector
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
@@ -68,22 +67,22 @@ def test_correlations_are_those_of_white_noise_through_the_filters() -> None:
         assert (np.abs(sample - found.length[m]) < error * np.outer(size, size)).all()
 
 
-def test_whitening_by_blocks_is_that_of_the_whole_matrix_with_unused_rows_left_out() -> None:
+def test_whitening_by_bands_is_that_of_the_whole_matrix_with_unused_rows_left_out() -> None:
     """Expected: r' V⁻¹ r and log|V| of the dense matrix of the rows that are used."""
     n = 40
     by_legs, force = RNG.standard_normal((n, 6, 3, 6)), RNG.uniform(1, 3, 6)
     used = (RNG.uniform(size=(n, 6)) > 0.2).astype(float)
-    noises = two_noises(correlations(), by_legs, force, 0.4, used)
+    noises = two_noises(RawNoise(force, 0.4, correlations()), by_legs, used)
     V_force, V_length = dense(n, by_legs, force, 0.4)
     kept = used.ravel() > 0
     V = 0.7 * V_force + 1.9 * V_length
     # a little on the diagonal keeps what was cut off from making it indefinite
     V = V + 3e-5 * np.diag(np.diag(V))
-    whitening = whitening_of(noises.covariance(0.7, 1.9))
+    L = noises.factor(0.7, 1.9)
     r = (used * RNG.standard_normal((n, 6))).ravel()
-    white = whitening(r[:, None])[:, 0]
+    white = whitened_by([L], r[:, None])[:, 0]
     assert white @ white == pytest.approx(r[kept] @ np.linalg.solve(V[np.ix_(kept, kept)], r[kept]), rel=1e-8)
-    assert whitening.log_determinant == pytest.approx(np.linalg.slogdet(V[np.ix_(kept, kept)])[1], rel=1e-8)
+    assert 2 * np.log(L[0]).sum() == pytest.approx(np.linalg.slogdet(V[np.ix_(kept, kept)])[1], rel=1e-8)
     assert (white.reshape(n, 6)[used == 0] == 0).all()
 
 
@@ -98,8 +97,8 @@ def test_shares_of_both_noises_are_found_in_noise_of_known_shares() -> None:
     V_length *= length**2
     L = np.linalg.cholesky(2.0 * V_force + 0.5 * V_length + 1e-9 * np.eye(6 * n) * V_length.max())
     residual = (L @ RNG.standard_normal(6 * n)).reshape(n, 6)
-    noises = two_noises(correlations(), by_legs, force, length, used)
-    found = fitted_noise([noises], [n], RNG.standard_normal((n, 6, 5)), residual, used)
+    raw = RawNoise(force, length, correlations())
+    found = fitted_noise([two_noises(raw, by_legs, used)], raw, RNG.standard_normal((n, 6, 5)), residual, used)
     assert_allclose(found.force, np.sqrt(2.0), rtol=0.2)
     assert found.length == pytest.approx(length * np.sqrt(0.5), rel=0.2)
 

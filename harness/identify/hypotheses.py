@@ -11,12 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gough_stewart.harness.identify.friction import travel_since_reversal
 from gough_stewart.harness.identify.names import expanded, unit_of
-from gough_stewart.harness.identify.rows.force_derivatives import ForceDerivatives, parameter_columns
-from gough_stewart.harness.identify.rows.linear_parameters import INERTIAL
-from gough_stewart.harness.identify.rows.regression import Regression
-from gough_stewart.harness.identify.rows.row_model import tilt_directions
-from gough_stewart.harness.identify.rows.sticking import travel_since_reversal
+from gough_stewart.harness.identify.regression import Regression
+from gough_stewart.harness.identify.regressor import INERTIAL, ForceDerivatives, parameter_columns
+from gough_stewart.harness.identify.row_model import tilt_directions
 from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform

@@ -13,15 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gough_stewart.harness.identify.friction import StickingFriction
 from gough_stewart.harness.identify.names import place_of
-from gough_stewart.harness.identify.rows.linear_parameters import (
+from gough_stewart.harness.identify.regression import Regression
+from gough_stewart.harness.identify.regressor import (
     gradient,
     linear_parameters,
     regressor,
     with_estimated,
 )
-from gough_stewart.harness.identify.rows.regression import Regression
-from gough_stewart.harness.identify.rows.sticking import StickingFriction
 from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.state import State

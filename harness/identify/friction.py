@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import casadi
 import numpy as np
 
-from gough_stewart.harness.identify.names import place_of, value_of
+from gough_stewart.harness.identify.names import value_of
 from gough_stewart.model.friction import Bristles, bristle_decay, law_of_bristles
 from gough_stewart.model.interface import RIGID, SLIDING, Variant
 from gough_stewart.model.parameters import PHYSICAL, Parameters
@@ -51,8 +51,8 @@ def sticks(platform: Platform) -> bool:
 
 def ideal_of(platform: Platform) -> Platform:
     """The platform with rigid legs, and without friction that sticks: the equations that are linear in parameters."""
-    found = platform.with_parameters(RIGID) if Variant.of(platform).springs else platform
-    return found.with_parameters(SLIDING) if sticks(platform) else found
+    rigid = platform.with_parameters(RIGID) if Variant.of(platform).springs else platform
+    return rigid.with_parameters(SLIDING) if sticks(platform) else rigid
 
 
 def is_of_bristles(name: str, platform: Platform) -> bool:
@@ -89,26 +89,22 @@ class StickingFriction:
         return self._last[len(velocity)][1]
 
     def _bent(self, values: FloatArray, velocity: FloatArray, step: float) -> Bent:
-        law, moved = self.law(values), self._by_values(values)
-        q = len(self.names)
-        function = _step(q)
-        numbers = _stacked(law)
+        law, moved, q = self.law(values), self._by_values(values), len(self.names)
         X = np.zeros((6, 1 + q), order="F")
         v, after = np.zeros((6, 2), order="F"), np.zeros((6, 1 + q), order="F")
         directions = np.asfortranarray(np.concatenate([moved[name] for name in _FIELDS], axis=0))
-        of_law = np.concatenate([numbers, law.is_lugre * np.ones(6), [step]])
+        of_law = np.concatenate([*(getattr(law, name) for name in _FIELDS), law.is_lugre * np.ones(6), [step]])
         buffer: Any  # its type stubs do not accept NumPy arrays
-        buffer, call = function.buffer()
+        buffer, call = _step(q).buffer()
         for k, argument in enumerate((X, v, of_law, directions)):
             buffer.set_arg(k, argument.reshape(-1, order="F").data)
         buffer.set_res(0, after.reshape(-1, order="F").data)
-        found = np.zeros((len(velocity), 6, 1 + q))
+        bristles = np.zeros((len(velocity), 6, 1 + q))
         for k in range(len(velocity) - 1):
             v[:] = velocity[k : k + 2].T
             call()
-            X[:] = after
-            found[k + 1] = after
-        return Bent(found[:, :, 0], found[:, :, 1:])
+            X[:] = bristles[k + 1] = after
+        return Bent(bristles[:, :, 0], bristles[:, :, 1:])
 
     def force(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
         """Friction without its viscous part, and its derivatives (j, 6 (1 + q)) [N], leg after leg.
@@ -117,11 +113,11 @@ class StickingFriction:
         """
         law, moved, bent = self.law(values), self._by_values(values), self.bent(values, velocity, step)
         z, by = bent.deflection, bent.by
-        rate, rate_by = (np.gradient(each, step, axis=0) for each in (z, by))
+        rate, rate_by = np.gradient(z, step, axis=0), np.gradient(by, step, axis=0)
         force = law.stiffness * z + law.damping * rate
-        own = law.stiffness[:, None] * by + law.damping[:, None] * rate_by
-        own = own + z[..., None] * moved["stiffness"] + rate[..., None] * moved["damping"]
-        return np.concatenate([force[..., None], own], axis=2).reshape(len(velocity), -1)
+        by_values = law.stiffness[:, None] * by + law.damping[:, None] * rate_by
+        by_values = by_values + z[..., None] * moved["stiffness"] + rate[..., None] * moved["damping"]
+        return np.concatenate([force[..., None], by_values], axis=2).reshape(len(velocity), -1)
 
     def by_lengths(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
         """∂f/∂(L, L̇) (j, 12) [N/m], [N s/m]: where a leg sticks that of its bristle, else the slope of the curve."""
@@ -134,16 +130,12 @@ class StickingFriction:
 
     def _by_values(self, values: FloatArray) -> Mapping[str, FloatArray]:
         """Derivatives (6, q) of the law's fields."""
-        found = {name: np.zeros((6, len(self.names))) for name in (*_FIELDS, "damping")}
-        for k, value in enumerate(values):
-            ends = []
-            for side in (1, -1):
-                moved = values.copy()
-                moved[k] = value * (1 + side * _STEP)
-                ends.append(self.law(moved))
-            for name, column in found.items():
-                column[:, k] = (getattr(ends[0], name) - getattr(ends[1], name)) / (2 * _STEP * value)
-        return found
+        columns = {name: np.zeros((6, len(self.names))) for name in (*_FIELDS, "damping")}
+        for k, step in enumerate(np.diag(_STEP * values)):
+            above, below = self.law(values + step), self.law(values - step)
+            for name, column in columns.items():
+                column[:, k] = (getattr(above, name) - getattr(below, name)) / (2 * step[k])
+        return columns
 
 
 def unit_friction(platform: Platform, velocity: FloatArray, step: float) -> FloatArray:
@@ -171,24 +163,20 @@ def sliding_rows(platform: Platform, velocity: FloatArray, step: float) -> Float
 
 def _law(platform: Platform, values: Mapping[str, float]) -> Bristles:
     changed: dict[str, Any] = {row.name: getattr(platform, row.name) for row in PHYSICAL}
-    own = {place_of(name)[1][0]: value for name, value in values.items() if name.startswith(f"{COULOMB}[")}
-    if own:
-        each = np.array([own.get(k, value_of(platform, f"{COULOMB}[{k + 1}]")) for k in range(6)])
-        changed |= {COULOMB: each.mean(), f"{COULOMB}_factor": each / each.mean()}
+    if any(name.startswith(f"{COULOMB}[") for name in values):
+        legs = [f"{COULOMB}[{k}]" for k in range(1, 7)]
+        coulomb = np.array([values.get(leg, value_of(platform, leg)) for leg in legs])
+        changed |= {COULOMB: coulomb.mean(), f"{COULOMB}_factor": coulomb / coulomb.mean()}
     changed |= {name: value for name, value in values.items() if "[" not in name}
     law = law_of_bristles(Variant.of(platform), Parameters(**changed))
     return Bristles(*(np.broadcast_to(np.asarray(field, dtype=float), (6,)) for field in law))
-
-
-def _stacked(law: Bristles) -> FloatArray:
-    return np.concatenate([getattr(law, name) for name in _FIELDS])
 
 
 @cache
 @interrupts_held_back()
 def _step(q: int) -> casadi.Function:
     """CasADi Function: ([z, ∂z/∂θ] (6, 1+q), v at both ends (6, 2), law (36) and h, ∂law/∂θ (30, q)) -> the former."""
-    X, v, p, D = (casadi.SX.sym(*of) for of in (("X", 6, 1 + q), ("v", 6, 2), ("p", 37), ("D", 30, q)))
+    X, v, p, D = (casadi.SX.sym(*size) for size in (("X", 6, 1 + q), ("v", 6, 2), ("p", 37), ("D", 30, q)))
     fields = {name: _row(p[6 * k : 6 * k + 6]) for k, name in enumerate((*_FIELDS, "is_lugre"))}
     law = Bristles(**fields, damping=np.zeros(6), viscous=np.zeros(6))
     h = np.array([[p[36]]], dtype=object) / _SUBSTEPS
@@ -207,8 +195,8 @@ def _step(q: int) -> casadi.Function:
 
 def _after(v: Any, z: Any, decay: Any, step: Any) -> Any:
     """Exact for constant v and decay."""
-    x = np.array([[casadi.fmax(each, _SMALL) for each in (decay * step).reshape(-1)]], dtype=object)
-    share = np.array([[-casadi.expm1(-each) / each for each in x.reshape(-1)]], dtype=object)
+    x = np.array([[casadi.fmax(exponent, _SMALL) for exponent in (decay * step).reshape(-1)]], dtype=object)
+    share = np.array([[-casadi.expm1(-exponent) / exponent for exponent in x.reshape(-1)]], dtype=object)
     return z + (v - decay * z) * step * share
 
 

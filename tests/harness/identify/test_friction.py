@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gough_stewart.harness.identify.rows.sticking import StickingFriction, resolved, sliding_rows, unit_friction
+from gough_stewart.harness.identify.friction import StickingFriction, resolved, sliding_rows, unit_friction
 from gough_stewart.model.platform import Platform, load_preset
 from gough_stewart.model.vectors import FloatArray
 from tests.support.sticking_logs import LEGS, Law

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from gough_stewart.harness.identify.geometry.equations import Frames, Geometry, Measured, Poses
-from gough_stewart.harness.identify.geometry.frames import guessed_frames
+from gough_stewart.harness.identify.geometry import Frames, Geometry, Measured, Poses, guessed_frames
 from gough_stewart.model.vectors import FloatArray
 from tests.support.uneven import UNEVEN
 

@@ -1,1 +1,0 @@
-"""Calibration: joints and leg offsets from leg lengths and poses."""

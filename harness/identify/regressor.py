@@ -1,0 +1,351 @@
+"""The regressor of inverse dynamics from leg lengths: poses, F = W φ, and the derivatives of F.
+
+    platform   m, m r_G, I = J + m (r_G·r_G 1 − r_G r_Gᵀ) about Op
+    legs       m2, m2 d, m1 r1, I0 = m1 r1² + J1 + J2 + m2 d², m_a: all parameters in the equations of a leg
+    friction   viscous and Coulomb, of each leg
+
+[Khalil & Dombre, Modeling, Identification and Control of Robots, 2002, ch. 12; for the legs `model.dynamics`.]
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any, NamedTuple
+
+import casadi
+import numpy as np
+from scipy.linalg import qr
+
+from gough_stewart.harness.errors import LogError
+from gough_stewart.harness.identify.names import PER_LEG, place_of, value_of
+from gough_stewart.model import interface
+from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
+from gough_stewart.model.errors import GoughStewartError
+from gough_stewart.model.forward_kinematics import forward_kinematics
+from gough_stewart.model.friction import friction_force
+from gough_stewart.model.interface import N_PARAMETERS
+from gough_stewart.model.kernel import parameter_vector
+from gough_stewart.model.kinematics import (
+    handedness_of_legs,
+    jacobian_of_legs,
+    leg_accelerations,
+    leg_geometry,
+    rates_of_legs,
+)
+from gough_stewart.model.parameters import PHYSICAL, Parameters
+from gough_stewart.model.platform import Platform
+from gough_stewart.model.pose_limits import LARGEST_PITCH
+from gough_stewart.model.process.progress import interrupts_held_back
+from gough_stewart.model.rotations import orientation_rate_from_angular_velocity
+from gough_stewart.model.state import State
+from gough_stewart.model.vectors import Array, FloatArray, apply, cross, dot, transpose
+
+PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+COM = tuple(f"platform_com[{a}]" for a in (1, 2, 3))
+INERTIA = tuple(f"platform_inertia[{a + 1},{b + 1}]" for a, b in PAIRS)
+FRICTION = PER_LEG
+_OF_LEGS = ("lower_mass", "upper_mass", "lower_com", "upper_com", "lower_inertia", "upper_inertia", "armature")
+_SCALARS = ("platform_mass", *(f"leg_{name}" for name in _OF_LEGS))
+# The only other parameter of the equations is the smoothing velocity of friction; these make the regressor.
+_FIXED = ("base_points", "platform_points", "gravity")
+INERTIAL = 10 + 5
+SIZE = INERTIAL + 12
+# The place of the armature in φ.
+ARMATURE = INERTIAL - 1
+# Below this share of the largest, what is left of a column is rounding.
+_ROUNDING = 1e-9
+# Of Newton's method for poses; the tolerance as a share of the longest leg.
+_ITERATIONS, _TOLERANCE = 12, 1e-11
+_JOINTS = 36
+assert [v.name for v in interface.PLATFORM_PARAMETERS[:2]] == ["base_points", "platform_points"]
+
+
+def poses_of(platform: Platform, leg_length: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Positions and orientations (n, 3) with these leg lengths (n, 6) [m], in the assembly mode of home.
+
+    Newton's method from the home pose for all rows at once; rows that do not converge start from a neighbour's pose.
+
+    Raises
+    ------
+    LogError
+        Lengths that are impossible for this platform; names the row.
+    """
+    home = np.concatenate([platform.home_position, platform.home_orientation])
+    pose = np.tile(home, (len(leg_length), 1))
+    side = handedness_of_legs(leg_geometry(platform, home[:3], home[3:]))
+    close, largest = _TOLERANCE * float(leg_length.max()), 0.25 * platform.characteristic_length
+    with np.errstate(all="ignore"):
+        for _ in range(_ITERATIONS):
+            legs = leg_geometry(platform, pose[:, :3], pose[:, 3:])
+            error = leg_length - legs.length
+            if np.abs(error).max() < close:
+                break
+            step = _solved(jacobian_of_legs(legs), error)
+            size = np.maximum(np.linalg.norm(step[:, :3], axis=1), np.linalg.norm(step[:, 3:], axis=1) / 2)
+            step *= np.minimum(1.0, largest / np.maximum(size, 1e-300))[:, None]
+            pose[:, :3] += step[:, :3]
+            pose[:, 3:] += orientation_rate_from_angular_velocity(pose[:, 3:], step[:, 3:])
+            # diverged rows restart from home, and later from their neighbour
+            pose[~(np.isfinite(pose).all(axis=1) & (np.abs(pose[:, 4]) < LARGEST_PITCH))] = home
+        legs = leg_geometry(platform, pose[:, :3], pose[:, 3:])
+        error = np.abs(leg_length - legs.length).max(axis=1)
+    for k in np.flatnonzero(~((error < 10 * close) & (handedness_of_legs(legs) == side))):
+        guess = pose[k - 1] if k else home
+        try:
+            there = forward_kinematics(platform, leg_length[k], guess[:3], guess[3:])
+        except GoughStewartError as cause:
+            raise LogError(
+                f"no pose of this platform has the leg lengths {np.round(leg_length[k], 5).tolist()} m of row {k + 1} "
+                f"({cause}); check the platform's joints, the order of the legs, and the unit of the lengths"
+            ) from cause
+        pose[k] = np.concatenate([there.position, there.orientation])
+    return pose[:, :3], pose[:, 3:]
+
+
+def motion_of_lengths(
+    platform: Platform, leg_length: FloatArray, leg_velocity: FloatArray, leg_acceleration: FloatArray
+) -> tuple[State, Acceleration]:
+    """State and acceleration of the platform from lengths, velocities and accelerations of its legs; each (n, 6).
+
+    [v; ω] = J⁻¹ L̇ and [v̇; ω̇] = J⁻¹ (L̈ − L |u̇|² − u·(ω×(ω×c))), since L̈ = u·P̈ + L |u̇|².
+    """
+    position, orientation = poses_of(platform, leg_length)
+    legs = leg_geometry(platform, position, orientation)
+    J = jacobian_of_legs(legs)
+    twist = _solved(J, leg_velocity)
+    state = State(position, orientation, twist[:, :3], twist[:, 3:])
+    rates = rates_of_legs(legs, state)
+    omega = state.angular_velocity[:, None, :]
+    centripetal = dot(legs.direction, cross(omega, cross(omega, legs.arm)))
+    known = legs.length * dot(rates.direction_rate, rates.direction_rate) + centripetal
+    a = _solved(J, leg_acceleration - known)
+    return state, Acceleration(a[:, :3], a[:, 3:])
+
+
+def _solved(matrix: Array, vector: Array) -> Array:
+    return np.linalg.solve(matrix, vector[..., None])[..., 0]
+
+
+def elements_of(platform: Platform) -> dict[str, float]:
+    """All elements on which φ depends, with the platform's values."""
+    factors = [f"{name}_factor[{k}]" for name in FRICTION for k in range(1, 7)]
+    return {name: value_of(platform, name) for name in (*_SCALARS, *COM, *INERTIA, *FRICTION, *factors)}
+
+
+def with_estimated(elements: Mapping[str, Any], names: Sequence[str], values: Sequence[Any] | Array) -> dict[str, Any]:
+    """The elements with some replaced, or with the friction of one leg added."""
+    return {**elements, **dict(zip(names, values, strict=True))}
+
+
+def linear_parameters(elements: Mapping[str, Any]) -> Array:
+    """φ (SIZE,) of the elements, real or complex."""
+    e = elements
+    m, c = e["platform_mass"], np.array([e[name] for name in COM])
+    J = [e[name] for name in INERTIA]
+    I = [J[k] + m * ((c @ c) * (a == b) - c[a] * c[b]) for k, (a, b) in enumerate(PAIRS)]
+    m1, m2, r1, d, J1, J2, m_a = (e[f"leg_{name}"] for name in _OF_LEGS)
+    I0 = m1 * r1**2 + J1 + J2 + m2 * d**2
+    # a leg's own friction replaces the common value and its factor
+    friction = [e.get(f"{name}[{k}]", e[name] * e[f"{name}_factor[{k}]"]) for name in FRICTION for k in range(1, 7)]
+    return np.array([m, *(m * c), *I, m2, m2 * d, m1 * r1, I0, m_a, *friction])
+
+
+def gradient(elements: Mapping[str, Any], names: Sequence[str]) -> FloatArray:
+    """∂φ/∂θ (SIZE, p) for these elements, by complex steps: exact to the last digit for these polynomials."""
+    step = 1e-30
+    columns = np.zeros((SIZE, len(names)))
+    for k, name in enumerate(names):
+        columns[:, k] = linear_parameters({**elements, name: elements[name] + 1j * step}).imag / step
+    return columns
+
+
+def regressor(platform: Platform, state: State, acceleration: Acceleration) -> FloatArray:
+    """W (n, 6, SIZE): the actuator forces of n states for each element of φ alone, with unit parameters.
+
+    Inverse dynamics with F = W φ; joints, gravity and the smoothing velocity of friction are the platform's.
+    """
+    motion = np.concatenate([state.to_vector(), *acceleration], axis=1)
+    fixed = np.concatenate([np.ravel(getattr(platform, name)) for name in _FIXED])
+    columns = _evaluated(wrenches_function(), motion, np.tile(fixed, (len(motion), 1)))[0].reshape(len(motion), -1, 6)
+    legs = leg_geometry(platform, state.position, state.orientation)
+    inertial = np.linalg.solve(transpose(jacobian_of_legs(legs)), transpose(columns))
+    # friction acts along the actuator, only on its own leg
+    friction = np.split(friction_columns(platform, rates_of_legs(legs, state).length_rate), 2, axis=-1)
+    return np.concatenate([inertial, *(column[..., None] * np.eye(6) for column in friction)], axis=-1)
+
+
+def friction_columns(platform: Platform, leg_velocity: FloatArray) -> FloatArray:
+    """Friction of n leg velocities (n, 6) [m/s] for unit viscous and unit Coulomb friction, side by side (n, 12)."""
+    alone = [friction_force(_units(platform, **{name: 1}), leg_velocity) for name in FRICTION]
+    return np.concatenate(alone, axis=-1)
+
+
+@cache
+@interrupts_held_back()
+def wrenches_function() -> casadi.Function:
+    """CasADi Function: (motion (18), joints and gravity) -> Jᵀ F for each inertial parameter alone, in order."""
+    motion, fixed = casadi.SX.sym("motion", 18), casadi.SX.sym("fixed", 39)
+    numbers, joints = _symbols(motion), _symbols(fixed)
+    state, acceleration = State.from_vector(numbers[:, :12]), Acceleration(numbers[:, 12:15], numbers[:, 15:])
+    places = {
+        "base_points": joints[:, :18].reshape(1, 6, 3),
+        "platform_points": joints[:, 18:36].reshape(1, 6, 3),
+        "gravity": joints[:, 36:],
+    }
+
+    def wrench(**units: Any) -> Array:
+        parameters = replace(_units(None, **units), **places)
+        return np.asarray(inverse_dynamics(parameters, state, acceleration, solve=lambda _matrix, vector: vector)[0])
+
+    mass, upper = wrench(platform_mass=1), wrench(leg_upper_mass=1)
+    columns = [mass]
+    for axis in np.eye(3):
+        # with zero inertia about Op, only mass and first moment remain
+        about = np.outer(axis, axis) - np.eye(3)
+        columns.append(wrench(platform_mass=1, platform_com=axis, platform_inertia=about) - mass)
+    for a, b in PAIRS:
+        unit = np.zeros((3, 3))
+        unit[a, b] = unit[b, a] = 1
+        columns.append(wrench(platform_inertia=unit))
+    columns += [
+        upper,
+        wrench(leg_upper_mass=1, leg_upper_com=1, leg_upper_inertia=-1) - upper,
+        wrench(leg_lower_mass=1, leg_lower_com=1, leg_lower_inertia=-1),
+        wrench(leg_lower_inertia=1),
+        wrench(leg_armature=1),
+    ]
+    result = casadi.cse(casadi.vertcat(*(element for column in columns for element in column)))
+    return casadi.Function("wrenches", [motion, fixed], [result])
+
+
+def _units(platform: Platform | None, **units: Any) -> Parameters:
+    """Parameters that are all 0 except these, with those of the platform that φ does not include."""
+    values: dict[str, Any] = {row.name: np.zeros(row.shape) for row in PHYSICAL}
+    values["leg_friction_velocity"] = 1.0
+    values |= {f"{name}_factor": np.ones(6) for name in FRICTION}
+    values |= {name: getattr(platform, name) for name in (*_FIXED, "leg_friction_velocity") if platform is not None}
+    values |= {name: np.asarray(value, dtype=float) for name, value in units.items()}
+    return Parameters(**values)
+
+
+def dependences(columns: FloatArray, names: Sequence[str]) -> tuple[list[str], str]:
+    """Elements whose columns (n, p) are combinations of the others', by QR with pivots, and what that means in words.
+
+    Columns are to be of similar size.
+    """
+    R, pivots = qr(columns, mode="r", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    rank = int((diagonal > _ROUNDING * diagonal[0]).sum())
+    dependent = [names[k] for k in pivots[rank:]]
+    base = np.linalg.solve(R[:rank, :rank], R[:rank, rank:])
+    texts = []
+    for j, name in enumerate(dependent):
+        parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
+        texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
+    return dependent, "; ".join(texts)
+
+
+class ForceDerivatives(NamedTuple):
+    """Derivatives of the actuator forces at n motions."""
+
+    by_legs: FloatArray  # ∂F/∂(L, L̇, L̈) (n, 6, 3, 6) [N/m], [N s/m], [kg]; the third axis is the order
+    by_parameters: FloatArray  # ∂F/∂p at fixed lengths (n, 6, N_PARAMETERS)
+
+
+def force_derivatives(motion: FloatArray, parameters: FloatArray, force: FloatArray) -> ForceDerivatives:
+    """Derivatives of inverse dynamics at n motions; exact.
+
+    Inverse dynamics from a log takes lengths, not poses: G(m, p) = Jᵀ F with m the platform's motion, which follows
+    from ℓ = (L, L̇, L̈) = h(m, p). So ∂F/∂ℓ = J⁻ᵀ G_m h_m⁻¹, and ∂F/∂p = J⁻ᵀ (G_p − G_m h_m⁻¹ h_p) at fixed ℓ.
+
+    Parameters
+    ----------
+    motion
+        Position, orientation, velocity, angular velocity, acceleration, angular acceleration (n, 18).
+    parameters
+        The kernel's p (N_PARAMETERS,).
+    force
+        The forces there (n, 6) [N].
+    """
+    n = len(motion)
+    J, G_m, G_p, h_m, h_p = _evaluated(_equations(), motion, np.tile(parameters, (n, 1)), force)
+    per_leg = np.linalg.solve(np.swapaxes(h_m, 1, 2), np.swapaxes(G_m, 1, 2)).swapaxes(1, 2)
+    Jt = np.swapaxes(J, 1, 2)
+    by_legs = np.asarray(np.linalg.solve(Jt, per_leg), dtype=float)
+    by_parameters = np.asarray(np.linalg.solve(Jt, G_p), dtype=float)
+    by_parameters[:, :, : h_p.shape[2]] -= by_legs @ h_p
+    return ForceDerivatives(by_legs.reshape(n, 6, 3, 6), by_parameters)
+
+
+def _evaluated(function: casadi.Function, *arguments: FloatArray) -> list[FloatArray]:
+    """Results (n, rows, columns) for n rows of arguments, through buffers, which copy nothing."""
+    n = len(arguments[0])
+    buffer: Any  # its type stubs do not accept NumPy arrays
+    buffer, call = function.map(n).buffer()
+    kept = [np.ascontiguousarray(argument, dtype=float).ravel() for argument in arguments]
+    results = [np.empty((n, *function.size_out(k)[::-1])) for k in range(function.n_out())]
+    for k, argument in enumerate(kept):
+        buffer.set_arg(k, argument.data)
+    for k, result in enumerate(results):
+        buffer.set_res(k, result.reshape(-1).data)
+    call()
+    return [result.swapaxes(1, 2) for result in results]
+
+
+def kernel_parameters(platform: Platform, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """The kernel's p (N_PARAMETERS,), and ∂p/∂θ (N_PARAMETERS, k) by elements of a platform.
+
+    p has friction as a common value times six factors; if a leg's own friction is an element, as 1 times six values.
+    """
+    of_each_leg: dict[str, Any] = {}
+    for stem in PER_LEG:
+        if any(name.startswith(f"{stem}[") for name in names):
+            of_each_leg |= {stem: 1.0, f"{stem}_factor": getattr(platform, stem) * getattr(platform, f"{stem}_factor")}
+    return parameter_vector(platform.with_parameters(of_each_leg)), parameter_columns(names)
+
+
+def parameter_columns(names: Sequence[str]) -> FloatArray:
+    """∂p/∂θ (N_PARAMETERS, k) of the kernel's p by elements of a platform."""
+    places: dict[str, Any] = {}
+    at = 0
+    for variable in interface.PLATFORM_PARAMETERS:
+        places[variable.name] = np.arange(variable.size).reshape(variable.shape) + at
+        at += variable.size
+    columns = np.zeros((N_PARAMETERS, len(names)))
+    for j, name in enumerate(names):
+        stem, index = place_of(name)
+        if index and stem in PER_LEG:
+            stem = f"{stem}_factor"
+        columns[places[stem][index] if index else places[stem], j] = 1.0
+        if stem == "platform_inertia":
+            columns[places[stem][index[::-1]], j] = 1.0
+    return columns
+
+
+@cache
+@interrupts_held_back()
+def _equations() -> casadi.Function:
+    """CasADi Function: (m (18), p, F (6)) -> J, ∂G/∂m, ∂G/∂p, ∂h/∂m, ∂h/∂joints with G = inverse dynamics − Jᵀ F."""
+    m, p, F = casadi.SX.sym("m", 18), casadi.SX.sym("p", N_PARAMETERS), casadi.SX.sym("F", 6)
+    numbers = _symbols(m)
+    state, acceleration = State.from_vector(numbers[:, :12]), Acceleration(numbers[:, 12:15], numbers[:, 15:])
+    parameters = Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
+    legs = leg_geometry(parameters, state.position, state.orientation)
+    needed = inverse_dynamics(parameters, state, acceleration, solve=lambda _matrix, vector: vector)
+    G = _column(needed - apply(transpose(jacobian_of_legs(legs)), _symbols(F)))
+    of_legs = (legs.length, rates_of_legs(legs, state).length_rate, leg_accelerations(legs, state, *acceleration))
+    h = casadi.vertcat(*(_column(rows) for rows in of_legs))
+    J = casadi.vertcat(*(casadi.horzcat(*row) for row in jacobian_of_legs(legs)[0]))
+    # of all parameters lengths depend on the joints only, which are the first
+    by_joints = casadi.jacobian(h, p)[:, :_JOINTS]
+    blocks = [J, casadi.jacobian(G, m), casadi.jacobian(G, p), casadi.jacobian(h, m), by_joints]
+    # without common subexpressions: finding them takes longer than they save
+    return casadi.Function("equations", [m, p, F], [casadi.densify(block) for block in blocks])
+
+
+def _symbols(vector: casadi.SX) -> Array:
+    return np.array([casadi.vertsplit(vector)], dtype=object)
+
+
+def _column(array: Array) -> Any:
+    return casadi.vertcat(*array.reshape(-1))

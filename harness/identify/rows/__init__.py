@@ -1,1 +1,0 @@
-"""Inverse dynamics in rows: forces that are linear in parameters, with the covariance of their noise."""
