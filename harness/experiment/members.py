@@ -70,8 +70,8 @@ class Input:
         values = np.asarray(self.spread.draw(np.tile(shares[:, None], self.spread.size)), dtype=float)
         values = values.reshape(len(shares), *self.place.target.shape)
         low, high = values.min(axis=0), values.max(axis=0)
-        # of values that are equal but for rounding
-        room = 1e-9 * np.maximum(np.abs(low), np.abs(high))
+        # of values that are equal but for rounding, and of the rarest that are left out
+        room = 1e-9 * np.maximum(np.abs(low), np.abs(high)) + 10 * _RARE * (high - low)
         is_outside = (nominal != 0) & ((nominal < low - room) | (nominal > high + room))
         if not is_outside.any():
             return ""
