@@ -140,6 +140,7 @@ def test_who_has_not_settled_is_told_with_the_time_waited() -> None:
         ("platform_mass", {"grid": [900, 1000]}, True),
         ("platform_mass", {"choice": [1250, 1200]}, False),
         ("platform_mass", {"factor": {"uniform": [0.9, 1.1]}}, False),
+        ("leg_coulomb_friction", {"uniform": ["0 N", "100 N"]}, False),  # 100 N: at the end of it
         ("platform_com", {"uniform": [0.01, 0.02]}, False),
     ],
 )
