@@ -24,6 +24,6 @@ _MEANINGS = {
     ExitCode.FAILED: "could not be done",
     ExitCode.USAGE: "wrong usage",
     ExitCode.MISSED: "done, and a bound or a requirement is missed",
-    ExitCode.OPEN: "done, and no requirement is missed, but one cannot be told from this study",
+    ExitCode.OPEN: "done, no requirement is missed, but one is inconclusive",
     ExitCode.INTERRUPTED: "interrupted by Ctrl-C, SIGTERM or SIGHUP",
 }

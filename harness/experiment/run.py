@@ -399,7 +399,8 @@ def write_results(
             "metadata.json": record.to_metadata(),
         }
         measured = metrics(record)
-        written = [aside.submit(files.add, part) for part in (first, {"metrics.json": metrics_json(measured)})]
+        written = [aside.submit(files.add, first)]
+        written.append(aside.submit(files.add, {"metrics.json": metrics_json(measured)}))
         report = record.report(measured=measured, robustness=robustness, charts=page or figures or charts)
         report = replace(report, notes=(*report.notes, *notes))
         if requirements:

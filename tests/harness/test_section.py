@@ -53,7 +53,8 @@ MESSAGES: dict[str, tuple[dict[str, Any], str]] = {
     "a key that another kind has": (
         {"reference": {"type": "sine", "frequency": 1, "file": "a.csv"}},
         "reference.file: unknown key (= 'a.csv'); expected one of type, time_scale, amplitude_scale, position, "
-        "orientation, position_amplitude, orientation_amplitude, fade_in, frequency, phase",
+        "orientation, position_amplitude, orientation_amplitude, fade_in, frequency, phase, position_phase, "
+        "orientation_phase",
     ),
     "a value in a list in a table": (
         {"disturbance": [{"at": 0, "duration": 1}, {"at": 0, "duration": 1, "force": [1, 2, "3 m"]}]},

@@ -135,7 +135,7 @@ def test_what_is_executed_is_announced_and_nothing_else(
     room = "gough_stewart.harness"
     for place in (
         *("experiment.run.run", "experiment.margins.margins", "experiment.frf.frf", "export.export.export"),
-        *("export.own_unit.exported_controller", "ensemble.ensemble.ensemble", "ensemble.compare.run_compared"),
+        *("export.fmu.exported_controller", "ensemble.ensemble.ensemble", "ensemble.compare.run_compared"),
         *("tuning.tune.tune", "identify.log.read_log"),
     ):
         monkeypatch.setattr(f"{room}.{place}", stop)

@@ -139,7 +139,7 @@ def test_the_command_counts_them_and_names_the_largest(duration: float, is_thinn
     )
     assert done.exit_code == 0, done.output
     members = polars.read_parquet(tmp_path / "out" / "members.parquet")
-    assert "What makes the position error, peak vary" in done.output
+    assert "What makes the position error, at the end vary" in done.output
     assert ", worst" not in " ".join(done.output.split())
     said = " ".join(done.stderr.split())
     for kind, verb in (("oscillating", "oscillate"), ("growing", "grow")):
