@@ -3,18 +3,18 @@
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from gough_stewart.harness.experiment.episodes import Actions, Episodes, Reward
 from gough_stewart.harness.experiment.file import experiment_of
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.model.errors import ArgumentError, NotInstalledError
+from gough_stewart.model.errors import NotInstalledError
 
 if TYPE_CHECKING:
-    from gough_stewart.harness.experiment.gymnasium_classes import ExperimentEnv, ExperimentVectorEnv
+    from gough_stewart.harness.experiment.gymnasium_classes import ExperimentEnv, ExperimentVectorEnv, Reward
 
 SIGNALS = ("leg_length", "leg_velocity")
+Actions = Literal["force", "pose"]
 METRIC = "tracking.position.norm_rms"
 
 
@@ -25,7 +25,7 @@ def vector_env(
     *,
     actions: Actions = "force",
     observations: Sequence[str] = SIGNALS,
-    reward: str | Reward = METRIC,
+    reward: "str | Reward" = METRIC,
     hold: int = 1,
     autoreset: Literal["next_step", "disabled"] = "next_step",
 ) -> "ExperimentVectorEnv":
@@ -69,11 +69,11 @@ def vector_env(
     NotInstalledError
         Gymnasium is not installed.
     """
-    if autoreset not in ("next_step", "disabled"):
-        raise ArgumentError(f"autoreset is {autoreset!r}; expected 'next_step' or 'disabled'")
-    episodes = Episodes(experiment_of(experiment, settings), n, actions, observations, reward, hold)
-    classes = _classes()
-    return classes.ExperimentVectorEnv(episodes, classes.AutoresetMode[autoreset.upper()])
+    chosen = experiment_of(experiment, settings)
+    made: ExperimentVectorEnv = _classes().ExperimentVectorEnv(
+        chosen, n, actions, observations, reward, hold, autoreset
+    )
+    return made
 
 
 def env(
@@ -82,7 +82,7 @@ def env(
     *,
     actions: Actions = "force",
     observations: Sequence[str] = SIGNALS,
-    reward: str | Reward = METRIC,
+    reward: "str | Reward" = METRIC,
     hold: int = 1,
 ) -> "ExperimentEnv":
     """One experiment as an environment of Gymnasium: the first member of `vector_env` with the same arguments and seed.
@@ -94,8 +94,10 @@ def env(
     ExperimentEnv
         A `gymnasium.Env`.
     """
-    episodes = Episodes(experiment_of(experiment, settings), 1, actions, observations, reward, hold)
-    return _classes().ExperimentEnv(episodes)  # type: ignore[no-any-return]
+    options: Any = {"actions": actions, "observations": observations, "reward": reward, "hold": hold}
+    members = vector_env(experiment, 1, settings, **options, autoreset="disabled")
+    made: ExperimentEnv = _classes().ExperimentEnv(members)
+    return made
 
 
 def _classes() -> ModuleType:

@@ -13,7 +13,7 @@ import gough_stewart as gs
 from gough_stewart.model.vectors import FloatArray
 
 # Nothing of a loop is ideal: limits that act, a delay, slow drives, coarse and noisy sensors, two plant steps a sample.
-UNEVEN = {
+UNEVEN: dict[str, Any] = {
     "loop.duration": 0.12,
     "loop.sample_time": 0.002,
     "loop.plant_step": 0.001,
@@ -31,7 +31,7 @@ PID = {"controller.type": "pid", "controller.integral_time": 0.3, "controller.an
 
 def forces_at(j: int) -> FloatArray:
     """Uneven forces beside the feedforward, which leave the force limit [N]."""
-    return np.array([300, -200, 900, 100, -400, 50.0]) * np.sin(0.2 * j + np.arange(6))
+    return np.asarray(np.array([300, -200, 900, 100, -400, 50.0]) * np.sin(0.2 * j + np.arange(6)))
 
 
 HOME = gs.load_preset("motion_base")
@@ -184,16 +184,23 @@ def test_time_is_up_at_the_duration_and_a_held_action_is_a_longer_step() -> None
     ("call", "words"),
     [
         (lambda: gs.vector_env("heave_step", 0), "n is 0"),
-        (lambda: gs.vector_env("heave_step", 2, actions="torque"), "expected 'force' or 'pose'"),
+        (
+            lambda: gs.vector_env("heave_step", 2, actions="torque"),  # type: ignore[arg-type]
+            "expected 'force' or 'pose'",
+        ),
         (lambda: gs.vector_env("heave_step", 2, observations=["leg_lenght"]), "leg_length"),
-        (lambda: gs.vector_env("heave_step", 2, observations=[]), "no names"),
+        (lambda: gs.vector_env("heave_step", 2, observations=[]), "observations is"),
         (lambda: gs.vector_env("heave_step", 2, reward="force.peak"), "tracking.position.norm_rms"),
-        (lambda: gs.vector_env("heave_step", 2, autoreset="same_step"), "next_step"),
+        (
+            lambda: gs.vector_env("heave_step", 2, autoreset="same_step"),  # type: ignore[arg-type]
+            "next_step",
+        ),
         (lambda: gs.vector_env("impulse", 2), "disturbance"),
         (lambda: gs.vector_env("heave_step", 2, {"loop.jitter": 0.0004, "loop.plant_step": 0.0002}), "jitter"),
         (lambda: gs.vector_env("paper_open_loop", 2, actions="pose"), "controller"),
         (lambda: gs.vector_env("heave_step", 2).step(np.zeros((3, 6))), "2 x 6"),
         (lambda: gs.vector_env("heave_step", 2).step(np.full((2, 6), np.nan)), "nan"),
+        (lambda: gs.vector_env("heave_step", 2, reward=lambda _: np.zeros(3)).step(np.zeros((2, 6))), r"\(3,\)"),
         (lambda: gs.vector_env("heave_step", 2).reset(options={"reset_mask": [1, 0]}), "True or False"),
     ],
 )
