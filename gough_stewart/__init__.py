@@ -70,6 +70,8 @@ Experiments
     read_ensemble             read an ensemble from its folder
     tune                      optimise numbers of an experiment
     Tuning                    result of `tune`
+    vector_env                an experiment's members as a vector environment of Gymnasium, for learning
+    env                       one experiment as an environment of Gymnasium
     export                    export the controller as C or FMU, the loop as SSP
 
 Results

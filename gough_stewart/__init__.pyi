@@ -21,6 +21,8 @@ from gough_stewart.harness.errors import IdentificationWarning as Identification
 from gough_stewart.harness.errors import UnstableLoopError as UnstableLoopError
 from gough_stewart.harness.experiment.checking import MotionCheck as MotionCheck
 from gough_stewart.harness.experiment.checking import check as check
+from gough_stewart.harness.experiment.environments import env as env
+from gough_stewart.harness.experiment.environments import vector_env as vector_env
 from gough_stewart.harness.experiment.file import experiment_names as experiment_names
 from gough_stewart.harness.experiment.file import load_experiment as load_experiment
 from gough_stewart.harness.experiment.frf import FrequencyResponse as FrequencyResponse

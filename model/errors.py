@@ -38,7 +38,7 @@ class EnvironmentVariableError(GoughStewartError, ValueError):
 
 
 class NotInstalledError(GoughStewartError):
-    """A package of the extra `compile` is needed, and not installed."""
+    """A package of an extra is needed, and not installed."""
 
 
 class OutputError(GoughStewartError):

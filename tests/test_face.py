@@ -34,7 +34,7 @@ NAMES = [
     "Excitation",
     "experiment_names", "load_experiment", "Experiment", "check", "MotionCheck", "run", "margins", "LoopMargins",
     "frf", "FrequencyResponse",
-    "ensemble", "Ensemble", "read_ensemble", "tune", "Tuning", "export",
+    "ensemble", "Ensemble", "read_ensemble", "tune", "Tuning", "vector_env", "env", "export",
     "Record", "read_record", "save_record", "metrics", "view",
     "sweep", "evaluate_poses",
     "identify", "Estimate", "excite", "before_and_after", "read_log", "Log",

@@ -384,6 +384,12 @@ class LinearLaw:
         for member in np.flatnonzero((A - poles[:, None] * np.eye(n)).any(axis=(1, 2))).tolist():
             x[member] = rest(A[member], integrators(integrating_modes(A[member])), forcing[member])
         self._x[...] = x.T
+        self._start = self._x.copy(), self._pose.copy(), self.lengths.copy()
+
+    def restart(self, members: BoolArray) -> None:
+        """Give these members (N,) the memory of the first sample again."""
+        for values, start in zip((self._x, self._pose, self.lengths), self._start, strict=True):
+            np.copyto(values, start, where=members)
 
     @property
     def state(self) -> FloatArray:

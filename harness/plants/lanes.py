@@ -249,6 +249,8 @@ class LanesPlant(Plant):
 
     def begin(self) -> dict[int, StepError]:
         """Failures of members that cannot start a step in their state; they do not run."""
+        if not self._begun:
+            self._starts = self.batch.states.copy()
         self._begun = True
         failures = self._stop_failed() if self._kernel.library.lanes_check(self.batch.reference) else {}
         running = self.batch.running[: self.shape[0]]
@@ -329,6 +331,15 @@ class LanesPlant(Plant):
 
     def freeze(self, members: BoolArray) -> None:
         self.batch.running[: self.shape[0]][members] = 0
+
+    def restart(self, members: BoolArray) -> None:
+        """Put these members (N,) back into their states at `begin`; they run again, whatever had ended them."""
+        batch, at = self.batch, np.flatnonzero(members)
+        batch.states[:, at] = self._starts[:, at]
+        # what a step leaves to the next one
+        batch.side[at] = batch.proposed[at] = 0.0
+        batch.failure[at], batch.running[at] = Failure.GOES_ON, -1
+        self._kernel.library.lanes_signals(batch.reference, self._signals.ctypes.data)
 
     def failure(self, k: int, begin: float) -> StepError:
         """The error of member k, whose `failure` is set, in a step that begins at a time [s]."""

@@ -1,0 +1,430 @@
+"""An experiment's members as environments of Gymnasium, an extra: loops whose forces or poses come from outside.
+
+Sensors, limits, delay, drives and the machine act as in a run; arrays have members last, and members restart one by
+one.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium import Env
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.random import SeedSequence
+from numpy.typing import ArrayLike, NDArray
+
+from gough_stewart.harness.control.component import Signals
+from gough_stewart.harness.control.drive import Drive, ForceLimits
+from gough_stewart.harness.control.faults import N_FAULTS
+from gough_stewart.harness.control.laws import LinearController
+from gough_stewart.harness.control.laws_of_members import LinearLaw, laws_of
+from gough_stewart.harness.errors import ExperimentError
+from gough_stewart.harness.experiment.members import Members
+from gough_stewart.harness.experiment.overrides import Values
+from gough_stewart.harness.experiment.preparation import Batch, Preparation
+from gough_stewart.harness.experiment.schema import Experiment
+from gough_stewart.harness.loop.folds import AT, error_between
+from gough_stewart.harness.loop.libraries import loop_kernel
+from gough_stewart.harness.loop.loop import LENGTHS, members_last
+from gough_stewart.harness.loop.python_host import SensorReadings
+from gough_stewart.harness.plants.lanes import LanesPlant
+from gough_stewart.harness.plants.plant import BoolArray, seen
+from gough_stewart.harness.plants.signals import N_LEGS, NAMES, VARIABLES
+from gough_stewart.model import interface
+from gough_stewart.model.dynamics import static_leg_forces
+from gough_stewart.model.errors import ArgumentError, MembersError
+from gough_stewart.model.interface import Variant, nearest
+from gough_stewart.model.kinematics import leg_geometry, leg_jacobian
+from gough_stewart.model.platform import LARGEST_NUMBER
+from gough_stewart.model.vectors import FloatArray
+
+# Poses reach this share of the mean leg length where the platform states no stroke.
+_REACH = 0.1
+_REFERENCE = "reference."
+# Metrics that are means of squares over rows, by the signal whose error they are of.
+_SQUARES = {f"tracking.{name}.norm_rms": name for name in ("position", "orientation")}
+
+
+class Transition(NamedTuple):
+    """What a reward may depend on, after a step: the truth, not measurements; arrays (N, ...) valid during the call."""
+
+    time: FloatArray  # since the episode's start (N,) [s]
+    state: Mapping[str, FloatArray]  # signals by name, such as "position" (N, 3)
+    reference: Mapping[str, FloatArray]  # the same of the experiment's reference; empty without one
+    action: FloatArray  # (N, 6)
+    force: FloatArray  # mean actuator forces of the last plant step (N, 6) [N]
+    terminated: BoolArray  # (N,)
+
+
+Reward = Callable[[Transition], ArrayLike]
+
+
+class ExperimentVectorEnv(VectorEnv[FloatArray, FloatArray, NDArray[Any]]):
+    """N members of an experiment as a `gymnasium.vector.VectorEnv`; arguments and errors are those of `vector_env`.
+
+    Information of a step has `cause`, why a member terminated, where any has.
+    """
+
+    # between steps, members last: states of limits and drives, commands that wait for their delay; rows, ends
+    _planned: Signals
+    _driven: Signals
+    _slots: FloatArray
+    _excess: FloatArray
+    _row: NDArray[np.intp]
+    _ended: BoolArray
+    _causes: NDArray[Any]
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        n: int,
+        actions: str,
+        observations: Sequence[str],
+        reward: str | Reward,
+        hold: int,
+        autoreset: str,
+    ) -> None:
+        modes = [mode.name.lower() for mode in (AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED)]
+        for name, value, is_one, expected in (
+            ("n", n, n >= 1, "at least 1"),
+            ("hold", hold, hold >= 1, "at least 1"),
+            ("actions", actions, actions in ("force", "pose"), "'force' or 'pose'"),
+            ("autoreset", autoreset, autoreset in modes, " or ".join(map(repr, modes))),
+            ("observations", observations, len(observations) > 0, "one or more signals, such as 'leg_length'"),
+        ):
+            if not is_one:
+                raise ArgumentError(f"{name} is {value!r}; expected {expected}")
+        loop, sensors = experiment.loop, experiment.sensors
+        for name, is_there in (
+            *((name, bool(getattr(experiment, name))) for name in ("change", "disturbance", "fault")),
+            ("loop.jitter", bool(loop.jitter)),
+            ("sensors.sample_time", sensors.sample_time is not None),
+        ):
+            if is_there:
+                text = "has a time of its own, which steps of episodes that restart one by one do not have; remove it"
+                raise ExperimentError(experiment.where, name, text)
+        self.metadata = {"autoreset_mode": AutoresetMode[autoreset.upper()], "render_modes": []}
+        self.num_envs, self._experiment, self._hold, self._actions = n, experiment, hold, actions
+        self._prepare(None)
+        self._observed = [self._places_of(name) for name in observations]
+        self._reward = self._metric_reward(reward) if isinstance(reward, str) else reward
+        self._sense(None)
+        self._observe()
+        size = sum(at.stop - at.start for _, at in self._observed)
+        self.single_observation_space = Box(-np.inf, np.inf, (size,), dtype=np.float64)
+        self.single_action_space = Box(*self._action_bounds, dtype=np.float64)
+        self.observation_space = batch_space(self.single_observation_space, n)
+        self.action_space = batch_space(self.single_action_space, n)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[FloatArray, dict[str, Any]]:
+        """Begin new episodes of all members, or of those of `options["reset_mask"]` (N,).
+
+        A seed draws the machines of `[ensemble]` and the noise, of member k from its stream k; else noise goes on.
+
+        Raises
+        ------
+        ArgumentError
+            Another kind of mask, or a mask with a seed.
+        """
+        mask = (options or {}).get("reset_mask")
+        members = np.ones(self.num_envs, dtype=bool) if mask is None else np.asarray(mask)
+        if members.shape != (self.num_envs,) or members.dtype != bool or (mask is not None and seed is not None):
+            raise ArgumentError(
+                f"reset_mask has shape {members.shape} and type {members.dtype}, the seed is {seed}; expected "
+                f"{self.num_envs} times True or False, and no seed"
+            )
+        is_first = self._np_random_seed is None
+        super().reset(seed=seed)
+        if seed is not None or is_first:
+            if self._experiment.ensemble is not None:
+                self._prepare(self.np_random_seed)
+            self._sense(self.np_random_seed or 0)
+        self._restart(members)
+        return self._observe(), {}
+
+    @property
+    def _action_bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Least and largest actions (6,): force limits [N], or home ± half the stroke [m], angles as far [rad]."""
+        if self._actions == "force":
+            limit = self._loop.actuators.force_limit
+            bound = np.full(N_LEGS, np.inf if limit is None else np.max(limit))
+            return -bound, bound
+        platform = self._platform
+        low, high = platform.leg_length_min, platform.leg_length_max
+        geometry = leg_geometry(platform, platform.home_position, platform.home_orientation)
+        reach = _REACH * float(geometry.length.mean()) if low is None or high is None else (high - low) / 2
+        radius = float(np.linalg.norm(platform.platform_points, axis=1).max())
+        home, size = np.r_[platform.home_position, platform.home_orientation], np.repeat([reach, reach / radius], 3)
+        return home - size, home + size
+
+    def step(self, actions: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray, dict[str, Any]]:
+        """Take actions (N, 6); members whose episode had ended begin the next, or stay, with reward 0.
+
+        Raises
+        ------
+        ArgumentError
+            Actions of another shape, or that are no numbers.
+        """
+        actions = np.asarray(actions, dtype=float)
+        if actions.shape != (self.num_envs, N_LEGS) or not (np.abs(actions) <= LARGEST_NUMBER).all():
+            raise ArgumentError(
+                f"actions have shape {actions.shape} and values up to {np.abs(actions).max(initial=0.0):g}; expected "
+                f"{self.num_envs} x {N_LEGS} numbers up to {LARGEST_NUMBER:g}"
+            )
+        waiting = self._ended
+        going = ~waiting
+        if waiting.any():
+            self._plant.freeze(waiting)
+        wanted = self._wanted(actions) if self._law is not None else None
+        terminated = np.zeros(self.num_envs, dtype=bool)
+        for sample in range(self._hold):
+            if sample:
+                self._observe()
+            target = self._sample(actions, wanted, going)
+            for _ in range(self._every):
+                self._driven, (force, _) = Drive.step(self._drive, self._driven, (target,))
+                self._advance(force, going, terminated)
+        self._ended = ~going
+        truncated = self._ended & ~waiting & ~terminated
+        rewards = np.array(self._reward(self._transition(actions, terminated)), dtype=float)
+        if rewards.shape != (self.num_envs,):
+            raise ArgumentError(f"rewards have shape {rewards.shape}; expected one for each member, ({self.num_envs},)")
+        rewards[waiting] = 0.0
+        infos: dict[str, Any] = {}
+        if terminated.any():
+            infos = {"cause": self._causes.copy(), "_cause": terminated.copy()}
+        if self.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP and waiting.any():
+            self._restart(waiting)
+        return self._observe(), rewards, terminated, truncated, infos
+
+    def _restart(self, members: BoolArray) -> None:
+        """Begin a new episode of these members (N,), in the start state of the experiment."""
+        self._plant.restart(members)
+        self._row[members], self._ended[members] = 0, False
+        self._slots[:, :, members] = self._start_force[:, members]
+        self._planned = tuple(np.where(members, self._start_force, values) for values in self._planned)
+        self._driven = tuple(np.where(members, self._start_force, values) for values in self._driven)
+        self._excess = np.where(members, 0.0, self._excess)
+        if self._law is not None:
+            self._law.restart(members)
+
+    def _observe(self) -> FloatArray:
+        """Read the sensors once more: observations (N, size)."""
+        self._reading = self._readings.read(self._read, seen(self._plant, self._loop.sensors.side))
+        self._read += 1
+        parts = {"measured": self._reading.T, "reference": self._reference_now()}
+        return np.ascontiguousarray(np.concatenate([parts[kind][at] for kind, at in self._observed]).T)
+
+    def _prepare(self, seed: int | None) -> None:
+        """Members, with the draws of the `[ensemble]` of a seed; of none those of the experiment's own."""
+        experiment, n = self._experiment, self.num_envs
+        choice, tolerance = experiment.ensemble, experiment.plant.tolerance
+        values: Sequence[Values] = [{}] * n
+        if choice is not None:
+            tolerance = choice.tolerance
+            drawn = choice.model_copy(update={"members": n} if seed is None else {"members": n, "seed": seed})
+            limits = experiment.limits.model_copy(update={"stroke": "warn"})  # of no concern for the draws
+            values = Members(experiment.model_copy(update={"ensemble": drawn, "limits": limits})).draws(0, n).values
+        prepared = Preparation(experiment).members(values)
+        for error in prepared.errors.values():
+            raise error
+        batch = prepared.batch
+        self._loop, self._timing, self._platform = batch.loop, batch.timing, batch.setups[0].platform
+        self._every, self._steps = self._timing.steps_a_sample, self._timing.steps
+        fixed = experiment.plant.fixed_step_size
+        self._plant = LanesPlant(
+            batch.machines,
+            [setup.start for setup in batch.setups],
+            substeps=max(1, round(self._timing.plant_step / fixed)) if fixed else None,
+            tolerance=tolerance,
+            kernel=loop_kernel(Variant.of(batch.machines[0])),
+        )
+        for failure in self._plant.begin().values():
+            raise failure
+        self._reference = members_last(self._loop.reference)
+        planned = self._loop.feedforward
+        if self._actions == "pose":
+            planned = np.zeros((len(planned), N_LEGS))
+        if self._loop.injection is not None:
+            planned = planned + self._loop.injection
+        self._known: Any = members_last(planned)
+        self._law = self._law_of(batch) if self._actions == "pose" else None
+
+        # actuators, as in the host of a run
+        self._start_force = start = np.broadcast_to(self._loop.start_force, (n, N_LEGS)).T.copy()
+        actuators = {key: np.full(start.shape, value) for key, value in self._loop.actuators.values.items()}
+        self._limits = ForceLimits.without_idle(ForceLimits.prepare(actuators, self._timing.sample_time))
+        self._drive = Drive.without_idle(Drive.prepare(actuators, self._timing.plant_step))
+        self._planned = ForceLimits.start(self._limits, (start,))
+        self._driven = Drive.start(self._drive, (start,))
+        self._delay = np.broadcast_to(np.asarray(self._loop.actuators.delay), (n,))
+        self._slots = np.tile(start, (int(self._delay.max()) + 1, 1, 1))
+        self._excess = np.zeros((N_LEGS, n))
+        self._inputs = np.zeros((n, interface.N_INPUTS))
+        self._row = np.zeros(n, dtype=np.intp)
+        self._members = np.arange(n)
+        self._samples, self._rows = 0, 0  # since the machines were made
+        self._ended = np.zeros(n, dtype=bool)
+        self._causes = np.full(n, "", dtype=object)
+
+    def _law_of(self, batch: Batch) -> LinearLaw:
+        """The controllers of all, with the memory of rest in the start state."""
+        controllers, where = [setup.controller for setup in batch.setups], self._experiment.where
+        if not all(isinstance(controller, LinearController) for controller in controllers):
+            text = "follows no poses; expected a linear one, such as type = 'pd', or actions of forces"
+            raise ExperimentError(where, "controller", text)
+        if any(setup.platform is not self._platform for setup in batch.setups):
+            raise ExperimentError(where, "ensemble", "varies the nominal platform, by which all poses are followed")
+        assert self._loop.reference is not None  # a controller has one
+        jacobians = np.stack([plan.jacobians[:1] for setup in batch.setups if (plan := setup.planned)], axis=1)
+        make = laws_of(
+            [controller for controller in controllers if controller is not None], self._timing.sample_time, jacobians
+        )
+        silent = replace(self._loop, sensors=replace(self._loop.sensors, noise={}))
+        sensors = SensorReadings(silent, self.num_envs, np.zeros((self.num_envs, N_FAULTS)))
+        law = make(self._loop.reference[0], sensors.read(0, seen(self._plant, silent.sensors.side)))
+        assert isinstance(law, LinearLaw)
+        return law
+
+    def _sense(self, seed: int | None) -> None:
+        """Sensors with the noise of a seed, from their first reading on."""
+        common = self._experiment.sensors.seed if seed is None else seed
+        seeds = tuple(SeedSequence(common, spawn_key=(k,)) for k in range(self.num_envs))
+        loop = replace(self._loop, sensors=replace(self._loop.sensors, seed=seeds))
+        used = {name for name in NAMES for kind, at in self._observed if kind == "measured" and AT[name] == at}
+        used |= set(() if self._law is None else self._law.used)
+        self._readings = SensorReadings(loop, self.num_envs, np.zeros((self.num_envs, N_FAULTS)), sorted(used))
+        self._read = 0
+
+    def _places_of(self, name: str) -> tuple[str, slice]:
+        """Whether an observation is measured or of the reference, and its elements."""
+        signal = name.removeprefix(_REFERENCE)
+        if signal not in AT:
+            raise ArgumentError(f"observations has {name!r}{nearest(signal, NAMES)}")
+        if signal != name and self._reference is None:
+            raise ArgumentError(
+                f"observations has {name!r}, and the experiment has no reference; add one, or remove it"
+            )
+        return "measured" if signal == name else "reference", AT[signal]
+
+    def _metric_reward(self, path: str) -> Reward:
+        """Minus the squared norm of an error, so that the mean over an episode is minus the metric's square.
+
+        What terminates counts its last error for all the rest of the episode, so that an early end is no gain.
+        """
+        if path not in _SQUARES or self._reference is None:
+            raise ArgumentError(
+                f"reward is {path!r}; expected a function, or of an experiment with a reference one of "
+                f"{', '.join(_SQUARES)}"
+            )
+        name, a_step = _SQUARES[path], self._every * self._hold
+
+        def reward(after: Transition) -> FloatArray:
+            error = error_between(name, after.reference[name].T, after.state[name].T)
+            square = np.add.reduce(error * error, axis=0)
+            left = np.where(after.terminated, (self._steps - self._row) // a_step, 0)
+            return np.asarray(-square * (1 + left))
+
+        return reward
+
+    def _wanted(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Of poses (N, 6): references at rest in them (N, 30), and the feedforward (6, N) [N]."""
+        position, orientation = poses[:, :3], poses[:, 3:]
+        reference = np.zeros((30, self.num_envs))
+        reference[:6] = poses.T
+        reference[LENGTHS] = leg_geometry(self._platform, position, orientation).length.T
+        assert self._law is not None
+        if self._law.jacobians is not None:
+            J = leg_jacobian(self._platform, position, orientation)
+            self._law.jacobians, self._law.inverses = (np.moveaxis(M, 0, -1)[None] for M in (J, np.linalg.inv(J)))
+        if self._experiment.controller.feedforward == "none":
+            return reference.T, np.zeros((N_LEGS, 1))
+        return reference.T, static_leg_forces(self._platform, position, orientation).T
+
+    def _sample(
+        self, actions: FloatArray, wanted: tuple[FloatArray, FloatArray] | None, going: BoolArray
+    ) -> FloatArray:
+        """The forces (6, N) [N] that reach the drives from this sample on."""
+        j = self._samples
+        self._samples += 1
+        command = self._at(self._known, np.minimum(self._row, self._steps - 1) // self._every)
+        if self._law is None or wanted is None:
+            command = command + actions.T
+        else:
+            reference, feedforward = wanted
+            due = None if going.all() else going
+            command = command + feedforward + self._law.force(0, 0.0, reference, self._reading, self._excess.T, due).T
+        self._planned, (allowed, _, excess) = ForceLimits.step(self._limits, self._planned, (command,))
+        if excess is not None:
+            self._excess = excess
+        self._slots[j % len(self._slots)] = allowed
+        return self._slots[(j - self._delay) % len(self._slots), :, self._members].T
+
+    def _advance(self, force: FloatArray, going: BoolArray, terminated: BoolArray) -> None:
+        """Step the plant once under forces (6, N), and end members in both flags (N,) there."""
+        ended, step = np.zeros(self.num_envs, dtype=bool), self._timing.plant_step
+        self._inputs[:, :N_LEGS] = force.T
+        self._plant.set_inputs(self._inputs)
+        try:
+            self._plant.do_step(self._rows * step, step)
+        except MembersError as error:
+            for member, failure in error.failures.items():
+                ended[member], self._causes[member] = True, str(failure)
+        self._row += going
+        self._rows += 1
+        now, limits = self._plant.signals(), self._loop.limits
+        if limits.on_stroke == "stop":
+            beyond = limits.beyond_stroke(now[:, LENGTHS]).any(axis=1) & going
+            ended |= beyond
+            self._causes[beyond] = "a leg is beyond its stroke"
+        if self._reference is not None and np.min(limits.largest_position_error) < np.inf:
+            gap = self._reference_now()[:3] - now.T[:3]
+            away = ~(np.add.reduce(gap * gap, axis=0) <= np.square(limits.largest_position_error)) & going
+            ended |= away
+            self._causes[away] = "the platform is too far from its reference"
+        terminated |= ended
+        ended |= self._row == self._steps
+        if ended.any():
+            going &= ~ended
+            self._plant.freeze(ended)
+
+    def _transition(self, actions: FloatArray, terminated: BoolArray) -> Transition:
+        by_name = interface.unpack
+        known = {} if self._reference is None else by_name(VARIABLES, self._reference_now()[: AT[NAMES[-1]].stop].T)
+        state = by_name(VARIABLES, self._plant.signals())
+        time = np.asarray(self._row * self._timing.plant_step, dtype=np.float64)
+        return Transition(time, state, known, actions, self._inputs[:, :N_LEGS], terminated)
+
+    def _reference_now(self) -> Any:
+        """The reference at each member's row (30, N)."""
+        return None if self._reference is None else self._at(self._reference, self._row)
+
+    def _at(self, table: FloatArray, rows: NDArray[np.intp]) -> FloatArray:
+        """Of a table (rows, size, N or 1) each member's row (size, N)."""
+        return table[rows, :, self._members if table.shape[2] > 1 else 0].T
+
+
+class ExperimentEnv(Env[FloatArray, FloatArray]):
+    """One member of an experiment as a `gymnasium.Env`: the first of the vector environment with the same seed."""
+
+    def __init__(self, members: ExperimentVectorEnv) -> None:
+        self._members = members
+        self.observation_space, self.action_space = members.single_observation_space, members.single_action_space
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[FloatArray, dict[str, Any]]:
+        """Begin a new episode; a seed as of `ExperimentVectorEnv`."""
+        super().reset(seed=seed, options=options)
+        return self._members.reset(seed=seed)[0][0], {}
+
+    def step(self, action: FloatArray) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
+        """Take an action (6,)."""
+        observed, rewards, terminated, truncated, infos = self._members.step(np.asarray(action)[None])
+        info = {"cause": infos["cause"][0]} if infos else {}
+        return observed[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info

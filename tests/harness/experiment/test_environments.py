@@ -1,0 +1,212 @@
+"""Environments for learning: episodes are the experiment's runs, restart one by one, and follow Gymnasium's rules."""
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+
+import gough_stewart as gs
+from gough_stewart.model.vectors import FloatArray
+
+# Nothing of a loop is ideal: limits that act, a delay, slow drives, coarse and noisy sensors, two plant steps a sample.
+UNEVEN: dict[str, Any] = {
+    "loop.duration": 0.12,
+    "loop.sample_time": 0.002,
+    "loop.plant_step": 0.001,
+    "loop.delay": 2,
+    "reference.at": 0.02,
+    "actuators.force_limit": 4500,
+    "actuators.rate_limit": 200000,
+    "actuators.lag": 0.003,
+    "sensors.noise.leg_length": 3e-6,
+    "sensors.noise.leg_velocity": 1e-4,
+}
+VARIED = {"ensemble.platform_mass": {"factor": {"normal": [1, 0.1]}}, "ensemble.seed": 5, "ensemble.tolerance": 1e-10}
+PID = {"controller.type": "pid", "controller.integral_time": 0.3, "controller.anti_windup_time": 0.05}
+
+
+def forces_at(j: int) -> FloatArray:
+    """Uneven forces beside the feedforward, which leave the force limit [N]."""
+    return np.asarray(np.array([300, -200, 900, 100, -400, 50.0]) * np.sin(0.2 * j + np.arange(6)))
+
+
+HOME = gs.load_preset("motion_base")
+HOME_POSE = np.r_[HOME.home_position, HOME.home_orientation]
+
+
+def episode(env: Any, actions: FloatArray, seed: int | None = None) -> list[FloatArray]:
+    """Observations and rewards of a vector environment under actions (m, 6) of all members."""
+    observations = [env.reset(seed=seed)[0]]
+    rewards = []
+    for action in actions:
+        observation, reward, *_ = env.step(np.tile(action, (env.num_envs, 1)))
+        observations.append(observation)
+        rewards.append(reward)
+    return [np.array(observations), np.array(rewards)]
+
+
+def test_forces_act_as_those_of_a_controller_in_a_run() -> None:
+    """Expected: the measurements of `gs.run`, another host, of member 2 of the ensemble with the environment's seed."""
+    experiment = gs.load_experiment("heave_step", {**UNEVEN, **VARIED})
+    record = gs.run(experiment, member=2, controller=lambda sample: forces_at(sample.index))
+    env = gs.vector_env(experiment, 3)
+    observed, _ = episode(env, np.array([forces_at(j) for j in range(60)]), seed=5)
+    for name, at in (("leg_length", slice(0, 6)), ("leg_velocity", slice(6, 12))):
+        measured = record[f"measured.{name}"][:-1:2]
+        np.testing.assert_allclose(observed[:60, 2, at], measured, rtol=0, atol=1e-9)
+    assert np.abs(observed[:, 2] - observed[:, 1]).max() > 1e-3  # another machine
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{}, {"controller.space": "task"}, PID, {"controller.feedforward": "none", "controller.derivative_on": "error"}],
+    ids=["leg", "task", "pid", "no feedforward"],
+)
+def test_the_own_controller_follows_poses_as_its_reference(settings: dict[str, Any]) -> None:
+    """Expected: the run of `gs.run` from beside its reference; the mean reward is −(its metric)², but for row 0."""
+    quiet = {key: value for key, value in UNEVEN.items() if "noise" not in key}
+    quiet |= {"loop.duration": 0.4, "loop.plant_step": 0.002}
+    del quiet["reference.at"]
+    wanted = (HOME.home_position + np.array([0, 0, 0.05])).tolist()
+    quiet["reference"] = {"type": "hold", "position": wanted}
+    start = {"start.position": HOME.home_position.tolist(), "start.velocity": [0, 0.1, 0]}
+    experiment = gs.load_experiment("heave_step", {**quiet, **start, **settings})
+    record, pose = gs.run(experiment), HOME_POSE + np.array([0, 0, 0.05, 0, 0, 0])
+    observed, rewards = episode(gs.vector_env(experiment, 2, actions="pose"), np.tile(pose, (200, 1)))
+    np.testing.assert_allclose(observed[:-1, 1, :6], record["measured.leg_length"][:-1], rtol=0, atol=1e-9)
+    squares = gs.metrics(record)["tracking"]["position"]["norm_rms"] ** 2 * 201 - 0.05**2
+    np.testing.assert_allclose(-rewards[:, 0].sum(), squares, rtol=1e-9)
+
+
+@pytest.mark.parametrize("actions", ["force", "pose"])
+def test_a_member_restarts_alone_and_forgets_everything(actions: Any) -> None:
+    """Expected: after its end a step with reward 0 to the start, then its first episode again, bit for bit.
+
+    The others' are those of an environment without it; with the platform's own seed a member's bits are its own.
+    """
+    settings = {key: value for key, value in UNEVEN.items() if "noise" not in key} | PID
+    settings |= {"limits.position_error": 0.06, "loop.duration": 0.4}
+    if actions == "force":  # several internal steps, which begin with the size that the last one proposed
+        settings |= {"loop.sample_time": 0.012, "loop.plant_step": 0.012, "loop.duration": 0.48}
+    experiment = gs.load_experiment("heave_step", settings)
+    env = gs.vector_env(experiment, 3, actions=actions, observations=["position", "velocity", "leg_velocity"])
+    assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+    home = np.tile(HOME_POSE, (3, 1)) if actions == "pose" else np.zeros((3, 6))
+    action = home.copy()
+    action[1] += np.array([0.3, 0, 0.2, 0, 0, 0.1]) if actions == "pose" else np.array([900.0] * 3 + [-900] * 3)
+    kept, dones = [env.reset(seed=3)[0]], []
+    for _ in range(400):
+        observation, rewards, terminated, truncated, info = env.step(action)
+        kept.append(observation)
+        dones.append(terminated | truncated)
+        if len(dones) > 1:
+            assert ((rewards == 0) == dones[-2]).all() or (rewards[~dones[-2]] <= 0).all()
+            assert (rewards[dones[-2]] == 0).all()
+        assert terminated[1] == (terminated.any() and "too far" in info["cause"][1])
+    rows, ends = np.array(kept), np.flatnonzero(np.array(dones)[:, 1])
+    first = ends[0] + 1  # rows of its first episode are 0 to `first`
+    assert len(ends) > 2
+    assert 3 < first < 180
+    second = rows[first + 1 : 2 * first + 2, 1]
+    np.testing.assert_array_equal(second, rows[: first + 1, 1])
+    alone = gs.vector_env(experiment, 1, actions=actions, observations=["position", "velocity", "leg_velocity"])
+    alone.reset(seed=3)
+    others = np.array([alone.step(home[:1])[0][0] for _ in range(400)])
+    np.testing.assert_array_equal(rows[1:, 2], others)
+
+
+def test_a_single_environment_is_the_first_member_and_passes_the_checker() -> None:
+    """Expected: Gymnasium's checker; and the bits of the vector environment with the same seed, noise included."""
+    env = gs.env("heave_step", UNEVEN)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it would have spaces scaled and bounded
+        check_env(env)
+    vector = gs.vector_env("heave_step", 4, UNEVEN)
+    first, (many, _) = env.reset(seed=9)[0], vector.reset(seed=9)
+    np.testing.assert_array_equal(first, many[0])
+    assert not np.array_equal(many[0], many[1])
+    for j in range(20):
+        one, batch = env.step(forces_at(j)), vector.step(np.tile(forces_at(j), (4, 1)))
+        np.testing.assert_array_equal(one[0], batch[0][0])
+        assert one[1] == batch[1][0]
+    assert not np.array_equal(env.reset()[0], env.reset(seed=9)[0])  # the noise had gone on
+    np.testing.assert_array_equal(env.reset(seed=9)[0], first)
+
+
+@pytest.mark.parametrize(
+    ("settings", "forces", "cause"),
+    [
+        ({"limits.stroke": "stop", "controller.feedforward": "none"}, np.zeros(6), "beyond its stroke"),
+        ({"limits.position_error": 0.01, "controller.feedforward": "none"}, np.zeros(6), "too far"),
+        ({}, np.array([5, -5, -5, -5, -5, 5.0]) * 1e3, ""),
+    ],
+    ids=["stroke", "error", "pose"],
+)
+def test_an_episode_terminates_where_the_run_ends(settings: dict[str, Any], forces: FloatArray, cause: str) -> None:
+    """Expected: the time of the outcome of `gs.run`; the last error counts for all that remains."""
+    experiment = gs.load_experiment("heave_step", {"loop.duration": 2, **settings})
+    outcome = gs.run(experiment, controller=lambda _: forces).metadata["outcome"]
+    env, steps, terminated, truncated, reward, info = gs.env(experiment), 0, False, False, 0.0, dict[str, Any]()
+    env.reset(seed=0)
+    while not (terminated or truncated):
+        before = reward
+        _, reward, terminated, truncated, info = env.step(forces)
+        steps += 1
+    assert terminated
+    assert not truncated
+    assert cause in info["cause"]
+    assert steps == pytest.approx(outcome["time"] / 0.001, abs=1)
+    assert reward / before == pytest.approx(1 + 2000 - steps, rel=0.1)
+
+
+def test_time_is_up_at_the_duration_and_a_held_action_is_a_longer_step() -> None:
+    """Expected: by counting, 20 samples of 1 ms, 7 to a step; a function of the batch is the reward as it is."""
+    seen = []
+
+    def reward(after: Any) -> FloatArray:
+        seen.append((after.time.copy(), after.force.shape, sorted(after.state) == sorted(after.reference)))
+        return np.asarray(after.action[:, 0])
+
+    env = gs.vector_env("hold_against_gravity", 2, {"loop.duration": 0.02}, reward=reward, hold=7, autoreset="disabled")
+    env.reset(seed=1)
+    steps = [env.step(np.full((2, 6), 3.0)) for _ in range(4)]
+    assert [bool(step[3].all()) for step in steps] == [False, False, True, False]
+    assert [step[1].tolist() for step in steps] == [[3, 3], [3, 3], [3, 3], [0, 0]]
+    np.testing.assert_allclose([time for time, *_ in seen], np.repeat([[0.007], [0.014], [0.02], [0.02]], 2, axis=1))
+    assert {shape for _, shape, _ in seen} == {(2, 6)}
+    env.reset(options={"reset_mask": np.array([False, True])})
+    assert env.step(np.full((2, 6), 3.0))[1].tolist() == [0, 3]
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: gs.vector_env("heave_step", 0), "n is 0"),
+        (
+            lambda: gs.vector_env("heave_step", 2, actions="torque"),  # type: ignore[arg-type]
+            "expected 'force' or 'pose'",
+        ),
+        (lambda: gs.vector_env("heave_step", 2, observations=["leg_lenght"]), "leg_length"),
+        (lambda: gs.vector_env("heave_step", 2, observations=[]), "observations is"),
+        (lambda: gs.vector_env("heave_step", 2, reward="force.peak"), "tracking.position.norm_rms"),
+        (
+            lambda: gs.vector_env("heave_step", 2, autoreset="same_step"),  # type: ignore[arg-type]
+            "next_step",
+        ),
+        (lambda: gs.vector_env("impulse", 2), "disturbance"),
+        (lambda: gs.vector_env("heave_step", 2, {"loop.jitter": 0.0004, "loop.plant_step": 0.0002}), "jitter"),
+        (lambda: gs.vector_env("paper_open_loop", 2, actions="pose"), "controller"),
+        (lambda: gs.vector_env("heave_step", 2).step(np.zeros((3, 6))), "2 x 6"),
+        (lambda: gs.vector_env("heave_step", 2).step(np.full((2, 6), np.nan)), "nan"),
+        (lambda: gs.vector_env("heave_step", 2, reward=lambda _: np.zeros(3)).step(np.zeros((2, 6))), r"\(3,\)"),
+        (lambda: gs.vector_env("heave_step", 2).reset(options={"reset_mask": [1, 0]}), "True or False"),
+    ],
+)
+def test_what_cannot_be_an_environment_is_refused(call: Callable[[], Any], words: str) -> None:
+    """Expected: the value found, and what is possible."""
+    with pytest.raises(gs.GoughStewartError, match=words):
+        call()
