@@ -175,7 +175,7 @@ class Platform(PlatformFields):
         base_radius, platform_radius
             Radii R and r of the circles of joints [m].
         base_angle, platform_angle
-            Angles a and b between the two joints of a pair [rad], above 0 and below 120°.
+            Angles a and b between the two joints of a pair [rad], from 0, where legs share a joint, to below 120°.
         home_leg_length
             Length L of the legs in the home pose [m].
         pairing
@@ -285,8 +285,8 @@ def _joints_on_circles(circles: Mapping[str, Any]) -> dict[str, FloatArray]:
         except ValueError as error:
             raise PlatformError(name, str(error)) from None
         is_angle = name in _ANGLES
-        if not number > 0 or (is_angle and not number < _THIRD):
-            expected = "in radians, above 0 and below 2.0944 (120°)" if is_angle else "above 0"
+        if not (0 <= number < _THIRD if is_angle else number > 0):
+            expected = "in radians, from 0 (one joint for both) to below 2.0944 (120°)" if is_angle else "above 0"
             raise PlatformError(name, f"is {number:g} {'rad' if is_angle else 'm'}; expected a number {expected}")
         numbers.append(number)
     R, r, L, a, b = numbers
