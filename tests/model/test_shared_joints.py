@@ -81,8 +81,8 @@ def test_a_loop_in_lanes_and_its_judge_move_as_kane_does(platform: gs.Platform, 
     )
     inputs = INPUTS._replace(external_force=np.zeros(3), external_torque=np.zeros(3))
     expected = kane.integrate(platform, *kane.consistent_start(platform, STATE), inputs, np.array([0.0, 0.2])).platform
-    for member, plant in ((0, None), (None, "model"), (None, "scipy")):
-        record = gs.run(tmp_path / "fall.toml", member=member, plant=plant)
+    fall = tmp_path / "fall.toml"
+    for record in (gs.run(fall, member=0), gs.run(fall, plant="model"), gs.run(fall, plant="scipy")):
         assert record["position"][-1] == pytest.approx(expected.position[-1], abs=2e-7)
         assert record["orientation"][-1] == pytest.approx(expected.orientation[-1], abs=2e-7)
 
