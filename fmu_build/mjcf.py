@@ -10,6 +10,8 @@ from gough_stewart.model.vectors import FloatArray
 
 # MuJoCo needs an inertia of every body; that of a leg about its own axis has no effect, see `kane`.
 _LEAST_INERTIA = 1e-9
+# Likewise a mass [kg], of massless legs.
+_LEAST_MASS = 1e-6
 
 
 def mjcf_name(platform: Platform) -> str:
@@ -49,6 +51,8 @@ def mjcf(platform: Platform) -> bytes:
         version=installed_package()[0]["Version"],
         left_out=left_out(platform),
         legs=legs,
+        lower_mass=max(platform.leg_lower_mass, _LEAST_MASS),
+        upper_mass=max(platform.leg_upper_mass, _LEAST_MASS),
         lower_inertia=_transverse(platform.leg_lower_inertia),
         upper_inertia=_transverse(platform.leg_upper_inertia),
         radius=0.01 * float(home.length.mean()),
