@@ -3,6 +3,7 @@
 import numpy as np
 
 from gough_stewart.fmu_build.documents import installed_package, rendered
+from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
@@ -10,8 +11,6 @@ from gough_stewart.model.vectors import FloatArray
 
 # MuJoCo needs an inertia of every body; that of a leg about its own axis has no effect, see `kane`.
 _LEAST_INERTIA = 1e-9
-# Likewise a mass [kg], of massless legs.
-_LEAST_MASS = 1e-6
 
 
 def mjcf_name(platform: Platform) -> str:
@@ -26,7 +25,16 @@ def mjcf(platform: Platform) -> bytes:
     constraints close the other legs. Actuators are motors with the platform's force limit; friction is viscous
     (`damping`) and Coulomb (`frictionloss`), `armature` that of the legs, `range` the stroke. The key frame `home`
     holds the platform. https://mujoco.readthedocs.io/en/stable/XMLreference.html
+
+    `PlatformError` if legs have no mass.
     """
+    for name in ("leg_lower_mass", "leg_upper_mass"):
+        if not getattr(platform, name) > 0:
+            raise PlatformError(
+                name,
+                "is 0 kg; MuJoCo needs a mass in each moving body, and closes loops of nearly massless ones badly: "
+                f"set {name} to {1e-3 * platform.platform_mass:.3g} kg or more, a thousandth of the platform",
+            )
     home = leg_geometry(platform, platform.home_position, platform.home_orientation)
     R, first = matrix_from_orientation(platform.home_orientation), platform.platform_points[0]
     legs = []
@@ -51,8 +59,6 @@ def mjcf(platform: Platform) -> bytes:
         version=installed_package()[0]["Version"],
         left_out=left_out(platform),
         legs=legs,
-        lower_mass=max(platform.leg_lower_mass, _LEAST_MASS),
-        upper_mass=max(platform.leg_upper_mass, _LEAST_MASS),
         lower_inertia=_transverse(platform.leg_lower_inertia),
         upper_inertia=_transverse(platform.leg_upper_inertia),
         radius=0.01 * float(home.length.mean()),

@@ -1,5 +1,7 @@
 """Legs without mass: a rigid body under six forces along its legs, in the model and in units."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -53,3 +55,10 @@ def test_forces_that_hold_a_massless_leg_are_those_of_the_load_alone() -> None:
 def test_a_negative_mass_of_a_leg_is_refused() -> None:
     with pytest.raises(gs.GoughStewartError, match=r"leg_lower_mass: is -0\.1 kg; expected >= 0"):
         UNEVEN.with_parameters({"leg_lower_mass": -0.1})
+
+
+def test_mujoco_is_told_to_need_a_mass_and_nothing_is_written(tmp_path: Path) -> None:
+    """Expected: the name, and a thousandth of the platform's 11.5 kg."""
+    with pytest.raises(gs.GoughStewartError, match=r"leg_lower_mass: is 0 kg; MuJoCo needs a mass .* to 0\.0115 kg or"):
+        gs.build(tmp_path, forms=["mjcf"], platform=PLATFORM)
+    assert not list(tmp_path.iterdir())
