@@ -3,6 +3,7 @@
 import numpy as np
 
 from gough_stewart.fmu_build.documents import installed_package, rendered
+from gough_stewart.model.errors import PlatformError
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.rotations import matrix_from_orientation
@@ -24,7 +25,16 @@ def mjcf(platform: Platform) -> bytes:
     constraints close the other legs. Actuators are motors with the platform's force limit; friction is viscous
     (`damping`) and Coulomb (`frictionloss`), `armature` that of the legs, `range` the stroke. The key frame `home`
     holds the platform. https://mujoco.readthedocs.io/en/stable/XMLreference.html
+
+    `PlatformError` if legs have no mass.
     """
+    for name in ("leg_lower_mass", "leg_upper_mass"):
+        if not getattr(platform, name) > 0:
+            raise PlatformError(
+                name,
+                "is 0 kg; MuJoCo needs a mass in each moving body, and closes loops of nearly massless ones badly: "
+                f"set {name} to {1e-3 * platform.platform_mass:.3g} kg or more, a thousandth of the platform",
+            )
     home = leg_geometry(platform, platform.home_position, platform.home_orientation)
     R, first = matrix_from_orientation(platform.home_orientation), platform.platform_points[0]
     legs = []

@@ -159,7 +159,7 @@ def _quantity(unit: str, *, positive: bool = False) -> Take:
     """A number in SI units, or a text with a unit as in experiment files."""
 
     def take(name: str, value: Any) -> Any:
-        from gough_stewart.harness.quantities import UNITS, number
+        from gough_stewart.model.units import UNITS, number
 
         expected = f"a number{unit and f' of {unit}'}{' above 0' if positive else ''}"
         expected += f", or a text with one of the units {', '.join(UNITS[unit])}" if unit else ""

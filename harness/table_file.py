@@ -16,7 +16,7 @@ import numpy as np
 
 from gough_stewart.harness.errors import TableError
 from gough_stewart.harness.polars_paths import read_parquet
-from gough_stewart.harness.quantities import UNITS, unit_typed
+from gough_stewart.model.units import UNITS, unit_typed
 from gough_stewart.model.vectors import FloatArray
 
 if TYPE_CHECKING:

@@ -110,8 +110,8 @@ class ParametersOf(Generic[_Array_co, _Number_co]):
     platform_inertia: _Array_co = _tunable(
         "kg.m2", "platform's inertia about its centre of mass, platform axes", shape=(3, 3)
     )
-    leg_lower_mass: _Number_co = _row("kg", "mass of a leg's lower part", "> 0")
-    leg_upper_mass: _Number_co = _row("kg", "mass of a leg's upper part", "> 0")
+    leg_lower_mass: _Number_co = _row("kg", "mass of a leg's lower part", ">= 0")
+    leg_upper_mass: _Number_co = _row("kg", "mass of a leg's upper part", ">= 0")
     leg_lower_com: _Number_co = _row("m", "lower part's centre of mass, from the base joint along the leg", ">= 0")
     leg_upper_com: _Number_co = _row("m", "upper part's centre of mass, from the platform joint along the leg", ">= 0")
     leg_lower_inertia: _Number_co = _row("kg.m2", "lower part's transverse inertia about its centre of mass", ">= 0")

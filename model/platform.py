@@ -1,7 +1,8 @@
 """The platform: geometry, masses, friction, gravity, home pose and limits; frozen and validated. One, and N at once.
 
-Its file is flat TOML: the parameters of `gough_stewart.model.parameters` by name, in SI units. Numbers are written with
-the fewest digits that give the same float, so TOML → Platform → TOML is lossless. Presets ship with the package.
+Its file is flat TOML: the parameters of `gough_stewart.model.parameters` by name, in SI units or as texts with a unit,
+and the keys of `platform_joints`. Numbers are written in SI units with the fewest digits that give the same float, so
+TOML → Platform → TOML is lossless. Presets ship with the package.
 """
 
 import html
@@ -10,7 +11,7 @@ from dataclasses import dataclass, fields
 from functools import lru_cache
 from inspect import cleandoc
 from pathlib import Path
-from typing import Any, Literal, Self, get_args, overload
+from typing import Any, Self, overload
 
 import numpy as np
 import tomlkit
@@ -33,20 +34,24 @@ from gough_stewart.model.parameters import (
 )
 from gough_stewart.model.platform_checks import by_leg
 from gough_stewart.model.platform_hints import platform_hints
+from gough_stewart.model.platform_joints import (
+    CIRCLE_KEYS,
+    JOINT_KEYS,
+    ON_CIRCLES,
+    UNITS_OF_CIRCLES,
+    Pairing,
+    joints_of_keys,
+    joints_on_circles,
+)
 from gough_stewart.model.process.files import write_whole
 from gough_stewart.model.process.toml import toml_files, toml_item, toml_values
+from gough_stewart.model.units import in_si
 from gough_stewart.model.vectors import FloatArray, real_array
 
 # Far beyond any real machine, but its square and cube do not overflow.
 LARGEST_NUMBER = 1e30
 
-Pairing = Literal["near", "far"]
-# What states joints on circles, in the order of files, and the parameters that it determines.
-CIRCLE_KEYS = ("base_radius", "platform_radius", "base_angle", "platform_angle", "pairing", "home_leg_length")
-_LENGTHS, _ANGLES = ("base_radius", "platform_radius", "home_leg_length"), ("base_angle", "platform_angle")
-_ON_CIRCLES = ("base_points", "platform_points", "home_position", "home_orientation")
-_THIRD = 2 * np.pi / 3
-_FILE_KEYS = (*TEXTS, *TABLE, *CIRCLE_KEYS)
+_FILE_KEYS = (*TEXTS, *TABLE, *JOINT_KEYS)
 _PRESETS = ("gough_stewart.model", "presets")
 
 
@@ -175,7 +180,7 @@ class Platform(PlatformFields):
         base_radius, platform_radius
             Radii R and r of the circles of joints [m].
         base_angle, platform_angle
-            Angles a and b between the two joints of a pair [rad], above 0 and below 120°.
+            Angles a and b between the two joints of a pair [rad], from 0, where legs share a joint, to below 120°.
         home_leg_length
             Length L of the legs in the home pose [m].
         pairing
@@ -201,10 +206,10 @@ class Platform(PlatformFields):
         >>> angle = np.radians(30)
         >>> platform = gs.Platform.from_radii(2.0, 1.0, angle, angle, home_leg_length=3.2459, **others)
         """
-        if repeated := [name for name in _ON_CIRCLES if name in parameters]:
+        if repeated := [name for name in ON_CIRCLES if name in parameters]:
             raise PlatformError(repeated[0], "is determined by the radii and angles; leave it out")
         circles = base_radius, platform_radius, base_angle, platform_angle, pairing, home_leg_length
-        joints: dict[str, Any] = _joints_on_circles(dict(zip(CIRCLE_KEYS, circles, strict=True)))
+        joints: dict[str, Any] = joints_on_circles(dict(zip(CIRCLE_KEYS, circles, strict=True)))
         for name in parameters:
             if name not in TABLE and name not in TEXTS:
                 raise PlatformError(name, f"no such parameter{nearest(name, (*TABLE, *TEXTS))}")
@@ -259,64 +264,11 @@ Platform.__doc__ = f"{cleandoc(Platform.__doc__ or '')}\n\nParameters\n---------
 )
 
 
-def joints_of_keys(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of a table with `CIRCLE_KEYS` replaced by the joints and the home pose; without such keys, unchanged.
-
-    `PlatformError` if a key is missing, stands beside what it determines, or has an impossible value.
-    """
-    circles = {key: values[key] for key in CIRCLE_KEYS if key in values}
-    if not circles:
-        return dict(values)
-    first = next(iter(circles))
-    if missing := [key for key in CIRCLE_KEYS if key not in circles and key != "pairing"]:
-        expected = ", ".join(_LENGTHS + _ANGLES)
-        raise PlatformError(first, f"needs {', '.join(missing)} beside it; expected all of {expected}")
-    if repeated := [name for name in _ON_CIRCLES if name in values]:
-        raise PlatformError(repeated[0], f"is also determined by {first}; expected only one of the two")
-    return {name: value for name, value in values.items() if name not in CIRCLE_KEYS} | _joints_on_circles(circles)
-
-
-def _joints_on_circles(circles: Mapping[str, Any]) -> dict[str, FloatArray]:
-    """Joints (6, 3) and home pose (3,) of `Platform.from_radii` by name, from values of `CIRCLE_KEYS`."""
-    numbers, pairing = [], circles.get("pairing", "near")
-    for name in (*_LENGTHS, *_ANGLES):
-        try:
-            number = float(real_array(circles[name], ()))
-        except ValueError as error:
-            raise PlatformError(name, str(error)) from None
-        is_angle = name in _ANGLES
-        if not number > 0 or (is_angle and not number < _THIRD):
-            expected = "in radians, above 0 and below 2.0944 (120°)" if is_angle else "above 0"
-            raise PlatformError(name, f"is {number:g} {'rad' if is_angle else 'm'}; expected a number {expected}")
-        numbers.append(number)
-    R, r, L, a, b = numbers
-    if pairing not in get_args(Pairing):
-        raise PlatformError("pairing", f"is {pairing!r}; expected 'near' or 'far'")
-    turn = np.pi / 3 - (a + b) / 2 if pairing == "near" else np.pi / 3 - (a - b) / 2
-    across = R * R + r * r - 2 * R * r * np.cos(turn)
-    if not across < L * L:
-        raise PlatformError(
-            "home_leg_length",
-            f"is {L:g} m; expected more than the {np.sqrt(across):g} m between a base joint and the platform joint "
-            "above it, seen from above",
-        )
-    # leg 2k + 1 turns to the left, leg 2k + 2, from the other end of the next pair of the base, to the right
-    pairs = _THIRD * np.arange(3)
-    base = np.stack([pairs + a / 2, pairs + _THIRD - a / 2], axis=-1).reshape(6)
-    tips = base + np.tile([turn, -turn], 3)
-    return {
-        "base_points": R * np.stack([np.cos(base), np.sin(base), np.zeros(6)], axis=-1),
-        "platform_points": r * np.stack([np.cos(tips), np.sin(tips), np.zeros(6)], axis=-1),
-        "home_position": np.array([0.0, 0.0, np.sqrt(L * L - across)]),
-        "home_orientation": np.zeros(3),
-    }
-
-
 @lru_cache(maxsize=16)
 def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
     """The platform in a TOML text; a `PlatformFileError`, also of invalid values, refers to the text as `where`."""
     try:
-        values = toml_values(text)
+        values = {name: _file_value(name, value) for name, value in toml_values(text).items()}
     except ValueError as error:
         raise PlatformFileError(where, str(error)) from error
     if "controller" in values and "loop" in values:
@@ -339,6 +291,12 @@ def platform_from_toml(text: str, where: str = "TOML text") -> Platform:
         raise PlatformFileError(where, str(error)) from error
 
 
+def _file_value(name: str, value: Any) -> Any:
+    """A value of a file, with texts such as "300 mm" as numbers in SI units; words and texts as they are."""
+    unit = TABLE[name].unit if name in TABLE and not TABLE[name].words else UNITS_OF_CIRCLES.get(name)
+    return value if unit is None else in_si(name, value, unit)
+
+
 def platform_to_toml(platform: Platform) -> str:
     """TOML text of a platform, with units and descriptions as comments; lossless.
 
@@ -358,7 +316,9 @@ def platform_to_toml(platform: Platform) -> str:
 
 
 def load_platform(path: Path | str) -> Platform:
-    """Read a platform from a TOML file: the fields of `Platform` by name, in SI units.
+    """Read a platform from a TOML file: the fields of `Platform` by name, in SI units or as "300 mm".
+
+    Joints may be on circles or by cylindrical coordinates, with the legs between them: docs/notation.md.
 
     Returns
     -------

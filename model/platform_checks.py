@@ -18,7 +18,7 @@ from gough_stewart.model.vectors import Array, FloatArray, real_array, transpose
 
 # Relative tolerance of symmetry and of the triangle inequality, for rounded published inertias.
 INERTIA_SLACK = 1e-9
-# Joints closer than this fraction of the largest joint distance coincide.
+# Joints closer than this fraction of the largest joint distance are one joint.
 COINCIDENCE = 1e-6
 # A longer presliding distance is that of a soft leg, not of stiction: the unit is wrong [m].
 LONGEST_PRESLIDING = 1e-3
@@ -78,17 +78,14 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
             )
 
     if concerned & {"base_points", "platform_points"}:
-        for field in ("base_points", "platform_points"):
-            points = getattr(platform, field)
-            distance = np.linalg.norm(points[..., :, None, :] - points[..., None, :, :], axis=-1)
-            apart = distance + np.diag(np.full(6, np.inf))
-            if refused(apart.min(axis=(-2, -1)) <= COINCIDENCE * distance.max(axis=(-2, -1))):
-                i, j = divmod(int(apart.argmin()), 6)
-                raise PlatformError(
-                    field,
-                    f"joints {i + 1} and {j + 1} coincide at {_list(points[i])} m; expected six different points "
-                    "(an idealised double joint needs a small offset)",
-                )
+        is_same = shared_joints(platform.base_points) & shared_joints(platform.platform_points)
+        if refused(is_same.any(axis=(-2, -1))):
+            i, j = divmod(int(is_same.argmax()), 6)
+            raise PlatformError(
+                "base_points, platform_points",
+                f"legs {i + 1} and {j + 1} share both joints, at {_list(platform.base_points[i])} m and "
+                f"{_list(platform.platform_points[i])} m; expected at most one of the two, so that no two legs are one",
+            )
 
     home = cache(lambda: leg_geometry(platform, platform.home_position, platform.home_orientation))
     if concerned & {*_GEOMETRY}:
@@ -188,6 +185,12 @@ def check(platform: PlatformFields, changed: Collection[str] = TABLE) -> NDArray
                 "leg_damping", f"is {damping:g} N s/m, but legs are rigid; set leg_stiffness, or remove leg_damping"
             )
     return wrong
+
+
+def shared_joints(points: FloatArray) -> NDArray[np.bool_]:
+    """Which pairs of joints (…, 6, 3) are one joint that two legs share (…, 6, 6); a joint is no pair with itself."""
+    distance = np.linalg.norm(points[..., :, None, :] - points[..., None, :, :], axis=-1)
+    return np.asarray((distance <= COINCIDENCE * distance.max(axis=(-2, -1), keepdims=True)) & ~np.eye(6, dtype=bool))
 
 
 def check_bound(name: str, value: float | FloatArray) -> None:

@@ -5,11 +5,13 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.model.friction import law_of_bristles
 from gough_stewart.model.interface import LUGRE, Variant
 from gough_stewart.model.kinematics import conditioning_of_legs, leg_geometry
 from gough_stewart.model.parameters import PlatformFields
+from gough_stewart.model.platform_checks import shared_joints
 from gough_stewart.model.vectors import FloatArray, dot
 
 # Mass of the platform over the cube of its joints' radius [kg/m³]: machines have 10 to 1e5, in mm a billionth of it.
@@ -30,7 +32,13 @@ _PAIRS = np.array([*combinations(range(6), 2)])
 
 def platform_hints(platform: PlatformFields) -> tuple[str, ...]:
     """One line for each thing that looks like a mistake."""
-    return (*_unit_hints(platform), *_joint_order_hints(platform), *_friction_hints(platform))
+    hints = (
+        _unit_hints(platform),
+        _shared_joint_hints(platform),
+        _joint_order_hints(platform),
+        _friction_hints(platform),
+    )
+    return tuple(hint for kind in hints for hint in kind)
 
 
 def _unit_hints(platform: PlatformFields) -> list[str]:
@@ -63,18 +71,36 @@ def _unit_hints(platform: PlatformFields) -> list[str]:
     return hints
 
 
+def _shared_joint_hints(platform: PlatformFields) -> list[str]:
+    """Joints that legs share: exact in textbooks, while real joints have a size."""
+    i, j = _PAIRS.T
+    kinds = []
+    for kind, points in (("base", platform.base_points), ("platform", platform.platform_points)):
+        pairs = ", ".join(f"{a + 1} and {b + 1}" for a, b in _PAIRS[shared_joints(points)[i, j]])
+        if pairs:
+            kinds.append(f"a {kind} joint (legs {pairs})")
+    if not kinds:
+        return []
+    return [
+        f"legs share {' and '.join(kinds)}; real joints need room: give each leg its own point, some joint diameters "
+        "from the other, unless yours are compound joints; whether legs that share a joint collide is not looked at"
+    ]
+
+
 def _joint_order_hints(platform: PlatformFields) -> list[str]:
     """Legs that nearly touch at home, and an order of joints that conditions them far better.
 
     The order of the joints is the pairing of base and platform joints; a permuted list often still assembles. Another
-    order must keep the legs' distance and the stroke.
+    order must keep the legs' distance and the stroke. Legs that share a joint touch there, and are left out.
     """
     base, hints = platform.base_points, []
     remedy = "check the order of base_points and platform_points: joint i of one belongs to joint i of the other"
     orders = np.array(list(permutations(range(6))))
     joints: Any = SimpleNamespace(base_points=base, platform_points=platform.platform_points[orders])
     legs = leg_geometry(joints, platform.home_position, platform.home_orientation)
-    pair, share = _closest(base, base + legs.vector[0])
+    i, j = _PAIRS.T
+    meet = shared_joints(base)[i, j] | shared_joints(platform.platform_points)[orders[:, i], orders[:, j]]
+    pair, share = _closest(base, base + legs.vector[0], meet[0])
     if share < _CLOSEST:
         hints.append(
             f"legs {pair[0] + 1} and {pair[1] + 1} come within {100 * share:.2g} % of their length of each other at "
@@ -86,7 +112,7 @@ def _joint_order_hints(platform: PlatformFields) -> list[str]:
     fits = np.all((legs.length >= low) & (legs.length <= high), axis=-1)
     better = np.argsort(numbers, kind="stable")
     for k in better[_BETTER * numbers[better] <= numbers[0]]:
-        if fits[k] and _closest(base, base + legs.vector[k])[1] >= _CLOSEST:
+        if fits[k] and _closest(base, base + legs.vector[k], meet[k])[1] >= _CLOSEST:
             order = ", ".join(str(joint + 1) for joint in orders[k])
             hints.append(
                 f"the leg Jacobian has a condition number of {numbers[0]:.3g} at home, and of {numbers[k]:.3g} with "
@@ -96,9 +122,10 @@ def _joint_order_hints(platform: PlatformFields) -> list[str]:
     return hints
 
 
-def _closest(base: FloatArray, tip: FloatArray) -> tuple[FloatArray, float]:
+def _closest(base: FloatArray, tip: FloatArray, meet: NDArray[np.bool_]) -> tuple[FloatArray, float]:
     """The pair of legs, from base to tip (6, 3), that come nearest, and that distance over the length of the shorter.
 
+    Pairs (15,) that meet in a shared joint are left out.
     The least |r + s d − t e| for s, t in [0, 1]: s of the common perpendicular, clipped, then t for it, then s for t.
     """
     i, j = _PAIRS.T
@@ -109,6 +136,7 @@ def _closest(base: FloatArray, tip: FloatArray) -> tuple[FloatArray, float]:
     t = np.clip((de * s + er) / ee, 0.0, 1.0)
     s = np.clip((de * t - dr) / dd, 0.0, 1.0)
     shares = np.linalg.norm(r + s[:, None] * d - t[:, None] * e, axis=-1) / np.sqrt(np.minimum(dd, ee))
+    shares = np.where(meet, np.inf, shares)
     k = int(shares.argmin())
     return _PAIRS[k], float(shares[k])
 

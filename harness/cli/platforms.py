@@ -192,7 +192,7 @@ def _check_name(flag: str, value: str, name: str) -> None:
 
 
 def _quantity(flag: str, value: str, name: str, text: str) -> float:
-    from gough_stewart.harness.quantities import number
+    from gough_stewart.model.units import number
     from gough_stewart.model.workspace import COORDINATES
 
     unit = COORDINATES[name]

@@ -274,7 +274,7 @@ def export_command(
 
 def _frozen(text: str) -> tuple[int, float]:
     """Samples and movement [m] from the text of the option."""
-    from gough_stewart.harness.quantities import number
+    from gough_stewart.model.units import number
 
     samples, _, movement = text.partition(",")
     try:

@@ -7,10 +7,11 @@ from pydantic import BeforeValidator, Field
 
 from gough_stewart.harness.control.component import Parameter, Signals, Stepped
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES, Side
-from gough_stewart.harness.quantities import PositiveTime, number
+from gough_stewart.harness.quantities import PositiveTime
 from gough_stewart.harness.section import Section
 from gough_stewart.model.operations import greater, rounded, where
 from gough_stewart.model.parameters import Variable
+from gough_stewart.model.units import number
 
 # Smaller noise and steps are rounding, and their inverse overflows.
 FINEST = 1e-15

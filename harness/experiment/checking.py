@@ -36,7 +36,6 @@ from gough_stewart.harness.motion.limits.shares_tables import (
 )
 from gough_stewart.harness.motion.motion import Motion, Reference, Scaled, centre_of
 from gough_stewart.harness.motion.references import Sine
-from gough_stewart.harness.quantities import number
 from gough_stewart.harness.report.chart import Chart, Mark, Series, strip_of, time_axis
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
@@ -49,6 +48,7 @@ from gough_stewart.harness.results.metric_folds import AXES
 from gough_stewart.model.dynamics import LARGEST_CONDITION_NUMBER
 from gough_stewart.model.kinematics import condition_number_bound, leg_geometry, scaled_jacobian_of_legs
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.units import number
 from gough_stewart.model.vectors import FloatArray, first_of_largest
 
 Fit = Literal["time", "amplitude"]

@@ -26,11 +26,11 @@ from gough_stewart.harness.experiment.overrides import Place, Values, place_of
 from gough_stewart.harness.experiment.preparation import Batch, Preparation, PreparedMembers, platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.lanes import Stepping
-from gough_stewart.harness.quantities import PLAIN
 from gough_stewart.harness.sampling.choice import MEMBERS, EnsembleChoice
 from gough_stewart.harness.sampling.design import SamplingDesign, correlated, correlation_of, in_turn, reordered
 from gough_stewart.harness.sampling.variation import Spread, VariedValue, normal
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.units import PLAIN
 from gough_stewart.model.vectors import FloatArray
 
 # How many members are tried to find one that can run.

@@ -17,7 +17,7 @@ from gough_stewart.harness.control.controllers import ControllerChoice
 from gough_stewart.harness.errors import ExperimentError, SettingError
 from gough_stewart.harness.experiment.schema import Experiment
 from gough_stewart.harness.plants.signals import NAMES, VARIABLES
-from gough_stewart.harness.quantities import PLAIN, Vector, quantity_in
+from gough_stewart.harness.quantities import Vector, quantity_in
 from gough_stewart.harness.report.quantities import of_unit
 from gough_stewart.harness.report.words import plain_text
 from gough_stewart.harness.sampling.choice import EnsembleChoice
@@ -28,6 +28,7 @@ from gough_stewart.model.interface import nearest
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.process.toml import toml_values
+from gough_stewart.model.units import PLAIN
 
 # Changed settings: strings "key.key=value", or a mapping from "key.key" to values.
 Settings = Iterable[str] | Mapping[str, Any]

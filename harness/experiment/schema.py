@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 
 from gough_stewart.harness.control import by_hand  # noqa: F401 - by being there its motion is known
@@ -32,7 +31,6 @@ from gough_stewart.harness.quantities import (
     Time,
     Torque,
     Velocity,
-    number,
 )
 from gough_stewart.harness.report.requirements import required
 from gough_stewart.harness.sampling.choice import EnsembleChoice
@@ -40,7 +38,8 @@ from gough_stewart.harness.section import ByType, FileName, Section
 from gough_stewart.model.formulations.cases import PAPER_PRESET
 from gough_stewart.model.interface import DEFAULT_TOLERANCE, TOLERANCES
 from gough_stewart.model.parameters import TABLE
-from gough_stewart.model.platform import Pairing
+from gough_stewart.model.platform_joints import Pairing
+from gough_stewart.model.units import in_si
 
 
 def _by_parameter(value: Any) -> Any:
@@ -49,22 +48,8 @@ def _by_parameter(value: Any) -> Any:
         return value
     plain = {name for name in value if name not in TABLE or TABLE[name].words}
     return {
-        name: quantity if name in plain else _in_si(name, quantity, TABLE[name].unit)
-        for name, quantity in value.items()
+        name: quantity if name in plain else in_si(name, quantity, TABLE[name].unit) for name, quantity in value.items()
     }
-
-
-def _in_si(name: str, value: Any, unit: str) -> Any:
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, list | tuple):
-        return [_in_si(name, element, unit) for element in value]
-    if not isinstance(value, str):
-        return value
-    try:
-        return number(value, unit)
-    except ValueError as error:
-        raise ValueError(f"{name} is {value!r}; {error}") from None
 
 
 # Parameters of a platform by name: numbers in SI units, or strings with a unit, also as elements of lists.

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from gough_stewart.harness.errors import LogError, TableError
 from gough_stewart.harness.plants.signals import Side
 from gough_stewart.harness.polars_paths import readable
-from gough_stewart.harness.quantities import UNITS
 from gough_stewart.harness.results.record import Record
 from gough_stewart.harness.table_file import Heading, numbers_of, read_table
 from gough_stewart.model.dynamics import static_leg_forces
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.units import UNITS
 from gough_stewart.model.vectors import FloatArray
 
 # A name, optionally with an index: "leg_length[1]", "leg_length_1".

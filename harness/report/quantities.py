@@ -12,11 +12,11 @@ from typing import Annotated, Any, TypeVar, cast
 from pydantic import ConfigDict, Field, SerializationInfo, ValidationInfo, model_serializer, model_validator
 from pydantic.dataclasses import dataclass
 
-from gough_stewart.harness.quantities import UNITS, unit_typed
 from gough_stewart.model.interface import unit_text
 from gough_stewart.model.kinematics import leg_geometry
 from gough_stewart.model.parameters import PlatformFields
 from gough_stewart.model.platform import Platform
+from gough_stewart.model.units import UNITS, unit_typed
 
 _DEGREES = 180 / math.pi
 # What a small machine has less of, and the units in which it is shown instead.
@@ -51,7 +51,7 @@ _Part = TypeVar("_Part")
 
 @dataclass(frozen=True, config=ConfigDict(extra="forbid"))
 class Quantity:
-    """A kind of number: its SI unit, as in `quantities.UNITS`, and how it is shown."""
+    """A kind of number: its SI unit, as in `units.UNITS`, and how it is shown."""
 
     si: str  # "" for a plain number
     unit: str
@@ -207,7 +207,7 @@ def fine(part: _Part, fineness: float) -> _Part:
 
 
 def of_unit(unit: str) -> Quantity:
-    """The quantity of a unit in `quantities.UNITS`, in which it is shown; angles in degrees."""
+    """The quantity of a unit in `units.UNITS`, in which it is shown; angles in degrees."""
     shown = {"rad": "deg", "rad/s": "deg/s"}.get(unit, unit)
     si = shown if shown in UNITS else next((si for si, others in UNITS.items() if shown in others), "")
     return Quantity(si, shown, factor_to(shown))

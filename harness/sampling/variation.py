@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from pydantic import Field, model_validator
 
-from gough_stewart.harness.quantities import PLAIN, number, plain_number
 from gough_stewart.harness.section import Section
+from gough_stewart.model.units import PLAIN, number, plain_number
 from gough_stewart.model.vectors import FloatArray
 
 # From numbers in (0, 1) to values, elementwise.

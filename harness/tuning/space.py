@@ -10,7 +10,7 @@ from gough_stewart.harness.errors import SearchError
 from gough_stewart.harness.experiment.members import Members
 from gough_stewart.harness.experiment.overrides import Place
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.quantities import PLAIN, number
+from gough_stewart.model.units import PLAIN, number
 
 _DIGITS = 5
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"

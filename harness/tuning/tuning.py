@@ -14,7 +14,6 @@ from gough_stewart.harness.experiment.file import text_with_settings
 from gough_stewart.harness.experiment.overrides import Settings
 from gough_stewart.harness.experiment.preparation import platforms_of
 from gough_stewart.harness.experiment.schema import Experiment
-from gough_stewart.harness.quantities import PLAIN
 from gough_stewart.harness.report.chart import Axis, Chart, Series
 from gough_stewart.harness.report.document import Note, Number, Report, Section, Status, Verdict, settings_of
 from gough_stewart.harness.report.page import to_html
@@ -29,6 +28,7 @@ from gough_stewart.harness.tuning.goal import Evaluation
 from gough_stewart.harness.tuning.search import Search
 from gough_stewart.harness.tuning.space import SearchAxis
 from gough_stewart.model.interface import unit_text
+from gough_stewart.model.units import PLAIN
 from gough_stewart.model.vectors import FloatArray
 
 TUNED = "tuned.toml"

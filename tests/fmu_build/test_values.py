@@ -270,21 +270,6 @@ def test_an_inertia_is_symmetric_and_that_of_a_body(fmu: Fmu) -> None:
         p.do_step(0.0, 0.01)
 
 
-@pytest.mark.parametrize(("one", "other"), [(0, 5), (1, 3), (4, 2)])
-@pytest.mark.parametrize("name", ["base_points", "platform_points"])
-def test_joints_in_one_place_are_named(fmu: Fmu, name: str, one: int, other: int) -> None:
-    """Expected: closer than a millionth of the largest distance between two is one place."""
-    for share, is_refused in ((0.5, True), (2.0, False)):
-        points = np.array(getattr(UNEVEN, name))
-        points[other] = points[one]
-        widest = max(np.linalg.norm(a - b) for a in points for b in points)
-        points[other] += share * 1e-6 * widest * np.array([0.6, 0.0, -0.8])
-        with plant(fmu) as p:
-            assert refused(p.start, {**MOVING, name: points}) == (ERROR if is_refused else OK)
-            low, high = sorted((one + 1, other + 1))
-            assert (f"{name}: joints {low} and {high} coincide" in p.take_messages()) == is_refused
-
-
 @pytest.mark.parametrize("part", ["lower", "upper"])
 def test_a_centre_of_mass_lies_on_the_shortest_leg_of_the_start(fmu: Fmu, part: str) -> None:
     shortest = float(gs.leg_geometry(UNEVEN, STATE.position, STATE.orientation).length.min())

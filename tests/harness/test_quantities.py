@@ -9,19 +9,10 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from gough_stewart.harness import quantities
-from gough_stewart.harness.quantities import (
-    PLAIN,
-    UNITS,
-    Unit,
-    Vector,
-    channels,
-    number,
-    positive_or_word,
-    quantity_in,
-    unit_typed,
-)
+from gough_stewart.harness.quantities import Unit, Vector, channels, positive_or_word, quantity_in
 from gough_stewart.harness.quantities import vector as vector_of
 from gough_stewart.model.interface import unit_text
+from gough_stewart.model.units import PLAIN, UNITS, number, unit_typed
 
 PI = 3.141592653589793
 # Each unit as so many SI units, from the SI brochure: rad/s as a frequency are turns of 2π, rpm 60 to the minute.
@@ -41,7 +32,10 @@ MEANT = {
     "1": [("1", 1.0), ("%", 0.01)],
     "N/(m.s)": [("N/(m.s)", 1.0), ("N/(m s)", 1.0), ("kN/(m.s)", 1000.0)],
     "kg": [("kg", 1.0), ("g", 0.001), ("t", 1000.0)],
-    "kg.m2": [("kg.m2", 1.0), ("kg m2", 1.0)],
+    "kg.m2": [
+        *(("kg.m2", 1.0), ("kg m2", 1.0), ("kg.mm2", 1e-6), ("kg mm2", 1e-6)),
+        *(("g.mm2", 1e-9), ("g mm2", 1e-9)),
+    ],
     "m/s2": [("m/s2", 1.0)],
     "W": [("W", 1.0), ("mW", 0.001), ("uW", 1e-6), ("µW", 1e-6), ("kW", 1000.0)],
     "J": [("J", 1.0), ("uJ", 1e-6), ("µJ", 1e-6), ("kJ", 1000.0)],

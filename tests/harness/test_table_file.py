@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import gough_stewart as gs
 from gough_stewart.harness.errors import TableError
 from gough_stewart.harness.motion.recorded.recording import read_recording
-from gough_stewart.harness.quantities import UNITS as FACTORS_OF_UNITS
 from gough_stewart.harness.table_file import Heading, numbers_of, read_table, times_of
+from gough_stewart.model.units import UNITS as FACTORS_OF_UNITS
 
 NS = 1_700_000_000_123_456_789
 NAMES = ("time", "position[1]", "position[2]", "position[3]", "orientation[1]", "orientation[2]", "orientation[3]")

@@ -86,8 +86,16 @@ def test_an_experiment_may_state_circles_with_units() -> None:
     [
         ("base_radius", 0.0, "is 0 m; expected a number above 0"),
         ("home_leg_length", -2, "is -2 m; expected a number above 0"),
-        ("base_angle", 2.1, "is 2.1 rad; expected a number in radians, above 0 and below 2.0944 (120°)"),
-        ("platform_angle", -0.1, "is -0.1 rad; expected a number in radians, above 0 and below 2.0944 (120°)"),
+        (
+            "base_angle",
+            2.1,
+            "is 2.1 rad; expected a number in radians, from 0 (one joint for both) to below 2.0944 (120°)",
+        ),
+        (
+            "platform_angle",
+            -0.1,
+            "is -0.1 rad; expected a number in radians, from 0 (one joint for both) to below 2.0944 (120°)",
+        ),
         ("platform_angle", [1.0], "has shape (1,); expected one number"),
         (
             "home_leg_length",

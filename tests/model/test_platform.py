@@ -99,13 +99,8 @@ def test_motion_base_masses_are_those_of_the_sources_cylinders() -> None:
 
 
 def test_errors_name_joint_element_and_number_in_whole_sentences() -> None:
-    """Expected: the pair of joints, the elements, the moments by hand; legs and elements that are not the first."""
-    base, top = UNEVEN.base_points.copy(), UNEVEN.platform_points.copy()
-    base[4], top[5] = base[2], top[1]
-    refused(UNEVEN, r"^base_points: joints 1 and 2 coincide at \(1, 2, 3\) m", base_points=np.tile([1.0, 2, 3], (6, 1)))
-    different = "m; expected six different points (an idealised double joint needs a small offset)"
-    says(f"base_points: joints 3 and 5 coincide at (1.47, -1.32, 0.07) {different}", base_points=base)
-    says(f"platform_points: joints 2 and 6 coincide at (-0.69, 0.75, 0.03) {different}", platform_points=top)
+    """Expected: the elements, the moments by hand; legs and elements that are not the first."""
+    refused(UNEVEN, "the leg Jacobian is singular", base_points=np.tile([1.0, 2, 0], (6, 1)), **FREE)
     says(
         "platform_inertia: is not positive definite: principal moments (-1, 2, 2.5) kg m²; expected all > 0",
         platform_inertia=np.diag([2.0, -1.0, 2.5]),
@@ -158,14 +153,6 @@ def test_a_condition_on_several_parameters_is_checked_whichever_changes(
     refused(platform, message, **change)
 
 
-def beside(name: str, share: float) -> dict[str, Any]:
-    """Joint 6 of base or platform beside joint 4, at a share of the largest distance of two of them."""
-    points = getattr(UNEVEN, name).copy()
-    largest = np.linalg.norm(points[:, None] - points[None], axis=-1).max()
-    points[5] = points[3] + share * largest * np.array([0.0, 0.6, 0.8])
-    return {name: points, "leg_length_min": None, "leg_length_max": None}
-
-
 def skewed(share: float) -> FloatArray:
     """The inertia with one element changed by a share of its largest, 8.1."""
     J = UNEVEN.platform_inertia.copy()
@@ -180,8 +167,6 @@ FREE: dict[str, Any] = {"leg_length_min": None, "leg_length_max": None}
 TOO_LARGE = r"expected numbers below 1e\+30 in SI units"
 # Just accepted, just refused, and the words.
 BOUNDS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
-    (beside("base_points", 1.1e-6), beside("base_points", 0.9e-6), "joints 4 and 6 coincide"),
-    (beside("platform_points", 1.1e-6), beside("platform_points", 0.9e-6), "joints 4 and 6 coincide"),
     ({"platform_inertia": skewed(0.9e-9)}, {"platform_inertia": skewed(1.1e-9)}, "not symmetric"),
     ({"platform_inertia": np.diag([2, 1, 3 + 2.7e-9])}, {"platform_inertia": np.diag([2, 1, 3 + 3.3e-9])}, "triangle"),
     ({"platform_com": (1 - 1e-9) * FAR}, {"platform_com": (1 + 1e-9) * FAR}, "ten times"),
@@ -212,7 +197,7 @@ BOUNDS: list[tuple[dict[str, Any], dict[str, Any], str]] = [
 
 @pytest.mark.parametrize(("inside", "outside", "text"), BOUNDS)
 def test_bounds_hold_from_both_sides(inside: dict[str, Any], outside: dict[str, Any], text: str) -> None:
-    """Expected: a millionth of the largest distance, 1e-9 of an inertia, ten radii, π, 1e30, home legs, 1e-3 of 90°."""
+    """Expected: 1e-9 of an inertia, ten radii, π, 1e30, home legs, 1e-3 of 90°."""
     for name, value in inside.items():
         assert np.array_equal(getattr(replace(UNEVEN, **inside), name), value)
     refused(UNEVEN, text, **outside)

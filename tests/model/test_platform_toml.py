@@ -90,7 +90,10 @@ WRONG_LINES = [
     ("controller.type = 'pd'\nloop.duration = 1", "is an experiment; expected a platform file"),
     ("xyz = 1", "unknown key 'xyz'; expected one of name, source, base_points"),
     ("leg_velocity_max = [1, true]", "leg_velocity_max is [1, True]; expected numbers"),
-    ("leg_velocity_max = [1, '2']", "leg_velocity_max is [1, '2']; expected numbers"),
+    (
+        "leg_velocity_max = [1, '2']",
+        "leg_velocity_max is '2'; expected a number of m/s, or a string with one of the units m/s, mm/s",
+    ),
     ("leg_velocity_max = 1979-05-27", "leg_velocity_max is datetime.date(1979, 5, 27); expected numbers"),
     ("leg_length_min = true", "leg_length_min is True; expected numbers"),
     ("leg_velocity_max = -1.0", "leg_velocity_max: is -1 m/s; expected > 0"),

@@ -50,35 +50,41 @@ int check_inertia(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
     return 1;
 }
 
-static int joints_are_apart(const double points[3 * N_LEGS], const char *name, char message[MESSAGE_SIZE])
+static double square_of_distance(const double one[3], const double other[3])
 {
-    double nearest = INFINITY, farthest = 0;
-    int one = 0, other = 0;
-    for (int i = 0; i < N_LEGS; i++)
-        for (int j = 0; j < i; j++) {
-            double square = 0;
-            for (int a = 0; a < 3; a++)
-                square += (points[3 * i + a] - points[3 * j + a]) * (points[3 * i + a] - points[3 * j + a]);
-            double distance = sqrt(square);
-            farthest = fmax(farthest, distance);
-            if (distance < nearest) {
-                nearest = distance;
-                one = j;
-                other = i;
-            }
-        }
-    if (nearest > COINCIDENCE * farthest)
-        return 1;
-    write_message(message, "%s: joints %d and %d coincide; expected six different points (a double joint needs a small "
-                           "offset)", name, one + 1, other + 1);
-    return 0;
+    double square = 0;
+    for (int a = 0; a < 3; a++)
+        square += (one[a] - other[a]) * (one[a] - other[a]);
+    return square;
 }
 
-int check_geometry(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE])
+/* Below which two joints of one body are one joint. */
+static double distance_of_shared(const double points[3 * N_LEGS])
 {
-    if (!joints_are_apart(p + P_BASE_POINTS, "base_points", message) ||
-        !joints_are_apart(p + P_PLATFORM_POINTS, "platform_points", message))
-        return 0;
+    double farthest = 0;
+    for (int i = 0; i < N_LEGS; i++)
+        for (int j = 0; j < i; j++)
+            farthest = fmax(farthest, square_of_distance(points + 3 * i, points + 3 * j));
+    return COINCIDENCE * sqrt(farthest);
+}
+
+int check_joints(const double p[N_PARAMETERS], char message[MESSAGE_SIZE])
+{
+    const double *base = p + P_BASE_POINTS, *platform = p + P_PLATFORM_POINTS;
+    double near_base = distance_of_shared(base), near_platform = distance_of_shared(platform);
+    for (int i = 0; i < N_LEGS; i++)
+        for (int j = i + 1; j < N_LEGS; j++)
+            if (sqrt(square_of_distance(base + 3 * i, base + 3 * j)) <= near_base &&
+                sqrt(square_of_distance(platform + 3 * i, platform + 3 * j)) <= near_platform) {
+                write_message(message, "base_points, platform_points: legs %d and %d share both joints; expected at most "
+                                       "one of the two, so that no two legs are one", i + 1, j + 1);
+                return 0;
+            }
+    return 1;
+}
+
+int check_leg_coms(const double p[N_PARAMETERS], const double leg_length[N_LEGS], char message[MESSAGE_SIZE])
+{
     double shortest = leg_length[0];
     for (int i = 1; i < N_LEGS; i++)
         shortest = fmin(shortest, leg_length[i]);

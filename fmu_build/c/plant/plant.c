@@ -270,9 +270,11 @@ outcome component_begin(component *c)
 {
     double handedness = c->s.handedness;
     outcome checked = component_check_parameters(c);
+    if (checked == DONE && !check_joints(c->s.p, c->message))
+        checked = NOT_POSSIBLE;
     if (checked == DONE)
         checked = check_pose(c, &handedness);
-    if (checked == DONE && !(check_geometry(c->s.p, legs_of(c)->length, c->message) &&
+    if (checked == DONE && !(check_leg_coms(c->s.p, legs_of(c)->length, c->message) &&
                              check_motors(c->s.x, legs_of(c)->length, c->message)))
         checked = NOT_POSSIBLE;
     if (checked == DONE)

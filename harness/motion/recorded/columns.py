@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from gough_stewart.harness.errors import MotionError
-from gough_stewart.harness.quantities import UNITS
 from gough_stewart.harness.table_file import Heading
 from gough_stewart.model.interface import nearest
+from gough_stewart.model.units import UNITS
 
 
 class Column(NamedTuple):

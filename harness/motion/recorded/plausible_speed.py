@@ -11,7 +11,7 @@ import numpy as np
 
 from gough_stewart.harness.errors import MotionError
 from gough_stewart.harness.motion.recorded.table import FromTable
-from gough_stewart.harness.quantities import UNITS
+from gough_stewart.model.units import UNITS
 from gough_stewart.model.vectors import FloatArray
 
 _GRAVITY = 9.81

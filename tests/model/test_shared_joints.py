@@ -1,0 +1,155 @@
+"""Joints that two legs share at one end, as in 6-3 and 3-3 platforms: the physics, poses, files, and what is said."""
+
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gough_stewart as gs
+from gough_stewart.model.dynamics import plant_equations
+from gough_stewart.model.formulations import kane, newton_euler
+from gough_stewart.model.interface import IDEAL
+from gough_stewart.model.rotations import matrix_from_orientation
+from tests.support.lagrangian import Pose, forces_along
+from tests.support.platform_files import loaded, written
+from tests.support.shared_joints import SHARED, SIX_THREE, THREE_THREE
+from tests.support.uneven import INPUTS, STATE, UNEVEN
+
+both = pytest.mark.parametrize("platform", SHARED, ids=lambda platform: platform.name)
+
+
+@both
+def test_accelerations_and_joint_forces_are_those_of_kane_and_newton_euler(platform: gs.Platform) -> None:
+    """Expected: the formulations that close each leg at its own joint; legs that share one have forces of their own."""
+    rates, results = plant_equations(IDEAL, platform, STATE.to_vector(), INPUTS)
+    wrench = np.concatenate(INPUTS[1:])
+    by_kane = kane.solve(platform, *kane.consistent_start(platform, STATE), INPUTS.actuator_force, wrench)
+    rotation = matrix_from_orientation(STATE.orientation)
+    by_newton = newton_euler.solve(platform, STATE.position, rotation, *STATE[2:], *INPUTS)
+    assert rates[6:] == pytest.approx(by_kane.platform_acceleration, rel=1e-10)
+    assert rates[6:] == pytest.approx(np.concatenate([by_newton.linear, by_newton.angular]), rel=1e-10)
+    assert results["joint_force"] == pytest.approx(by_kane.joint_force, rel=1e-9, abs=1e-9)
+    assert results["joint_force"] == pytest.approx(by_newton.joint_force, rel=1e-9, abs=1e-9)
+
+
+@both
+def test_forces_at_rest_are_those_of_a_lagrangian(platform: gs.Platform) -> None:
+    """Expected: energies and automatic differentiation, in a pose off home."""
+    pose = np.concatenate([STATE.position, STATE.orientation])[None]
+    expected = forces_along(platform, Pose(pose, 0 * pose, 0 * pose))[0]
+    assert gs.static_leg_forces(platform, STATE.position, STATE.orientation) == pytest.approx(expected, rel=1e-10)
+
+
+@both
+def test_a_log_of_lengths_gives_the_poses_that_it_came_from(platform: gs.Platform) -> None:
+    """Expected: the poses, by compiled code for rows and by NumPy for one."""
+    t = np.linspace(0, 3, 200)[:, None]
+    position = platform.home_position + 0.1 * np.sin(t * [3, 2, 1])
+    orientation = platform.home_orientation + 0.12 * np.sin(t * [1, 2, 3])
+    lengths = gs.leg_geometry(platform, position, orientation).length
+    rows, one = gs.forward_kinematics(platform, lengths), gs.forward_kinematics(platform, lengths[60])
+    assert rows.position == pytest.approx(position, abs=1e-10)
+    assert rows.orientation == pytest.approx(orientation, abs=1e-10)
+    assert np.append(one.position, one.orientation) == pytest.approx(np.append(position[60], orientation[60]), abs=1e-9)
+
+
+@both
+def test_a_loop_in_lanes_and_its_judge_move_as_kane_does(platform: gs.Platform, tmp_path: Path) -> None:
+    """Expected: the constrained equations of motion of all bodies, integrated; constant forces for 0.2 s."""
+    gs.save_platform(platform, tmp_path / "mine.toml")
+    (tmp_path / "fall.toml").write_text(
+        f"""
+        title = "fall"
+        [platform]
+        file = "mine.toml"
+        [start]
+        {"".join(f"{name} = {value.tolist()}; ".replace("; ", chr(10)) for name, value in STATE._asdict().items())}
+        [plant]
+        tolerance = 1e-10
+        [controller]
+        type = "open_loop"
+        force = {INPUTS.actuator_force.tolist()}
+        [loop]
+        duration = 0.2
+        sample_time = 0.01
+        [ensemble]
+        members = 2
+        platform_mass = {{ factor = {{ uniform = [1.0, 1.0000001] }} }}
+        """
+    )
+    inputs = INPUTS._replace(external_force=np.zeros(3), external_torque=np.zeros(3))
+    expected = kane.integrate(platform, *kane.consistent_start(platform, STATE), inputs, np.array([0.0, 0.2])).platform
+    fall = tmp_path / "fall.toml"
+    for record in (gs.run(fall, member=0), gs.run(fall, plant="model"), gs.run(fall, plant="scipy")):
+        assert record["position"][-1] == pytest.approx(expected.position[-1], abs=2e-7)
+        assert record["orientation"][-1] == pytest.approx(expected.orientation[-1], abs=2e-7)
+
+
+@both
+def test_qualities_of_poses_are_those_of_joints_a_hair_apart(platform: gs.Platform) -> None:
+    """Expected: those of a platform with each joint moved by 20 um, which no legs share; a pose is out of reach."""
+    moved = 2e-5 * np.random.default_rng(3).normal(size=(2, 6, 3))
+    apart = replace(
+        platform, base_points=platform.base_points + moved[0], platform_points=platform.platform_points + moved[1]
+    )
+    poses = STATE.position + np.array([[0, 0, 0], [0.3, -0.2, 0.1], [0, 0.6, -0.3], [2.6, 0, -1.2]])
+    shared, separate = (gs.evaluate_poses(one, poses, STATE.orientation) for one in (platform, apart))
+    for name in ("condition_number", "joint_angle_margin", "singular_margin", "force_margin"):
+        assert getattr(shared, name) == pytest.approx(getattr(separate, name), rel=1e-3), name
+    assert shared.reachable.tolist() == separate.reachable.tolist() == [True, True, True, False]
+
+
+def test_files_and_circles_have_shared_joints() -> None:
+    """Expected: the same platform; circles with an angle of 0 have a joint for each pair, the distances by hand."""
+    for platform in SHARED:
+        assert loaded(written(platform)) == platform
+    rest = {name: value for name, value in UNEVEN.as_dict().items() if name not in (*_JOINTS, "leg_length_max")}
+    octahedron = gs.Platform.from_radii(2.0, 1.2, 0.0, 0.0, home_leg_length=2.8, **rest)
+    assert octahedron.base_points[[0, 1, 3]] == pytest.approx(octahedron.base_points[[5, 2, 4]], abs=1e-15)
+    assert octahedron.platform_points[::2] == pytest.approx(octahedron.platform_points[1::2], abs=1e-15)
+    # corners 60° apart: R² + r² − R r in the plane
+    assert octahedron.home_position[2] == pytest.approx(np.sqrt(2.8**2 - (2.0**2 + 1.2**2 - 2.0 * 1.2)))
+
+
+_JOINTS = ("base_points", "platform_points", "home_position", "home_orientation")
+
+
+def test_two_legs_in_one_place_are_refused() -> None:
+    """Expected: legs 2 and 5, which share both joints, within a millionth of the largest distance."""
+    tips = UNEVEN.platform_points.copy()
+    tips[4] = tips[1]
+    for share in (0.0, 0.9e-6, 1.1e-6):
+        base = UNEVEN.base_points.copy()
+        widest = np.linalg.norm(base[:, None] - base[None], axis=-1).max()
+        base[4] = base[1] + share * widest * np.array([0.6, 0, -0.8])
+        changed = {"base_points": base, "platform_points": tips, "leg_length_min": None, "leg_length_max": None}
+        if share > 1e-6:
+            assert (UNEVEN.with_parameters(changed).base_points == base).all()
+            continue
+        with pytest.raises(gs.GoughStewartError, match=r"legs 2 and 5 share both joints, at \(-0.61, 1.88, -0.03\) m"):
+            UNEVEN.with_parameters(changed)
+
+
+def test_the_hint_names_the_legs_that_share_and_the_order_is_still_looked_at() -> None:
+    """Expected: pairs by hand; no legs that touch; of a bad order a better one, found by NumPy's condition numbers."""
+    (hint,) = THREE_THREE.hints
+    assert hint.startswith(
+        "legs share a base joint (legs 1 and 2, 3 and 4, 5 and 6) and a platform joint (legs 1 and 4, 2 and 5, 3 and "
+        "6); real joints need room"
+    )
+    assert "legs that share a joint collide is not looked at" in hint
+
+    def condition(order: tuple[int, ...]) -> float:
+        tips = SIX_THREE.platform_points[[*order]]
+        u = SIX_THREE.home_position + tips @ rotation.T - SIX_THREE.base_points
+        u = u / np.linalg.norm(u, axis=1, keepdims=True)
+        jacobian = np.hstack([u, np.cross(tips @ rotation.T, u) / SIX_THREE.characteristic_length])
+        return float(np.linalg.cond(jacobian))
+
+    rotation = matrix_from_orientation(SIX_THREE.home_orientation)
+    bad = max((order for order in permutations(range(6)) if condition(order) < 1e3), key=condition)
+    hints = replace(SIX_THREE, platform_points=SIX_THREE.platform_points[[*bad]]).hints
+    (better,) = (line for line in hints if "in the order" in line)
+    assert better.startswith(f"the leg Jacobian has a condition number of {condition(bad):.3g} at home")
