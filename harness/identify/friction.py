@@ -18,6 +18,7 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.regressor import symbols
 from gough_stewart.model.friction import Bristles, bristle_decay, law_of_bristles
 from gough_stewart.model.interface import RIGID, SLIDING, Variant
 from gough_stewart.model.parameters import PHYSICAL, Parameters
@@ -177,14 +178,14 @@ def _law(platform: Platform, values: Mapping[str, float]) -> Bristles:
 def _step(q: int) -> casadi.Function:
     """CasADi Function: ([z, ∂z/∂θ] (6, 1+q), v at both ends (6, 2), law (36) and h, ∂law/∂θ (30, q)) -> the former."""
     X, v, p, D = (casadi.SX.sym(*size) for size in (("X", 6, 1 + q), ("v", 6, 2), ("p", 37), ("D", 30, q)))
-    fields = {name: _row(p[6 * k : 6 * k + 6]) for k, name in enumerate((*_FIELDS, "is_lugre"))}
+    fields = {name: symbols(p[6 * k : 6 * k + 6]) for k, name in enumerate((*_FIELDS, "is_lugre"))}
     law = Bristles(**fields, damping=np.zeros(6), viscous=np.zeros(6))
     h = np.array([[p[36]]], dtype=object) / _SUBSTEPS
     z = casadi.SX.sym("z", 6)
-    bent = _row(z)
+    bent = symbols(z)
     for part in range(_SUBSTEPS):
         share = (part + 0.5) / _SUBSTEPS
-        velocity = _row((1 - share) * v[:, 0] + share * v[:, 1])
+        velocity = symbols((1 - share) * v[:, 0] + share * v[:, 1])
         middle = _after(velocity, bent, bristle_decay(law, velocity, bent), h / 2)
         bent = _after(velocity, bent, bristle_decay(law, velocity, middle), h)
     after = casadi.vertcat(*bent.reshape(-1))
@@ -198,7 +199,3 @@ def _after(v: Any, z: Any, decay: Any, step: Any) -> Any:
     x = np.array([[casadi.fmax(exponent, _SMALL) for exponent in (decay * step).reshape(-1)]], dtype=object)
     share = np.array([[-casadi.expm1(-exponent) / exponent for exponent in x.reshape(-1)]], dtype=object)
     return z + (v - decay * z) * step * share
-
-
-def _row(vector: casadi.SX) -> Any:
-    return np.array([casadi.vertsplit(vector)], dtype=object)

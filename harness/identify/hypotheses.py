@@ -14,12 +14,10 @@ import numpy as np
 from gough_stewart.harness.identify.friction import travel_since_reversal
 from gough_stewart.harness.identify.names import expanded, unit_of
 from gough_stewart.harness.identify.regression import Regression
-from gough_stewart.harness.identify.regressor import INERTIAL, ForceDerivatives, parameter_columns
+from gough_stewart.harness.identify.regressor import INERTIAL, ForceDerivatives, parameter_columns, states_of
 from gough_stewart.harness.identify.row_model import tilt_directions
-from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 LEGS = range(1, 7)
@@ -254,7 +252,7 @@ def stribeck(velocity: FloatArray, smooth: float, width: float) -> FloatArray:
 
 def leg_motion(platform: Platform, motion: FloatArray) -> FloatArray:
     """L, L̇ and L̈ (3, n, 6) of motions (n, 18)."""
-    state = State.from_vector(motion[:, :12])
+    state, acceleration = states_of(motion)
     legs = leg_geometry(platform, state.position, state.orientation)
-    acceleration = leg_accelerations(legs, state, *Acceleration(motion[:, 12:15], motion[:, 15:]))
-    return np.array([legs.length, rates_of_legs(legs, state).length_rate, acceleration])
+    rates = rates_of_legs(legs, state)
+    return np.array([legs.length, rates.length_rate, leg_accelerations(legs, state, *acceleration)])

@@ -98,10 +98,6 @@ class RowNoise(NamedTuple):
     length: float  # of the raw lengths [m]
     shares: tuple[float, float]  # s_F, s_L
 
-    def whitened(self, columns: FloatArray) -> FloatArray:
-        """L⁻¹ x of columns (6 n, k)."""
-        return whitened_by(self.factors, columns)
-
 
 def whitened_by(factors: Sequence[FloatArray], columns: FloatArray) -> FloatArray:
     """L⁻¹ x of columns (6 n, k), part by part."""
@@ -208,7 +204,8 @@ class Whitened:
 
     def of(self, columns: FloatArray) -> FloatArray:
         """Whitened columns (6 n, k) of rows (n, 6, k)."""
-        return self.noise.whitened((self.fit.used[..., None] * columns).reshape(6 * len(columns), -1))
+        used = self.fit.used[..., None] * columns
+        return whitened_by(self.noise.factors, used.reshape(6 * len(columns), -1))
 
     def with_noise_of(self, residual: FloatArray, columns: FloatArray) -> "Whitened":
         """The same rows with the noise of another residual (n, 6), of a fit with further columns (n, 6, q)."""

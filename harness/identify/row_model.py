@@ -16,15 +16,8 @@ import numpy as np
 from gough_stewart.harness.identify.friction import StickingFriction
 from gough_stewart.harness.identify.names import place_of
 from gough_stewart.harness.identify.regression import Regression
-from gough_stewart.harness.identify.regressor import (
-    gradient,
-    linear_parameters,
-    regressor,
-    with_estimated,
-)
-from gough_stewart.model.dynamics import Acceleration
+from gough_stewart.harness.identify.regressor import gradient, linear_parameters, regressor, states_of, with_estimated
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -43,19 +36,6 @@ STEMS = ("force_gain", "force_offset", "delay", "base_tilt")
 def is_of_instruments(name: str) -> bool:
     """Whether an element belongs to the instruments, not to the platform."""
     return name.partition("[")[0] in STEMS
-
-
-def instruments_of(names: Sequence[str], values: FloatArray) -> Instruments:
-    """The instruments with some elements replaced; the others are right."""
-    gain, offset, tilt, delay = np.ones(6), np.zeros(6), np.zeros(2), 0.0
-    whole = {"force_gain": gain, "force_offset": offset, "base_tilt": tilt}
-    for name, value in zip(names, values, strict=True):
-        stem, index = place_of(name)
-        if stem == "delay":
-            delay = float(value)
-        elif stem in whole:
-            whole[stem][index] = value
-    return Instruments(gain, offset, delay, tilt)
 
 
 def tilted(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
@@ -98,8 +78,16 @@ class RowModel:
         return np.asarray(linear_parameters(self._elements(values)), dtype=float)
 
     def instruments(self, values: FloatArray) -> Instruments:
-        """The instruments."""
-        return instruments_of(self.names, values)
+        """The instruments; what of them is not estimated is right."""
+        gain, offset, tilt, delay = np.ones(6), np.zeros(6), np.zeros(2), 0.0
+        vectors = {"force_gain": gain, "force_offset": offset, "base_tilt": tilt}
+        for name, value in zip(self.names, values, strict=True):
+            stem, index = place_of(name)
+            if stem == "delay":
+                delay = float(value)
+            elif stem in vectors:
+                vectors[stem][index] = value
+        return Instruments(gain, offset, delay, tilt)
 
     def force(self, values: FloatArray) -> FloatArray:
         """The forces of the platform (n, 6) [N]."""
@@ -174,10 +162,9 @@ class RowModel:
     @cached_property
     def _by_gravity(self) -> FloatArray:
         """∂W/∂g (n, 6, SIZE, 3)."""
-        motion = self.regression.motion
-        state, acceleration = State.from_vector(motion[:, :12]), Acceleration(motion[:, 12:15], motion[:, 15:])
-        level = regressor(self.platform.with_parameters({"gravity": np.zeros(3)}), state, acceleration)
-        turned = [
-            regressor(self.platform.with_parameters({"gravity": axis}), state, acceleration) for axis in np.eye(3)
-        ]
+        motion = states_of(self.regression.motion)
+        level, *turned = (
+            regressor(self.platform.with_parameters({"gravity": gravity}), *motion)
+            for gravity in (np.zeros(3), *np.eye(3))
+        )
         return np.stack([by_axis - level for by_axis in turned], axis=-1)
