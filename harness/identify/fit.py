@@ -10,7 +10,14 @@ from scipy.special import fdtrc
 
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.causes import diagnosis_of
-from gough_stewart.harness.identify.estimate import Estimate, Residuals, Validation, combination_text, nominal_values
+from gough_stewart.harness.identify.estimate import (
+    Estimate,
+    Residuals,
+    Validation,
+    combination_text,
+    nominal_values,
+    rms,
+)
 from gough_stewart.harness.identify.friction import (
     COULOMB,
     STICTION,
@@ -27,6 +34,7 @@ from gough_stewart.harness.identify.noise import RowFit, Whitened, noises_of, wh
 from gough_stewart.harness.identify.physical import BestFit, best_fit
 from gough_stewart.harness.identify.regression import Regression, Rows, regression_of
 from gough_stewart.harness.identify.regressor import (
+    INERTIAL,
     SIZE,
     ForceDerivatives,
     dependences,
@@ -115,7 +123,7 @@ def identify_linear(
     fitted = int(is_fitted.sum())
     if 6 * fitted < 3 * len(names):
         raise LogError(f"{where}: only {fitted} rows after the filter of {rows.cutoff:.3g} Hz; record longer")
-    scale = scales_of(rows, platform, names)
+    scale = scales_of(rows.regressor, rows.force, platform, names)
     W, F = rows.regressor[is_fitted], rows.force[is_fitted]
     _check_excitation(W, elements, linear_names, scale[linear])
     usable = used_rows(rows, platform, names)
@@ -213,14 +221,7 @@ def _start_of_friction(
     """Values (q,) of these elements of friction that sticks near the best fit, by least squares on a grid.
 
     In F_c b + (F_s − F_c) b exp(−(v/v_s)²), with b the friction for unit Coulomb friction, two forces are linear. The
-    Stribeck velocity v_s is that of the grid if it is estimated.
-
-    Parameters
-    ----------
-    linear
-        Columns of all else that is estimated (n, 6, p).
-    used
-        1 for fitted rows that are used, else 0 (n, 6).
+    Stribeck velocity v_s is that of the grid if it is estimated. `linear` (n, 6, p) are the columns of all else.
     """
     static, velocity = STICTION
     factor = platform.leg_coulomb_friction_factor
@@ -250,11 +251,11 @@ def _start_of_friction(
     return np.array([values[name] for name in names])
 
 
-def scales_of(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
-    """Sizes (p,) relative to which changes of these elements are measured."""
-    velocity = float(np.sqrt((rows.regressor[:, :, 15:21] ** 2).sum(axis=2).mean()))
-    force = max(float(np.std(rows.force, axis=0).mean()), 1e-9 * float(np.abs(rows.force).max()))
-    return scales(platform, names, force, velocity)
+def scales_of(W: FloatArray, force: FloatArray, platform: Platform, names: Sequence[str]) -> FloatArray:
+    """`scales` (p,) for rows with this regressor (n, 6, SIZE) and these forces (n, 6) [N]."""
+    velocity = float(np.sqrt((W[:, :, INERTIAL : INERTIAL + 6] ** 2).sum(axis=2).mean()))
+    change = max(float(np.std(force, axis=0).mean()), 1e-9 * float(np.abs(force).max()))
+    return scales(platform, names, change, velocity)
 
 
 def scales(platform: Platform, names: Sequence[str], force: float, velocity: float) -> FloatArray:
@@ -332,14 +333,9 @@ def _validated(
 ) -> Validation:
     """Whether rows that were not fitted are predicted as well as their noise and the estimate's errors allow.
 
-    e = F − W φ has the covariance s² (V + D (Dᵀ V⁻¹ D)⁻¹ Dᵀ), so eᵀ (…)⁻¹ e/n has the distribution F(n, ν).
-
-    Parameters
-    ----------
-    residual, columns, kept
-        e (m, 6), ∂(reading)/∂θ in units of the scale (m, 6, p), and 1 for rows that validate, else 0 (m, 6).
-    D, white, freedom
-        Whitened columns (n, p) and residuals (n,) of the fit, and its degrees of freedom ν.
+    e = F − W φ has the covariance s² (V + D (Dᵀ V⁻¹ D)⁻¹ Dᵀ), so eᵀ (…)⁻¹ e/n has the distribution F(n, ν). Here e is
+    `residual` (m, 6) with ∂(reading)/∂θ `columns` (m, 6, p) in rows that are `kept` (m, 6); D (n, p), `white` (n,) and
+    ν, `freedom`, are those of the fit.
     """
     chosen = ~whole.fit.is_fitted
     _, parts = noises_of(whole.model.regression, whole.fit.derivatives.by_legs, chosen, kept[chosen])
@@ -467,11 +463,8 @@ def with_all(
     at, p = [names.index(name) for name in estimate.names], len(names)
     values, covariance = np.full(p, np.nan), np.full((p, p), np.nan)
     directions = np.zeros((len(estimate.directions), p))
-    values[at], covariance[np.ix_(at, at)], directions[:, at] = (
-        estimate.values,
-        estimate.covariance,
-        estimate.directions,
-    )
+    values[at], directions[:, at] = estimate.values, estimate.directions
+    covariance[np.ix_(at, at)] = estimate.covariance
     covariance += np.outer(bias, bias)
     unknown = [k for k, name in enumerate(names) if name in not_excited]
     values[unknown] = np.nan
@@ -488,11 +481,6 @@ def with_all(
         not_excited=tuple(not_excited),
         at_bound=tuple(name for name in estimate.at_bound if name not in not_excited),
     )
-
-
-def rms(residual: FloatArray) -> FloatArray:
-    """Root mean square of each channel of residuals (n, k)."""
-    return np.asarray(np.sqrt((residual**2).mean(axis=0)))
 
 
 def _check_identifiable(sigma: FloatArray, directions: FloatArray, names: Sequence[str]) -> None:

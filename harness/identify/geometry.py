@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import fdtrc
 
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text, nominal_values
+from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text, nominal_values, rms
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.model.errors import GoughStewartError
@@ -507,8 +507,8 @@ def identify_geometry(
         residuals=Residuals(
             "length of leg",
             "m",
-            _rms(_length_error(fit.geometry, fit.frames, fit.poses, used.measured)),
-            _rms(validation) if len(validation) else None,
+            rms(_length_error(fit.geometry, fit.frames, fit.poses, used.measured)),
+            rms(validation) if len(validation) else None,
             used.measured.length.std(axis=0),
             None,
         ),
@@ -517,7 +517,7 @@ def identify_geometry(
         details={
             "poses": fit.poses,
             "frames": fit.frames,
-            "nominal_rms": _rms(_length_error(nominal, frames, fit.poses, used.measured)),
+            "nominal_rms": rms(_length_error(nominal, frames, fit.poses, used.measured)),
             "equations": fit.redundant,
             "factor": fit.factor,
         },
@@ -624,7 +624,7 @@ def _check(
             elements,
         )
     if fit.factor > _CONTRADICTION:
-        worst = _rms(_length_error(fit.geometry, fit.frames, fit.poses, measured))
+        worst = rms(_length_error(fit.geometry, fit.frames, fit.poses, measured))
         leg = int(worst.argmax())
         raise IdentificationError(
             f"{log.where}: contradicts any geometry near the nominal one: residuals are {fit.factor:.3g} times their "
@@ -660,10 +660,6 @@ def _length_error(geometry: Geometry, frames: Frames, poses: Poses, measured: Me
         R = np.where(full[:, None, None], R, poses.rotation)
     l = t[:, None] + np.einsum("nab,ib->nia", R, geometry.platform) - geometry.base
     return np.asarray(measured.length - np.linalg.norm(l, axis=-1) - geometry.offset)
-
-
-def _rms(errors: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt((errors**2).mean(axis=0)))
 
 
 def _unseen(
