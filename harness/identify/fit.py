@@ -32,7 +32,7 @@ from gough_stewart.harness.identify.log import Part, on_one_axis
 from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.noise import RowFit, Whitened, noises_of, whitened, whitened_by
 from gough_stewart.harness.identify.physical import BestFit, best_fit
-from gough_stewart.harness.identify.regression import Regression, Rows, regression_of
+from gough_stewart.harness.identify.regression import Regression, Rows, segment_of
 from gough_stewart.harness.identify.regressor import (
     INERTIAL,
     SIZE,
@@ -115,7 +115,7 @@ def identify_linear(
     linear = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in bent]
     linear_names = tuple(names[k] for k in linear)
     elements = with_estimated(elements_of(smooth), linear_names, nominal[linear].tolist())
-    regression = regression_of([part.log for part in parts], platform, cutoff)
+    regression = Regression(tuple(segment_of(part.log, platform, cutoff) for part in parts))
     rows, where = regression.rows, parts[0].log.where
     times = [segment.rows.time for segment in regression.segments]
     fitted_times = [part.is_fitted(time) for part, time in zip(parts, times, strict=True)]
@@ -190,9 +190,9 @@ def _fit_at(
     """What diagnosis needs of a fit, at these values; derivatives of a fit nearby do."""
     force = model.force(values)
     if derivatives is None:
-        names = [model.names[k] for k in model.own]
+        names = [model.names[k] for k in model.linear]
         p, directions = kernel_parameters(model.platform, names)
-        p = p + directions @ (values[model.own] - nominal_values(names, model.platform))
+        p = p + directions @ (values[model.linear] - nominal_values(names, model.platform))
         derivatives = force_derivatives(model.regression.motion, p, model.smooth_force(values))
         if model.friction is not None:
             legs = range(6)
@@ -340,16 +340,16 @@ def _validated(
     chosen = ~whole.fit.is_fitted
     _, parts = noises_of(whole.model.regression, whole.fit.derivatives.by_legs, chosen, kept[chosen])
     used = kept[chosen][..., None]
-    both = used * np.concatenate([columns[chosen], residual[chosen][..., None]], axis=2)
+    mixed = used * np.concatenate([columns[chosen], residual[chosen][..., None]], axis=2)
     factors = [part.factor(*whole.noise.shares) for part in parts]
-    e = whitened_by(factors, both.reshape(len(used) * 6, -1))
+    e = whitened_by(factors, mixed.reshape(len(used) * 6, -1))
     X, r, information = e[:, :-1], e[:, -1], D.T @ D
     variance = float(white @ white) / max(freedom, 1)
     left = float(r @ r - (X.T @ r) @ np.linalg.lstsq(information + X.T @ X, X.T @ r, rcond=None)[0])
     n = int(kept.sum())
     force, length = whole.noise.shares
     of_noise = sum(float(force * part.of_force[0].sum() + length * part.of_length[0].sum()) for part in parts)
-    flat = both.reshape(-1, both.shape[2])[:, :-1]
+    flat = mixed.reshape(-1, mixed.shape[2])[:, :-1]
     of_errors = float((flat * np.linalg.lstsq(information, flat.T, rcond=None)[0].T).sum())
     return Validation(
         float(np.sqrt((kept * residual**2).sum() / n)),

@@ -78,10 +78,10 @@ def two_noises(raw: RawNoise, by_legs: FloatArray, used: FloatArray) -> TwoNoise
     A = raw.length * by_legs
     bands = np.zeros((2, 6 * reach + 11, n, 6))
     for m in range(reach + 1):
-        both = used[: n - m, :, None] * used[m:, None, :]
+        pairs = used[: n - m, :, None] * used[m:, None, :]
         mixed = np.einsum("nidj,de->niej", A[: n - m], raw.correlations.length[m]).reshape(n - m, 6, -1)
-        of_length = both * (mixed @ A[m:].reshape(n - m, 6, -1).swapaxes(1, 2))
-        of_force = both * (raw.correlations.force[m] * np.diag(raw.force**2))
+        of_length = pairs * (mixed @ A[m:].reshape(n - m, 6, -1).swapaxes(1, 2))
+        of_force = pairs * (raw.correlations.force[m] * np.diag(raw.force**2))
         # element (6 (k + m) + b, 6 k + a) of the matrix is in band 6 m + b − a
         for a in range(6):
             for b in range(a if m == 0 else 0, 6):
@@ -206,6 +206,11 @@ class Whitened:
         """Whitened columns (6 n, k) of rows (n, 6, k)."""
         used = self.fit.used[..., None] * columns
         return whitened_by(self.noise.factors, used.reshape(6 * len(columns), -1))
+
+    @property
+    def whitened_families(self) -> dict[str, FloatArray]:
+        """Whitened columns of each family, in units of its sizes."""
+        return {family.name: self.of(family.columns * family.sizes) for family in self.families}
 
     def with_noise_of(self, residual: FloatArray, columns: FloatArray) -> "Whitened":
         """The same rows with the noise of another residual (n, 6), of a fit with further columns (n, 6, q)."""

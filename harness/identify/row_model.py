@@ -70,7 +70,7 @@ class RowModel:
         self.regression, self.platform, self.elements, self.names = regression, platform, elements, tuple(names)
         self.friction = friction
         self.bent = [] if friction is None else [list(names).index(name) for name in friction.names]
-        self.own = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in self.bent]
+        self.linear = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in self.bent]
         self._last: tuple[bytes, FloatArray] = (b"", np.zeros(0))
 
     def phi(self, values: FloatArray) -> FloatArray:
@@ -121,9 +121,9 @@ class RowModel:
         instruments, phi = self.instruments(values), self.phi(values)
         W = self._regressor(values)
         result = np.zeros((len(W), 6, len(self.names)))
-        if self.own:
-            by_platform = gradient(self._elements(values), [self.names[k] for k in self.own])
-            result[:, :, self.own] = instruments.gain[:, None] * (W @ by_platform)
+        if self.linear:
+            by_platform = gradient(self._elements(values), [self.names[k] for k in self.linear])
+            result[:, :, self.linear] = instruments.gain[:, None] * (W @ by_platform)
         if self.bent:
             result[:, :, self.bent] = instruments.gain[:, None] * self._sticking(values)[:, :, 1:]
         for k, name in enumerate(self.names):
@@ -150,7 +150,7 @@ class RowModel:
         return self._last[1]
 
     def _elements(self, values: FloatArray) -> dict[str, float]:
-        return with_estimated(self.elements, [self.names[k] for k in self.own], values[self.own])
+        return with_estimated(self.elements, [self.names[k] for k in self.linear], values[self.linear])
 
     def _regressor(self, values: FloatArray) -> FloatArray:
         tilt = self.instruments(values).tilt

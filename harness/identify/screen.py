@@ -354,9 +354,9 @@ def check_order_of_forces(parts: Sequence[Part], platform: Platform, cutoff: flo
         measured.append(smoothed(force_of(part.log), h, low, every))
     if not measured:
         return
-    both = np.concatenate([np.concatenate(measured), np.concatenate(expected)], axis=1)
+    forces = np.concatenate([np.concatenate(measured), np.concatenate(expected)], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        unexplained = 1 - np.nan_to_num(np.corrcoef(both.T)[:6, 6:]) ** 2
+        unexplained = 1 - np.nan_to_num(np.corrcoef(forces.T)[:6, 6:]) ** 2
     for i, j in combinations(range(6), 2):
         now, exchanged = unexplained[[i, j], [i, j]], unexplained[[i, j], [j, i]]
         if now.min() > _AT_LEAST and exchanged.max() < _FALLS_TO * now.min():
