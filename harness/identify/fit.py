@@ -30,14 +30,14 @@ from gough_stewart.harness.identify.friction import (
 )
 from gough_stewart.harness.identify.log import Part, on_one_axis
 from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.noise import RowFit, Whitened, noises_of, whitened, whitened_by
+from gough_stewart.harness.identify.noise import Whitened, noises_of, whitened, whitened_by
 from gough_stewart.harness.identify.physical import BestFit, best_fit
 from gough_stewart.harness.identify.regression import Regression, Rows, segment_of
 from gough_stewart.harness.identify.regressor import (
     INERTIAL,
     SIZE,
     ForceDerivatives,
-    dependences,
+    check_independent,
     elements_of,
     force_derivatives,
     gradient,
@@ -45,7 +45,7 @@ from gough_stewart.harness.identify.regressor import (
     linear_parameters,
     with_estimated,
 )
-from gough_stewart.harness.identify.row_model import RowModel, is_of_instruments
+from gough_stewart.harness.identify.row_model import RowFit, RowModel, is_of_instruments
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -125,7 +125,6 @@ def identify_linear(
         raise LogError(f"{where}: only {fitted} rows after the filter of {rows.cutoff:.3g} Hz; record longer")
     scale = scales_of(rows.regressor, rows.force, platform, names)
     W, F = rows.regressor[is_fitted], rows.force[is_fitted]
-    _check_excitation(W, elements, linear_names, scale[linear])
     usable = used_rows(rows, platform, names)
     used = usable[is_fitted]
 
@@ -138,6 +137,12 @@ def identify_linear(
         stuck = regression.filtered(lambda v, h: friction.force(values[bent], v, h), 0)
         force = force - stuck.reshape(len(stuck), 6, -1)[:, :, 0]
     if linear:
+        check_independent(
+            (W @ (gradient(elements, linear_names) * scale[linear])).reshape(-1, len(linear)),
+            linear_names,
+            "no force in this log depends on {}; remove them",
+            "too little excitation: {}; remove one of each, or move the platform in more ways (gough-stewart excite)",
+        )
         weights = used / max(float(np.abs(force[is_fitted]).max()), 1e-300)
         weighted = np.concatenate([weights[..., None] * W, (weights * force[is_fitted])[..., None]], axis=2)
         values[linear] = _fit_of(weighted.reshape(-1, SIZE + 1), elements, linear_names, scale[linear]).values
@@ -284,23 +289,6 @@ def used_rows(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArra
     """1 for rows that a fit of these elements uses, else 0 (n, 6): with Coulomb friction those without a reversal."""
     has_coulomb = platform.leg_coulomb_friction > 0 or any(name.startswith(COULOMB) for name in names)
     return rows.sliding if has_coulomb else np.ones_like(rows.sliding)
-
-
-def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence[str], scale: FloatArray) -> None:
-    """Refuse combinations that have no effect on forces in this or any motion: rank-revealing QR with pivots."""
-    if not names:
-        return
-    D = (W @ (gradient(elements, names) * scale)).reshape(-1, len(names))
-    dead = [name for name, size in zip(names, np.linalg.norm(D, axis=0), strict=True) if size == 0]
-    if dead:
-        raise IdentificationError(f"no force in this log depends on {', '.join(dead)}; remove them", dead)
-    dependent, text = dependences(D, names)
-    if dependent:
-        raise IdentificationError(
-            f"too little excitation: {text}; remove one of each, or move the platform in more ways (gough-stewart "
-            "excite)",
-            dependent,
-        )
 
 
 def _check_explained(residual: FloatArray, force: FloatArray, duration: float, where: str) -> None:

@@ -448,7 +448,13 @@ def identify_geometry(
     """
     elements = expanded(names, platform)
     unknowns = _unknowns(elements)
-    measured = _measured(log, _deviations(PoseAccuracy(*accuracy), platform), pose_frame)
+    accuracy = PoseAccuracy(*accuracy)
+    sigma_length, sigma_position, sigma_turn = accuracy
+    sigma_turn = sigma_position / platform.characteristic_length if sigma_turn is None else sigma_turn
+    deviations = np.repeat([sigma_length, sigma_position, sigma_turn], [6, 3, 3]).astype(float)
+    if not (np.isfinite(deviations).all() and (deviations > 0).all()):
+        raise IdentificationError(f"accuracy is {tuple(accuracy)}; expected standard errors > 0 m, m, rad")
+    measured = _measured(log, deviations, pose_frame)
     scale = _NOMINAL_SHARE * platform.characteristic_length if nominal_error is None else nominal_error
     if not (np.isfinite(scale) and scale > 0):
         raise IdentificationError(f"nominal_error is {scale!r} m; expected > 0")
@@ -557,16 +563,6 @@ def _unknowns(elements: Sequence[str]) -> NDArray[np.intp]:
             foreign,
         )
     return np.array([every.index(name) for name in elements])
-
-
-def _deviations(accuracy: PoseAccuracy, platform: Platform) -> FloatArray:
-    orientation = accuracy.orientation
-    if orientation is None:
-        orientation = accuracy.position / platform.characteristic_length
-    deviations = np.repeat([accuracy.leg_length, accuracy.position, orientation], [6, 3, 3]).astype(float)
-    if not (np.isfinite(deviations).all() and (deviations > 0).all()):
-        raise IdentificationError(f"accuracy is {tuple(accuracy)}; expected standard errors > 0 m, m, rad")
-    return deviations
 
 
 def _measured(log: Log, deviations: FloatArray, pose_frame: PoseFrame) -> Measured:

@@ -22,8 +22,7 @@ from scipy.optimize import minimize_scalar
 
 from gough_stewart.harness.identify.hypotheses import Family, families_of
 from gough_stewart.harness.identify.regression import RawNoise, Regression
-from gough_stewart.harness.identify.regressor import ForceDerivatives
-from gough_stewart.harness.identify.row_model import RowModel
+from gough_stewart.harness.identify.row_model import RowFit, RowModel
 from gough_stewart.model.vectors import FloatArray
 
 # The shares are fitted from so many windows of so many rows, spread over all parts; more would hardly improve them.
@@ -174,19 +173,6 @@ def _windows(rows: int, number: int) -> list[tuple[int, int]]:
     return [(start, start + _ROWS_A_WINDOW) for start in starts]
 
 
-class RowFit(NamedTuple):
-    """A fit of the rows by any method."""
-
-    names: tuple[str, ...]
-    values: FloatArray  # (p,)
-    columns: FloatArray  # ∂(reading)/∂θ (n, 6, p) of the fitted rows
-    force: FloatArray  # of the platform at all rows (m, 6) [N]
-    rate: FloatArray  # its derivative by time (m, 6) [N/s]
-    derivatives: ForceDerivatives  # at all rows
-    is_fitted: NDArray[np.bool_]  # (m,)
-    used: FloatArray  # 1 for fitted rows that are used (n, 6)
-
-
 @dataclass(frozen=True)
 class Whitened:
     """The fitted rows with their covariance known: everything the tests and the estimates need."""
@@ -220,10 +206,8 @@ class Whitened:
 
 def whitened(model: RowModel, fit: RowFit, not_excited: Sequence[str] = ()) -> Whitened:
     """The covariance of the rows, with the shares of both noises; what extensions describe is not taken for noise."""
-    tilt, names = model.instruments(fit.values).tilt, (*fit.names, *not_excited)
     families = tuple(
-        family._replace(columns=family.columns[fit.is_fitted])
-        for family in families_of(model.regression, fit.derivatives, fit.force, fit.rate, model.platform, tilt, names)
+        family._replace(columns=family.columns[fit.is_fitted]) for family in families_of(model, fit, not_excited)
     )
     raws, parts = noises_of(model.regression, fit.derivatives.by_legs, fit.is_fitted, fit.used)
     every = np.concatenate([fit.columns, *(family.columns for family in families)], axis=2)

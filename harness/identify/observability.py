@@ -11,14 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.faults import noise_of
 from gough_stewart.harness.identify.log import Part, force_of, sample_time_of
 from gough_stewart.harness.identify.regression import HALF_LENGTH, cutoff_of, edge, smoothed
 from gough_stewart.harness.identify.regressor import (
     COM,
     FRICTION,
-    dependences,
+    check_independent,
     elements_of,
     gradient,
     linear_parameters,
@@ -166,12 +165,8 @@ def check_separable(platform: Platform, names: Sequence[str]) -> None:
     W = regressor(platform, state, Acceleration(rates[:, 6:9], rates[:, 9:]))
     D = (W @ gradient(elements_of(platform, names), names)).reshape(-1, len(names))
     size = np.linalg.norm(D, axis=0)
-    dead = [name for name, s in zip(names, size, strict=True) if s == 0]
-    if dead:
-        raise IdentificationError(f"no force depends on {', '.join(dead)}; remove them", dead)
-    dependent, text = dependences(D / size, names)
-    if dependent:
-        raise IdentificationError(f"{text}, in any motion; remove one of each", dependent)
+    texts = "no force depends on {}; remove them", "{}, in any motion; remove one of each"
+    check_independent(D / np.where(size > 0, size, 1.0), names, *texts)
 
 
 def is_linear(name: str, platform: Platform) -> bool:

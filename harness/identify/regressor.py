@@ -16,7 +16,7 @@ import casadi
 import numpy as np
 from scipy.linalg import qr
 
-from gough_stewart.harness.errors import LogError
+from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.names import PER_LEG, place_of, value_of
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
@@ -248,6 +248,22 @@ def dependences(columns: FloatArray, names: Sequence[str]) -> tuple[list[str], s
         parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
         texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
     return dependent, "; ".join(texts)
+
+
+def check_independent(columns: FloatArray, names: Sequence[str], dead: str, dependent: str) -> None:
+    """Refuse elements whose columns (n, p) are 0, or combinations of the others', with texts that take what they are.
+
+    Raises
+    ------
+    IdentificationError
+        Names the elements.
+    """
+    none = [name for name, size in zip(names, np.linalg.norm(columns, axis=0), strict=True) if size == 0]
+    if none:
+        raise IdentificationError(dead.format(", ".join(none)), none)
+    combined, text = dependences(columns, names)
+    if combined:
+        raise IdentificationError(dependent.format(text), combined)
 
 
 class ForceDerivatives(NamedTuple):

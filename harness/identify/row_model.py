@@ -12,11 +12,19 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.identify.friction import StickingFriction
 from gough_stewart.harness.identify.names import place_of
 from gough_stewart.harness.identify.regression import Regression
-from gough_stewart.harness.identify.regressor import gradient, linear_parameters, regressor, states_of, with_estimated
+from gough_stewart.harness.identify.regressor import (
+    ForceDerivatives,
+    gradient,
+    linear_parameters,
+    regressor,
+    states_of,
+    with_estimated,
+)
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -54,6 +62,19 @@ def tilt_directions(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
     by_alpha = [0.0, -sa * y + ca * turned, -ca * y - sa * turned]
     by_beta_x, by_beta_z = -sb * x - cb * z, cb * x - sb * z
     return np.array([by_alpha, [by_beta_x, sa * by_beta_z, ca * by_beta_z]]).T
+
+
+class RowFit(NamedTuple):
+    """A fit of the rows by any method."""
+
+    names: tuple[str, ...]
+    values: FloatArray  # (p,)
+    columns: FloatArray  # ∂(reading)/∂θ (n, 6, p) of the fitted rows
+    force: FloatArray  # of the platform at all rows (m, 6) [N]
+    rate: FloatArray  # its derivative by time (m, 6) [N/s]
+    derivatives: ForceDerivatives  # at all rows
+    is_fitted: NDArray[np.bool_]  # (m,)
+    used: FloatArray  # 1 for fitted rows that are used (n, 6)
 
 
 class RowModel:
