@@ -104,9 +104,12 @@ def _as_body(
         by_eta = np.stack([values(eta + step).imag / 1e-30 for step in steps], axis=1)
         return np.asarray(jacobian(values(eta)) @ by_eta)
 
+    def of_body(eta: FloatArray) -> FloatArray:
+        return residual(values(eta))
+
     start = np.maximum(eta, bound + 1e-9 * np.abs(units))
     options: Any = {"bounds": (bound, np.inf), "x_scale": units, "max_nfev": 200}
-    return np.asarray(values(least_squares(lambda eta: residual(values(eta)), start, chained, **options).x))
+    return np.asarray(values(least_squares(of_body, start, chained, **options).x))
 
 
 def _bound(name: str) -> str | None:

@@ -243,43 +243,10 @@ def test_intervals_of_held_readings_cover_the_machine() -> None:
     assert chi2.ppf(5e-4, 5 * len(truth)) < distance < chi2.isf(5e-4, 5 * len(truth))
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda log: with_spikes(log, "leg_length", 0.02, 300), r"too many faults .* 3 % .* 300 spikes in the leg"),
-        (lambda log: frozen(log, "leg_length", 2000, 6000), r"too many faults .* 5999 frozen readings"),
-        (lambda log: replace(log, time=np.where(np.arange(len(log)) > 500, log.time + 4e-4, log.time)), "a step of"),
-        (lambda log: log.rows(slice(0, 5)), "5 rows; expected a log of some seconds"),
-        (lambda log: log.rows(slice(0, 1)), "1 rows; expected a log of some seconds"),
-        (
-            lambda log: with_spikes(log, "leg_length", np.nan, 1),
-            r"leg_length\[4\] in row 8156 is nan",
-        ),
-        (
-            lambda log: replace(log, actuator_force=np.where(np.arange(6) == 2, 3e3, log.actuator_force)),
-            r"actuator_force\[3\] is 3000 in all rows; expected readings of a sensor",
-        ),
-    ],
-)
-def test_a_log_with_too_many_faults_is_refused(change: Callable[[Log], Log], message: str) -> None:
-    with pytest.raises(LogError, match=message):
-        identify(change(machine_log()), NOMINAL, NAMES)
-
-
-@pytest.mark.parametrize(("a", "b"), [(2, 5)])
-def test_exchanged_columns_of_forces_are_named(a: int, b: int) -> None:
+def test_exchanged_columns_of_forces_are_named() -> None:
     """Expected: the two legs whose columns were exchanged; before, a platform with a mass off by 1 % came of it."""
-    with pytest.raises(LogError, match=f"the forces of legs {a + 1} and {b + 1} look exchanged"):
-        identify(exchanged(machine_log(), a, b), NOMINAL, NAMES)
-
-
-def test_forces_that_lost_rows_are_not_believed() -> None:
-    """Expected: an alarm; from the middle on all forces are 10 ms early, so no noise explains them."""
-    log = machine_log()
-    force = np.delete(force_of(log), slice(5000, 5010), axis=0)
-    found = identify(replace(log.rows(slice(0, 9990)), actuator_force=force), NOMINAL, NAMES)
-    assert any("contradicts the model" in alarm for alarm in found.alarms)
-    assert any("timing of the forces: rows lost in the forces" in alarm for alarm in found.alarms)
+    with pytest.raises(LogError, match="the forces of legs 3 and 6 look exchanged"):
+        identify(exchanged(machine_log(), 2, 5), NOMINAL, NAMES)
 
 
 def test_a_row_that_one_length_alone_lost_is_an_alarm_and_jitter_is_no_lost_row() -> None:
@@ -316,12 +283,6 @@ def test_a_gap_of_any_length_takes_no_memory() -> None:
     found = screened([late], NOMINAL)
     assert [len(part.log) for part in found.parts] == [5000, 5000]
     assert "1000000000 missing rows, at 5 s to" in found.notes[0]
-
-
-def test_many_mended_readings_are_an_alarm() -> None:
-    """Expected: 1 % of rows is more than the half percent that passes with a note."""
-    found = screened([with_spikes(machine_log(), "leg_length", 0.02, 100)], NOMINAL)
-    assert any("were interpolated" in alarm for alarm in found.alarms)
 
 
 def test_several_logs_know_more_than_each_and_validate_apart() -> None:

@@ -357,9 +357,6 @@ def test_a_page_of_poses_has_no_charts_over_time_and_no_list_without_remarks() -
     text, data = _page(replace(ESTIMATE, details={"poses": 1}, notes=(), alarms=()))
     assert not any(chart["isTime"] for chart in data["charts"])
     assert '<p class="note' not in text
-
-
-def test_a_page_says_notes_without_an_alarm() -> None:
     text, _ = _page(replace(ESTIMATE, alarms=()))
     assert '<p class="note note">a &lt; note</p><p class="note note">another</p>' in text
 
