@@ -85,11 +85,8 @@ class StickingFriction:
     def bent(self, values: FloatArray, velocity: FloatArray, step: float) -> Bent:
         """The bristles at rows with these velocities (j, 6) [m/s], `step` [s] apart; unbent at the first."""
         key, kept = (values.tobytes(), velocity.tobytes(), step), self._last.get(len(velocity))
-        if kept is None or kept[0] != key:
-            self._last[len(velocity)] = key, self._bent(values, velocity, step)
-        return self._last[len(velocity)][1]
-
-    def _bent(self, values: FloatArray, velocity: FloatArray, step: float) -> Bent:
+        if kept is not None and kept[0] == key:
+            return kept[1]
         law, moved, q = self.law(values), self._by_values(values), len(self.names)
         X = np.zeros((6, 1 + q), order="F")
         v, after = np.zeros((6, 2), order="F"), np.zeros((6, 1 + q), order="F")
@@ -105,7 +102,8 @@ class StickingFriction:
             v[:] = velocity[k : k + 2].T
             call()
             X[:] = bristles[k + 1] = after
-        return Bent(bristles[:, :, 0], bristles[:, :, 1:])
+        self._last[len(velocity)] = key, Bent(bristles[:, :, 0], bristles[:, :, 1:])
+        return self._last[len(velocity)][1]
 
     def force(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
         """Friction without its viscous part, and its derivatives (j, 6 (1 + q)) [N], leg after leg.

@@ -89,10 +89,6 @@ class Poses(NamedTuple):
     position: FloatArray  # t (n, 3) [m]
     rotation: FloatArray  # R (n, 3, 3)
 
-    def rows(self, chosen: NDArray[np.intp]) -> "Poses":
-        """Some of the rows."""
-        return Poses(self.position[chosen], self.rotation[chosen])
-
     def plus(self, change: FloatArray) -> "Poses":
         """Moved by δt, rotated by exp(δφ~) R, (n, 6) [m, rad]."""
         return Poses(self.position + change[:, :3], _turned(self.rotation, change[:, 3:]))
@@ -294,7 +290,8 @@ class _Calibration:
 
     def rows(self, chosen: NDArray[np.intp]) -> "_Calibration":
         """The same with some of the rows."""
-        return replace(self, measured=self.measured.rows(chosen), poses=self.poses.rows(chosen))
+        poses = Poses(self.poses.position[chosen], self.poses.rotation[chosen])
+        return replace(self, measured=self.measured.rows(chosen), poses=poses)
 
     def fitted(self) -> GeometryFit:
         """The best fit among the geometries that differ from the nominal one in observable combinations only.

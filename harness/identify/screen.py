@@ -100,27 +100,16 @@ def screened(
     cutoffs: list[float] = []
     for which, log in enumerate([*logs, *validating]):
         share = 1.0 if which >= len(logs) else validation
-        screened_log = _of_log(log, platform, cutoff)
-        assert screened_log.log.time is not None  # checked by rows_apart
-        begin, end = float(screened_log.log.time[0]), float(screened_log.log.time[-1])
-        until = -math.inf if share == 1 else end - share * (end - begin) if share else math.inf
-        parts += [Part(screened_log.log.rows(rows), until, which) for rows in screened_log.segments]
-        notes += screened_log.notes
-        alarms += screened_log.alarms
-        cutoffs.append(screened_log.cutoff)
+        of_log = _of_log(log, platform, cutoff, which, share)
+        parts += of_log.parts
+        notes += of_log.notes
+        alarms += of_log.alarms
+        cutoffs.append(of_log.cutoff or math.inf)
     # short segments do not tell how fast the motion is
     return Screened(parts, notes, alarms, max(cutoffs) if len(parts) > len(cutoffs) else cutoff)
 
 
-class _ScreenedLog(NamedTuple):
-    log: Log
-    segments: list[slice]
-    notes: list[str]
-    alarms: list[str]
-    cutoff: float
-
-
-def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
+def _of_log(log: Log, platform: Platform, cutoff: float | None, which: int, validation: float) -> Screened:
     _check_readings(log)
     check_lengths(log, platform)
     check_forces(log, platform)
@@ -179,10 +168,9 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
 
     bad = np.asarray((unknown_length | unknown_force | halted).any(axis=1))
     short = _in_short_runs(bad)
-    _interpolate(length, unknown_length & short[:, None])
-    _interpolate(force, unknown_force & short[:, None])
-    if motor is not None:
-        _interpolate(motor, halted & short[:, None])
+    for values, unknown in ((length, unknown_length), (force, unknown_force), (motor, halted)):
+        if values is not None:
+            _interpolate(values, unknown & short[:, None])
     log = replace(log, leg_length=length, actuator_force=force, motor_position=motor)
     segments = _segments(bad & ~short, [place.row for place in of_all])
     longest = max(segments, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
@@ -205,7 +193,9 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
             f"{log.where}: {100 * mended:.2g} % of the rows were interpolated and {100 * left_out:.2g} % left out; "
             "where so many readings are wrong, others may be that do not show"
         )
-    return _ScreenedLog(log, segments, notes, alarms, cutoff or math.inf)
+    begin, end = float(time[0]), float(time[-1])
+    until = -math.inf if validation == 1 else end - validation * (end - begin) if validation else math.inf
+    return Screened([Part(log.rows(rows), until, which) for rows in segments], notes, alarms, cutoff)
 
 
 def _motors(log: Log, missing: Mask) -> tuple[Mask, Mask, FloatArray | None]:
@@ -228,7 +218,7 @@ def _places(time: FloatArray, lost: Sequence[MissingRows]) -> str:
 
 
 def _check_readings(log: Log) -> None:
-    """Refuse logs of a few rows, what is no finite number, and sensors that are dead."""
+    """Refuse logs of a few rows, and sensors that are dead."""
     force_of(log)
     if len(log) < _SHORTEST:
         raise LogError(f"{log.where}: {len(log)} rows; expected a log of some seconds")
@@ -236,13 +226,6 @@ def _check_readings(log: Log) -> None:
         if getattr(log, name) is None:
             continue
         values = np.asarray(getattr(log, name))
-        bad = np.argwhere(~np.isfinite(values))
-        if len(bad):
-            row, leg = bad[0]
-            raise LogError(
-                f"{log.where}: {name}[{leg + 1}] in row {row + 1} is {values[row, leg]}; expected a finite number: cut "
-                "the log there, or fill the gap where it was recorded"
-            )
         dead = np.flatnonzero(np.ptp(values, axis=0) == 0)
         # commands may be constant; lengths that are all constant are those of a machine at rest
         if dead.size and (dead.size < 6 if name != "actuator_force" else not log.holds_force):
