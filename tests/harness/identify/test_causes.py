@@ -1,6 +1,5 @@
 """What is named as wrong with a log: of logs by a Lagrangian that have one known error."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +8,7 @@ import pytest
 from gough_stewart.harness.identify.estimate import Estimate
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.log import force_of
-from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.report import estimate_tables
-from gough_stewart.model.platform import platform_to_toml
 from tests.support.machine_logs import MACHINE, NAMES, NOMINAL, Course, Sensing, Swing, machine_log, random_machine
 from tests.support.model_errors import FEW, Case, Designed, made
 
@@ -105,24 +102,6 @@ def test_what_no_residual_shows_is_told_with_its_size() -> None:
     assert abs(shift[0]) > 50 * high.standard_errors[0]
     assert (np.abs(unseen.shifts - shift) < 0.02 * np.abs(shift) + 0.3 * high.standard_errors).all()
     assert "if all forces read 1 % high" in estimate_tables(high)[-1].rows[0]
-
-
-def test_instruments_are_estimated_with_the_platform_and_are_not_in_its_file() -> None:
-    """Expected: what the log was made with, within 4.5 standard errors; the file has the platform's names only."""
-    machine, believed = random_machine(3)
-    tilt = np.radians([0.4, -0.3])
-    course = Course(Swing(seed=3), base_tilt=(float(tilt[0]), float(tilt[1])))
-    sensing = Sensing(force_gain=(1.02, 1, 1, 1, 1, 1), delay=1e-3, force_offset=(0, 0, 0, 25.0, 0, 0))
-    log = machine_log(machine, course, sensing, seed=5)
-    found = identify(log, believed, [*NAMES, "force_gain[1]", "force_offset[4]", "delay", "base_tilt"])
-    of_log = {"force_gain[1]": 1.02, "force_offset[4]": 25.0, "delay": 1e-3, "base_tilt[1]": tilt[0]}
-    of_log["base_tilt[2]"] = tilt[1]
-    truth = np.array([of_log[name] if name in of_log else value_of(machine, name) for name in found.names])
-    assert (np.abs(found.values - truth) < 4.5 * found.standard_errors).all()
-    assert not found.alarms
-    text = platform_to_toml(found.platform(believed))
-    assert not any(stem in text for stem in ("force_gain", "force_offset", "delay", "base_tilt"))
-    assert json.loads(found.to_json())["parameters"]["delay"]["unit"] == "s"
 
 
 def test_bristles_at_a_reversal_are_friction_of_another_law() -> None:

@@ -152,16 +152,6 @@ def test_the_project_s_own_records_have_no_faults(name: str, settings: dict[str,
     assert {hold_of(column).rows for column in length.T} == {1}
 
 
-def test_spikes_are_replaced_by_what_their_neighbours_say() -> None:
-    """Expected: the readings without spikes, to a few times their noise of 1.04 µm; all others as they were."""
-    log = machine_log()
-    struck = with_spikes(log, "leg_length", 1e-3, 20, seed=7)
-    at, mended = faults.spikes(struck.leg_length, np.zeros((len(log), 6), dtype=bool), 1e-5)
-    np.testing.assert_array_equal(at, struck.leg_length != log.leg_length)
-    np.testing.assert_allclose(mended[at], log.leg_length[at], atol=6e-6)
-    np.testing.assert_array_equal(mended[~at], log.leg_length[~at])
-
-
 def test_a_step_is_no_spike() -> None:
     """Expected: of 20 steps and 5 pulses, the pulses; a pulse is a spike, a leg that reverses is none."""
     rng = np.random.default_rng(2)
@@ -283,21 +273,3 @@ def test_a_gap_of_any_length_takes_no_memory() -> None:
     found = screened([late], NOMINAL)
     assert [len(part.log) for part in found.parts] == [5000, 5000]
     assert "1000000000 missing rows, at 5 s to" in found.notes[0]
-
-
-def test_several_logs_know_more_than_each_and_validate_apart() -> None:
-    """Expected: standard errors of two logs as of their sum; a log that only validates changes nothing."""
-    other = machine_log(course=Course(Swing(seed=7)), seed=9)
-    both = identify([machine_log(), other], NOMINAL, NAMES)
-    each = [perfect(), identify(other, NOMINAL, NAMES)]
-    together = 1 / np.sqrt(sum(one.standard_errors**-2 for one in each))
-    np.testing.assert_allclose(both.standard_errors, together, rtol=0.35)
-    truth = MACHINE.platform_mass
-    assert abs(both["platform_mass"][0] - truth) < 4 * both.standard_errors[0]
-    heavier = machine_log(replace(MACHINE, platform_mass=1.1 * MACHINE.platform_mass), Course(Swing(seed=7)), seed=9)
-    checked = identify(machine_log(), NOMINAL, NAMES, validation=heavier)
-    assert abs(checked["platform_mass"][0] - truth) < 4 * checked.standard_errors[0]
-    assert checked.residuals.validation_rms is not None
-    assert (checked.residuals.validation_rms > 5 * checked.residuals.rms).all()
-    (span,) = checked.details["validating"]
-    assert span[1] - span[0] > 9.0

@@ -185,6 +185,7 @@ def test_names_that_cannot_be_estimated_are_refused(names: str, message: str) ->
             "leg_bristle_stiffness",
             r"leg_bristle_stiffness is .* presliding is set in the platform; .*leg_static_friction",
         ),
+        ("platform_mass,leg_static_friction", r"leg_static_friction: friction of this platform does not stick; set"),
         ("leg_bristle_damping", r"presliding is set in the platform"),
         ("leg_breakaway_share", r"presliding is set in the platform"),
     ],
@@ -202,5 +203,7 @@ def test_an_option_of_the_other_method_and_a_method_that_there_is_not_are_refuse
         identify("no log", NOMINAL, "platform_mass", "output_error")  # type: ignore[arg-type]
     with pytest.raises(IdentificationError, match="accuracy is an option of method geometry only; this one is linear"):
         identify("no log", NOMINAL, "platform_mass", accuracy=(1e-5, 1e-4, None))
+    with pytest.raises(IdentificationError, match="pose_frame is an option of method geometry only"):
+        identify("no log", NOMINAL, "platform_mass", pose_frame="own")
     with pytest.raises(IdentificationError, match="cutoff is an option of method linear only; this one is geometry"):
         identify("no log", NOMINAL, "base_points", cutoff=20.0)

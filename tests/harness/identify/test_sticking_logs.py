@@ -103,10 +103,3 @@ def test_static_friction_shows_from_four_standard_errors_above_coulomb_friction(
     errors = np.array([0.6 * spread, 0.8 * spread, 1e-5])
     fit = SimpleNamespace(names=names, values=values, standard_errors=errors, covariance=np.diag(errors**2))
     assert not_shown(cast(Estimate, fit)) == (() if is_shown else names[1:])
-
-
-def test_smooth_friction_has_no_parameters_of_sticking() -> None:
-    with pytest.raises(
-        IdentificationError, match=r"leg_static_friction: friction of this platform does not stick; set"
-    ):
-        identify(sticking_log(), MACHINE, ["platform_mass", "leg_static_friction"])
