@@ -171,8 +171,8 @@ def excite(
             if np.isfinite(cost) and (best is None or cost < best[0]):
                 best = cost, coefficients
                 if status is not None:
-                    at = times(_COARSE)
-                    number, _ = criteria(platform, names, at, reference_of(coefficients).about(platform)(at))
+                    motion = reference_of(coefficients).about(platform)(times(_COARSE))
+                    number, _ = criteria(platform, names, motion)
                     status(f"condition number {number:.3g}")
     if best is None:
         raise IdentificationError(
@@ -180,8 +180,8 @@ def excite(
             "parameters, or try more motions or harmonics",
             names,
         )
-    reference, at = reference_of(np.round(best[1], 6)), times(_COARSE)
-    measures = criteria(platform, names, at, reference.about(platform)(at))
+    reference = reference_of(np.round(best[1], 6))
+    measures = criteria(platform, names, reference.about(platform)(times(_COARSE)))
     return Excited(reference, *measures, promised_errors(platform, names, reference))
 
 
@@ -354,10 +354,10 @@ def promised_errors(platform: Platform, names: Sequence[str], reference: Excitat
     return np.asarray(np.linalg.norm(np.linalg.pinv(R), axis=1) / size)
 
 
-def criteria(platform: Platform, names: Sequence[str], time: FloatArray, motion: Motion) -> tuple[float, float]:
+def criteria(platform: Platform, names: Sequence[str], motion: Motion) -> tuple[float, float]:
     """Condition number of a motion's regressor, and log det(Dᵀ D/n), with scaled columns."""
     W, _, scaled, force = _scaled(platform, names, motion)
-    sigma = np.linalg.svd((W @ scaled).reshape(-1, len(names)) / np.sqrt(len(time)), compute_uv=False)
+    sigma = np.linalg.svd((W @ scaled).reshape(-1, len(names)) / np.sqrt(len(W)), compute_uv=False)
     with np.errstate(divide="ignore"):
         number = float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-12 * sigma[0] else float("inf")
         return number, float(2 * np.log(sigma / force).sum())

@@ -248,14 +248,14 @@ def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
     return places
 
 
-class Hold(NamedTuple):
+class ReadingHold(NamedTuple):
     """Readings change at rows `phase`, `phase` + `rows`, `phase` + 2 `rows` only."""
 
     rows: int
     phase: int
 
 
-def hold_of(values: FloatArray) -> Hold:
+def hold_of(values: FloatArray) -> ReadingHold:
     """How many rows each reading of a sensor (n,) is held; 1 if it may change at every row.
 
     An encoder that moves slowly repeats its readings too, but changes them at any row; a held reading changes them at
@@ -266,8 +266,8 @@ def hold_of(values: FloatArray) -> Hold:
         for rows in range(_LONGEST, 1, -1):
             count = np.bincount(changes % rows, minlength=rows)
             if count.max() >= _RHYTHM * len(changes):
-                return Hold(rows, int(count.argmax()))
-    return Hold(1, 0)
+                return ReadingHold(rows, int(count.argmax()))
+    return ReadingHold(1, 0)
 
 
 def without_held_rows(log: Log) -> tuple[Log, list[str]]:
@@ -314,7 +314,7 @@ def without_held_rows(log: Log) -> tuple[Log, list[str]]:
 _TEXT = {"leg_length": "leg lengths", "actuator_force": "forces"}
 
 
-def _common(name: str, values: FloatArray, where: str) -> Hold:
+def _common(name: str, values: FloatArray, where: str) -> ReadingHold:
     holds = {hold_of(column) for column in values.T}
     # legs that hardly move have no rhythm of their own
     held = sorted(hold for hold in holds if hold.rows > 1)
@@ -325,11 +325,11 @@ def _common(name: str, values: FloatArray, where: str) -> Hold:
             "log each reading once, with its own time"
         )
     # a longer rhythm contains the shorter one of a leg that moves more
-    return held[0] if held else Hold(1, 0)
+    return held[0] if held else ReadingHold(1, 0)
 
 
 def _resampled(
-    values: FloatArray, hold: Hold, at: NDArray[np.intp], h: float, is_held_force: bool
+    values: FloatArray, hold: ReadingHold, at: NDArray[np.intp], h: float, is_held_force: bool
 ) -> tuple[FloatArray, int, int]:
     """Values at rows `at`, NaN where the filter does not reach, and the first and the last (exclusive) that it does."""
     sampled = values[hold.phase :: hold.rows]

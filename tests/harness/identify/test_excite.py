@@ -27,7 +27,7 @@ def test_the_best_motion_keeps_all_limits_and_tells_ten_times_more_than_a_circle
     assert within_limits(platform, time, found(time))
     circle = Circle(radius=0.2, frequency=0.4, fade_in=1.0).about(platform)
     names = expanded(everything.split(","), platform)
-    of_circle, of_found = (criteria(platform, names, time, motion(time))[0] for motion in (circle, found))
+    of_circle, of_found = (criteria(platform, names, motion(time))[0] for motion in (circle, found))
     assert of_circle > 10 * of_found
 
 

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify import faults
 from gough_stewart.harness.identify import log as checks
-from gough_stewart.harness.identify.faults import Hold, hold_of, without_held_rows
+from gough_stewart.harness.identify.faults import ReadingHold, hold_of, without_held_rows
 from gough_stewart.harness.identify.fit import scales
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.log import Log, Part, force_of, on_one_axis
@@ -231,7 +231,7 @@ def test_held_readings_are_brought_to_their_own_rows() -> None:
     """Expected: forces of row 2, 5, 8 …; lengths of legs that are read in turn are refused with their rows."""
     values = np.random.default_rng(4).standard_normal((300, 6)).cumsum(axis=0)
     third = values[(np.arange(300) - 2) // 3 * 3 + 2]
-    assert {hold_of(column) for column in third[2:].T} == {Hold(3, 0)}
+    assert {hold_of(column) for column in third[2:].T} == {ReadingHold(3, 0)}
     time = np.asarray(np.arange(300) * 0.002, dtype=float)
     log = Log(values, time, third, where="slow")
     both = replace(log, leg_length=third)
