@@ -66,7 +66,7 @@ def main() -> int:
     at = np.linspace(0.0, DURATION, 400)
     for names in (OF_A_CIRCLE, "platform_mass,platform_com,platform_inertia"):
         elements = expanded(names.split(","), NOMINAL)
-        numbers = [criteria(NOMINAL, elements, at, motion(at))[0] for motion in (circle, reference)]
+        numbers = [criteria(NOMINAL, elements, motion(at))[0] for motion in (circle, reference)]
         console.print(f"condition number for {names}: circle {numbers[0]:.3g}, excitation {numbers[1]:.3g}")
     return 1 if seconds > TARGET else 0
 

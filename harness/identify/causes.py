@@ -215,7 +215,7 @@ def diagnosis_of(rows: Whitened, covariance: FloatArray) -> Diagnosis:
         Of the estimated parameters (p, p) [SI].
     """
     fit = rows.fit
-    D, families = rows.of(fit.columns), _whitened_families(rows)
+    D, families = rows.of(fit.columns), rows.whitened_families
     raw = rows.model.residual(fit.values)[fit.is_fitted]
     residual = rows.of(raw[..., None])[:, 0]
     outcome = lack_of_fit(D, families, residual, fit.used)
@@ -232,14 +232,10 @@ def diagnosis_of(rows: Whitened, covariance: FloatArray) -> Diagnosis:
     test, white, rest = outcome
     if not test.alarm:
         return Diagnosis(test, "", (), 1.0, *seen, white)
-    cause, findings, remains = _judged(rows)
+    cause, findings, remains = _judged(rows, raw)
     if not cause and (coloured := _coloured(rows, rest, test.excess)) is not None:
         cause, findings = COLOURED, (coloured,)
     return Diagnosis(test, cause, findings, remains, *seen, white)
-
-
-def _whitened_families(rows: Whitened) -> dict[str, FloatArray]:
-    return {family.name: rows.of(family.columns * family.sizes) for family in rows.families}
 
 
 class _Hypothesis(NamedTuple):
@@ -266,17 +262,16 @@ class _Refit(NamedTuple):
     columns: FloatArray  # whitened, of all parameters and η (6 n, p + q)
 
 
-def _judged(rows: Whitened) -> tuple[str, tuple[Finding, ...], float]:
+def _judged(rows: Whitened, raw: FloatArray) -> tuple[str, tuple[Finding, ...], float]:
     """The cause, what is of it or what else is possible, and the p-value of what is left after that."""
     fit = rows.fit
-    raw = rows.model.residual(fit.values)[fit.is_fitted]
     contenders = _contenders(rows, raw)
     if not contenders:
         return "", (), 1.0
 
     def compared() -> tuple[float, list[_Refit]]:
         alone = _left(rows, fit.columns, raw)
-        return alone, sorted((_refit(rows, one, alone) for one in contenders), key=lambda refit: -refit.evidence)
+        return alone, sorted((_refit(rows, h, alone) for h in contenders), key=lambda refit: -refit.evidence)
 
     alone, refits = compared()
     # what only its own model describes was taken for noise
@@ -288,7 +283,7 @@ def _judged(rows: Whitened) -> tuple[str, tuple[Finding, ...], float]:
     if best.evidence < _SIGNIFICANT:
         return "", (), 1.0
 
-    families, D = _whitened_families(rows), rows.of(fit.columns)
+    families, D = rows.whitened_families, rows.of(fit.columns)
     Q, p = basis_of(D, np.linalg.norm(D, axis=0)), D.shape[1]
 
     def tested(columns: FloatArray, residual: FloatArray) -> LackOfFit:

@@ -202,6 +202,11 @@ def nominal_values(names: Sequence[str], platform: Platform) -> FloatArray:
     return np.array([value_of(platform, name) for name in names])
 
 
+def rms(residual: FloatArray) -> FloatArray:
+    """Root mean square of each channel of residuals (n, k)."""
+    return np.asarray(np.sqrt((residual**2).mean(axis=0)))
+
+
 def combination_text(direction: FloatArray, names: Sequence[str]) -> str:
     """A combination of parameters as text, largest parts first."""
     order = np.argsort(-np.abs(direction))

@@ -8,13 +8,12 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.errors import IdentificationError, ReachError
-from gough_stewart.harness.identify.estimate import nominal_values
 from gough_stewart.harness.identify.fit import scales_of, used_rows
 from gough_stewart.harness.identify.friction import ideal_of
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded, unit_of
 from gough_stewart.harness.identify.noise import noises_of, whitened_by
-from gough_stewart.harness.identify.regression import Regression, Rows, segment_of
+from gough_stewart.harness.identify.regression import Regression, segment_of
 from gough_stewart.harness.identify.regressor import (
     FRICTION,
     elements_of,
@@ -23,7 +22,7 @@ from gough_stewart.harness.identify.regressor import (
     gradient,
     linear_parameters,
     regressor,
-    with_estimated,
+    symbols,
     wrenches_function,
 )
 from gough_stewart.harness.motion.excitation import Excitation
@@ -31,7 +30,7 @@ from gough_stewart.harness.motion.limits.reach import check_reach
 from gough_stewart.harness.motion.motion import Motion, motion_of
 from gough_stewart.harness.report.chart import Axis, Chart, Series, time_axis
 from gough_stewart.harness.report.document import Number, Report, Section, Verdict
-from gough_stewart.harness.report.quantities import ANGLE, LENGTH, NUMBER, Quantity, of_unit
+from gough_stewart.harness.report.quantities import ANGLE, LENGTH, NUMBER, of_unit
 from gough_stewart.harness.report.table import Column, Table, Value
 from gough_stewart.harness.report.words import counted, sentence
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
@@ -172,8 +171,8 @@ def excite(
             if np.isfinite(cost) and (best is None or cost < best[0]):
                 best = cost, coefficients
                 if status is not None:
-                    at = times(_COARSE)
-                    number, _ = criteria(platform, names, at, reference_of(coefficients).about(platform)(at))
+                    motion = reference_of(coefficients).about(platform)(times(_COARSE))
+                    number, _ = criteria(platform, names, motion)
                     status(f"condition number {number:.3g}")
     if best is None:
         raise IdentificationError(
@@ -181,8 +180,8 @@ def excite(
             "parameters, or try more motions or harmonics",
             names,
         )
-    reference, at = reference_of(np.round(best[1], 6)), times(_COARSE)
-    measures = criteria(platform, names, at, reference.about(platform)(at))
+    reference = reference_of(np.round(best[1], 6))
+    measures = criteria(platform, names, reference.about(platform)(times(_COARSE)))
     return Excited(reference, *measures, promised_errors(platform, names, reference))
 
 
@@ -218,12 +217,8 @@ def _search_of(
     The pose and its rates are linear in the coefficients, information and limits are functions of them row by row.
     """
     first = reference_of(start).about(platform)(time)
-    W = regressor(platform, State(*first[:4]), Acceleration(*first[4:]))
-    elements = with_estimated(elements_of(platform), names, nominal_values(names, platform))
-    rows = Rows(time, W @ linear_parameters(elements), W, 0.0, np.ones((len(time), 6)))
-    scaled = gradient(elements, names) * scales_of(rows, platform, names)
-    force = float(np.sqrt((rows.force**2).mean()))
-    row, low, high = _row_of(platform, scaled / force, np.asarray(linear_parameters(elements), dtype=float))
+    _, phi, scaled, force = _scaled(platform, names, first)
+    row, low, high = _row_of(platform, scaled / force, phi)
 
     # the profile of each coefficient in time, which is the same in all coordinates
     profiles = np.zeros((3, len(time), start[..., 0].size))
@@ -259,6 +254,17 @@ def _search_of(
     return _Search(solver, cost, (np.tile(low, count), np.tile(high, count)))
 
 
+def _scaled(
+    platform: Platform, names: Sequence[str], motion: Motion
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """W (n, 6, SIZE) of a motion, φ (SIZE,), ∂φ/∂θ (SIZE, p) in units of the parameters' scale, and the RMS force."""
+    W, elements = regressor(platform, State(*motion[:4]), Acceleration(*motion[4:])), elements_of(platform, names)
+    phi = np.asarray(linear_parameters(elements), dtype=float)
+    force = W @ phi
+    scaled = gradient(elements, names) * scales_of(W, force, platform, names)
+    return W, phi, scaled, float(np.sqrt((force**2).mean()))
+
+
 def _criterion(size: int, criterion: Criterion) -> casadi.Function:
     """CasADi Function: information (p, p) -> −log det, or the trace of the inverse, by its Cholesky factor."""
     M = casadi.SX.sym("M", size, size)
@@ -273,14 +279,10 @@ def _row_of(
 ) -> tuple[casadi.Function, FloatArray, FloatArray]:
     """CasADi Function of a row, q (18) -> Dᵀ (p, 6), limited quantities, their slopes; and the limits.
 
-    Parameters
-    ----------
-    by_elements, phi
-        ∂φ/∂θ in units of scale (SIZE, p), and φ (SIZE,).
+    `by_elements` (SIZE, p) is ∂φ/∂θ in units of scale.
     """
     q = casadi.SX.sym("q", 18)
-    numbers = np.array([casadi.vertsplit(q)], dtype=object)
-    motion = motion_of(numbers[:, :6], numbers[:, 6:12], numbers[:, 12:])
+    motion = motion_of(*np.split(symbols(q), 3, axis=1))
     state = State(*motion[:4])
     legs = leg_geometry(platform, state.position, state.orientation)
     velocity = rates_of_legs(legs, state).length_rate
@@ -340,7 +342,7 @@ def promised_errors(platform: Platform, names: Sequence[str], reference: Excitat
     segment = segment_of(Log(length, time, force), platform)
     noise = segment.noise._replace(force=_FORCE_NOISE * np.sqrt((force**2).mean(axis=0)), length=_ENCODER / np.sqrt(12))
     regression = Regression((replace(segment, noise=noise),))
-    elements = with_estimated(elements_of(platform), names, nominal_values(names, platform))
+    elements = elements_of(platform, names)
     D = regression.rows.regressor @ gradient(elements, names)
     used = used_rows(regression.rows, platform, names)
     there = regression.rows.regressor @ linear_parameters(elements)
@@ -352,14 +354,10 @@ def promised_errors(platform: Platform, names: Sequence[str], reference: Excitat
     return np.asarray(np.linalg.norm(np.linalg.pinv(R), axis=1) / size)
 
 
-def criteria(platform: Platform, names: Sequence[str], time: FloatArray, motion: Motion) -> tuple[float, float]:
+def criteria(platform: Platform, names: Sequence[str], motion: Motion) -> tuple[float, float]:
     """Condition number of a motion's regressor, and log det(Dᵀ D/n), with scaled columns."""
-    W = regressor(platform, State(*motion[:4]), Acceleration(*motion[4:]))
-    elements = with_estimated(elements_of(platform), names, nominal_values(names, platform))
-    rows = Rows(time, W @ linear_parameters(elements), W, 0.0, np.ones((len(time), 6)))
-    D = (W @ (gradient(elements, names) * scales_of(rows, platform, names))).reshape(-1, len(names))
-    sigma = np.linalg.svd(D / np.sqrt(len(time)), compute_uv=False)
-    force = float(np.sqrt((rows.force**2).mean()))
+    W, _, scaled, force = _scaled(platform, names, motion)
+    sigma = np.linalg.svd((W @ scaled).reshape(-1, len(names)) / np.sqrt(len(W)), compute_uv=False)
     with np.errstate(divide="ignore"):
         number = float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-12 * sigma[0] else float("inf")
         return number, float(2 * np.log(sigma / force).sum())
@@ -414,9 +412,16 @@ def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], du
             for name, error in zip(names, found.standard_errors, strict=True)
         ),
     )
-    motion = found.reference.about(platform)(np.linspace(0.0, duration, _ROWS))
+    time = np.linspace(0.0, duration, _ROWS)
+    motion = found.reference.about(platform)(time)
     charts = tuple(
-        _chart(what, quantity, values, components, duration)
+        Chart(
+            what,
+            time_axis(time),
+            tuple(Series(name, quantity, values[:, k], component=name) for k, name in enumerate(components)),
+            y=Axis(what, quantity),
+            group="pose",
+        )
         for what, quantity, values, components in (
             ("position", LENGTH, motion.position, ("x", "y", "z")),
             ("orientation", ANGLE, motion.orientation, ("roll", "pitch", "yaw")),
@@ -430,12 +435,6 @@ def excite_report(found: Excited, platform: Platform, names: tuple[str, ...], du
         lead=f"{duration:g} s within all limits of the platform",
         numbers=(number, Number("log_determinant", "log determinant of the information", found.log_determinant)),
     )
-
-
-def _chart(what: str, quantity: Quantity, values: np.ndarray, components: tuple[str, ...], duration: float) -> Chart:
-    time = np.linspace(0.0, duration, _ROWS)
-    series = tuple(Series(name, quantity, values[:, k], component=name) for k, name in enumerate(components))
-    return Chart(what, time_axis(time), series, y=Axis(what, quantity), group="pose")
 
 
 _TEXT = """\

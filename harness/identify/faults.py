@@ -38,6 +38,11 @@ _LONGEST = 60  # rows
 _CUTOFF = 2 / 3
 
 
+def runs_of(mask: Mask) -> NDArray[np.intp]:
+    """The first row of each run of marked rows, and the one after its last (k, 2)."""
+    return np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]))).reshape(-1, 2)
+
+
 class MissingRows(NamedTuple):
     """Rows that are missing before row `row`, though times go on."""
 
@@ -142,11 +147,8 @@ def frozen(values: FloatArray, is_continuous: bool, not_looked_at: Mask) -> Mask
     far = np.maximum(20 * steps, _FAR * np.abs(values).max())
     for leg in range(values.shape[1]):
         moved = np.flatnonzero(changes[:, leg]) + 1
-        starts, ends = np.append(0, moved), np.append(moved, len(values))  # of runs, ends exclusive
-        for begin, end in zip(
-            *(ends_of_runs[ends - starts >= _FROZEN] for ends_of_runs in (starts, ends)), strict=True
-        ):
-            if not_looked_at[begin, leg]:
+        for begin, end in zip(np.append(0, moved), np.append(moved, len(values)), strict=True):
+            if end - begin < _FROZEN or not_looked_at[begin, leg]:
                 continue
             before, after = changes[max(0, begin - 12) : begin, leg], changes[end : end + 11, leg]
             around = np.concatenate([before, after])
@@ -198,8 +200,7 @@ def clipped(force: FloatArray, actuator_limit: float | None) -> Mask:
             # noise takes some readings below the limit while the force is beyond it
             mean = np.convolve(np.pad(y, 10, mode="edge"), np.full(21, 1 / 21), mode="valid")
             near = at | (mean > level - 3 * spread[leg])
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]])))
-            for begin, end in zip(edges[::2], edges[1::2], strict=True):
+            for begin, end in runs_of(near):
                 is_clipped[begin:end, leg] |= at[begin:end].any()
     return is_clipped
 
@@ -247,14 +248,14 @@ def lost_rows(length: FloatArray, known_bad: Mask) -> list[MissingRows]:
     return places
 
 
-class Hold(NamedTuple):
+class ReadingHold(NamedTuple):
     """Readings change at rows `phase`, `phase` + `rows`, `phase` + 2 `rows` only."""
 
     rows: int
     phase: int
 
 
-def hold_of(values: FloatArray) -> Hold:
+def hold_of(values: FloatArray) -> ReadingHold:
     """How many rows each reading of a sensor (n,) is held; 1 if it may change at every row.
 
     An encoder that moves slowly repeats its readings too, but changes them at any row; a held reading changes them at
@@ -265,8 +266,8 @@ def hold_of(values: FloatArray) -> Hold:
         for rows in range(_LONGEST, 1, -1):
             count = np.bincount(changes % rows, minlength=rows)
             if count.max() >= _RHYTHM * len(changes):
-                return Hold(rows, int(count.argmax()))
-    return Hold(1, 0)
+                return ReadingHold(rows, int(count.argmax()))
+    return ReadingHold(1, 0)
 
 
 def without_held_rows(log: Log) -> tuple[Log, list[str]]:
@@ -299,9 +300,8 @@ def without_held_rows(log: Log) -> tuple[Log, list[str]]:
     for name, readings in signals.items():
         if readings is None or name == slow or holds[name] == holds[slow]:
             continue
-        values[name], begin, end = _resampled(
-            readings, holds[name], at, h, log.holds_force and name == "actuator_force"
-        )
+        is_held_force = log.holds_force and name == "actuator_force"
+        values[name], begin, end = _resampled(readings, holds[name], at, h, is_held_force)
         first, last = max(first, begin), min(last, end)
     if last - first < 2:
         raise LogError(f"{log.where}: {len(log)} rows are too few for readings that are held for {rows} of them")
@@ -314,25 +314,22 @@ def without_held_rows(log: Log) -> tuple[Log, list[str]]:
 _TEXT = {"leg_length": "leg lengths", "actuator_force": "forces"}
 
 
-def _common(name: str, values: FloatArray, where: str) -> Hold:
+def _common(name: str, values: FloatArray, where: str) -> ReadingHold:
     holds = {hold_of(column) for column in values.T}
     # legs that hardly move have no rhythm of their own
-    held = {hold for hold in holds if hold.rows > 1}
-    if len(held) > 1 and len({hold.rows for hold in held}) == 1:
-        hold = next(iter(held))
+    held = sorted(hold for hold in holds if hold.rows > 1)
+    if len(held) > 1 and held[0].rows == held[-1].rows:
         raise LogError(
-            f"{where}: {_TEXT[name]} are held for {hold.rows} rows, but legs change at different rows "
-            f"({', '.join(str(one.phase + 1) for one in sorted(held))}); expected sensors that are read at the same "
-            "time: log each reading once, with its own time"
+            f"{where}: {_TEXT[name]} are held for {held[0].rows} rows, but legs change at different rows "
+            f"({', '.join(str(hold.phase + 1) for hold in held)}); expected sensors that are read at the same time: "
+            "log each reading once, with its own time"
         )
-    if not held:
-        return Hold(1, 0)
     # a longer rhythm contains the shorter one of a leg that moves more
-    return min(held)
+    return held[0] if held else ReadingHold(1, 0)
 
 
 def _resampled(
-    values: FloatArray, hold: Hold, at: NDArray[np.intp], h: float, is_held_force: bool
+    values: FloatArray, hold: ReadingHold, at: NDArray[np.intp], h: float, is_held_force: bool
 ) -> tuple[FloatArray, int, int]:
     """Values at rows `at`, NaN where the filter does not reach, and the first and the last (exclusive) that it does."""
     sampled = values[hold.phase :: hold.rows]
@@ -345,6 +342,5 @@ def _resampled(
     index = (at - hold.phase - offset) // hold.rows - edge(step, cutoff)
     inside = np.flatnonzero((index >= 0) & (index < len(filtered)))
     result = np.full((len(at), values.shape[1]), np.nan)
-    if inside.size:
-        result[inside] = filtered[index[inside]]
+    result[inside] = filtered[index[inside]]
     return result, int(inside[0]) if inside.size else 0, int(inside[-1]) + 1 if inside.size else 0

@@ -10,7 +10,14 @@ from scipy.special import fdtrc
 
 from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.causes import diagnosis_of
-from gough_stewart.harness.identify.estimate import Estimate, Residuals, Validation, combination_text, nominal_values
+from gough_stewart.harness.identify.estimate import (
+    Estimate,
+    Residuals,
+    Validation,
+    combination_text,
+    nominal_values,
+    rms,
+)
 from gough_stewart.harness.identify.friction import (
     COULOMB,
     STICTION,
@@ -23,13 +30,14 @@ from gough_stewart.harness.identify.friction import (
 )
 from gough_stewart.harness.identify.log import Part, on_one_axis
 from gough_stewart.harness.identify.names import value_of
-from gough_stewart.harness.identify.noise import RowFit, Whitened, noises_of, whitened, whitened_by
+from gough_stewart.harness.identify.noise import Whitened, noises_of, whitened, whitened_by
 from gough_stewart.harness.identify.physical import BestFit, best_fit
-from gough_stewart.harness.identify.regression import Regression, Rows, regression_of
+from gough_stewart.harness.identify.regression import Regression, Rows, segment_of
 from gough_stewart.harness.identify.regressor import (
+    INERTIAL,
     SIZE,
     ForceDerivatives,
-    dependences,
+    check_independent,
     elements_of,
     force_derivatives,
     gradient,
@@ -37,7 +45,7 @@ from gough_stewart.harness.identify.regressor import (
     linear_parameters,
     with_estimated,
 )
-from gough_stewart.harness.identify.row_model import RowModel, is_of_instruments
+from gough_stewart.harness.identify.row_model import RowFit, RowModel, is_of_instruments
 from gough_stewart.model.platform import Platform
 from gough_stewart.model.vectors import FloatArray
 
@@ -107,7 +115,7 @@ def identify_linear(
     linear = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in bent]
     linear_names = tuple(names[k] for k in linear)
     elements = with_estimated(elements_of(smooth), linear_names, nominal[linear].tolist())
-    regression = regression_of([part.log for part in parts], platform, cutoff)
+    regression = Regression(tuple(segment_of(part.log, platform, cutoff) for part in parts))
     rows, where = regression.rows, parts[0].log.where
     times = [segment.rows.time for segment in regression.segments]
     fitted_times = [part.is_fitted(time) for part, time in zip(parts, times, strict=True)]
@@ -115,9 +123,8 @@ def identify_linear(
     fitted = int(is_fitted.sum())
     if 6 * fitted < 3 * len(names):
         raise LogError(f"{where}: only {fitted} rows after the filter of {rows.cutoff:.3g} Hz; record longer")
-    scale = scales_of(rows, platform, names)
+    scale = scales_of(rows.regressor, rows.force, platform, names)
     W, F = rows.regressor[is_fitted], rows.force[is_fitted]
-    _check_excitation(W, elements, linear_names, scale[linear])
     usable = used_rows(rows, platform, names)
     used = usable[is_fitted]
 
@@ -130,6 +137,12 @@ def identify_linear(
         stuck = regression.filtered(lambda v, h: friction.force(values[bent], v, h), 0)
         force = force - stuck.reshape(len(stuck), 6, -1)[:, :, 0]
     if linear:
+        check_independent(
+            (W @ (gradient(elements, linear_names) * scale[linear])).reshape(-1, len(linear)),
+            linear_names,
+            "no force in this log depends on {}; remove them",
+            "too little excitation: {}; remove one of each, or move the platform in more ways (gough-stewart excite)",
+        )
         weights = used / max(float(np.abs(force[is_fitted]).max()), 1e-300)
         weighted = np.concatenate([weights[..., None] * W, (weights * force[is_fitted])[..., None]], axis=2)
         values[linear] = _fit_of(weighted.reshape(-1, SIZE + 1), elements, linear_names, scale[linear]).values
@@ -182,9 +195,9 @@ def _fit_at(
     """What diagnosis needs of a fit, at these values; derivatives of a fit nearby do."""
     force = model.force(values)
     if derivatives is None:
-        names = [model.names[k] for k in model.own]
+        names = [model.names[k] for k in model.linear]
         p, directions = kernel_parameters(model.platform, names)
-        p = p + directions @ (values[model.own] - nominal_values(names, model.platform))
+        p = p + directions @ (values[model.linear] - nominal_values(names, model.platform))
         derivatives = force_derivatives(model.regression.motion, p, model.smooth_force(values))
         if model.friction is not None:
             legs = range(6)
@@ -213,14 +226,7 @@ def _start_of_friction(
     """Values (q,) of these elements of friction that sticks near the best fit, by least squares on a grid.
 
     In F_c b + (F_s − F_c) b exp(−(v/v_s)²), with b the friction for unit Coulomb friction, two forces are linear. The
-    Stribeck velocity v_s is that of the grid if it is estimated.
-
-    Parameters
-    ----------
-    linear
-        Columns of all else that is estimated (n, 6, p).
-    used
-        1 for fitted rows that are used, else 0 (n, 6).
+    Stribeck velocity v_s is that of the grid if it is estimated. `linear` (n, 6, p) are the columns of all else.
     """
     static, velocity = STICTION
     factor = platform.leg_coulomb_friction_factor
@@ -250,11 +256,11 @@ def _start_of_friction(
     return np.array([values[name] for name in names])
 
 
-def scales_of(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArray:
-    """Sizes (p,) relative to which changes of these elements are measured."""
-    velocity = float(np.sqrt((rows.regressor[:, :, 15:21] ** 2).sum(axis=2).mean()))
-    force = max(float(np.std(rows.force, axis=0).mean()), 1e-9 * float(np.abs(rows.force).max()))
-    return scales(platform, names, force, velocity)
+def scales_of(W: FloatArray, force: FloatArray, platform: Platform, names: Sequence[str]) -> FloatArray:
+    """`scales` (p,) for rows with this regressor (n, 6, SIZE) and these forces (n, 6) [N]."""
+    velocity = float(np.sqrt((W[:, :, INERTIAL : INERTIAL + 6] ** 2).sum(axis=2).mean()))
+    change = max(float(np.std(force, axis=0).mean()), 1e-9 * float(np.abs(force).max()))
+    return scales(platform, names, change, velocity)
 
 
 def scales(platform: Platform, names: Sequence[str], force: float, velocity: float) -> FloatArray:
@@ -283,23 +289,6 @@ def used_rows(rows: Rows, platform: Platform, names: Sequence[str]) -> FloatArra
     """1 for rows that a fit of these elements uses, else 0 (n, 6): with Coulomb friction those without a reversal."""
     has_coulomb = platform.leg_coulomb_friction > 0 or any(name.startswith(COULOMB) for name in names)
     return rows.sliding if has_coulomb else np.ones_like(rows.sliding)
-
-
-def _check_excitation(W: FloatArray, elements: dict[str, float], names: Sequence[str], scale: FloatArray) -> None:
-    """Refuse combinations that have no effect on forces in this or any motion: rank-revealing QR with pivots."""
-    if not names:
-        return
-    D = (W @ (gradient(elements, names) * scale)).reshape(-1, len(names))
-    dead = [name for name, size in zip(names, np.linalg.norm(D, axis=0), strict=True) if size == 0]
-    if dead:
-        raise IdentificationError(f"no force in this log depends on {', '.join(dead)}; remove them", dead)
-    dependent, text = dependences(D, names)
-    if dependent:
-        raise IdentificationError(
-            f"too little excitation: {text}; remove one of each, or move the platform in more ways (gough-stewart "
-            "excite)",
-            dependent,
-        )
 
 
 def _check_explained(residual: FloatArray, force: FloatArray, duration: float, where: str) -> None:
@@ -332,28 +321,23 @@ def _validated(
 ) -> Validation:
     """Whether rows that were not fitted are predicted as well as their noise and the estimate's errors allow.
 
-    e = F − W φ has the covariance s² (V + D (Dᵀ V⁻¹ D)⁻¹ Dᵀ), so eᵀ (…)⁻¹ e/n has the distribution F(n, ν).
-
-    Parameters
-    ----------
-    residual, columns, kept
-        e (m, 6), ∂(reading)/∂θ in units of the scale (m, 6, p), and 1 for rows that validate, else 0 (m, 6).
-    D, white, freedom
-        Whitened columns (n, p) and residuals (n,) of the fit, and its degrees of freedom ν.
+    e = F − W φ has the covariance s² (V + D (Dᵀ V⁻¹ D)⁻¹ Dᵀ), so eᵀ (…)⁻¹ e/n has the distribution F(n, ν). Here e is
+    `residual` (m, 6) with ∂(reading)/∂θ `columns` (m, 6, p) in rows that are `kept` (m, 6); D (n, p), `white` (n,) and
+    ν, `freedom`, are those of the fit.
     """
     chosen = ~whole.fit.is_fitted
     _, parts = noises_of(whole.model.regression, whole.fit.derivatives.by_legs, chosen, kept[chosen])
     used = kept[chosen][..., None]
-    both = used * np.concatenate([columns[chosen], residual[chosen][..., None]], axis=2)
+    mixed = used * np.concatenate([columns[chosen], residual[chosen][..., None]], axis=2)
     factors = [part.factor(*whole.noise.shares) for part in parts]
-    e = whitened_by(factors, both.reshape(len(used) * 6, -1))
+    e = whitened_by(factors, mixed.reshape(len(used) * 6, -1))
     X, r, information = e[:, :-1], e[:, -1], D.T @ D
     variance = float(white @ white) / max(freedom, 1)
     left = float(r @ r - (X.T @ r) @ np.linalg.lstsq(information + X.T @ X, X.T @ r, rcond=None)[0])
     n = int(kept.sum())
     force, length = whole.noise.shares
     of_noise = sum(float(force * part.of_force[0].sum() + length * part.of_length[0].sum()) for part in parts)
-    flat = both.reshape(-1, both.shape[2])[:, :-1]
+    flat = mixed.reshape(-1, mixed.shape[2])[:, :-1]
     of_errors = float((flat * np.linalg.lstsq(information, flat.T, rcond=None)[0].T).sum())
     return Validation(
         float(np.sqrt((kept * residual**2).sum() / n)),
@@ -467,11 +451,8 @@ def with_all(
     at, p = [names.index(name) for name in estimate.names], len(names)
     values, covariance = np.full(p, np.nan), np.full((p, p), np.nan)
     directions = np.zeros((len(estimate.directions), p))
-    values[at], covariance[np.ix_(at, at)], directions[:, at] = (
-        estimate.values,
-        estimate.covariance,
-        estimate.directions,
-    )
+    values[at], directions[:, at] = estimate.values, estimate.directions
+    covariance[np.ix_(at, at)] = estimate.covariance
     covariance += np.outer(bias, bias)
     unknown = [k for k, name in enumerate(names) if name in not_excited]
     values[unknown] = np.nan
@@ -488,11 +469,6 @@ def with_all(
         not_excited=tuple(not_excited),
         at_bound=tuple(name for name in estimate.at_bound if name not in not_excited),
     )
-
-
-def rms(residual: FloatArray) -> FloatArray:
-    """Root mean square of each channel of residuals (n, k)."""
-    return np.asarray(np.sqrt((residual**2).mean(axis=0)))
 
 
 def _check_identifiable(sigma: FloatArray, directions: FloatArray, names: Sequence[str]) -> None:

@@ -18,6 +18,7 @@ import casadi
 import numpy as np
 
 from gough_stewart.harness.identify.names import value_of
+from gough_stewart.harness.identify.regressor import symbols
 from gough_stewart.model.friction import Bristles, bristle_decay, law_of_bristles
 from gough_stewart.model.interface import RIGID, SLIDING, Variant
 from gough_stewart.model.parameters import PHYSICAL, Parameters
@@ -84,11 +85,8 @@ class StickingFriction:
     def bent(self, values: FloatArray, velocity: FloatArray, step: float) -> Bent:
         """The bristles at rows with these velocities (j, 6) [m/s], `step` [s] apart; unbent at the first."""
         key, kept = (values.tobytes(), velocity.tobytes(), step), self._last.get(len(velocity))
-        if kept is None or kept[0] != key:
-            self._last[len(velocity)] = key, self._bent(values, velocity, step)
-        return self._last[len(velocity)][1]
-
-    def _bent(self, values: FloatArray, velocity: FloatArray, step: float) -> Bent:
+        if kept is not None and kept[0] == key:
+            return kept[1]
         law, moved, q = self.law(values), self._by_values(values), len(self.names)
         X = np.zeros((6, 1 + q), order="F")
         v, after = np.zeros((6, 2), order="F"), np.zeros((6, 1 + q), order="F")
@@ -104,7 +102,8 @@ class StickingFriction:
             v[:] = velocity[k : k + 2].T
             call()
             X[:] = bristles[k + 1] = after
-        return Bent(bristles[:, :, 0], bristles[:, :, 1:])
+        self._last[len(velocity)] = key, Bent(bristles[:, :, 0], bristles[:, :, 1:])
+        return self._last[len(velocity)][1]
 
     def force(self, values: FloatArray, velocity: FloatArray, step: float) -> FloatArray:
         """Friction without its viscous part, and its derivatives (j, 6 (1 + q)) [N], leg after leg.
@@ -177,14 +176,14 @@ def _law(platform: Platform, values: Mapping[str, float]) -> Bristles:
 def _step(q: int) -> casadi.Function:
     """CasADi Function: ([z, ∂z/∂θ] (6, 1+q), v at both ends (6, 2), law (36) and h, ∂law/∂θ (30, q)) -> the former."""
     X, v, p, D = (casadi.SX.sym(*size) for size in (("X", 6, 1 + q), ("v", 6, 2), ("p", 37), ("D", 30, q)))
-    fields = {name: _row(p[6 * k : 6 * k + 6]) for k, name in enumerate((*_FIELDS, "is_lugre"))}
+    fields = {name: symbols(p[6 * k : 6 * k + 6]) for k, name in enumerate((*_FIELDS, "is_lugre"))}
     law = Bristles(**fields, damping=np.zeros(6), viscous=np.zeros(6))
     h = np.array([[p[36]]], dtype=object) / _SUBSTEPS
     z = casadi.SX.sym("z", 6)
-    bent = _row(z)
+    bent = symbols(z)
     for part in range(_SUBSTEPS):
         share = (part + 0.5) / _SUBSTEPS
-        velocity = _row((1 - share) * v[:, 0] + share * v[:, 1])
+        velocity = symbols((1 - share) * v[:, 0] + share * v[:, 1])
         middle = _after(velocity, bent, bristle_decay(law, velocity, bent), h / 2)
         bent = _after(velocity, bent, bristle_decay(law, velocity, middle), h)
     after = casadi.vertcat(*bent.reshape(-1))
@@ -198,7 +197,3 @@ def _after(v: Any, z: Any, decay: Any, step: Any) -> Any:
     x = np.array([[casadi.fmax(exponent, _SMALL) for exponent in (decay * step).reshape(-1)]], dtype=object)
     share = np.array([[-casadi.expm1(-exponent) / exponent for exponent in x.reshape(-1)]], dtype=object)
     return z + (v - decay * z) * step * share
-
-
-def _row(vector: casadi.SX) -> Any:
-    return np.array([casadi.vertsplit(vector)], dtype=object)

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import fdtrc
 
 from gough_stewart.harness.errors import IdentificationError
-from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text, nominal_values
+from gough_stewart.harness.identify.estimate import Estimate, Residuals, combination_text, nominal_values, rms
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded
 from gough_stewart.model.errors import GoughStewartError
@@ -88,10 +88,6 @@ class Poses(NamedTuple):
 
     position: FloatArray  # t (n, 3) [m]
     rotation: FloatArray  # R (n, 3, 3)
-
-    def rows(self, chosen: NDArray[np.intp]) -> "Poses":
-        """Some of the rows."""
-        return Poses(self.position[chosen], self.rotation[chosen])
 
     def plus(self, change: FloatArray) -> "Poses":
         """Moved by δt, rotated by exp(δφ~) R, (n, 6) [m, rad]."""
@@ -294,7 +290,8 @@ class _Calibration:
 
     def rows(self, chosen: NDArray[np.intp]) -> "_Calibration":
         """The same with some of the rows."""
-        return replace(self, measured=self.measured.rows(chosen), poses=self.poses.rows(chosen))
+        poses = Poses(self.poses.position[chosen], self.poses.rotation[chosen])
+        return replace(self, measured=self.measured.rows(chosen), poses=poses)
 
     def fitted(self) -> GeometryFit:
         """The best fit among the geometries that differ from the nominal one in observable combinations only.
@@ -448,7 +445,13 @@ def identify_geometry(
     """
     elements = expanded(names, platform)
     unknowns = _unknowns(elements)
-    measured = _measured(log, _deviations(PoseAccuracy(*accuracy), platform), pose_frame)
+    accuracy = PoseAccuracy(*accuracy)
+    sigma_length, sigma_position, sigma_turn = accuracy
+    sigma_turn = sigma_position / platform.characteristic_length if sigma_turn is None else sigma_turn
+    deviations = np.repeat([sigma_length, sigma_position, sigma_turn], [6, 3, 3]).astype(float)
+    if not (np.isfinite(deviations).all() and (deviations > 0).all()):
+        raise IdentificationError(f"accuracy is {tuple(accuracy)}; expected standard errors > 0 m, m, rad")
+    measured = _measured(log, deviations, pose_frame)
     scale = _NOMINAL_SHARE * platform.characteristic_length if nominal_error is None else nominal_error
     if not (np.isfinite(scale) and scale > 0):
         raise IdentificationError(f"nominal_error is {scale!r} m; expected > 0")
@@ -507,8 +510,8 @@ def identify_geometry(
         residuals=Residuals(
             "length of leg",
             "m",
-            _rms(_length_error(fit.geometry, fit.frames, fit.poses, used.measured)),
-            _rms(validation) if len(validation) else None,
+            rms(_length_error(fit.geometry, fit.frames, fit.poses, used.measured)),
+            rms(validation) if len(validation) else None,
             used.measured.length.std(axis=0),
             None,
         ),
@@ -517,7 +520,7 @@ def identify_geometry(
         details={
             "poses": fit.poses,
             "frames": fit.frames,
-            "nominal_rms": _rms(_length_error(nominal, frames, fit.poses, used.measured)),
+            "nominal_rms": rms(_length_error(nominal, frames, fit.poses, used.measured)),
             "equations": fit.redundant,
             "factor": fit.factor,
         },
@@ -557,16 +560,6 @@ def _unknowns(elements: Sequence[str]) -> NDArray[np.intp]:
             foreign,
         )
     return np.array([every.index(name) for name in elements])
-
-
-def _deviations(accuracy: PoseAccuracy, platform: Platform) -> FloatArray:
-    orientation = accuracy.orientation
-    if orientation is None:
-        orientation = accuracy.position / platform.characteristic_length
-    deviations = np.repeat([accuracy.leg_length, accuracy.position, orientation], [6, 3, 3]).astype(float)
-    if not (np.isfinite(deviations).all() and (deviations > 0).all()):
-        raise IdentificationError(f"accuracy is {tuple(accuracy)}; expected standard errors > 0 m, m, rad")
-    return deviations
 
 
 def _measured(log: Log, deviations: FloatArray, pose_frame: PoseFrame) -> Measured:
@@ -624,7 +617,7 @@ def _check(
             elements,
         )
     if fit.factor > _CONTRADICTION:
-        worst = _rms(_length_error(fit.geometry, fit.frames, fit.poses, measured))
+        worst = rms(_length_error(fit.geometry, fit.frames, fit.poses, measured))
         leg = int(worst.argmax())
         raise IdentificationError(
             f"{log.where}: contradicts any geometry near the nominal one: residuals are {fit.factor:.3g} times their "
@@ -660,10 +653,6 @@ def _length_error(geometry: Geometry, frames: Frames, poses: Poses, measured: Me
         R = np.where(full[:, None, None], R, poses.rotation)
     l = t[:, None] + np.einsum("nab,ib->nia", R, geometry.platform) - geometry.base
     return np.asarray(measured.length - np.linalg.norm(l, axis=-1) - geometry.offset)
-
-
-def _rms(errors: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt((errors**2).mean(axis=0)))
 
 
 def _unseen(

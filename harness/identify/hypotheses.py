@@ -13,13 +13,10 @@ import numpy as np
 
 from gough_stewart.harness.identify.friction import travel_since_reversal
 from gough_stewart.harness.identify.names import expanded, unit_of
-from gough_stewart.harness.identify.regression import Regression
-from gough_stewart.harness.identify.regressor import INERTIAL, ForceDerivatives, parameter_columns
-from gough_stewart.harness.identify.row_model import tilt_directions
-from gough_stewart.model.dynamics import Acceleration
+from gough_stewart.harness.identify.regressor import INERTIAL, parameter_columns, states_of
+from gough_stewart.harness.identify.row_model import RowFit, RowModel, tilt_directions
 from gough_stewart.model.kinematics import leg_accelerations, leg_geometry, rates_of_legs
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 LEGS = range(1, 7)
@@ -64,28 +61,10 @@ class Family(NamedTuple):
     is_estimable: bool = False  # the parameters are elements, of which the model of the rows knows the exact effect
 
 
-def families_of(
-    regression: Regression,
-    derivatives: ForceDerivatives,
-    force: FloatArray,
-    rate: FloatArray,
-    platform: Platform,
-    tilt: FloatArray,
-    names: Sequence[str],
-) -> list[Family]:
-    """The families at a fit; what is estimated is none.
-
-    Parameters
-    ----------
-    force, rate
-        Of the platform, and its derivative, at all rows (n, 6) [N], [N/s].
-    platform
-        The nominal one, for its joints, gravity and friction velocity.
-    tilt
-        Of the base (2,) [rad].
-    names
-        What was estimated, or has columns of nothing but noise.
-    """
+def families_of(model: RowModel, fit: RowFit, not_excited: Sequence[str]) -> list[Family]:
+    """The families at a fit; what is estimated is none, nor is what has columns of nothing but noise."""
+    regression, derivatives, force, platform = model.regression, fit.derivatives, fit.force, model.platform
+    tilt, names = model.instruments(fit.values).tilt, (*fit.names, *not_excited)
     W, time = regression.rows.regressor, regression.rows.time
     eye, by_legs, ones = np.eye(6), derivatives.by_legs, np.ones(6)
     rho, mass = platform.characteristic_length, platform.platform_mass
@@ -141,7 +120,7 @@ def families_of(
         sizes = {"platform_mass": _PAYLOAD * mass, "platform_com": _COM * rho, "leg_armature": _ARMATURE * mass}
         return sizes.get(stem, inertia * mass * rho**2)
 
-    steps = -rate[..., None] * (elapsed[:, None, None] > _CHANGES)
+    steps = -fit.rate[..., None] * (elapsed[:, None, None] > _CHANGES)
     families = [
         Family(
             "gain of forces", elements("force_gain"), ("%",) * 6, force[..., None] * eye, _GAIN * ones,
@@ -161,12 +140,12 @@ def families_of(
             "let the force sensors warm up",
         ),
         Family(
-            "delay of forces", ("delay",), ("ms",), -rate[..., None], np.array([_DELAY]),
+            "delay of forces", ("delay",), ("ms",), -fit.rate[..., None], np.array([_DELAY]),
             {"delay of all forces": (TIMING, (0,))},
             "look for filters and buses in the path of the forces, or estimate delay", True,
         ),
         Family(
-            "delay of a leg's force", elements("delay"), ("ms",) * 6, -rate[..., None] * eye, _DELAY * ones,
+            "delay of a leg's force", elements("delay"), ("ms",) * 6, -fit.rate[..., None] * eye, _DELAY * ones,
             each_leg("delay of the force", TIMING), "look for filters and buses in the path of this force",
         ),
         Family("delays that change", tuple(f"at {s:.3g} of the log" for s in _CHANGES), ("ms",) * len(_CHANGES),
@@ -254,7 +233,7 @@ def stribeck(velocity: FloatArray, smooth: float, width: float) -> FloatArray:
 
 def leg_motion(platform: Platform, motion: FloatArray) -> FloatArray:
     """L, L̇ and L̈ (3, n, 6) of motions (n, 18)."""
-    state = State.from_vector(motion[:, :12])
+    state, acceleration = states_of(motion)
     legs = leg_geometry(platform, state.position, state.orientation)
-    acceleration = leg_accelerations(legs, state, *Acceleration(motion[:, 12:15], motion[:, 15:]))
-    return np.array([legs.length, rates_of_legs(legs, state).length_rate, acceleration])
+    rates = rates_of_legs(legs, state)
+    return np.array([legs.length, rates.length_rate, leg_accelerations(legs, state, *acceleration)])

@@ -158,24 +158,24 @@ def _identified_from_forces(
     _check_names(platform, names)
     logs = _logs(log)
     share, aside = (validation, []) if isinstance(validation, float | int) else (0.0, _logs(validation))
-    for one in (*logs, *aside):
-        check_finite(one)
+    for recorded in (*logs, *aside):
+        check_finite(recorded)
     # what is screened is the motion, and the forces that it needs but for friction
     smooth = ideal_of(platform)
     if cutoff is None and sticks(platform):
-        cutoff = min(cutoff_within_noise(one, smooth) for one in logs)
+        cutoff = min(cutoff_within_noise(recorded, smooth) for recorded in logs)
     usable = screened(logs, smooth, share, aside, cutoff)
     measured = usable.parts
     check_order_of_forces(measured, smooth, usable.cutoff)
     without_springs = tuple(name for name in names if name not in SPRINGS)
     fit = None
     if without_springs:
-        both = usable._replace(parts=with_both_sides(measured, platform, usable.cutoff))
-        fit = _fit_of_determined(both, platform, without_springs)
-        if both.parts != measured and all(part.log.motor_position is None for part in measured):
+        sides = usable._replace(parts=with_both_sides(measured, platform, usable.cutoff))
+        fit = _fit_of_determined(sides, platform, without_springs)
+        if sides.parts != measured and all(part.log.motor_position is None for part in measured):
             # the other side once more, by the masses that were found
-            both = both._replace(parts=with_both_sides(measured, fit.platform(platform), usable.cutoff))
-            fit = _fit_of_determined(both, platform, without_springs)
+            sides = sides._replace(parts=with_both_sides(measured, fit.platform(platform), usable.cutoff))
+            fit = _fit_of_determined(sides, platform, without_springs)
     if fit is None or len(without_springs) < len(names):
         fit = with_springs(fit, measured, platform, names, usable.cutoff)
     return replace(fit, notes=(*usable.notes, *fit.notes), alarms=(*usable.alarms, *fit.alarms))
@@ -256,12 +256,7 @@ def _fit_of_shown(
 ) -> tuple[Estimate, tuple[str, ...]]:
     """The fit, without static friction if the log does not show it, and the elements that so have no number.
 
-    Inverse dynamics is not linear in it, so that only a fit says what its log determines.
-
-    Raises
-    ------
-    IdentificationError
-        Nothing is left.
+    Inverse dynamics is not linear in it, so that only a fit says what its log determines. Refuses if nothing is left.
     """
     options: dict[str, Any] = {"cutoff": usable.cutoff, "not_excited": not_excited}
     try:
@@ -321,10 +316,10 @@ def _not_excited(names: Sequence[str]) -> IdentificationError:
 
 def _logs(logs: AnyLog | Sequence[AnyLog]) -> list[Log]:
     """The logs of files and records; those of equal origin are told apart by a number."""
-    every = [logs] if isinstance(logs, Log | Record | Path | str) else list(logs)
-    if not every:
+    sources = [logs] if isinstance(logs, Log | Record | Path | str) else logs
+    read = [log_of(s) if isinstance(s, Record) else s if isinstance(s, Log) else read_log(s) for s in sources]
+    if not read:
         raise LogError("no logs; expected one or several")
-    read = [log_of(log) if isinstance(log, Record) else log if isinstance(log, Log) else read_log(log) for log in every]
     origins = [log.where for log in read]
     return [
         replace(log, where=f"{log.where} {k + 1}") if origins.count(log.where) > 1 else log

@@ -38,7 +38,7 @@ def expanded(names: Iterable[str], platform: Platform) -> tuple[str, ...]:
         An unknown parameter, or a repeated one; names it, and the nearest.
     """
     elements: list[str] = []
-    for name in (each.strip() for each in names):
+    for name in map(str.strip, names):
         stem = name.partition("[")[0]
         if stem not in _ROWS and stem not in OF_LOGS:
             raise IdentificationError(f"estimate: no parameter '{name}'{nearest(stem, [*_ROWS, *OF_LOGS])}", [name])
@@ -99,12 +99,10 @@ def with_values(platform: Platform, values: Mapping[str, float]) -> Platform:
             changed[stem][index[::-1]] = value
     for stem in [stem for stem in PER_LEG if np.ndim(changed.get(stem, 0.0))]:
         # as stored in the platform: the mean of the legs, and each leg's factor
-        own = changed[stem]
-        mean = own.mean()
-        changed |= {stem: mean, f"{stem}_factor": own / mean if mean > 0 else np.ones(6)}
-    for stem, value in changed.items():
-        changed[stem] = value.item() if value.ndim == 0 else value
-    return replace(platform, **changed)
+        of_legs = changed[stem]
+        mean = of_legs.mean()
+        changed |= {stem: mean, f"{stem}_factor": of_legs / mean if mean > 0 else np.ones(6)}
+    return replace(platform, **{stem: value if value.ndim else value.item() for stem, value in changed.items()})
 
 
 def _shape(stem: str, platform: Platform) -> tuple[int, ...]:

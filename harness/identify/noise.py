@@ -22,8 +22,7 @@ from scipy.optimize import minimize_scalar
 
 from gough_stewart.harness.identify.hypotheses import Family, families_of
 from gough_stewart.harness.identify.regression import RawNoise, Regression
-from gough_stewart.harness.identify.regressor import ForceDerivatives
-from gough_stewart.harness.identify.row_model import RowModel
+from gough_stewart.harness.identify.row_model import RowFit, RowModel
 from gough_stewart.model.vectors import FloatArray
 
 # The shares are fitted from so many windows of so many rows, spread over all parts; more would hardly improve them.
@@ -78,10 +77,10 @@ def two_noises(raw: RawNoise, by_legs: FloatArray, used: FloatArray) -> TwoNoise
     A = raw.length * by_legs
     bands = np.zeros((2, 6 * reach + 11, n, 6))
     for m in range(reach + 1):
-        both = used[: n - m, :, None] * used[m:, None, :]
+        pairs = used[: n - m, :, None] * used[m:, None, :]
         mixed = np.einsum("nidj,de->niej", A[: n - m], raw.correlations.length[m]).reshape(n - m, 6, -1)
-        of_length = both * (mixed @ A[m:].reshape(n - m, 6, -1).swapaxes(1, 2))
-        of_force = both * (raw.correlations.force[m] * np.diag(raw.force**2))
+        of_length = pairs * (mixed @ A[m:].reshape(n - m, 6, -1).swapaxes(1, 2))
+        of_force = pairs * (raw.correlations.force[m] * np.diag(raw.force**2))
         # element (6 (k + m) + b, 6 k + a) of the matrix is in band 6 m + b − a
         for a in range(6):
             for b in range(a if m == 0 else 0, 6):
@@ -97,10 +96,6 @@ class RowNoise(NamedTuple):
     force: FloatArray  # standard deviation of the raw forces (6,) [N]
     length: float  # of the raw lengths [m]
     shares: tuple[float, float]  # s_F, s_L
-
-    def whitened(self, columns: FloatArray) -> FloatArray:
-        """L⁻¹ x of columns (6 n, k)."""
-        return whitened_by(self.factors, columns)
 
 
 def whitened_by(factors: Sequence[FloatArray], columns: FloatArray) -> FloatArray:
@@ -178,19 +173,6 @@ def _windows(rows: int, number: int) -> list[tuple[int, int]]:
     return [(start, start + _ROWS_A_WINDOW) for start in starts]
 
 
-class RowFit(NamedTuple):
-    """A fit of the rows by any method."""
-
-    names: tuple[str, ...]
-    values: FloatArray  # (p,)
-    columns: FloatArray  # ∂(reading)/∂θ (n, 6, p) of the fitted rows
-    force: FloatArray  # of the platform at all rows (m, 6) [N]
-    rate: FloatArray  # its derivative by time (m, 6) [N/s]
-    derivatives: ForceDerivatives  # at all rows
-    is_fitted: NDArray[np.bool_]  # (m,)
-    used: FloatArray  # 1 for fitted rows that are used (n, 6)
-
-
 @dataclass(frozen=True)
 class Whitened:
     """The fitted rows with their covariance known: everything the tests and the estimates need."""
@@ -208,7 +190,13 @@ class Whitened:
 
     def of(self, columns: FloatArray) -> FloatArray:
         """Whitened columns (6 n, k) of rows (n, 6, k)."""
-        return self.noise.whitened((self.fit.used[..., None] * columns).reshape(6 * len(columns), -1))
+        used = self.fit.used[..., None] * columns
+        return whitened_by(self.noise.factors, used.reshape(6 * len(columns), -1))
+
+    @property
+    def whitened_families(self) -> dict[str, FloatArray]:
+        """Whitened columns of each family, in units of its sizes."""
+        return {family.name: self.of(family.columns * family.sizes) for family in self.families}
 
     def with_noise_of(self, residual: FloatArray, columns: FloatArray) -> "Whitened":
         """The same rows with the noise of another residual (n, 6), of a fit with further columns (n, 6, q)."""
@@ -218,10 +206,8 @@ class Whitened:
 
 def whitened(model: RowModel, fit: RowFit, not_excited: Sequence[str] = ()) -> Whitened:
     """The covariance of the rows, with the shares of both noises; what extensions describe is not taken for noise."""
-    tilt, names = model.instruments(fit.values).tilt, (*fit.names, *not_excited)
     families = tuple(
-        family._replace(columns=family.columns[fit.is_fitted])
-        for family in families_of(model.regression, fit.derivatives, fit.force, fit.rate, model.platform, tilt, names)
+        family._replace(columns=family.columns[fit.is_fitted]) for family in families_of(model, fit, not_excited)
     )
     raws, parts = noises_of(model.regression, fit.derivatives.by_legs, fit.is_fitted, fit.used)
     every = np.concatenate([fit.columns, *(family.columns for family in families)], axis=2)

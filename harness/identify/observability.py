@@ -11,15 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.faults import noise_of
 from gough_stewart.harness.identify.log import Part, force_of, sample_time_of
-from gough_stewart.harness.identify.names import value_of
 from gough_stewart.harness.identify.regression import HALF_LENGTH, cutoff_of, edge, smoothed
 from gough_stewart.harness.identify.regressor import (
     COM,
     FRICTION,
-    dependences,
+    check_independent,
     elements_of,
     gradient,
     linear_parameters,
@@ -58,7 +56,6 @@ class MotionRows(NamedTuple):
 class Identifiability(NamedTuple):
     """How well a motion determines elements."""
 
-    errors: FloatArray  # (p,) standard errors in units of the scale; infinite if nothing depends on it
     bias: FloatArray  # (p,) expected error by noise of the lengths in the regressor, in units of the scale
     not_excited: tuple[str, ...]  # elements that get no number
     held: tuple[str, ...]  # of these, the ones that stay at nominal in the fit, so that the others can follow the log
@@ -145,7 +142,6 @@ def identifiability(
         candidates = [k for k, error in zip(left, now, strict=True) if error > _LARGEST_ERROR]
         left.remove(max(candidates, key=lambda k: (names[k] in COM, errors[k])))
     return Identifiability(
-        errors,
         -bias,
         tuple(name for name, is_weak in zip(names, weak, strict=True) if is_weak),
         tuple(name for k, name in enumerate(names) if k not in left),
@@ -167,15 +163,10 @@ def check_separable(platform: Platform, names: Sequence[str]) -> None:
     rates = np.tile(np.repeat([rho, 1.0], 3), 2) * rng.standard_normal((n, 12))
     state = State(pose[:, :3], pose[:, 3:], rates[:, :3], rates[:, 3:6])
     W = regressor(platform, state, Acceleration(rates[:, 6:9], rates[:, 9:]))
-    elements = with_estimated(elements_of(platform), names, [value_of(platform, name) for name in names])
-    D = (W @ gradient(elements, names)).reshape(-1, len(names))
+    D = (W @ gradient(elements_of(platform, names), names)).reshape(-1, len(names))
     size = np.linalg.norm(D, axis=0)
-    dead = [name for name, s in zip(names, size, strict=True) if s == 0]
-    if dead:
-        raise IdentificationError(f"no force depends on {', '.join(dead)}; remove them", dead)
-    dependent, text = dependences(D / size, names)
-    if dependent:
-        raise IdentificationError(f"{text}, in any motion; remove one of each", dependent)
+    texts = "no force depends on {}; remove them", "{}, in any motion; remove one of each"
+    check_independent(D / np.where(size > 0, size, 1.0), names, *texts)
 
 
 def is_linear(name: str, platform: Platform) -> bool:

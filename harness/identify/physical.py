@@ -12,11 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from gough_stewart.harness.identify.regressor import (
-    INERTIA,
-    PAIRS,
-    with_estimated,
-)
+from gough_stewart.harness.identify.regressor import INERTIA, PAIRS, with_estimated
 from gough_stewart.model.parameters import TABLE
 from gough_stewart.model.vectors import FloatArray
 
@@ -55,7 +51,6 @@ def best_fit(
         All elements of a platform; those not named stay constant.
     scale, start
         Of θ (p,).
-
     """
     low = np.array([_SMALLEST * s if _bound(name) == "> 0" else 0.0 for name, s in zip(names, scale, strict=True)])
     low = np.where([_bound(name) is None for name in names], -np.inf, low)
@@ -65,11 +60,9 @@ def best_fit(
     inside = np.clip(start, low + _SMALLEST * scale, largest)
     theta = least_squares(residual, inside, jacobian, bounds=(low, largest), **options).x
     held = tuple(name for name, value, b, s in zip(names, theta, low, scale, strict=True) if value < b + 1e-5 * s)
-    inertias = [k for k, name in enumerate(names) if name in INERTIA]
-    if not inertias or np.linalg.eigvalsh(_second_moments(with_estimated(elements, names, theta)))[0] > 0:  # a body
-        return BestFit(theta, held)
-    if len(inertias) < len(INERTIA):
-        # whether it is one with the other elements is for the platform to say
+    # with some of the elements only, whether it is a body is for the platform to say
+    is_whole = set(INERTIA) <= set(names)
+    if not is_whole or np.linalg.eigvalsh(_second_moments(with_estimated(elements, names, theta)))[0] > 0:
         return BestFit(theta, held)
     theta = _as_body(residual, jacobian, elements, names, theta, low, scale)
     return BestFit(theta, (*held, "platform_inertia"))
@@ -114,21 +107,15 @@ def _as_body(
     def of_body(eta: FloatArray) -> FloatArray:
         return residual(values(eta))
 
-    found = least_squares(
-        of_body,
-        np.maximum(eta, bound + 1e-9 * np.abs(units)),
-        chained,
-        bounds=(bound, np.inf),
-        x_scale=units,
-        max_nfev=200,
-    )
-    return np.asarray(values(found.x))
+    start = np.maximum(eta, bound + 1e-9 * np.abs(units))
+    options: Any = {"bounds": (bound, np.inf), "x_scale": units, "max_nfev": 200}
+    return np.asarray(values(least_squares(of_body, start, chained, **options).x))
 
 
 def _bound(name: str) -> str | None:
     # instruments have none
-    found = TABLE.get(name.partition("[")[0])
-    return None if found is None else found.lower_bound
+    parameter = TABLE.get(name.partition("[")[0])
+    return None if parameter is None else parameter.lower_bound
 
 
 def _second_moments(elements: Mapping[str, float]) -> FloatArray:

@@ -1,7 +1,7 @@
 """The rows of the linear regression from logs: the same zero-phase low-pass on forces and on the regressor."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from scipy.signal import oaconvolve
 
 from gough_stewart.harness.errors import LogError
 from gough_stewart.harness.identify.friction import sliding_rows, sticks, unit_friction
-from gough_stewart.harness.identify.log import Log, check_forces, check_lengths, force_of, sample_time_of
+from gough_stewart.harness.identify.log import Log, force_of, sample_time_of
 from gough_stewart.harness.identify.regressor import (
     ARMATURE,
     INERTIAL,
@@ -231,22 +231,6 @@ class Segment:
     friction: FloatArray  # of these velocities, for unit viscous and unit Coulomb friction (k, 2, 6)
     velocity_rows: NDArray[np.intp]  # (m,) of functions of the velocity, smoothed
 
-    def force_if_late(self, delay: float) -> FloatArray:
-        """F (m, 6) [N] if the log's forces are late by this [s]."""
-        return smoothed(self.force, self.step, self.rows.cutoff, 1, 0, self.held + delay)[self.force_rows]
-
-    def filtered(self, function: OfVelocity, derivative: int = 0) -> FloatArray:
-        """A function (k, j) of the velocities and their step [s], or its rate, filtered like the forces (m, j)."""
-        values = function(self.velocity, self.step)
-        return smoothed(values, self.step, self.rows.cutoff, 1, derivative)[self.velocity_rows]
-
-    def rate(self, phi: FloatArray) -> FloatArray:
-        """d(W φ)/dt (m, 6) for φ (SIZE,) [N/s]."""
-        every, thin = self.spacing
-        of_masses = smoothed(self.inertial @ phi[:INERTIAL], self.step * every, self.rows.cutoff, thin, 1)
-        friction = (self.friction * phi[INERTIAL:].reshape(2, 6)).sum(axis=1)
-        return of_masses + self.filtered(lambda _velocity, _step: friction, 1)
-
 
 @dataclass(frozen=True, eq=False)
 class Regression:
@@ -273,20 +257,26 @@ class Regression:
 
     def force_if_late(self, delay: float) -> FloatArray:
         """F (m, 6) [N] if the forces of the logs are late by this [s]."""
-        return np.concatenate([segment.force_if_late(delay) for segment in self.segments])
+        forces = [smoothed(s.force, s.step, s.rows.cutoff, 1, 0, s.held + delay)[s.force_rows] for s in self.segments]
+        return np.concatenate(forces)
 
     def rate(self, phi: FloatArray) -> FloatArray:
         """d(W φ)/dt (m, 6) for φ (SIZE,) [N/s]."""
-        return np.concatenate([segment.rate(phi) for segment in self.segments])
+        rates = []
+        for segment in self.segments:
+            (every, thin), step, cutoff = segment.spacing, segment.step, segment.rows.cutoff
+            of_masses = smoothed(segment.inertial @ phi[:INERTIAL], step * every, cutoff, thin, 1)
+            friction = (segment.friction * phi[INERTIAL:].reshape(2, 6)).sum(axis=1)
+            rates.append(of_masses + smoothed(friction, step, cutoff, 1, 1)[segment.velocity_rows])
+        return np.concatenate(rates)
 
     def filtered(self, function: OfVelocity, derivative: int = 0) -> FloatArray:
-        """A function of the velocities and their step, or its rate, filtered like the forces (m, j)."""
-        return np.concatenate([segment.filtered(function, derivative) for segment in self.segments])
-
-
-def regression_of(logs: Sequence[Log], platform: Platform, cutoff: float | None = None) -> Regression:
-    """The rows of the regression from segments of logs; see `segment_of`."""
-    return Regression(tuple(segment_of(log, platform, cutoff) for log in logs))
+        """A function (k, j) of the velocities and their step [s], or its rate, filtered like the forces (m, j)."""
+        values = [
+            smoothed(function(s.velocity, s.step), s.step, s.rows.cutoff, 1, derivative)[s.velocity_rows]
+            for s in self.segments
+        ]
+        return np.concatenate(values)
 
 
 def segment_of(log: Log, platform: Platform, cutoff: float | None = None) -> Segment:
@@ -304,11 +294,9 @@ def segment_of(log: Log, platform: Platform, cutoff: float | None = None) -> Seg
     Raises
     ------
     LogError
-        A log that cannot be evaluated, or that does not match this platform.
+        A log that cannot be evaluated.
     """
     h = sample_time_of(log)
-    check_lengths(log, platform)
-    check_forces(log, platform)
     cutoff = min(0.5 / h / (1.5 * _WIDER), cutoff_of(log.leg_length, h) if cutoff is None else cutoff)
     wide = _WIDER * cutoff
     # each row of the regression is a row of the motion, which is a row of the log

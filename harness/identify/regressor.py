@@ -16,7 +16,7 @@ import casadi
 import numpy as np
 from scipy.linalg import qr
 
-from gough_stewart.harness.errors import LogError
+from gough_stewart.harness.errors import IdentificationError, LogError
 from gough_stewart.harness.identify.names import PER_LEG, place_of, value_of
 from gough_stewart.model import interface
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
@@ -122,14 +122,19 @@ def motion_of_lengths(
     return state, Acceleration(a[:, :3], a[:, 3:])
 
 
+def states_of(motion: Array) -> tuple[State, Acceleration]:
+    """State and acceleration of motions (n, 18)."""
+    return State.from_vector(motion[:, :12]), Acceleration(motion[:, 12:15], motion[:, 15:])
+
+
 def _solved(matrix: Array, vector: Array) -> Array:
     return np.linalg.solve(matrix, vector[..., None])[..., 0]
 
 
-def elements_of(platform: Platform) -> dict[str, float]:
-    """All elements on which φ depends, with the platform's values."""
+def elements_of(platform: Platform, names: Sequence[str] = ()) -> dict[str, float]:
+    """All elements on which φ depends, and further ones such as friction of one leg, with the platform's values."""
     factors = [f"{name}_factor[{k}]" for name in FRICTION for k in range(1, 7)]
-    return {name: value_of(platform, name) for name in (*_SCALARS, *COM, *INERTIA, *FRICTION, *factors)}
+    return {name: value_of(platform, name) for name in (*_SCALARS, *COM, *INERTIA, *FRICTION, *factors, *names)}
 
 
 def with_estimated(elements: Mapping[str, Any], names: Sequence[str], values: Sequence[Any] | Array) -> dict[str, Any]:
@@ -185,8 +190,8 @@ def friction_columns(platform: Platform, leg_velocity: FloatArray) -> FloatArray
 def wrenches_function() -> casadi.Function:
     """CasADi Function: (motion (18), joints and gravity) -> Jᵀ F for each inertial parameter alone, in order."""
     motion, fixed = casadi.SX.sym("motion", 18), casadi.SX.sym("fixed", 39)
-    numbers, joints = _symbols(motion), _symbols(fixed)
-    state, acceleration = State.from_vector(numbers[:, :12]), Acceleration(numbers[:, 12:15], numbers[:, 15:])
+    state, acceleration = states_of(symbols(motion))
+    joints = symbols(fixed)
     places = {
         "base_points": joints[:, :18].reshape(1, 6, 3),
         "platform_points": joints[:, 18:36].reshape(1, 6, 3),
@@ -243,6 +248,22 @@ def dependences(columns: FloatArray, names: Sequence[str]) -> tuple[list[str], s
         parts = [names[pivots[i]] for i in range(rank) if abs(base[i, j]) > 1e-6]
         texts.append(f"{name} has the same effect as a combination of {', '.join(parts)}")
     return dependent, "; ".join(texts)
+
+
+def check_independent(columns: FloatArray, names: Sequence[str], dead: str, dependent: str) -> None:
+    """Refuse elements whose columns (n, p) are 0, or combinations of the others', with texts that take what they are.
+
+    Raises
+    ------
+    IdentificationError
+        Names the elements.
+    """
+    none = [name for name, size in zip(names, np.linalg.norm(columns, axis=0), strict=True) if size == 0]
+    if none:
+        raise IdentificationError(dead.format(", ".join(none)), none)
+    combined, text = dependences(columns, names)
+    if combined:
+        raise IdentificationError(dependent.format(text), combined)
 
 
 class ForceDerivatives(NamedTuple):
@@ -327,12 +348,11 @@ def parameter_columns(names: Sequence[str]) -> FloatArray:
 def _equations() -> casadi.Function:
     """CasADi Function: (m (18), p, F (6)) -> J, ∂G/∂m, ∂G/∂p, ∂h/∂m, ∂h/∂joints with G = inverse dynamics − Jᵀ F."""
     m, p, F = casadi.SX.sym("m", 18), casadi.SX.sym("p", N_PARAMETERS), casadi.SX.sym("F", 6)
-    numbers = _symbols(m)
-    state, acceleration = State.from_vector(numbers[:, :12]), Acceleration(numbers[:, 12:15], numbers[:, 15:])
-    parameters = Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, _symbols(p)))
+    state, acceleration = states_of(symbols(m))
+    parameters = Parameters(**interface.unpack(interface.PLATFORM_PARAMETERS, symbols(p)))
     legs = leg_geometry(parameters, state.position, state.orientation)
     needed = inverse_dynamics(parameters, state, acceleration, solve=lambda _matrix, vector: vector)
-    G = _column(needed - apply(transpose(jacobian_of_legs(legs)), _symbols(F)))
+    G = _column(needed - apply(transpose(jacobian_of_legs(legs)), symbols(F)))
     of_legs = (legs.length, rates_of_legs(legs, state).length_rate, leg_accelerations(legs, state, *acceleration))
     h = casadi.vertcat(*(_column(rows) for rows in of_legs))
     J = casadi.vertcat(*(casadi.horzcat(*row) for row in jacobian_of_legs(legs)[0]))
@@ -343,7 +363,8 @@ def _equations() -> casadi.Function:
     return casadi.Function("equations", [m, p, F], [casadi.densify(block) for block in blocks])
 
 
-def _symbols(vector: casadi.SX) -> Array:
+def symbols(vector: casadi.SX) -> Array:
+    """A CasADi vector (n,) as an array (1, n) for the physics."""
     return np.array([casadi.vertsplit(vector)], dtype=object)
 
 

@@ -30,58 +30,58 @@ _MICROMETRE = Quantity("m", "µm", 1e6)
 _HALF_WIDTH = Column("± %", _TWO, "half of the 95 % confidence interval")
 
 
-def estimate_report(found: Estimate, platform: str, more: Sequence[Table] = (), *, charts: bool = True) -> Report:
+def estimate_report(estimate: Estimate, platform: str, more: Sequence[Table] = (), *, charts: bool = True) -> Report:
     """The report of an estimate of a platform; `more` has further tables, such as an experiment before and after."""
-    sections = [Section("Parameters", (*estimate_tables(found), *more))]
+    sections = [Section("Parameters", (*estimate_tables(estimate), *more))]
     if charts:
-        sections.append(Section("Fit", (*_parameter_charts(found), *_signal_charts(found))))
-    notes = [Note(text) for text in found.notes]
-    notes += [Note(_brief(text), "warning") for text in found.alarms]
+        sections.append(Section("Fit", (*_parameter_charts(estimate), *_signal_charts(estimate))))
+    notes = [Note(text) for text in estimate.notes]
+    notes += [Note(_brief(text), "warning") for text in estimate.alarms]
     return Report(
         f"Parameters of {platform}",
-        estimate_verdict(found),
+        estimate_verdict(estimate),
         tuple(sections),
         study="identify",
-        lead=f"method {found.method.replace('_', ' ')}; intervals of 95 % if model and force gain are right",
-        numbers=_numbers(found),
+        lead=f"method {estimate.method.replace('_', ' ')}; intervals of 95 % if model and force gain are right",
+        numbers=_numbers(estimate),
         notes=tuple(notes),
     )
 
 
-def estimate_verdict(found: Estimate) -> Verdict:
+def estimate_verdict(estimate: Estimate) -> Verdict:
     """Whether the values are valid, how well they are known, what the log does not tell, whether the model fits."""
-    numbers = _numbers(found)[: _FEW + 1]
-    if found.alarms:
-        return Verdict(sentence(map(_brief, found.alarms)), "bad", numbers)
-    known = [k for k in range(len(found.names)) if math.isfinite(found.standard_errors[k])]
-    half = found.values - found.interval[:, 0]
-    shares = {k: half[k] / max(abs(found.values[k]), found.scale[k]) for k in known}
+    numbers = _numbers(estimate)[: _FEW + 1]
+    if estimate.alarms:
+        return Verdict(sentence(map(_brief, estimate.alarms)), "bad", numbers)
+    known = [k for k in range(len(estimate.names)) if math.isfinite(estimate.standard_errors[k])]
+    half = estimate.values - estimate.interval[:, 0]
+    shares = {k: half[k] / max(abs(estimate.values[k]), estimate.scale[k]) for k in known}
     well = [k for k, share in shares.items() if share <= WELL_KNOWN]
     parts: list[str | None] = []
     if not known:
-        parts.append(f"none of the {counted(len(found.names), 'parameter')} is known")
-    elif len(found.names) <= _FEW:
-        parts.append(listed([_value(found, k) for k in known]))
+        parts.append(f"none of the {counted(len(estimate.names), 'parameter')} is known")
+    elif len(estimate.names) <= _FEW:
+        parts.append(listed([_value(estimate, k) for k in known]))
     else:
         worst = max(shares, key=lambda k: shares[k])
         parts.append(
-            f"{len(well)} of {counted(len(found.names), 'parameter')} are known to {percent(WELL_KNOWN)} or better"
+            f"{len(well)} of {counted(len(estimate.names), 'parameter')} are known to {percent(WELL_KNOWN)} or better"
         )
-        parts.append(f"least known: {_value(found, worst)}")
-    if found.not_excited:
-        parts.append(f"not excited by this motion: {_some(found.not_excited)}")
-    if found.at_bound:
-        parts.append(f"at the bound of what is possible: {_some(found.at_bound)}")
-    if found.without_interval:
-        parts.append(f"without an interval: {_some(found.without_interval)}")
-    is_tested = found.diagnosis is not None and found.diagnosis.test is not None
+        parts.append(f"least known: {_value(estimate, worst)}")
+    if estimate.not_excited:
+        parts.append(f"not excited by this motion: {_some(estimate.not_excited)}")
+    if estimate.at_bound:
+        parts.append(f"at the bound of what is possible: {_some(estimate.at_bound)}")
+    if estimate.without_interval:
+        parts.append(f"without an interval: {_some(estimate.without_interval)}")
+    is_tested = estimate.diagnosis is not None and estimate.diagnosis.test is not None
     parts.append("the residuals are those of noise" if is_tested else "whether the model fits the log is not tested")
-    if found.diagnosis is not None and found.diagnosis.unseen_text:
-        parts.append(found.diagnosis.unseen_text)
-    if found.validation is not None:
-        v = found.validation
+    if estimate.diagnosis is not None and estimate.diagnosis.unseen_text:
+        parts.append(estimate.diagnosis.unseen_text)
+    if estimate.validation is not None:
+        v = estimate.validation
         parts.append(f"rows kept for validation are off by {v.rms:.3g} N, {v.expected:.3g} N are expected")
-    is_whole = len(well) == len(found.names) and is_tested
+    is_whole = len(well) == len(estimate.names) and is_tested
     status: Status = "good" if is_whole else "marginal"
     return Verdict(sentence(parts), status, numbers)
 
@@ -98,24 +98,24 @@ def _some(names: Sequence[str]) -> str:
     return f"{listed(list(names[:_FEW]), 'and')} and {len(names) - _FEW} more"
 
 
-def _value(found: Estimate, k: int) -> str:
+def _value(estimate: Estimate, k: int) -> str:
     """As in platform_mass 1216.9 ± 0.4 kg."""
-    quantity = _quantity_of(found.names[k])
-    shown = quantity.factor * float(found.values[k] - found.interval[k, 0])
+    quantity = _quantity_of(estimate.names[k])
+    shown = quantity.factor * float(estimate.values[k] - estimate.interval[k, 0])
     # as many decimals as the half width has in two digits
     decimals = max(0, 1 - math.floor(math.log10(shown))) if shown > 0 else 3
-    value = f"{quantity.factor * found.values[k]:.{decimals}f}"
-    return f"{found.names[k]} {value} ± {shown:.2g} {quantity.unit_text}".rstrip()
+    value = f"{quantity.factor * estimate.values[k]:.{decimals}f}"
+    return f"{estimate.names[k]} {value} ± {shown:.2g} {quantity.unit_text}".rstrip()
 
 
-def _numbers(found: Estimate) -> tuple[Number, ...]:
-    rows = zip(found.names, found.values.tolist(), found.interval.tolist(), strict=True)
+def _numbers(estimate: Estimate) -> tuple[Number, ...]:
+    rows = zip(estimate.names, estimate.values.tolist(), estimate.interval.tolist(), strict=True)
     told = "with its interval of 95 % confidence"
     numbers = [
         Number(f"parameters.{name}", name, value, _quantity_of(name), low, high, explanation=told)
         for name, value, (low, high) in rows
     ]
-    condition = found.condition_number if math.isfinite(found.condition_number) else None
+    condition = estimate.condition_number if math.isfinite(estimate.condition_number) else None
     return (*numbers, Number("condition_number", "condition number of the regressor", condition))
 
 
@@ -225,30 +225,34 @@ def _unseen(diagnosis: Diagnosis) -> Table:
     return Table("What no residual shows, since estimates absorb it", columns, tuple(rows))
 
 
-def _parameter_charts(found: Estimate) -> list[Chart]:
+def _parameter_charts(estimate: Estimate) -> list[Chart]:
     """By how much each estimate differs from nominal, of its scale, and how the estimates' errors go together."""
-    charts, names = [], found.names
-    change = (found.values - found.nominal) / found.scale
-    half = (found.values - found.interval[:, 0]) / found.scale
+    charts, names = [], estimate.names
+    change = (estimate.values - estimate.nominal) / estimate.scale
+    half = (estimate.values - estimate.interval[:, 0]) / estimate.scale
     if np.isfinite(change).any():
         series = Series("change from nominal", SHARE, change, "actual", low=change - half, high=change + half)
         axis, size = Axis("parameter", labels=names), Axis("change", SHARE)
         title = "change of the parameters, of their scale"
         charts.append(Chart(title, axis, (series,), "bars", y=size, group="parameters"))
-    if len(names) > 1 and np.isfinite(found.correlation).any():
+    if len(names) > 1 and np.isfinite(estimate.correlation).any():
         axis = Axis("parameter", NUMBER, np.arange(len(names), dtype=float), names)
-        series = Series("correlation", NUMBER, found.correlation)
+        series = Series("correlation", NUMBER, estimate.correlation)
         other = replace(axis, name="with parameter")
         charts.append(Chart("correlation of the estimates", axis, (series,), "heat", y=other, group="parameters"))
     return charts
 
 
-def _signal_charts(found: Estimate) -> list[Chart]:
+def _signal_charts(estimate: Estimate) -> list[Chart]:
     """Measured and fitted signals of each channel, and their difference."""
-    details = found.details
+    details = estimate.details
     if "time" not in details:
         return []
-    quantity, channel, fine = of_unit(found.residuals.unit), found.residuals.quantity, _residual_quantity(found)
+    quantity, channel, fine = (
+        of_unit(estimate.residuals.unit),
+        estimate.residuals.quantity,
+        _residual_quantity(estimate),
+    )
     time, measured, fitted = (np.asarray(details[name], dtype=float) for name in ("time", "measured", "fitted"))
     charts = []
     for k in range(measured.shape[1]):

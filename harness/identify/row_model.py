@@ -12,19 +12,20 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gough_stewart.harness.identify.friction import StickingFriction
 from gough_stewart.harness.identify.names import place_of
 from gough_stewart.harness.identify.regression import Regression
 from gough_stewart.harness.identify.regressor import (
+    ForceDerivatives,
     gradient,
     linear_parameters,
     regressor,
+    states_of,
     with_estimated,
 )
-from gough_stewart.model.dynamics import Acceleration
 from gough_stewart.model.platform import Platform
-from gough_stewart.model.state import State
 from gough_stewart.model.vectors import FloatArray
 
 
@@ -45,19 +46,6 @@ def is_of_instruments(name: str) -> bool:
     return name.partition("[")[0] in STEMS
 
 
-def instruments_of(names: Sequence[str], values: FloatArray) -> Instruments:
-    """The instruments with some elements replaced; the others are right."""
-    gain, offset, tilt, delay = np.ones(6), np.zeros(6), np.zeros(2), 0.0
-    whole = {"force_gain": gain, "force_offset": offset, "base_tilt": tilt}
-    for name, value in zip(names, values, strict=True):
-        stem, index = place_of(name)
-        if stem == "delay":
-            delay = float(value)
-        elif stem in whole:
-            whole[stem][index] = value
-    return Instruments(gain, offset, delay, tilt)
-
-
 def tilted(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
     """Gravity (3,) in the axes of a base that is turned out of level by (α, β) about X, then Y: R_x(−α) R_y(−β) g."""
     (ca, cb), (sa, sb) = np.cos(tilt), np.sin(tilt)
@@ -76,6 +64,19 @@ def tilt_directions(gravity: FloatArray, tilt: FloatArray) -> FloatArray:
     return np.array([by_alpha, [by_beta_x, sa * by_beta_z, ca * by_beta_z]]).T
 
 
+class RowFit(NamedTuple):
+    """A fit of the rows by any method."""
+
+    names: tuple[str, ...]
+    values: FloatArray  # (p,)
+    columns: FloatArray  # ∂(reading)/∂θ (n, 6, p) of the fitted rows
+    force: FloatArray  # of the platform at all rows (m, 6) [N]
+    rate: FloatArray  # its derivative by time (m, 6) [N/s]
+    derivatives: ForceDerivatives  # at all rows
+    is_fitted: NDArray[np.bool_]  # (m,)
+    used: FloatArray  # 1 for fitted rows that are used (n, 6)
+
+
 class RowModel:
     """The model of the rows; values are those of `names`, in their order."""
 
@@ -90,7 +91,7 @@ class RowModel:
         self.regression, self.platform, self.elements, self.names = regression, platform, elements, tuple(names)
         self.friction = friction
         self.bent = [] if friction is None else [list(names).index(name) for name in friction.names]
-        self.own = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in self.bent]
+        self.linear = [k for k, name in enumerate(names) if not is_of_instruments(name) and k not in self.bent]
         self._last: tuple[bytes, FloatArray] = (b"", np.zeros(0))
 
     def phi(self, values: FloatArray) -> FloatArray:
@@ -98,8 +99,16 @@ class RowModel:
         return np.asarray(linear_parameters(self._elements(values)), dtype=float)
 
     def instruments(self, values: FloatArray) -> Instruments:
-        """The instruments."""
-        return instruments_of(self.names, values)
+        """The instruments; what of them is not estimated is right."""
+        gain, offset, tilt, delay = np.ones(6), np.zeros(6), np.zeros(2), 0.0
+        vectors = {"force_gain": gain, "force_offset": offset, "base_tilt": tilt}
+        for name, value in zip(self.names, values, strict=True):
+            stem, index = place_of(name)
+            if stem == "delay":
+                delay = float(value)
+            elif stem in vectors:
+                vectors[stem][index] = value
+        return Instruments(gain, offset, delay, tilt)
 
     def force(self, values: FloatArray) -> FloatArray:
         """The forces of the platform (n, 6) [N]."""
@@ -133,9 +142,9 @@ class RowModel:
         instruments, phi = self.instruments(values), self.phi(values)
         W = self._regressor(values)
         result = np.zeros((len(W), 6, len(self.names)))
-        if self.own:
-            by_platform = gradient(self._elements(values), [self.names[k] for k in self.own])
-            result[:, :, self.own] = instruments.gain[:, None] * (W @ by_platform)
+        if self.linear:
+            by_platform = gradient(self._elements(values), [self.names[k] for k in self.linear])
+            result[:, :, self.linear] = instruments.gain[:, None] * (W @ by_platform)
         if self.bent:
             result[:, :, self.bent] = instruments.gain[:, None] * self._sticking(values)[:, :, 1:]
         for k, name in enumerate(self.names):
@@ -162,7 +171,7 @@ class RowModel:
         return self._last[1]
 
     def _elements(self, values: FloatArray) -> dict[str, float]:
-        return with_estimated(self.elements, [self.names[k] for k in self.own], values[self.own])
+        return with_estimated(self.elements, [self.names[k] for k in self.linear], values[self.linear])
 
     def _regressor(self, values: FloatArray) -> FloatArray:
         tilt = self.instruments(values).tilt
@@ -174,10 +183,9 @@ class RowModel:
     @cached_property
     def _by_gravity(self) -> FloatArray:
         """∂W/∂g (n, 6, SIZE, 3)."""
-        motion = self.regression.motion
-        state, acceleration = State.from_vector(motion[:, :12]), Acceleration(motion[:, 12:15], motion[:, 15:])
-        level = regressor(self.platform.with_parameters({"gravity": np.zeros(3)}), state, acceleration)
-        turned = [
-            regressor(self.platform.with_parameters({"gravity": axis}), state, acceleration) for axis in np.eye(3)
-        ]
+        motion = states_of(self.regression.motion)
+        level, *turned = (
+            regressor(self.platform.with_parameters({"gravity": gravity}), *motion)
+            for gravity in (np.zeros(3), *np.eye(3))
+        )
         return np.stack([by_axis - level for by_axis in turned], axis=-1)

@@ -17,6 +17,7 @@ from gough_stewart.harness.identify.faults import (
     frozen,
     lost_rows,
     noise_of,
+    runs_of,
     spikes,
     without_held_rows,
 )
@@ -99,27 +100,16 @@ def screened(
     cutoffs: list[float] = []
     for which, log in enumerate([*logs, *validating]):
         share = 1.0 if which >= len(logs) else validation
-        screened_log = _of_log(log, platform, cutoff)
-        assert screened_log.log.time is not None  # checked by rows_apart
-        begin, end = float(screened_log.log.time[0]), float(screened_log.log.time[-1])
-        until = -math.inf if share == 1 else end - share * (end - begin) if share else math.inf
-        parts += [Part(screened_log.log.rows(rows), until, which) for rows in screened_log.segments]
-        notes += screened_log.notes
-        alarms += screened_log.alarms
-        cutoffs.append(screened_log.cutoff)
+        of_log = _of_log(log, platform, cutoff, which, share)
+        parts += of_log.parts
+        notes += of_log.notes
+        alarms += of_log.alarms
+        cutoffs.append(of_log.cutoff or math.inf)
     # short segments do not tell how fast the motion is
     return Screened(parts, notes, alarms, max(cutoffs) if len(parts) > len(cutoffs) else cutoff)
 
 
-class _ScreenedLog(NamedTuple):
-    log: Log
-    segments: list[slice]
-    notes: list[str]
-    alarms: list[str]
-    cutoff: float
-
-
-def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
+def _of_log(log: Log, platform: Platform, cutoff: float | None, which: int, validation: float) -> Screened:
     _check_readings(log)
     check_lengths(log, platform)
     check_forces(log, platform)
@@ -177,13 +167,11 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
     ]
 
     bad = np.asarray((unknown_length | unknown_force | halted).any(axis=1))
-    short = _runs_of(bad, _MENDED) if bad.any() else bad
-    _interpolate(length, unknown_length & short[:, None])
-    _interpolate(force, unknown_force & short[:, None])
-    _interpolate(motor, halted & short[:, None])
-    log = replace(
-        log, leg_length=length, actuator_force=force, motor_position=None if log.motor_position is None else motor
-    )
+    short = _in_short_runs(bad)
+    for values, unknown in ((length, unknown_length), (force, unknown_force), (motor, halted)):
+        if values is not None:
+            _interpolate(values, unknown & short[:, None])
+    log = replace(log, leg_length=length, actuator_force=force, motor_position=motor)
     segments = _segments(bad & ~short, [place.row for place in of_all])
     longest = max(segments, key=lambda rows: rows.stop - rows.start, default=slice(0, 0))
     h = float(np.median(np.diff(time)))
@@ -205,25 +193,32 @@ def _of_log(log: Log, platform: Platform, cutoff: float | None) -> _ScreenedLog:
             f"{log.where}: {100 * mended:.2g} % of the rows were interpolated and {100 * left_out:.2g} % left out; "
             "where so many readings are wrong, others may be that do not show"
         )
-    return _ScreenedLog(log, segments, notes, alarms, cutoff or math.inf)
+    begin, end = float(time[0]), float(time[-1])
+    until = -math.inf if validation == 1 else end - validation * (end - begin) if validation else math.inf
+    return Screened([Part(log.rows(rows), until, which) for rows in segments], notes, alarms, cutoff)
 
 
-def _motors(log: Log, missing: Mask) -> tuple[Mask, Mask, FloatArray]:
+def _motors(log: Log, missing: Mask) -> tuple[Mask, Mask, FloatArray | None]:
     """Spikes in the motors' positions, readings that are not known, and the positions without spikes (n, 6)."""
     if log.motor_position is None:
-        return np.zeros_like(missing), missing, np.zeros(missing.shape)
+        return np.zeros_like(missing), missing, None
     halted = frozen(log.motor_position, True, missing) | missing
     bumped, motor = spikes(log.motor_position, halted, _LEAST_LENGTH * float(np.abs(log.motor_position).max()))
     return bumped, halted, motor
 
 
+def _first(texts: Sequence[str], others: str = "more times") -> str:
+    """The first few texts, and how many more there are."""
+    more = f" and {len(texts) - _EXAMPLES} {others}" if len(texts) > _EXAMPLES else ""
+    return ", ".join(texts[:_EXAMPLES]) + more
+
+
 def _places(time: FloatArray, lost: Sequence[MissingRows]) -> str:
-    more = f" and {len(lost) - _EXAMPLES} more" if len(lost) > _EXAMPLES else ""
-    return ", ".join(f"{time[place.row]:.4g} s ({place.number:+.0f})" for place in lost[:_EXAMPLES]) + more
+    return _first([f"{time[place.row]:.4g} s ({place.number:+.0f})" for place in lost], "more")
 
 
 def _check_readings(log: Log) -> None:
-    """Refuse logs of a few rows, what is no finite number, and sensors that are dead."""
+    """Refuse logs of a few rows, and sensors that are dead."""
     force_of(log)
     if len(log) < _SHORTEST:
         raise LogError(f"{log.where}: {len(log)} rows; expected a log of some seconds")
@@ -231,13 +226,6 @@ def _check_readings(log: Log) -> None:
         if getattr(log, name) is None:
             continue
         values = np.asarray(getattr(log, name))
-        bad = np.argwhere(~np.isfinite(values))
-        if len(bad):
-            row, leg = bad[0]
-            raise LogError(
-                f"{log.where}: {name}[{leg + 1}] in row {row + 1} is {values[row, leg]}; expected a finite number: cut "
-                "the log there, or fill the gap where it was recorded"
-            )
         dead = np.flatnonzero(np.ptp(values, axis=0) == 0)
         # commands may be constant; lengths that are all constant are those of a machine at rest
         if dead.size and (dead.size < 6 if name != "actuator_force" else not log.holds_force):
@@ -262,18 +250,17 @@ def _on_even_rows(log: Log) -> tuple[Log, Mask, list[str]]:
     even = log.rows(np.searchsorted(at, rows, side="right") - 1)
     is_missing = ~np.isin(rows, at)
     even = replace(even, time=np.interp(rows, at, log.time))
-    signals = ("leg_length", "actuator_force", *(() if log.motor_position is None else ("motor_position",)))
-    for name in signals:
-        _interpolate(getattr(even, name), np.repeat(is_missing[:, None], 6, axis=1))
-    gaps, missing = np.flatnonzero(number > 1), int((number - 1).sum())
-    places = [
+    for values in (even.leg_length, force_of(even), even.motor_position):
+        if values is not None:
+            _interpolate(values, np.repeat(is_missing[:, None], 6, axis=1))
+    missing = int((number - 1).sum())
+    gaps = [
         f"{log.time[k] + h:.4g} s" + (f" to {log.time[k + 1] - h:.4g} s" if number[k] > 2 else "")
-        for k in gaps[:_EXAMPLES]
+        for k in np.flatnonzero(number > 1)
     ]
-    more = f" and {len(gaps) - _EXAMPLES} more times" if len(gaps) > _EXAMPLES else ""
     note = (
-        f"{log.where}: {missing} missing row{'s' if missing > 1 else ''}, at {', '.join(places)}{more}; up to "
-        f"{_MENDED} in a row interpolated, more left out; check the logger"
+        f"{log.where}: {missing} missing row{'s' if missing > 1 else ''}, at {_first(gaps)}; up to {_MENDED} in a row "
+        "interpolated, more left out; check the logger"
     )
     return even, is_missing, [note]
 
@@ -287,30 +274,24 @@ def _interpolate(values: FloatArray, bad: Mask) -> None:
             continue
         good = np.flatnonzero(~wrong)
         values[wrong, leg] = np.interp(rows[wrong], good, values[good, leg])
-        for run in np.flatnonzero(np.diff(np.concatenate([[False], wrong, [False]]))).reshape(-1, 2):
-            near = good[max(0, np.searchsorted(good, run[0]) - _AROUND) : np.searchsorted(good, run[1]) + _AROUND]
-            if run[1] - run[0] <= _MENDED and len(near) == 2 * _AROUND:
-                cubic = np.polynomial.Polynomial.fit(near, values[near, leg], 3)
-                values[run[0] : run[1], leg] = cubic(rows[run[0] : run[1]])
+        for begin, end in runs_of(wrong):
+            near = good[max(0, np.searchsorted(good, begin) - _AROUND) : np.searchsorted(good, end) + _AROUND]
+            if end - begin <= _MENDED and len(near) == 2 * _AROUND:
+                values[begin:end, leg] = np.polynomial.Polynomial.fit(near, values[near, leg], 3)(rows[begin:end])
 
 
-def _runs_of(bad: Mask, longest: int) -> Mask:
-    """Rows in runs of bad ones that are no longer than that."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]])))
+def _in_short_runs(bad: Mask) -> Mask:
+    """Rows in runs of bad ones that are interpolated."""
     short = np.zeros(len(bad), dtype=bool)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        short[begin:end] = end - begin <= longest and begin > 0 and end < len(bad)
+    for begin, end in runs_of(bad):
+        short[begin:end] = end - begin <= _MENDED and begin > 0 and end < len(bad)
     return short
 
 
 def _segments(bad: Mask, cuts: Sequence[int]) -> list[slice]:
     """Runs of good rows, also divided before the rows `cuts`."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], bad, [True]])))
-    segments = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        inner = [int(begin), *(cut for cut in cuts if begin < cut < end), int(end)]
-        segments += [slice(a, b) for a, b in pairwise(inner)]
-    return segments
+    ends = ((int(begin), *(cut for cut in cuts if begin < cut < end), int(end)) for begin, end in runs_of(~bad))
+    return [slice(a, b) for inner in ends for a, b in pairwise(inner)]
 
 
 def _legs(fault: str, bad: Mask) -> str:
@@ -328,11 +309,9 @@ def _when(time: FloatArray, rows: NDArray[np.intp]) -> str:
     """Times of the first few runs of rows, and how many there are."""
     runs = np.split(rows, np.flatnonzero(np.diff(rows) > _MENDED) + 1)
     texts = [
-        f"{time[run[0]]:.4g} s" if len(run) == 1 else f"{time[run[0]]:.4g} to {time[run[-1]]:.4g} s"
-        for run in runs[:_EXAMPLES]
+        f"{time[run[0]]:.4g} s" if len(run) == 1 else f"{time[run[0]]:.4g} to {time[run[-1]]:.4g} s" for run in runs
     ]
-    more = f" and {len(runs) - _EXAMPLES} more times" if len(runs) > _EXAMPLES else ""
-    return f"at {', '.join(texts)}{more}"
+    return f"at {_first(texts)}"
 
 
 def check_order_of_forces(parts: Sequence[Part], platform: Platform, cutoff: float | None = None) -> None:
@@ -358,9 +337,9 @@ def check_order_of_forces(parts: Sequence[Part], platform: Platform, cutoff: flo
         measured.append(smoothed(force_of(part.log), h, low, every))
     if not measured:
         return
-    both = np.concatenate([np.concatenate(measured), np.concatenate(expected)], axis=1)
+    forces = np.concatenate([np.concatenate(measured), np.concatenate(expected)], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        unexplained = 1 - np.nan_to_num(np.corrcoef(both.T)[:6, 6:]) ** 2
+        unexplained = 1 - np.nan_to_num(np.corrcoef(forces.T)[:6, 6:]) ** 2
     for i, j in combinations(range(6), 2):
         now, exchanged = unexplained[[i, j], [i, j]], unexplained[[i, j], [j, i]]
         if now.min() > _AT_LEAST and exchanged.max() < _FALLS_TO * now.min():

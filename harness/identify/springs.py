@@ -80,12 +80,13 @@ def with_both_sides(parts: Sequence[Part], platform: Platform, cutoff: float | N
     """
     if not Variant.of(platform).springs:
         return list(parts)
-    return [part._replace(log=_on_both_sides(part.log, platform, cutoff)) for part in parts]
+    return [
+        part._replace(log=_on_both_sides(part.log, platform, cutoff)) if part.log.motor_position is None else part
+        for part in parts
+    ]
 
 
 def _on_both_sides(log: Log, platform: Platform, cutoff: float | None) -> Log:
-    if log.motor_position is not None:
-        return log
     forces = leg_forces_of(log, platform, cutoff)
     inner = log.rows(forces.reached)
     assert inner.time is not None  # checked by sample_time_of
@@ -130,7 +131,8 @@ def with_springs(
     """
     wanted = tuple(name for name in names if name in SPRINGS)
     known = dict(zip(SPRINGS, _nominal_springs(platform), strict=True))
-    nominal = np.array([known.get(name, value) for name, value in _nominal(names, platform).items()])
+    others = nominal_values(names, resolved(platform))
+    nominal = np.array([known.get(name, value) for name, value in zip(names, others, strict=True)])
     at = [names.index(name) for name in wanted]
     if masses is None:
         springs, _ = _springs_of(parts, platform, wanted, nominal[at], cutoff)
@@ -147,10 +149,6 @@ def with_springs(
     hidden = [name for name in wanted if name not in springs.names]
     note = f"not shown by this log, so without a number: {', '.join(hidden)}. {_FAST}"
     return replace(whole, notes=(*whole.notes, note)) if hidden else whole
-
-
-def _nominal(names: Sequence[str], platform: Platform) -> dict[str, float]:
-    return dict(zip(names, nominal_values(names, resolved(platform)).tolist(), strict=True))
 
 
 def _merged(whole: Estimate, springs: Estimate, by_masses: FloatArray, masses: Estimate) -> Estimate:
@@ -201,17 +199,7 @@ def _springs_of(
 ) -> tuple[Estimate, FloatArray]:
     """The springs' estimate from logs with both sides, of those of these names that the logs show; and its slopes.
 
-    Parameters
-    ----------
-    nominal
-        Values before the fit (q,).
-    masses
-        The estimate of the other parameters (p,), whose values make N.
-
-    Returns
-    -------
-    Estimate, FloatArray
-        The springs', and their derivatives by the masses (q, p).
+    The slopes (q, p) are derivatives by the other parameters, `masses`, whose values make N.
 
     Raises
     ------
@@ -289,15 +277,14 @@ def _springs_of(
         Channels("stretch of leg", "m", time, stretch, residual, before, is_fitted, spans),
         (),
     )
-    slopes = np.zeros((len(kept), 0 if masses is None else len(masses.names)))
-    for j, name in enumerate(() if masses is None else masses.names):
-        step = float(masses.standard_errors[j]) if masses is not None else 0.0
+    if masses is None:
+        return estimate, np.zeros((len(kept), 0))
+    slopes = np.zeros((len(kept), len(masses.names)))
+    for j, (name, value, step) in enumerate(zip(masses.names, masses.values, masses.standard_errors, strict=True)):
         # friction and armature are on the motors' side, and make no N
-        if not step > 0 or name.partition("[")[0] in (*FRICTION, "leg_armature"):
-            continue
-        values = dict(zip(masses.names, masses.values.tolist(), strict=True))  # type: ignore[union-attr]
-        moved = terms_of(with_values(platform, {name: values[name] + step}))[:, is_fitted]
-        slopes[:, j] = (springs(*_least_squares(S, moved, shown, freedom)[:2]) - scale) / step
+        if step > 0 and name.partition("[")[0] not in (*FRICTION, "leg_armature"):
+            moved = terms_of(with_values(platform, {name: float(value + step)}))[:, is_fitted]
+            slopes[:, j] = (springs(*_least_squares(S, moved, shown, freedom)[:2]) - scale) / step
     return estimate, slopes
 
 
@@ -317,10 +304,7 @@ def _least_squares(
 ) -> tuple[float, float, FloatArray, float]:
     """1/k, −c/k², their standard errors, and the standard deviation of the residual.
 
-    Parameters
-    ----------
-    freedom
-        Readings less zeros that were subtracted.
+    `freedom` is the number of readings less zeros that were subtracted.
     """
     force, rate, curvature = terms.reshape(3, -1)
     D = np.stack([force, rate][: 1 + has_damping], axis=1)

@@ -1,11 +1,9 @@
 """Logs of machines by a Lagrangian, perfect or with one thing wrong: for tests of identification.
 
 Nothing here is what an identification inverts. Lengths and forces follow from a motion in closed form by
-`tests.support.lagrangian`; friction, sensors and faults are written here. `perfect_log()` and the faults below take a
-machine, which the fit must not know, and return what it records.
+`tests.support.lagrangian`; friction, sensors and faults are written here.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
@@ -93,7 +91,6 @@ class Swing:
 
 
 HEAVE = Swing(axes=(0.0, 0.0, 1.0, 0.0, 0.0, 0.0), size=0.06)
-PITCH = Swing(axes=(0.0, 0.0, 0.0, 0.0, 1.0, 0.0), size=0.06)
 
 
 @dataclass(frozen=True)
@@ -111,7 +108,6 @@ class Sensing:
     length_noise: float = 1e-6  # standard deviation [m]
     encoder: float = 1e-6  # quantisation of lengths [m]; 0 for none
     coloured: float | None = None  # corner frequency of the noise of forces [Hz]; white by default
-    coloured_length: float | None = None  # of the noise of lengths
 
 
 @dataclass(frozen=True)
@@ -145,7 +141,7 @@ def machine_log(
     gain, offset = np.array(sensing.force_gain), np.array(sensing.force_offset)
     force = gain * force + offset + noise * _noise(rng, n, sensing.coloured, course.rate)
     length = length + np.array(sensing.length_offset)
-    length = length + sensing.length_noise * _noise(rng, n, sensing.coloured_length, course.rate)
+    length = length + sensing.length_noise * rng.standard_normal((n, 6))
     if sensing.encoder:
         length = sensing.encoder * np.rint(length / sensing.encoder)
     return Log(length, time, force, where="machine")
@@ -261,36 +257,6 @@ def exchanged(log: Log, a: int = 0, b: int = 1) -> Log:
     order = np.arange(6)
     order[[a, b]] = b, a
     return replace(log, actuator_force=log.actuator_force[:, order])
-
-
-# The table of wrong logs: by name the machine's course, its sensing, and the size that is asked for.
-FAULTS: Mapping[str, tuple[dict[str, Any], dict[str, Any]]] = {
-    "gain of all legs": ({}, {"force_gain": 1.02}),
-    "gain of leg 1": ({}, {"force_gain": (1.02, 1.0, 1.0, 1.0, 1.0, 1.0)}),
-    "forces late by 2 ms": ({}, {"delay": 2e-3}),
-    "forces late by 0.5 ms": ({}, {"delay": 0.5e-3}),
-    "force offsets": ({}, {"force_offset": (10.0, -20.0, 30.0, -40.0, 25.0, -15.0)}),
-    "length offsets": ({}, {"length_offset": (1e-3, -1e-3, 0.5e-3, 1e-3, -0.7e-3, -1e-3)}),
-    "base tilted": ({"base_tilt": (np.radians(0.4), np.radians(-0.3))}, {}),
-    "joints off": ({"joints": 1e-3}, {}),
-    "stiction": ({"static_friction": 0.5}, {}),
-    "coloured noise": ({}, {"coloured": 2.0}),
-}
-# One friction is fitted, six are true: legs have 480 to 620 N.s/m.
-UNEQUAL_FRICTION = replace(
-    MACHINE,
-    leg_viscous_friction=550.0,
-    leg_viscous_friction_factor=np.array([480.0, 620.0, 530.0, 590.0, 500.0, 580.0]) / 550.0,
-)
-
-
-def wrong_log(fault: str, machine: Platform = MACHINE, *, duration: float = 10.0, seed: int = 0, **more: Any) -> Log:
-    """The log with a fault of the table; `more` changes `Course` and `Sensing`."""
-    of_course, of_sensing = FAULTS[fault]
-    names = Course.__dataclass_fields__
-    course = Course(**{"duration": duration} | of_course | {k: v for k, v in more.items() if k in names})
-    sensing = Sensing(**of_sensing | {k: v for k, v in more.items() if k not in names})
-    return machine_log(machine, course, sensing, seed=seed)
 
 
 def random_machine(seed: int, *, equal_friction: bool = True) -> tuple[Platform, Platform]:

@@ -6,65 +6,16 @@ import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
 
-from gough_stewart.harness.errors import IdentificationError, MotionError
+from gough_stewart.harness.errors import IdentificationError
 from gough_stewart.harness.identify.excite import criteria, excite, within_limits
 from gough_stewart.harness.identify.identify import identify
 from gough_stewart.harness.identify.log import Log
 from gough_stewart.harness.identify.names import expanded
-from gough_stewart.harness.motion.excitation import Excitation
 from gough_stewart.harness.motion.references import Circle
 from gough_stewart.model.platform import load_preset
 from tests.support.lagrangian import Pose, forces_along, legs_along
 from tests.support.machine_logs import Course, friction
 from tests.support.uneven import UNEVEN
-
-SERIES = Excitation(
-    frequency=0.5,
-    duration=8,
-    position_sine=[[0.1, 0, 0], [0, 0.2, 0]],
-    position_cosine=[[0, 0, 0.3], [0.4, 0, 0]],
-    orientation_sine=[[0, 0, 0.05], [0, 0, 0]],
-    orientation_cosine=[[0, 0, 0], [0, 0.06, 0]],
-)
-
-
-def test_it_rests_before_and_after() -> None:
-    """Expected: home, with neither velocity nor acceleration, at both ends and beyond."""
-    motion = SERIES.about(UNEVEN)(np.array([0.0, 8.0, 9.5]))
-    np.testing.assert_allclose(motion.position, np.tile(UNEVEN.home_position, (3, 1)), atol=1e-12)
-    for part in motion[2:]:
-        np.testing.assert_allclose(part, 0.0, atol=1e-12)
-
-
-def test_its_rates_are_those_of_its_poses() -> None:
-    """Expected: central differences of positions, first and second."""
-    reference, time, h = SERIES.about(UNEVEN), np.array([0.4, 1.7, 3.2, 7.6]), 1e-4
-    before, at, after = (reference(time + e) for e in (-h, 0.0, h))
-    np.testing.assert_allclose(at.velocity, (after.position - before.position) / (2 * h), atol=1e-6)
-    second = (after.position - 2 * at.position + before.position) / h**2
-    np.testing.assert_allclose(at.acceleration, second, atol=1e-5)
-
-
-def test_in_the_middle_it_is_the_series() -> None:
-    """Expected: Σ a sin(2π k f t) + b cos(2π k f t), written out."""
-    t, w = 3.3, np.pi
-    motion = SERIES.about(UNEVEN)(np.array([t]))
-    moved = np.array([0.1 * np.sin(w * t) + 0.4 * np.cos(2 * w * t), 0.2 * np.sin(2 * w * t), 0.3 * np.cos(w * t)])
-    np.testing.assert_allclose(motion.position[0] - UNEVEN.home_position, moved, rtol=1e-12)
-    turned = np.array([0.0, 0.06 * np.cos(2 * w * t), 0.05 * np.sin(w * t)])
-    np.testing.assert_allclose(motion.orientation[0] - UNEVEN.home_orientation, turned, atol=1e-12)
-
-
-def test_coefficients_that_do_not_belong_together_are_refused() -> None:
-    with pytest.raises(MotionError, match="the same number of coefficients of each kind; found position_sine 2"):
-        Excitation(
-            frequency=1,
-            duration=4,
-            position_sine=[[0, 0, 0], [0, 0, 0]],
-            position_cosine=[[0, 0, 0]],
-            orientation_sine=[[0, 0, 0]],
-            orientation_cosine=[[0, 0, 0]],
-        )
 
 
 def test_the_best_motion_keeps_all_limits_and_tells_ten_times_more_than_a_circle() -> None:
@@ -76,7 +27,7 @@ def test_the_best_motion_keeps_all_limits_and_tells_ten_times_more_than_a_circle
     assert within_limits(platform, time, found(time))
     circle = Circle(radius=0.2, frequency=0.4, fade_in=1.0).about(platform)
     names = expanded(everything.split(","), platform)
-    of_circle, of_found = (criteria(platform, names, time, motion(time))[0] for motion in (circle, found))
+    of_circle, of_found = (criteria(platform, names, motion(time))[0] for motion in (circle, found))
     assert of_circle > 10 * of_found
 
 

@@ -152,16 +152,6 @@ def test_the_project_s_own_records_have_no_faults(name: str, settings: dict[str,
     assert {hold_of(column).rows for column in length.T} == {1}
 
 
-def test_spikes_are_replaced_by_what_their_neighbours_say() -> None:
-    """Expected: the readings without spikes, to a few times their noise of 1.04 µm; all others as they were."""
-    log = machine_log()
-    struck = with_spikes(log, "leg_length", 1e-3, 20, seed=7)
-    at, mended = faults.spikes(struck.leg_length, np.zeros((len(log), 6), dtype=bool), 1e-5)
-    np.testing.assert_array_equal(at, struck.leg_length != log.leg_length)
-    np.testing.assert_allclose(mended[at], log.leg_length[at], atol=6e-6)
-    np.testing.assert_array_equal(mended[~at], log.leg_length[~at])
-
-
 def test_a_step_is_no_spike() -> None:
     """Expected: of 20 steps and 5 pulses, the pulses; a pulse is a spike, a leg that reverses is none."""
     rng = np.random.default_rng(2)
@@ -243,43 +233,10 @@ def test_intervals_of_held_readings_cover_the_machine() -> None:
     assert chi2.ppf(5e-4, 5 * len(truth)) < distance < chi2.isf(5e-4, 5 * len(truth))
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda log: with_spikes(log, "leg_length", 0.02, 300), r"too many faults .* 3 % .* 300 spikes in the leg"),
-        (lambda log: frozen(log, "leg_length", 2000, 6000), r"too many faults .* 5999 frozen readings"),
-        (lambda log: replace(log, time=np.where(np.arange(len(log)) > 500, log.time + 4e-4, log.time)), "a step of"),
-        (lambda log: log.rows(slice(0, 5)), "5 rows; expected a log of some seconds"),
-        (lambda log: log.rows(slice(0, 1)), "1 rows; expected a log of some seconds"),
-        (
-            lambda log: with_spikes(log, "leg_length", np.nan, 1),
-            r"leg_length\[4\] in row 8156 is nan",
-        ),
-        (
-            lambda log: replace(log, actuator_force=np.where(np.arange(6) == 2, 3e3, log.actuator_force)),
-            r"actuator_force\[3\] is 3000 in all rows; expected readings of a sensor",
-        ),
-    ],
-)
-def test_a_log_with_too_many_faults_is_refused(change: Callable[[Log], Log], message: str) -> None:
-    with pytest.raises(LogError, match=message):
-        identify(change(machine_log()), NOMINAL, NAMES)
-
-
-@pytest.mark.parametrize(("a", "b"), [(2, 5)])
-def test_exchanged_columns_of_forces_are_named(a: int, b: int) -> None:
+def test_exchanged_columns_of_forces_are_named() -> None:
     """Expected: the two legs whose columns were exchanged; before, a platform with a mass off by 1 % came of it."""
-    with pytest.raises(LogError, match=f"the forces of legs {a + 1} and {b + 1} look exchanged"):
-        identify(exchanged(machine_log(), a, b), NOMINAL, NAMES)
-
-
-def test_forces_that_lost_rows_are_not_believed() -> None:
-    """Expected: an alarm; from the middle on all forces are 10 ms early, so no noise explains them."""
-    log = machine_log()
-    force = np.delete(force_of(log), slice(5000, 5010), axis=0)
-    found = identify(replace(log.rows(slice(0, 9990)), actuator_force=force), NOMINAL, NAMES)
-    assert any("contradicts the model" in alarm for alarm in found.alarms)
-    assert any("timing of the forces: rows lost in the forces" in alarm for alarm in found.alarms)
+    with pytest.raises(LogError, match="the forces of legs 3 and 6 look exchanged"):
+        identify(exchanged(machine_log(), 2, 5), NOMINAL, NAMES)
 
 
 def test_a_row_that_one_length_alone_lost_is_an_alarm_and_jitter_is_no_lost_row() -> None:
@@ -316,27 +273,3 @@ def test_a_gap_of_any_length_takes_no_memory() -> None:
     found = screened([late], NOMINAL)
     assert [len(part.log) for part in found.parts] == [5000, 5000]
     assert "1000000000 missing rows, at 5 s to" in found.notes[0]
-
-
-def test_many_mended_readings_are_an_alarm() -> None:
-    """Expected: 1 % of rows is more than the half percent that passes with a note."""
-    found = screened([with_spikes(machine_log(), "leg_length", 0.02, 100)], NOMINAL)
-    assert any("were interpolated" in alarm for alarm in found.alarms)
-
-
-def test_several_logs_know_more_than_each_and_validate_apart() -> None:
-    """Expected: standard errors of two logs as of their sum; a log that only validates changes nothing."""
-    other = machine_log(course=Course(Swing(seed=7)), seed=9)
-    both = identify([machine_log(), other], NOMINAL, NAMES)
-    each = [perfect(), identify(other, NOMINAL, NAMES)]
-    together = 1 / np.sqrt(sum(one.standard_errors**-2 for one in each))
-    np.testing.assert_allclose(both.standard_errors, together, rtol=0.35)
-    truth = MACHINE.platform_mass
-    assert abs(both["platform_mass"][0] - truth) < 4 * both.standard_errors[0]
-    heavier = machine_log(replace(MACHINE, platform_mass=1.1 * MACHINE.platform_mass), Course(Swing(seed=7)), seed=9)
-    checked = identify(machine_log(), NOMINAL, NAMES, validation=heavier)
-    assert abs(checked["platform_mass"][0] - truth) < 4 * checked.standard_errors[0]
-    assert checked.residuals.validation_rms is not None
-    assert (checked.residuals.validation_rms > 5 * checked.residuals.rms).all()
-    (span,) = checked.details["validating"]
-    assert span[1] - span[0] > 9.0

@@ -317,11 +317,6 @@ def test_the_command_calibrates_from_a_table_of_poses(tmp_path: Path) -> None:
     written = json.loads((tmp_path / "out" / "estimate.json").read_text())
     offset = [written["parameters"][f"leg_length_offset[{k}]"]["value"] for k in range(1, 7)]
     assert pose_error(machine, made, np.array(offset), relative=True) < 1e-4
-    other = invoke(
-        "identify", str(tmp_path / "poses.csv"), *named[:2], "--estimate", "platform_mass", "--pose-frame", "own"
-    )
-    assert other.exit_code == 1
-    assert "pose_frame is an option of method geometry only" in other.output
 
 
 def dense(

@@ -9,16 +9,10 @@ from scipy.stats import t
 
 from gough_stewart.harness.errors import IdentificationError, IdentificationWarning, LogError
 from gough_stewart.harness.identify.identify import identify
-from gough_stewart.harness.identify.regressor import (
-    elements_of,
-    gradient,
-    linear_parameters,
-    regressor,
-)
+from gough_stewart.harness.identify.regressor import elements_of, gradient, linear_parameters, regressor
 from gough_stewart.harness.identify.report import estimate_verdict
 from gough_stewart.model.dynamics import Acceleration, inverse_dynamics
 from gough_stewart.model.formulations import newton_euler
-from gough_stewart.model.platform import platform_from_toml, platform_to_toml
 from gough_stewart.model.rotations import matrix_from_orientation
 from tests.support.machine_logs import MACHINE, NAMES, NOMINAL, Course, Sensing, Swing, machine_log
 from tests.support.uneven import INPUTS, STATE, UNEVEN
@@ -110,33 +104,6 @@ def test_what_is_no_number_is_refused_with_its_row(name: str) -> None:
         identify(replace(log, **{name: values}), NOMINAL, "platform_mass")
 
 
-def test_friction_of_each_leg_is_found_apart() -> None:
-    """Expected: the six of the machine, to 3 %; the platform that results has them, read back from its file."""
-    six = np.array([430.0, 520.0, 610.0, 480.0, 700.0, 560.0])
-    machine = MACHINE.with_parameters({"leg_viscous_friction": six.tolist(), "leg_coulomb_friction": 0.0})
-    log = machine_log(machine, Course(duration=8.0))
-    found = identify(log, replace(NOMINAL, leg_coulomb_friction=0.0), ["leg_viscous_friction[1..6]", *NAMES[:4]])
-    np.testing.assert_allclose(found["leg_viscous_friction"], six, rtol=0.03)
-    platform = platform_from_toml(platform_to_toml(found.platform(NOMINAL)))
-    friction = platform.leg_viscous_friction * platform.leg_viscous_friction_factor
-    np.testing.assert_allclose(friction, found["leg_viscous_friction"], rtol=1e-12)
-
-
-SHIFTING = Swing(axes=(1.0, 1.0, 1.0, 0.0, 0.0, 0.0), size=0.06, frequency=0.3)
-
-
-def test_what_a_motion_that_does_not_turn_cannot_tell_has_no_number() -> None:
-    """Expected: no products and moments of inertia, which act on rotations only; the others within their intervals."""
-    found = identify(machine_log(course=Course(SHIFTING)), NOMINAL, NAMES)
-    assert found.not_excited == tuple(name for name in found.names if name.startswith("platform_inertia"))
-    assert np.isnan(found["platform_inertia"]).all()
-    assert abs(found["platform_mass"][0] - MACHINE.platform_mass) < 4 * found.standard_errors[0]
-    np.testing.assert_array_equal(found.platform(NOMINAL).platform_inertia, NOMINAL.platform_inertia)
-    with pytest.raises(IdentificationError, match=r"too little excitation.*none of platform_inertia") as caught:
-        identify(machine_log(course=Course(SHIFTING)), NOMINAL, "platform_inertia")
-    assert all("platform_inertia" in name for name in caught.value.names)
-
-
 def test_what_acts_as_another_parameter_does_is_refused() -> None:
     """Expected: of both inertias of a leg the equations hold the sum only."""
     with pytest.raises(IdentificationError, match=r"leg_\w+_inertia has the same effect as a combination of leg_"):
@@ -157,12 +124,21 @@ def test_an_inertia_that_no_body_has_is_kept_physical() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda log: replace(log, leg_length=1e3 * log.leg_length), r"They look like mm: write the unit"),
+        (lambda log: replace(log, leg_length=1e3 * log.leg_length), r"They look like mm: .*'name\[1\] \[mm\]'"),
+        (lambda log: replace(log, leg_length=100 * log.leg_length), r"They look like cm: "),
+        (lambda log: replace(log, leg_length=1e6 * log.leg_length), r"They look like um: "),
+        (lambda log: replace(log, actuator_force=1e3 * log.actuator_force), r"norm of .* N; .* They look like mN: "),
         (lambda log: replace(log, actuator_force=log.actuator_force / 1e3), r"They look like kN"),
         (lambda log: replace(log, actuator_force=20 * log.actuator_force), r"exceeds actuator_force_max, 20000 N"),
         (lambda log: replace(log, actuator_force=None), r"no forces; expected columns actuator_force"),
         (lambda log: replace(log, time=1e3 * log.time), "If time is in ms, name the column"),
-        (lambda log: replace(log, time=None), "no column time"),
+        (lambda log: replace(log, time=None), r"machine: no column time; expected one"),
+        (lambda log: replace(log, time=0.11 * np.arange(len(log))), r"rows are 0\.11 s apart; expected at most 0\.1"),
+        (lambda log: log.rows(slice(0, 5)), "5 rows; expected a log of some seconds"),
+        (
+            lambda log: replace(log, actuator_force=np.where(np.arange(6) == 2, 3e3, log.actuator_force)),
+            r"actuator_force\[3\] is 3000 in all rows; expected readings of a sensor",
+        ),
         (
             lambda log: replace(log, time=np.where(np.arange(len(log)) > 500, log.time + 2e-4, log.time)),
             r"a step of 0\.0012 s after row 501",
@@ -173,10 +149,7 @@ def test_an_inertia_that_no_body_has_is_kept_physical() -> None:
         ),
         (lambda log: log.rows(slice(4000, 4040)), "are shorter than the filter"),
         (lambda log: replace(log, leg_length=log.leg_length + np.array([1, -1, 1, -1, 1, -1])), "no pose of this"),
-        (
-            lambda log: replace(log, actuator_force=-log.actuator_force),
-            "the log contradicts this platform",
-        ),
+        (lambda log: replace(log, actuator_force=-log.actuator_force), "the log contradicts this platform"),
     ],
 )
 def test_a_log_that_no_such_machine_has_made_is_refused(change, message: str) -> None:  # type: ignore[no-untyped-def]
@@ -212,6 +185,7 @@ def test_names_that_cannot_be_estimated_are_refused(names: str, message: str) ->
             "leg_bristle_stiffness",
             r"leg_bristle_stiffness is .* presliding is set in the platform; .*leg_static_friction",
         ),
+        ("platform_mass,leg_static_friction", r"leg_static_friction: friction of this platform does not stick; set"),
         ("leg_bristle_damping", r"presliding is set in the platform"),
         ("leg_breakaway_share", r"presliding is set in the platform"),
     ],
@@ -229,5 +203,7 @@ def test_an_option_of_the_other_method_and_a_method_that_there_is_not_are_refuse
         identify("no log", NOMINAL, "platform_mass", "output_error")  # type: ignore[arg-type]
     with pytest.raises(IdentificationError, match="accuracy is an option of method geometry only; this one is linear"):
         identify("no log", NOMINAL, "platform_mass", accuracy=(1e-5, 1e-4, None))
+    with pytest.raises(IdentificationError, match="pose_frame is an option of method geometry only"):
+        identify("no log", NOMINAL, "platform_mass", pose_frame="own")
     with pytest.raises(IdentificationError, match="cutoff is an option of method linear only; this one is geometry"):
         identify("no log", NOMINAL, "base_points", cutoff=20.0)

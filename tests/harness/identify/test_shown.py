@@ -357,9 +357,6 @@ def test_a_page_of_poses_has_no_charts_over_time_and_no_list_without_remarks() -
     text, data = _page(replace(ESTIMATE, details={"poses": 1}, notes=(), alarms=()))
     assert not any(chart["isTime"] for chart in data["charts"])
     assert '<p class="note' not in text
-
-
-def test_a_page_says_notes_without_an_alarm() -> None:
     text, _ = _page(replace(ESTIMATE, alarms=()))
     notes = re.findall(r'<p class="note note">\s*(.*?)\s*</p>', text, re.DOTALL)
     assert notes[:2] == ["a &lt; note", "another"]

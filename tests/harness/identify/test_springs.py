@@ -131,12 +131,9 @@ def test_a_log_says_its_side(tmp_path: Path) -> None:
 
     time, _, motor, force = _machine()
     columns = {f"actuator_force[{k + 1}]": force[:, k] for k in range(6)}
-    polars.DataFrame({"time": time} | columns | {f"motor_position[{k + 1}]": motor[:, k] for k in range(6)}).write_csv(
-        tmp_path / "motors.csv"
-    )
-    polars.DataFrame({"time": time} | columns | {f"leg_length[{k + 1}]": motor[:, k] for k in range(6)}).write_csv(
-        tmp_path / "lengths.csv"
-    )
+    for file, name in (("motors.csv", "motor_position"), ("lengths.csv", "leg_length")):
+        lengths = {f"{name}[{k + 1}]": motor[:, k] for k in range(6)}
+        polars.DataFrame({"time": time} | columns | lengths).write_csv(tmp_path / file)
     assert read_log(tmp_path / "motors.csv").side == "motor"
     assert read_log(tmp_path / "lengths.csv").side == "leg"
     assert read_log(tmp_path / "lengths.csv", side="motor").side == "motor"

@@ -63,9 +63,8 @@ def test_noise_of_the_lengths_makes_a_force_of_three_thousandths_of_the_forces_c
 def test_a_fast_log_shows_no_number_that_it_does_not_support() -> None:
     """Expected: reversals in milliseconds do not show static friction; Coulomb friction is right."""
     fast = Swing(seed=5, frequency=0.4, size=0.03)
-    found = identify(
-        sticking_log(Law(stribeck_velocity=3e-4, stiffness=np.inf), fast, 4.0, noise=0.02), NOMINAL, list(TRUE)
-    )
+    log = sticking_log(Law(stribeck_velocity=3e-4, stiffness=np.inf), fast, 4.0, noise=0.02)
+    found = identify(log, NOMINAL, list(TRUE))
     assert set(found.not_excited) == {"leg_static_friction", "leg_stribeck_velocity"}
     assert np.isnan(found["leg_static_friction"]).all()
     coulomb = found.names.index("leg_coulomb_friction")
@@ -73,11 +72,6 @@ def test_a_fast_log_shows_no_number_that_it_does_not_support() -> None:
     assert any("not shown by this log" in note for note in found.notes)
     # what has no number stays as it was
     assert found.platform(NOMINAL).leg_static_friction == 0.0
-
-
-def test_a_log_without_any_of_it_is_refused() -> None:
-    fast = Swing(seed=5, frequency=0.4, size=0.03)
-    log = sticking_log(Law(stribeck_velocity=3e-4, stiffness=np.inf), fast, 4.0, noise=0.02)
     with pytest.raises(IdentificationError, match=r"not shown by this log.*Slow motions") as caught:
         identify(log, NOMINAL, ["leg_static_friction"])
     assert "leg_static_friction" in caught.value.names
@@ -109,10 +103,3 @@ def test_static_friction_shows_from_four_standard_errors_above_coulomb_friction(
     errors = np.array([0.6 * spread, 0.8 * spread, 1e-5])
     fit = SimpleNamespace(names=names, values=values, standard_errors=errors, covariance=np.diag(errors**2))
     assert not_shown(cast(Estimate, fit)) == (() if is_shown else names[1:])
-
-
-def test_smooth_friction_has_no_parameters_of_sticking() -> None:
-    with pytest.raises(
-        IdentificationError, match=r"leg_static_friction: friction of this platform does not stick; set"
-    ):
-        identify(sticking_log(), MACHINE, ["platform_mass", "leg_static_friction"])
