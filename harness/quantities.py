@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -246,3 +246,14 @@ LegForces = Annotated[ArrayLike, Vector("N", 6)]
 ProportionalGains = Annotated[ArrayLike, Vector("N/m", 6, channels)]
 DerivativeGains = Annotated[ArrayLike, Vector("N.s/m", 6, channels)]
 IntegralGains = Annotated[ArrayLike, Vector("N/(m.s)", 6, channels)]
+
+
+def plain(value: Any) -> Any:
+    """A value in types of JSON; None for what is no finite number."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if isinstance(value, dict):
+        return {key: plain(part) for key, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

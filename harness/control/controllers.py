@@ -59,12 +59,13 @@ def feedforward(kind: Feedforward, platform: Platform, motion: Motion) -> FloatA
     """
     if kind == "none":
         return np.zeros((len(motion.position), 6))
-    if kind == "gravity":
-        (forces,) = once_at_rest(lambda rows: [static_leg_forces(platform, rows.position, rows.orientation)], motion)
-    else:
-        (forces,) = once_at_rest(
-            lambda rows: [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))], motion
-        )
+
+    def forces_of(rows: Motion) -> list[FloatArray]:
+        if kind == "gravity":
+            return [static_leg_forces(platform, rows.position, rows.orientation)]
+        return [inverse_dynamics(platform, State(*rows[:4]), Acceleration(*rows[4:]))]
+
+    (forces,) = once_at_rest(forces_of, motion)
     return forces
 
 
@@ -154,11 +155,6 @@ class SixChannels(ControllerChoice):
         """The links after the six channels, in the order of their fields."""
         return tuple(value for _, value in self if isinstance(value, Link))
 
-    @property
-    def _integral(self) -> tuple[Any, float | None, float | None]:
-        """Integral gain, or time [s], and anti-windup time [s]."""
-        return 0.0, None, None
-
     def gains(self, platform: Platform) -> Gains:
         """The stated gains, or gains from bandwidth and damping ratio on this platform.
 
@@ -172,13 +168,14 @@ class SixChannels(ControllerChoice):
         ControllerError
             Impossible gains.
         """
-        integral_gain, integral_time, anti_windup_time = self._integral
+        keys_of_integral = ("integral_gain", "integral_time", "anti_windup_time")
+        integral_gain, integral_time, anti_windup_time = (getattr(self, key, None) for key in keys_of_integral)
         if self.bandwidth is not None:
             damping_ratio = DAMPING_RATIO if self.damping_ratio is None else self.damping_ratio
             times = (integral_time, self.derivative_filter, anti_windup_time)
             return gains_from_bandwidth(platform, self.bandwidth, damping_ratio, self.space, *times)
         kp = np.array(self.proportional_gain)
-        ki = integral_gain if integral_time is None else kp / integral_time
+        ki = kp / integral_time if integral_time is not None else 0.0 if integral_gain is None else integral_gain
         return Gains(kp, np.array(self.derivative_gain), ki, self.derivative_filter, anti_windup_time)
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:  # noqa: ARG002
@@ -236,10 +233,6 @@ class PID(SixChannels):
     integral_gain: IntegralGains | None = None
     integral_time: PositiveTime | None = None
     anti_windup_time: PositiveTime | None = None
-
-    @property
-    def _integral(self) -> tuple[Any, float | None, float | None]:
-        return self.integral_gain, self.integral_time, self.anti_windup_time
 
     def controller(self, platform: Platform, sample_time: float, folder: Path = Path()) -> LinearController:
         """Discretised by `discretisation`, with an anti-windup time of at least one sample."""

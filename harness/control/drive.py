@@ -12,13 +12,10 @@ from gough_stewart.harness.quantities import PositiveForceRate, Time, Unit, posi
 from gough_stewart.harness.section import Section
 from gough_stewart.model.operations import clip, greater, less, minimum, not_equal, sign, where
 
-
-def _force_limit(value: Any) -> float | str:
-    return positive_or_word(value, "N", "platform", "none")
-
-
 ForceLimit = Annotated[
-    float | str, BeforeValidator(_force_limit), Unit("N"), Field(description="largest force of an actuator")
+    float | str,
+    BeforeValidator(lambda value: positive_or_word(value, "N", "platform", "none")),
+    *(Unit("N"), Field(description="largest force of an actuator")),
 ]
 
 
