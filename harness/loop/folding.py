@@ -31,6 +31,7 @@ from gough_stewart.harness.plants.lanes import lane_rows
 from gough_stewart.harness.plants.signals import LEGS, N_LEGS
 from gough_stewart.model.vectors import FloatArray
 
+_INTEGER, _POINTER = ctypes.c_int64, ctypes.c_void_p
 # Rows that machine code gets at once.
 _ROWS = 256
 
@@ -38,18 +39,13 @@ _ROWS = 256
 class _Fold(ctypes.Structure):
     """`fold` of c/folds/folds.h, as the structure below."""
 
-    _fields_ = [
-        ("kernel", ctypes.c_int64),
-        ("places", ctypes.c_void_p),
-        ("state", ctypes.c_int64),
-        ("parameter", ctypes.c_int64),
-    ]
+    _fields_ = [("kernel", _INTEGER), ("places", _POINTER), ("state", _INTEGER), ("parameter", _INTEGER)]
 
 
 class _FoldsOfMembers(ctypes.Structure):
     _fields_ = [
-        *((name, ctypes.c_int64) for name in ("n_folds", "n_states", "n_parameters", "n_checked")),
-        *((name, ctypes.c_void_p) for name in ("folds", "parameters", "states", "counting", "checked")),
+        *((name, _INTEGER) for name in ("n_folds", "n_states", "n_parameters", "n_checked")),
+        *((name, _POINTER) for name in ("folds", "parameters", "states", "counting", "checked")),
     ]
 
 
@@ -57,12 +53,8 @@ class _KeptRows(ctypes.Structure):
     """`kept_rows` of c/loop/loop.h."""
 
     _fields_ = [
-        ("place", ctypes.c_void_p),
-        ("size", ctypes.c_int64),
-        ("elements", ctypes.c_void_p),
-        ("at", ctypes.c_void_p),
-        ("row", ctypes.c_int64),
-        ("element", ctypes.c_int64),
+        *(("place", _POINTER), ("size", _INTEGER), ("elements", _POINTER)),
+        *(("at", _POINTER), ("row", _INTEGER), ("element", _INTEGER)),
     ]
 
 
@@ -70,9 +62,8 @@ class _SinkStructure(ctypes.Structure):
     """`taker` of c/loop/loop.h."""
 
     _fields_ = [
-        *((name, ctypes.c_void_p) for name in ("fold", "folding", "latest")),
-        ("n_kept", ctypes.c_int64),
-        ("kept", ctypes.c_void_p),
+        *((name, _POINTER) for name in ("fold", "folding", "latest")),
+        *(("n_kept", _INTEGER), ("kept", _POINTER)),
     ]
 
 

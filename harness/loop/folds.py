@@ -277,11 +277,7 @@ class TermFold(Fold):
         from gough_stewart.fmu_build.libraries import FoldKernel
 
         def symbols(name: str, size: int) -> Array:
-            vector = casadi.vertsplit(casadi.SX.sym(name, size)) if size else []
-            return np.array([[symbol] for symbol in vector], dtype=object)
-
-        def joined(arrays: Iterable[Array]) -> Any:
-            return casadi.vertcat(*(symbol for array in arrays for symbol in np.ravel(array)))
+            return column_of(casadi.SX.sym(name, size))
 
         row, before = (
             {name: symbols(f"{of_row}{k}", size) for k, (name, size) in enumerate(self.sizes.items())}
@@ -297,3 +293,15 @@ class TermFold(Fold):
         names += ["index", "parameters", "state"]
         outputs = [joined(following[name] for name in state)]
         return FoldKernel(casadi.Function(self.kernel, inputs, outputs, names, ["next"]), len(row))
+
+
+def column_of(vector: Any) -> Array:
+    """The elements of a CasADi vector as an array (n, 1)."""
+    return np.array([[vector[k]] for k in range(vector.numel())], dtype=object)
+
+
+def joined(arrays: Iterable[Array]) -> Any:
+    """The CasADi vector of the elements of arrays, one after the other."""
+    import casadi
+
+    return casadi.vertcat(*(element for array in arrays for element in np.ravel(array)))
